@@ -1,0 +1,45 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Builds and installs the ROS 2 package soft_continuum."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'soft_continuum'
+SHARE = f'share/{PACKAGE}'
+
+
+def files(*patterns: str) -> list[str]:
+    """Return the files that match any of the patterns, in a fixed order."""
+    return sorted(path for pattern in patterns for path in glob(pattern))
+
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    description='A planar tendon-driven continuum arm with jamming segments, on ROS 2',
+    license='Apache-2.0',
+    maintainer='The soft_continuum authors',
+    maintainer_email='soft-continuum@example.org',
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    package_data={PACKAGE: ['py.typed']},
+    python_requires='>=3.11',
+    install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
+    zip_safe=False,
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (SHARE, ['package.xml']),
+        (f'{SHARE}/config', files('config/*.yaml', 'config/*.rviz', 'config/*.xml')),
+        (f'{SHARE}/launch', files('launch/*.launch.py')),
+        (f'{SHARE}/msg_docs', files('msg_docs/*.md')),
+    ],
+    entry_points={
+        'console_scripts': [
+            f'{name} = {PACKAGE}.executables:{name}'
+            for name in ('jamming_valves', 'kinematics', 'shape_sequencer', 'tendon_actuation')
+        ],
+    },
+)

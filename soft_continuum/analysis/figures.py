@@ -1,0 +1,59 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of the arm."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+
+from soft_continuum.mechanics import constant_curvature
+from soft_continuum.mechanics.chain import Array, LEFT, RIGHT, RigidChain
+
+TENDON_STYLE = {RIGHT: ('right tendon', '-'), LEFT: ('left tendon', '--')}
+
+
+def draw_arm(axes: Axes, chain: RigidChain, joint_angles: Array) -> None:
+    """Draw discs, segments and tendons of one state; axes in mm."""
+    points = chain.points(joint_angles) * [1e3, 1e3, 1.0]
+    guides = chain.guide_points(joint_angles) * 1e3
+    backbone = chain.backbone(joint_angles) * 1e3
+    for s in range(chain.segments):
+        first = s * chain.joints_per_segment
+        body = backbone[first:first + chain.joints_per_segment]
+        axes.plot(body[:, 0], body[:, 1], color='0.55', linewidth=7, solid_capstyle='butt',
+                  label='segment' if s == 0 else None)
+    for k in range(chain.segments + 1):
+        corners = np.concatenate([guides[0, 2 * k:2 * k + 2], guides[1, 2 * k:2 * k + 2][::-1]])
+        axes.fill(corners[:, 0], corners[:, 1], color='0.8', edgecolor='0.3', linewidth=0.8)
+    for side, (label, style) in TENDON_STYLE.items():
+        axes.plot(guides[side, :, 0], guides[side, :, 1], style, color='0.1', linewidth=1.0,
+                  label=label)
+    axes.plot(points[:, 0], points[:, 1], 'o', color='black', markersize=3.5,
+              label='rigid chain, calculation points')
+    axes.set_aspect('equal')
+    axes.set_xlabel('x in mm')
+    axes.grid(alpha=0.3)
+
+
+def shapes_figure(path: str | Path, chain: RigidChain,
+                  shapes: Mapping[str, tuple[Array, Sequence[float]]]) -> None:
+    """
+    Write a picture of shapes side by side, with constant curvature beside the rigid chain.
+
+    shapes: by name, joint angles (joints,) rad and the bending angles (segments,) rad asked for.
+    """
+    figure = Figure(figsize=(4.4 * len(shapes), 5.2), layout='constrained')
+    panels = figure.subplots(1, len(shapes), squeeze=False, sharex=True, sharey=True)[0]
+    for axes, (name, (joint_angles, bending_angles)) in zip(panels, shapes.items(), strict=True):
+        draw_arm(axes, chain, joint_angles)
+        arcs = constant_curvature.poses(chain.arm, bending_angles) * 1e3
+        axes.plot(arcs[:, 0], arcs[:, 1], 's', markersize=8, markerfacecolor='none',
+                  markeredgecolor='0.1', label='constant curvature')
+        axes.set_title(name)
+    panels[0].set_ylabel('z in mm')
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc='outside lower center', ncols=len(labels), frameon=False)
+    figure.savefig(path, dpi=120)

@@ -1,0 +1,127 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Every parameter of every node, and the description file that all of them share."""
+
+from math import radians
+from pathlib import Path
+
+from soft_continuum.description import (
+    arm_from_parameters,
+    ARM_PARAMETERS,
+    SHAPE_PARAMETERS,
+    SHAPE_PREFIX,
+    shapes_from_parameters,
+)
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.parameters import load_parameters, Parameter, ParameterError, Value
+
+AUTOSTART = Parameter(
+    'autostart', True, 'configure and activate the node by itself when it starts')
+FRAME = Parameter(
+    'frame_id', 'base_link', 'frame of the bottom centre of the base disc, z along the arm')
+AMBIENT = Parameter('ambient_pressure', 101325.0, 'absolute ambient pressure, Pa', 1e4, 2e5)
+SILENCE = Parameter(
+    'silence_timeout', 0.5, 'age at which the state of another node counts as lost, s', 0.1, 10.0)
+PULL_LIMITS = Parameter(
+    'pull_limits', (-0.06, 0.06), 'smallest and largest tendon pull, m; negative is let out',
+    -1.0, 1.0)
+TENSION_LIMIT = Parameter(
+    'tension_limit', 60.0, 'largest tendon tension that the model may predict, N', 0.1, 1e4,
+    read_only=False)
+
+NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
+    'tendon_actuation': (
+        *ARM_PARAMETERS, AUTOSTART, PULL_LIMITS, TENSION_LIMIT, SILENCE,
+        Parameter('tendon_driver', 'simulated', 'driver of the steppers', choices=('simulated',)),
+        Parameter('tendon_rate', 50.0, 'rate of control and of tendon_states, Hz', 5.0, 500.0),
+        Parameter('speed_limit', 0.03, 'largest tendon speed, m/s', 1e-4, 1.0, read_only=False),
+        Parameter('acceleration_limit', 0.3, 'largest tendon acceleration, m/s^2', 1e-3, 100.0),
+        Parameter('simulated_tendons.step', 5e-6, 'pull per step of the simulated steppers, m',
+                  1e-9, 1e-3),
+    ),
+    'jamming_valves': (
+        *ARM_PARAMETERS, AUTOSTART, AMBIENT,
+        Parameter('jamming_driver', 'simulated', 'driver of pump, valves and pressure sensors',
+                  choices=('simulated',)),
+        Parameter('jamming_rate', 20.0, 'rate of control and of the pressures, Hz', 5.0, 100.0),
+        Parameter('stiff_vacuum', 50e3, 'vacuum below ambient from which a segment is stiff, Pa',
+                  1e3, 101e3),
+        Parameter('release_vacuum', 40e3,
+                  'vacuum below ambient under which a segment is no longer stiff, Pa', 1e3, 101e3),
+        Parameter('pump_start_vacuum', 60e3,
+                  'the pump starts when an evacuated segment has less vacuum, Pa', 1e3, 101e3),
+        Parameter('pump_stop_vacuum', 80e3,
+                  'the pump rests when every evacuated segment has more vacuum, Pa', 1e3, 101e3),
+        Parameter('simulated_jamming.ultimate_vacuum', 94e3,
+                  'vacuum the simulated pump reaches below ambient, Pa', 1e3, 101e3),
+        Parameter('simulated_jamming.evacuation_time', 0.4,
+                  'time constant of evacuating a simulated segment, s', 0.01, 100.0),
+        Parameter('simulated_jamming.venting_time', 0.6,
+                  'time constant of venting a simulated segment, s', 0.01, 100.0),
+        Parameter('simulated_jamming.valve_delay', 0.03, 'delay of a simulated valve, s',
+                  0.0, 10.0),
+        Parameter('simulated_jamming.leak_rate', 500.0,
+                  'vacuum a simulated segment loses while the pump rests, Pa/s', 0.0, 1e5),
+        Parameter('simulated_jamming.initially_stiff', True,
+                  'the simulated rig starts with the pump on and all segments evacuated'),
+    ),
+    'kinematics': (
+        *ARM_PARAMETERS, FRAME,
+        Parameter('straight_tolerance', 0.0005,
+                  'pulls up to which a stiff arm found at start-up is taken to be straight, m',
+                  0.0, 0.1),
+    ),
+    'shape_sequencer': (
+        *ARM_PARAMETERS, *SHAPE_PARAMETERS, PULL_LIMITS, TENSION_LIMIT, SILENCE, AMBIENT,
+        Parameter('tendon_speed', 0.015, 'largest tendon speed of a planned motion, m/s',
+                  1e-4, 1.0, read_only=False),
+        Parameter('tendon_acceleration', 0.1, 'largest tendon acceleration of a plan, m/s^2',
+                  1e-3, 100.0, read_only=False),
+        Parameter('antagonist_slack', 0.0005,
+                  'slack left in the tendon that does not carry the soft segment, m', 0.0, 0.05,
+                  read_only=False),
+        Parameter('angle_step', radians(2.0), 'bending angle between two planned points, rad',
+                  radians(0.1), radians(30.0)),
+        Parameter('angle_tolerance', radians(0.1),
+                  'a segment this close to its bending angle is not set again, rad',
+                  0.0, radians(10.0), read_only=False),
+        Parameter('soft_vacuum', 10e3, 'vacuum below ambient up to which a segment is soft, Pa',
+                  100.0, 101e3),
+        Parameter('jamming_timeout', 10.0, 'longest wait for a segment to become soft or stiff, s',
+                  0.1, 600.0, read_only=False),
+        Parameter('settle_timeout', 5.0, 'longest wait for tendons to arrive after a motion, s',
+                  0.1, 600.0, read_only=False),
+        Parameter('settle_tolerance', 2e-5, 'distance from a planned pull that counts as there, m',
+                  1e-7, 0.01, read_only=False),
+    ),
+}
+
+ALL_PARAMETERS = tuple({p.name: p for table in NODE_PARAMETERS.values() for p in table}.values())
+
+
+def load_description(path: str | Path, node: str = '') -> dict[str, Value]:
+    """
+    Read a description file as ``node`` (or the library, without one) sees it.
+
+    Raises ParameterError naming the file and the key: also for keys that no node has, lists that
+    do not fit together, and shapes outside the limits.
+    """
+    values = load_parameters(path, ALL_PARAMETERS, node, prefixes=(SHAPE_PREFIX,))
+    try:
+        arm = arm_from_parameters(values)
+        if any(name.startswith(SHAPE_PREFIX) for name in values):
+            shapes_from_parameters(values, arm)
+    except ParameterError as error:
+        raise ParameterError(f'{path}: {error}') from None
+    return values
+
+
+def load_arm(path: str | Path) -> Arm:
+    """Read the arm from a description file; raises ParameterError as load_description does."""
+    return arm_from_parameters(load_description(path))
+
+
+def load_shapes(path: str | Path) -> dict[str, tuple[float, ...]]:
+    """Read the shape library (bending angles in rad by name) from a description file."""
+    values = load_description(path)
+    return shapes_from_parameters(values, arm_from_parameters(values))

@@ -1,0 +1,126 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The arm and its shapes as parameters: ``config/manipulator.yaml`` to Arm and shape library."""
+
+from collections.abc import Mapping
+from math import pi
+from typing import Any
+
+from soft_continuum.mechanics.arm import Arm, ArmError, Disc, Segment, STANDARD_GRAVITY
+from soft_continuum.mechanics.stiffness import second_moment_of_area
+from soft_continuum.parameters import Parameter, ParameterError
+
+ARM_PARAMETERS = (
+    Parameter('arm.segment_lengths', (0.07, 0.07, 0.07),
+              'bending length of each segment, base first, m', 1e-3, 10.0),
+    Parameter('arm.outer_diameters', (0.05, 0.0425, 0.035),
+              'outer diameter of each segment, m', 1e-3, 10.0),
+    Parameter('arm.leaf_thicknesses', (0.0005, 0.00035, 0.00025),
+              'thickness of each leaf spring, m', 1e-5, 1e-2),
+    Parameter('arm.leaf_widths', (0.0127, 0.0127, 0.0127),
+              'width of each leaf spring, m', 1e-4, 1.0),
+    Parameter('arm.youngs_modulus', 200e9,
+              "Young's modulus of the leaf springs, Pa", 1e6, 1e12),
+    Parameter('arm.bending_stiffnesses', (0.0, 0.0, 0.0),
+              'measured E I of each soft segment, N m^2; 0: that of its leaf spring', 0.0, 1e6),
+    Parameter('arm.segment_masses', (0.069, 0.05, 0.034),
+              'mass of each segment between its discs, kg', 0.0, 1e3),
+    Parameter('arm.disc_heights', (0.03, 0.03, 0.03, 0.03),
+              'height of each disc, base first, m', 1e-3, 10.0),
+    Parameter('arm.disc_masses', (0.06, 0.06, 0.045, 0.033),
+              'mass of each disc, base first, kg', 0.0, 1e3),
+    Parameter('arm.guide_offsets', (0.0,) * 6,
+              'distance of the tendon guides from the backbone at the lower and upper end of '
+              'each segment, m; 0: half its outer diameter', 0.0, 10.0),
+    Parameter('arm.bending_angle_limits', (pi / 3, pi / 3, pi / 3),
+              'largest bending angle of each segment to either side, rad', 1e-3, 2 * pi),
+    Parameter('arm.bodies_per_segment', 12,
+              'rigid bodies of the chain model in each segment', 1, 1000),
+    Parameter('arm.mounting_angle', 0.0,
+              'rotation of the base about +y from upright, rad (pi: hanging)', -2 * pi, 2 * pi),
+    Parameter('arm.gravity', STANDARD_GRAVITY, 'gravity, m/s^2; 0 leaves it out', 0.0, 100.0),
+)
+
+SHAPE_PARAMETERS = (
+    Parameter('shape_names', ('c_form', 'upright_c_form', 's_form'),
+              'names of the shape library; the bending angles of each are in shapes.<name>'),
+)
+SHAPE_PREFIX = 'shapes.'
+
+
+def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
+    """
+    Build the arm from parameter values by their names in ARM_PARAMETERS.
+
+    Raises ParameterError when the lists do not fit together or a value is not physical.
+    """
+    get: dict[str, Any] = {
+        p.name.removeprefix('arm.'): p.check(values.get(p.name, p.default))
+        for p in ARM_PARAMETERS}
+    lengths = get['segment_lengths']
+    count = len(lengths)
+    for name, expected in (('outer_diameters', count), ('leaf_thicknesses', count),
+                           ('leaf_widths', count), ('bending_stiffnesses', count),
+                           ('segment_masses', count), ('bending_angle_limits', count),
+                           ('guide_offsets', 2 * count),
+                           ('disc_heights', count + 1), ('disc_masses', count + 1)):
+        if len(get[name]) != expected:
+            raise ParameterError(
+                f'parameter arm.{name} has {len(get[name])} values; arm.segment_lengths has {count}, '
+                f'so {expected} are needed')
+    segments = zip(
+        lengths, get['outer_diameters'], get['leaf_thicknesses'], get['leaf_widths'],
+        get['bending_stiffnesses'], get['segment_masses'], get['bending_angle_limits'],
+        strict=True)
+    offsets = get['guide_offsets']
+    discs = zip(get['disc_heights'], get['disc_masses'], strict=True)
+    modulus = get['youngs_modulus']
+    try:
+        return Arm(
+            segments=tuple(
+                Segment(length=length, outer_diameter=diameter, mass=mass,
+                        bending_stiffness=measured or modulus * second_moment_of_area(
+                            width, thickness),
+                        guide_offsets=(offsets[2 * i] or diameter / 2,
+                                       offsets[2 * i + 1] or diameter / 2),
+                        bending_angle_limit=limit)
+                for i, (length, diameter, thickness, width, measured, mass, limit)
+                in enumerate(segments)),
+            discs=tuple(Disc(height=height, mass=mass) for height, mass in discs),
+            bodies_per_segment=get['bodies_per_segment'],
+            mounting_angle=get['mounting_angle'],
+            gravity=get['gravity'])
+    except ArmError as error:
+        raise ParameterError(f'arm: {error}') from None
+
+
+def shapes_from_parameters(values: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float, ...]]:
+    """
+    Return the shape library: bending angles (rad) per segment by name.
+
+    Raises ParameterError for a shape without angles, of the wrong length or beyond the limits.
+    """
+    names = SHAPE_PARAMETERS[0].check(values.get('shape_names', SHAPE_PARAMETERS[0].default))
+    library: dict[str, tuple[float, ...]] = {}
+    for name in names:  # type: ignore[union-attr]
+        key = f'{SHAPE_PREFIX}{name}'
+        if key not in values:
+            raise ParameterError(f'shape_names lists {name}, but there is no parameter {key}')
+        angles = Parameter(key, (0.0,), 'bending angles, rad, base first').check(values[key])
+        problem = angles_problem(angles, arm)  # type: ignore[arg-type]
+        if problem:
+            raise ParameterError(f'parameter {key}: {problem}')
+        library[str(name)] = angles  # type: ignore[assignment]
+    return library
+
+
+def angles_problem(angles: tuple[float, ...], arm: Arm) -> str:
+    """Say what is wrong with bending angles (rad) for this arm; empty when nothing is."""
+    limits = [s.bending_angle_limit for s in arm.segments]
+    if len(angles) != len(limits):
+        return f'{len(angles)} bending angles given, the arm has {len(limits)} segments'
+    for segment, (angle, limit) in enumerate(zip(angles, limits, strict=True), start=1):
+        if not abs(angle) <= limit:
+            return (f'the bending angle of segment {segment} is {angle:g} rad; '
+                    f'allowed: {-limit:.4g} to {limit:.4g} rad')
+    return ''

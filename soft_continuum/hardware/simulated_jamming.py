@@ -1,0 +1,88 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated vacuum pump with one valve and one pressure sensor per segment."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import exp
+
+from soft_continuum.hardware.protocols import JammingReading
+
+
+@dataclass(frozen=True)
+class JammingPlant:
+    """
+    How the simulated segments lose and gain air (estimates, not measured on the paper's arm).
+
+    ambient_pressure: Pa absolute.  ultimate_vacuum: Pa below it.  evacuation_time, venting_time:
+    time constants, s.  valve_delay: s.  leak_rate: Pa/s while the pump rests.
+    """
+
+    ambient_pressure: float = 101325.0
+    ultimate_vacuum: float = 94e3
+    evacuation_time: float = 0.4
+    venting_time: float = 0.6
+    valve_delay: float = 0.03
+    leak_rate: float = 500.0
+
+
+class SimulatedJamming:
+    """Simulated pump and valves; they start with every segment evacuated, or all soft."""
+
+    def __init__(self, clock: Callable[[], float], segments: int, plant: JammingPlant,
+                 initially_stiff: bool) -> None:
+        """Take the time (s) from ``clock``."""
+        self._clock = clock
+        self._plant = plant
+        self._time = clock()
+        self._vacuum = [plant.ultimate_vacuum if initially_stiff else 0.0] * segments
+        self._evacuated = [initially_stiff] * segments
+        self._switched = [-1e9] * segments
+        self._pump = initially_stiff
+
+    def open(self) -> None:
+        """Connect."""
+
+    def close(self) -> None:
+        """Disconnect; everything stays as it is."""
+
+    def read(self) -> JammingReading:
+        """Return the present state."""
+        self._advance()
+        return JammingReading(
+            tuple(self._plant.ambient_pressure - v for v in self._vacuum),
+            tuple(self._evacuated), self._pump)
+
+    def set_evacuated(self, segment: int, evacuated: bool) -> None:
+        """Switch one valve; the segment follows after the valve's delay."""
+        self._advance()
+        if self._evacuated[segment] != evacuated:
+            self._evacuated[segment] = evacuated
+            self._switched[segment] = self._time
+
+    def set_pump(self, running: bool) -> None:
+        """Switch the pump."""
+        self._advance()
+        self._pump = running
+
+    def _advance(self) -> None:
+        now = self._clock()
+        step = now - self._time
+        plant = self._plant
+        for i, vacuum in enumerate(self._vacuum):
+            # A valve that is still moving leaves its segment as it was connected before.
+            open_to_pump = self._evacuated[i]
+            before = min(step, max(0.0, self._switched[i] + plant.valve_delay - self._time))
+            vacuum = self._after(vacuum, before, not open_to_pump)
+            self._vacuum[i] = self._after(vacuum, step - before, open_to_pump)
+        self._time = now
+
+    def _after(self, vacuum: float, duration: float, open_to_pump: bool) -> float:
+        """Return the vacuum (Pa) after ``duration`` s with the valve in one position."""
+        plant = self._plant
+        if not open_to_pump:
+            return vacuum * exp(-duration / plant.venting_time)
+        if self._pump:
+            short = (plant.ultimate_vacuum - vacuum) * exp(-duration / plant.evacuation_time)
+            return plant.ultimate_vacuum - short
+        return max(0.0, vacuum - plant.leak_rate * duration)

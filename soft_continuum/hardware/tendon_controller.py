@@ -1,0 +1,141 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Tendon motion: which trajectories are accepted, how they are followed, and what stops them.
+
+A trajectory that is not accepted changes nothing.  A stop always wins and lasts until resume.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from soft_continuum.hardware.protocols import TendonDriver, TendonReading
+from soft_continuum.mechanics.chain import Array
+
+JOIN_TOLERANCE = 2e-4
+"""m between a set-point and a trajectory that replaces the present one; the driver smooths it."""
+TENDONS = ('right_tendon', 'left_tendon')
+
+
+class MotionRefusedError(ValueError):
+    """A motion is not allowed; the message says what was asked for and what is allowed."""
+
+
+@dataclass(frozen=True)
+class TendonLimits:
+    """Travel (m), speed (m/s) of the tendons."""
+
+    pull_limits: tuple[float, float]
+    speed_limit: float
+
+
+class TendonController:
+    """Follows trajectories of both tendons within limits, on one driver."""
+
+    def __init__(self, driver: TendonDriver, limits: TendonLimits) -> None:
+        """Use an opened ``driver``; nothing moves until a trajectory is accepted."""
+        self._driver = driver
+        self.limits = limits
+        self.reading = driver.read()
+        self.stopped_because = ''
+        self._times: Array = np.zeros(0)
+        self._pulls: Array = np.zeros((0, 2))
+        self._setpoint = np.array(self.reading.pulls)
+        self._setpoint_time = -np.inf
+
+    @property
+    def following(self) -> bool:
+        """Whether a trajectory is being followed."""
+        return len(self._times) > 0
+
+    def accept(self, times: Array, pulls: Array, now: float,
+               predict: Callable[[Array], None]) -> None:
+        """
+        Replace the present trajectory from ``now`` on.
+
+        times: (points,) s on the clock of ``now``; pulls: (points, 2) m, right and left.
+        ``predict`` raises MotionRefusedError for pulls (k, 2) that the arm must not be given.
+        Raises MotionRefusedError; then the present trajectory goes on unchanged.
+        """
+        if self.stopped_because:
+            raise MotionRefusedError(
+                f'stopped ({self.stopped_because}); call ~/resume before any motion')
+        if not self.reading.referenced:
+            raise MotionRefusedError(
+                'the position is not referenced; straighten the arm and call ~/reference')
+        self._check(times, pulls, now)
+        # The set-point that was sent last, then the points that are still ahead of it.
+        start = max(now, self._setpoint_time) if self.following else now
+        ahead = times > start
+        times = np.concatenate([[start], times[ahead]])
+        pulls = np.concatenate([[self._setpoint], pulls[ahead]])
+        steps = np.abs(np.diff(pulls, axis=0)).max(axis=1)
+        allowed = self.limits.speed_limit * np.diff(times) * (1 + 1e-6) + 1e-6
+        allowed[0] += JOIN_TOLERANCE
+        if np.any(steps > allowed):
+            worst = int(np.argmax(steps - allowed))
+            speed = steps[worst] / np.diff(times)[worst]
+            raise MotionRefusedError(
+                f'needs a tendon speed of {speed:.4g} m/s; '
+                f'speed_limit: {self.limits.speed_limit:g} m/s')
+        predict(pulls)
+        self._times, self._pulls = times, pulls
+
+    def _check(self, times: Array, pulls: Array, now: float) -> None:
+        if not (np.all(np.isfinite(times)) and np.all(np.isfinite(pulls))):
+            raise MotionRefusedError('positions and times must be finite numbers')
+        if np.any(np.diff(times) <= 0.0):
+            raise MotionRefusedError('time_from_start must increase from point to point')
+        if times[-1] <= now:
+            raise MotionRefusedError(
+                f'the trajectory ended {now - times[-1]:.3f} s ago; check header.stamp '
+                '(zero: start now) and the clocks')
+        low, high = self.limits.pull_limits
+        if pulls.min() < low or pulls.max() > high:
+            raise MotionRefusedError(
+                f'pulls reach from {pulls.min():.4g} to {pulls.max():.4g} m; '
+                f'pull_limits: {low:g} to {high:g} m')
+
+    def hold(self) -> None:
+        """End the present trajectory: brake and hold, ready for the next one."""
+        if self.following or self.reading.moving:
+            self._driver.stop()
+        self._times = np.zeros(0)
+
+    def stop(self, reason: str) -> None:
+        """Brake and hold; accept no motion before resume."""
+        self.stopped_because = reason
+        self._driver.stop()
+        self._times = np.zeros(0)
+
+    def resume(self) -> None:
+        """Accept motion again, from where the tendons are."""
+        self.stopped_because = ''
+        self._setpoint = np.array(self.reading.pulls)
+
+    def reference(self) -> None:
+        """
+        Take the present position as zero pull: the arm must be straight.
+
+        Raises MotionRefusedError while the tendons move.
+        """
+        if self.following or self.reading.moving:
+            raise MotionRefusedError('the tendons are moving; wait until they rest')
+        self._driver.reference()
+        self.update(0.0, 0.0)
+
+    def update(self, now: float, interval: float) -> TendonReading:
+        """Send the driver where it must be ``interval`` s from now; return where it is."""
+        if self.following:
+            ahead = self._setpoint_time = now + interval
+            self._setpoint = np.array(
+                [np.interp(ahead, self._times, self._pulls[:, i]) for i in (0, 1)])
+            self._driver.move((float(self._setpoint[0]), float(self._setpoint[1])), interval)
+            if ahead >= self._times[-1]:
+                self._times = np.zeros(0)
+        self.reading = self._driver.read()
+        if not self.following and not self.reading.moving:
+            self._setpoint = np.array(self.reading.pulls)
+        return self.reading

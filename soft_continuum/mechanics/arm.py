@@ -1,0 +1,125 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The arm: a base disc, then segments and discs in turn, straight up in its reference state.
+
+Frame ``base_link``: origin at the bottom centre of the base disc, z along the straight arm, x in
+the bending plane.  A positive angle rotates about +y and carries the tip towards +x.
+"""
+
+from dataclasses import dataclass, replace
+from math import isfinite, pi
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+
+LENGTH_RANGE = (1e-3, 10.0)  # m; outside it the unit is wrong
+
+
+class ArmError(ValueError):
+    """The description of an arm is not one of a physical arm."""
+
+
+def _check(name: str, value: float, low: float, high: float, unit: str) -> None:
+    if not (isfinite(value) and low <= value <= high):
+        hint = ' (lengths are in metres)' if unit == 'm' else ''
+        raise ArmError(f'{name} is {value:g} {unit}; allowed: {low:g} to {high:g} {unit}{hint}')
+
+
+@dataclass(frozen=True)
+class Segment:
+    """
+    A bending segment.
+
+    length: l, m.  bending_stiffness: E I of the soft state, N m^2.  mass: kg, spread evenly along
+    the length.  guide_offsets: distance of the tendon guides from the backbone at the lower and
+    at the upper end, m.  bending_angle_limit: largest allowed |bending angle|, rad.
+    outer_diameter: m, for drawing.
+    """
+
+    length: float
+    bending_stiffness: float
+    guide_offsets: tuple[float, float]
+    mass: float = 0.0
+    bending_angle_limit: float = pi / 2
+    outer_diameter: float = 0.04
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a physical segment."""
+        _check('segment length', self.length, *LENGTH_RANGE, 'm')
+        _check('outer diameter', self.outer_diameter, *LENGTH_RANGE, 'm')
+        for offset in self.guide_offsets:
+            _check('guide offset', offset, 1e-4, LENGTH_RANGE[1], 'm')
+        _check('bending stiffness E I', self.bending_stiffness, 1e-9, 1e6, 'N m^2')
+        _check('segment mass', self.mass, 0.0, 1e3, 'kg')
+        _check('bending angle limit', self.bending_angle_limit, 1e-3, 2 * pi, 'rad')
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A rigid disc: height l_k in m, mass in kg, centre of mass at mid-height."""
+
+    height: float
+    mass: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a physical disc."""
+        _check('disc height', self.height, *LENGTH_RANGE, 'm')
+        _check('disc mass', self.mass, 0.0, 1e3, 'kg')
+
+
+@dataclass(frozen=True)
+class Arm:
+    """
+    A planar arm: n segments between n + 1 discs, base first.
+
+    bodies_per_segment: rigid bodies n of the chain model, between n + 1 springs (paper, III-B).
+    mounting_angle: rotation about +y of base_link from upright, rad: 0 upright, pi hanging.
+    gravity: m/s^2, 0 to leave it out.
+    """
+
+    segments: tuple[Segment, ...]
+    discs: tuple[Disc, ...]
+    bodies_per_segment: int = 12
+    mounting_angle: float = 0.0
+    gravity: float = STANDARD_GRAVITY
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a physical arm."""
+        if not self.segments:
+            raise ArmError('an arm needs at least one segment')
+        if len(self.discs) != len(self.segments) + 1:
+            raise ArmError(
+                f'{len(self.segments)} segments need {len(self.segments) + 1} discs, '
+                f'one below each segment and one at the tip; given: {len(self.discs)}')
+        if not 1 <= self.bodies_per_segment <= 1000:
+            raise ArmError(
+                f'bodies per segment is {self.bodies_per_segment}; allowed: 1 to 1000')
+        _check('mounting angle', self.mounting_angle, -2 * pi, 2 * pi, 'rad')
+        _check('gravity', self.gravity, 0.0, 100.0, 'm/s^2')
+
+    @property
+    def length(self) -> float:
+        """Length of the straight arm from the bottom of the base disc to the tip, m."""
+        return sum(s.length for s in self.segments) + sum(d.height for d in self.discs)
+
+    @property
+    def straight_spans(self) -> tuple[float, ...]:
+        """Length of a tendon between the guides at both ends of each segment, straight arm, m."""
+        return tuple(
+            float((s.length**2 + (s.guide_offsets[1] - s.guide_offsets[0])**2)**0.5)
+            for s in self.segments)
+
+    def without_gravity(self) -> 'Arm':
+        """Return the same arm with gravity left out."""
+        return replace(self, gravity=0.0)
+
+    def with_bodies(self, bodies_per_segment: int) -> 'Arm':
+        """Return the same arm with another number of rigid bodies per segment."""
+        return replace(self, bodies_per_segment=bodies_per_segment)
+
+    def with_bending_stiffness(self, segment: int, bending_stiffness: float) -> 'Arm':
+        """Return the same arm with E I (N m^2) of one segment (0-based) replaced."""
+        segments = tuple(
+            replace(s, bending_stiffness=bending_stiffness) if i == segment else s
+            for i, s in enumerate(self.segments))
+        return replace(self, segments=segments)

@@ -1,0 +1,178 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The arm as a chain of rigid bodies and torsion springs, and the geometry of its states.
+
+A soft segment is n bodies of length l/n between n + 1 equal springs (paper, III-B); discs are
+rigid.  A state is the vector of all joint angles, (n + 1) per segment, base first.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.stiffness import joint_stiffness
+
+Array = NDArray[np.float64]
+
+RIGHT, LEFT = 0, 1
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """
+    A state of the arm in which all moments balance.
+
+    joint_angles: (joints,) rad.  tensions: (2,) N of the right and left tendon at the base; nan
+    where no soft segment is there to determine it.  pulls: (2,) m, by how much the path of each
+    tendon is shorter than in the straight arm.  slack: (2,) m of rope that is left over.
+    residual: largest unbalanced moment, N m.  jumped: the equilibrium followed from the start
+    ceased to exist on the way and the arm went over to the next stable one.
+    """
+
+    joint_angles: Array
+    tensions: Array
+    pulls: Array
+    slack: Array
+    residual: float
+    iterations: int
+    jumped: bool = False
+
+    @property
+    def taut(self) -> tuple[bool, bool]:
+        """Whether the right and the left tendon carry tension."""
+        return bool(self.tensions[RIGHT] > 0.0), bool(self.tensions[LEFT] > 0.0)
+
+
+class RigidChain:
+    """
+    The rigid multibody model of an arm: its joints, loads and tendon guides as arrays.
+
+    Joint angles have shape (joints,), joints = segments * (bodies_per_segment + 1).
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        """Discretise ``arm``."""
+        self.arm = arm
+        n = arm.bodies_per_segment
+        self.segments = len(arm.segments)
+        self.joints_per_segment = n + 1
+        self.joints = self.segments * (n + 1)
+        lengths, masses, stiffness = [], [], []
+        for segment, disc in zip(arm.segments, arm.discs[1:], strict=True):
+            lengths += [segment.length / n] * n + [disc.height]
+            masses += [segment.mass / n] * n + [disc.mass]
+            stiffness += [joint_stiffness(segment.bending_stiffness, segment.length, n)] * (n + 1)
+        self.body_lengths = np.array(lengths)
+        self.body_masses = np.array(masses)
+        self.joint_stiffness = np.array(stiffness)
+        self.guides = np.array([s.guide_offsets for s in arm.segments])
+        self.straight_length = sum(arm.straight_spans)
+        self.last_joint = np.arange(1, self.segments + 1) * (n + 1) - 1
+
+    @property
+    def load_coefficients(self) -> Array:
+        """
+        Energy of all weights as sum(wx sin(theta) + wz cos(theta)) over bodies: (joints, 2), N m.
+
+        A body carries its own weight at its middle and all weights above at its end.
+        """
+        above = np.cumsum(self.body_masses[::-1])[::-1] - self.body_masses
+        lever = self.body_lengths * (0.5 * self.body_masses + above)
+        up = np.array([-np.sin(self.arm.mounting_angle), np.cos(self.arm.mounting_angle)])
+        coefficients: Array = self.arm.gravity * lever[:, None] * up
+        return coefficients
+
+    def straight(self) -> Equilibrium:
+        """Return the straight arm with both tendons just taut, nothing pulled."""
+        return self.state(np.zeros(self.joints))
+
+    def state(self, joint_angles: ArrayLike) -> Equilibrium:
+        """Return joint angles (joints,) rad as a held state: tendons along it, no tension."""
+        angles = np.array(joint_angles, dtype=float)
+        if angles.shape != (self.joints,) or not np.all(np.isfinite(angles)):
+            raise ValueError(f'joint angles must be {self.joints} finite numbers (rad), '
+                             f'{self.joints_per_segment} for each segment')
+        return Equilibrium(angles, np.zeros(2), self.straight_length - self.tendon_lengths(angles),
+                           np.zeros(2), 0.0, 0)
+
+    def uniform(self, bending_angles: ArrayLike) -> Equilibrium:
+        """Return the held state whose segments (rad each) bend evenly over their joints."""
+        angles = np.asarray(bending_angles, dtype=float)
+        return self.state(np.repeat(angles / self.joints_per_segment, self.joints_per_segment))
+
+    def bending_angles(self, joint_angles: Array) -> Array:
+        """Return the bending angle of each segment, shape (segments,), rad."""
+        each: Array = joint_angles.reshape(self.segments, self.joints_per_segment).sum(axis=1)
+        return each
+
+    def points(self, joint_angles: Array) -> Array:
+        """
+        Return (x, z, tangent angle) at the calculation points, shape (2 * discs, 3), m and rad.
+
+        The points are the bottom and top centre of every disc, base first (paper, III-C).
+        """
+        ends = self.backbone(joint_angles)
+        tops = ends[self.last_joint + 1]
+        bottoms = ends[self.last_joint].copy()
+        bottoms[:, 2] = tops[:, 2]
+        points = np.empty((2 * self.segments + 2, 3))
+        points[0] = 0.0
+        points[1] = ends[0]
+        points[2::2] = bottoms
+        points[3::2] = tops
+        return points
+
+    def segment_ends(self, joint_angles: Array) -> Array:
+        """Return (x, z, tangent angle) of each segment's distal end, (segments, 3), m and rad."""
+        return self.points(joint_angles)[2::2]
+
+    def backbone(self, joint_angles: Array) -> Array:
+        """
+        Return (x, z, angle) of the upper end of every body, shape (joints + 1, 3), m and rad.
+
+        The first row is the top of the base disc.
+        """
+        theta = np.cumsum(joint_angles)
+        ends = np.empty((self.joints + 1, 3))
+        ends[0] = 0.0, self.arm.discs[0].height, 0.0
+        ends[1:, 0] = np.cumsum(self.body_lengths * np.sin(theta))
+        ends[1:, 1] = ends[0, 1] + np.cumsum(self.body_lengths * np.cos(theta))
+        ends[1:, 2] = theta
+        return ends
+
+    def guide_points(self, joint_angles: Array) -> Array:
+        """
+        Return the tendons' guides, shape (2, 2 * discs, 2): right and left, base first; x, z in m.
+
+        Inside the base and the tip disc the tendon runs parallel to the axis.
+        """
+        points = self.points(joint_angles)
+        offsets = self.guides.ravel()
+        offsets = np.concatenate([offsets[:1], offsets, offsets[-1:]])
+        across = np.stack([np.cos(points[:, 2]), -np.sin(points[:, 2])], axis=1)
+        sides = np.array([1.0, -1.0])[:, None, None]
+        guides: Array = points[:, :2] + sides * offsets[:, None] * across
+        return guides
+
+    def tendon_lengths(self, joint_angles: Array) -> Array:
+        """Return the length of the right and left tendon through the segments, (2,), m."""
+        guides = self.guide_points(joint_angles)
+        spans = guides[:, 2::2][:, :self.segments] - guides[:, 1::2][:, :self.segments]
+        lengths: Array = np.sqrt((spans**2).sum(axis=2)).sum(axis=1)
+        return lengths
+
+    def energy(self, joint_angles: Array) -> float:
+        """Return the elastic and potential energy, J, of all segments soft (zero: straight up)."""
+        theta = np.cumsum(joint_angles)
+        wx, wz = self.load_coefficients.T
+        return float(0.5 * self.joint_stiffness @ joint_angles**2
+                     + wx @ np.sin(theta) + wz @ (np.cos(theta) - 1.0))
+
+
+def orientation(angle: float) -> tuple[float, float, float, float]:
+    """Return the quaternion (x, y, z, w) of a rotation by ``angle`` rad about +y."""
+    half = angle / 2.0
+    return 0.0, float(np.sin(half)), 0.0, float(np.cos(half))

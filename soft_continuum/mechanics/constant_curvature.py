@@ -1,0 +1,95 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Constant-curvature kinematics: every segment is an arc, loads are neglected (paper, III, [17]).
+
+Angles are bending angles in rad, one per segment; pulls are in m, of the right and left tendon.
+"""
+
+from collections.abc import Sequence
+from math import sin
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from soft_continuum.mechanics.arm import Arm, ArmError, Segment
+
+Array = NDArray[np.float64]
+
+
+def chord(length: float, angle: float) -> float:
+    """Return the chord in m of an arc of ``length`` m that turns by ``angle`` rad."""
+    half = angle / 2.0
+    return length * (1.0 - half * half / 6.0 if abs(half) < 1e-4 else sin(half) / half)
+
+
+def segment_pulls(segment: Segment, angle: float) -> tuple[float, float]:
+    """
+    Return by how much the right and left tendon shorten (m) in one segment bent to ``angle`` rad.
+
+    The tendon runs straight between the guides at the segment's two ends.
+    """
+    lower, upper = segment.guide_offsets
+    straight = (segment.length**2 + (upper - lower)**2)**0.5
+    arc = chord(segment.length, angle)
+    # Seen along the chord both end planes are turned by half the angle, to opposite sides.
+    across = (upper - lower) * np.cos(angle / 2.0)
+    along = (upper + lower) * np.sin(angle / 2.0)
+    right = np.hypot(arc - along, across)
+    left = np.hypot(arc + along, across)
+    return straight - float(right), straight - float(left)
+
+
+def pulls(arm: Arm, angles: Sequence[float]) -> tuple[float, float]:
+    """Return the pulls (m) of the right and left tendon for bending angles (rad) per segment."""
+    _check_angles(arm, angles)
+    each = [segment_pulls(s, a) for s, a in zip(arm.segments, angles, strict=True)]
+    return sum(right for right, _ in each), sum(left for _, left in each)
+
+
+def bending_angle(segment: Segment, pull: float) -> float:
+    """
+    Return the bending angle (rad) at which the right tendon is ``pull`` m shorter in a segment.
+
+    Negative pulls (tendon let out) give negative angles.  Raises ArmError when the segment cannot
+    take up that pull within its bending angle limit.
+    """
+    limit = segment.bending_angle_limit
+    low, high = segment_pulls(segment, -limit)[0], segment_pulls(segment, limit)[0]
+    if not low <= pull <= high:
+        raise ArmError(
+            f'a pull of {pull:g} m needs more than the bending angle limit of {limit:g} rad; '
+            f'allowed: {low:.4g} to {high:.4g} m')
+    return float(brentq(lambda a: segment_pulls(segment, a)[0] - pull, -limit, limit,
+                        xtol=1e-15, rtol=1e-14))
+
+
+def poses(arm: Arm, angles: Sequence[float]) -> Array:
+    """
+    Return (x, z, tangent angle) of every calculation point, shape (2 * discs, 3), m and rad.
+
+    The points are the bottom and top centre of every disc, base first.
+    """
+    _check_angles(arm, angles)
+    x, z, theta = 0.0, 0.0, 0.0
+    points = []
+    for k, disc in enumerate(arm.discs):
+        points.append((x, z, theta))
+        x += disc.height * np.sin(theta)
+        z += disc.height * np.cos(theta)
+        points.append((x, z, theta))
+        if k < len(arm.segments):
+            arc = chord(arm.segments[k].length, angles[k])
+            x += arc * np.sin(theta + angles[k] / 2.0)
+            z += arc * np.cos(theta + angles[k] / 2.0)
+            theta += angles[k]
+    return np.array(points)
+
+
+def _check_angles(arm: Arm, angles: Sequence[float]) -> None:
+    if len(angles) != len(arm.segments):
+        raise ArmError(
+            f'{len(angles)} bending angles given, the arm has {len(arm.segments)} segments')
+    if not np.all(np.isfinite(angles)):
+        raise ArmError(f'bending angles must be finite numbers; given: {list(angles)}')

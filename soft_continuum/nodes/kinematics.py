@@ -1,0 +1,177 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The node that knows the shape of the arm from tendons, stiffness and the model."""
+
+from typing import Any
+
+from geometry_msgs.msg import PoseArray
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+from soft_continuum.configuration import NODE_PARAMETERS
+from soft_continuum.description import arm_from_parameters
+from soft_continuum.hardware.tendon_controller import TENDONS
+from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
+from soft_continuum.mechanics.statics import OverconstrainedError, Statics, StaticsError, warm_up
+from soft_continuum.nodes.conversions import poses_to_ros
+from soft_continuum.nodes.markers import shape_markers
+from soft_continuum.nodes.support import (
+    ERROR,
+    LATCHED,
+    NodeParameters,
+    OK,
+    SENSOR,
+    Status,
+    STREAM,
+    WARN,
+)
+
+MARKER_PERIOD = 0.05  # s
+PULL_RESOLUTION = 1e-9  # m: a smaller change of pull changes nothing
+
+
+class Kinematics(Node):
+    """
+    Follows the arm's shape by the rigid multibody model under gravity.
+
+    Subscribes to tendon_states (sensor_msgs/JointState) and segment_N/stiff (std_msgs/Bool).
+    Publishes segment_poses and disc_poses (geometry_msgs/PoseArray), joint_states and
+    tendon_tensions (sensor_msgs/JointState), shape_markers (visualization_msgs/MarkerArray),
+    ~/status and /diagnostics.  Serves ~/reset (std_srvs/Trigger).
+
+    The shape of a stiff segment is known only by having followed it.  A node that starts on an
+    arm with pulled tendons says that the shape is unknown, and publishes none, until ~/reset.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """Declare parameters, topics and services."""
+        super().__init__('kinematics', **options)
+        self.parameters = NodeParameters(self, NODE_PARAMETERS['kinematics'])
+        self.status = Status(self, 'rigid multibody model')
+        self._arm = arm_from_parameters(self.parameters)
+        warm_up()
+        self._statics = Statics(self._arm)
+        segments = len(self._arm.segments)
+        self._stiff: list[bool | None] = [None] * segments
+        self._pulls: Array | None = None
+        self._state: Equilibrium | None = None
+        self._solved: tuple[Any, ...] = ()
+        frame = self.parameters['frame_id']
+        self._segment_message, self._disc_message = PoseArray(), PoseArray()
+        self._joint_message = JointState(name=[
+            f'segment_{s}_joint_{j}' for s in range(1, segments + 1)
+            for j in range(1, self._statics.chain.joints_per_segment + 1)])
+        self._tension_message = JointState(name=list(TENDONS))
+        for message in (self._segment_message, self._disc_message):
+            message.header.frame_id = frame
+        self._segment_poses = self.create_publisher(PoseArray, 'segment_poses', STREAM)
+        self._disc_poses = self.create_publisher(PoseArray, 'disc_poses', STREAM)
+        self._joint_states = self.create_publisher(JointState, 'joint_states', STREAM)
+        self._tensions = self.create_publisher(JointState, 'tendon_tensions', STREAM)
+        self._markers = self.create_publisher(MarkerArray, 'shape_markers', STREAM)
+        self._marked = 0.0
+        self.create_subscription(JointState, 'tendon_states', self._on_tendons, SENSOR)
+        for i in range(segments):
+            self.create_subscription(
+                Bool, f'segment_{i + 1}/stiff',
+                lambda message, i=i: self._on_stiff(i, message.data), LATCHED)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+        self.status.set(WARN, 'waiting for tendon_states and segment_N/stiff')
+
+    def quit(self) -> None:
+        """Nothing to do: this node moves nothing."""
+
+    def start(self) -> None:
+        """Nothing to do: the node works as soon as it hears the others."""
+
+    def _on_stiff(self, segment: int, stiff: bool) -> None:
+        # The motion up to now counts for the stiffness up to now.
+        self._stiff[segment] = stiff
+        self._publish()
+
+    def _on_tendons(self, message: JointState) -> None:
+        try:
+            pulls = np.array([message.position[message.name.index(t)] for t in TENDONS])
+        except (ValueError, IndexError):
+            self.status.set(WARN, f'tendon_states without position of {" and ".join(TENDONS)}')
+            return
+        if not np.all(np.isfinite(pulls)):
+            self.status.set(WARN, 'tendon_states with a position that is not a finite number')
+            return
+        self._pulls = pulls
+        self._publish()
+
+    def _publish(self) -> None:
+        if self._pulls is None or None in self._stiff:
+            return
+        if self._state is None and np.abs(self._pulls).max() <= self.parameters[
+                'straight_tolerance']:
+            self._state = self._statics.chain.straight()
+        if self._state is None:
+            self.status.set(
+                WARN, 'the shape is unknown: the tendons were pulled before this node started; '
+                'straighten the arm, call tendon_actuation/reference, then ~/reset')
+            return
+        if not self._solve():
+            return
+        stamp = self.get_clock().now().to_msg()
+        chain, state = self._statics.chain, self._state
+        points = chain.points(state.joint_angles)
+        for message in (self._segment_message, self._disc_message, self._joint_message,
+                        self._tension_message):
+            message.header.stamp = stamp
+        self._segment_poses.publish(poses_to_ros(points[2::2], self._segment_message))
+        self._disc_poses.publish(poses_to_ros(points, self._disc_message))
+        self._joint_message.position = state.joint_angles.tolist()
+        self._joint_states.publish(self._joint_message)
+        self._tension_message.effort = state.tensions.tolist()
+        self._tensions.publish(self._tension_message)
+        now = self.get_clock().now().nanoseconds * 1e-9
+        if abs(now - self._marked) >= MARKER_PERIOD and self._markers.get_subscription_count():
+            self._marked = now
+            self._markers.publish(shape_markers(
+                chain, state, self._stiff, self.parameters['frame_id'], stamp))
+
+    def _solve(self) -> bool:
+        """Bring the state up to date; False when there is none that can be published."""
+        assert self._pulls is not None and self._state is not None
+        key = (*np.round(self._pulls / PULL_RESOLUTION), *self._stiff)
+        if key == self._solved:
+            return True
+        soft = [not stiff for stiff in self._stiff]
+        try:
+            state = self._statics.solve(self._state, self._pulls, soft)
+        except OverconstrainedError as error:
+            self.status.set(ERROR, f'the tendons do not fit the arm: {error}')
+            return not any(soft)  # a locked arm keeps its shape whatever the tendons do
+        except StaticsError as error:
+            self.status.set(ERROR, f'no shape found: {error}')
+            return False
+        self._state, self._solved = state, key
+        if state.jumped:
+            self.get_logger().warning('a soft segment folded over to another equilibrium')
+        right, left = state.tensions
+        self.status.set(
+            OK, 'following the arm', soft=' '.join(str(i + 1) for i, s in enumerate(soft) if s),
+            tension_right=f'{right:.2f}', tension_left=f'{left:.2f}',
+            slack_right=f'{state.slack[RIGHT]:.6f}', slack_left=f'{state.slack[LEFT]:.6f}')
+        return True
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._pulls is None:
+            response.message = 'no tendon_states yet; start tendon_actuation'
+        elif np.abs(self._pulls).max() > self.parameters['straight_tolerance']:
+            response.message = (
+                f'pulls are {self._pulls[RIGHT]:.4f} and {self._pulls[LEFT]:.4f} m; straighten '
+                'the arm and call tendon_actuation/reference first')
+        else:
+            self._state, self._solved = self._statics.chain.straight(), ()
+            response.success = True
+            response.message = 'the arm is taken to be straight'
+            self._publish()
+        return response

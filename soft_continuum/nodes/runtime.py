@@ -1,0 +1,107 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Starting, spinning and ending nodes: the same for one node and for several in a process."""
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
+import signal
+import sys
+from typing import Any
+
+import rclpy
+from rclpy.executors import Executor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from soft_continuum.configuration import load_description
+from soft_continuum.parameters import ParameterError
+
+try:
+    from rclpy.experimental import EventsExecutor as BestExecutor
+except ImportError:  # before rclpy 7.1.4
+    from rclpy.executors import SingleThreadedExecutor as BestExecutor
+
+NODES = {
+    'tendon_actuation': 'TendonActuation',
+    'jamming_valves': 'JammingValves',
+    'kinematics': 'Kinematics',
+    'shape_sequencer': 'ShapeSequencer',
+}
+
+
+def node_class(name: str) -> Callable[..., Any]:
+    """Return the class of the node called ``name``."""
+    found: Callable[..., Any] = getattr(import_module(f'soft_continuum.nodes.{name}'), NODES[name])
+    return found
+
+
+def stop_signals() -> list[int]:
+    """Take over SIGINT and SIGTERM; return a list that they are appended to."""
+    received: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: received.append(number))
+    return received
+
+
+def make_executor() -> Executor:
+    """Return the executor that serves these nodes best: events, in one thread."""
+    return BestExecutor()
+
+
+def run(names: Sequence[str], args: Sequence[str] | None = None) -> int:
+    """
+    Run nodes in this process until SIGINT or SIGTERM; return the exit status.
+
+    Signals end the spinning first, so that nodes can still hold the tendons and say so.
+    """
+    stopping = stop_signals()
+    arguments = list(sys.argv if args is None else args)
+    nodes: list[Any] = []
+    executor: Executor | None = None
+    try:
+        check_parameter_files(arguments)
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        executor = make_executor()
+        for name in names:
+            if stopping:
+                break
+            nodes.append(node_class(name)())
+            executor.add_node(nodes[-1])
+        for node in nodes:
+            node.start()
+        while not stopping and rclpy.ok():
+            executor.spin_once(timeout_sec=0.1)
+    except ParameterError as error:
+        print(f'{names[len(nodes)] if len(nodes) < len(names) else names[-1]}: {error}',
+              file=sys.stderr)
+        return 2
+    finally:
+        end(executor, nodes)
+    return 0
+
+
+def end(executor: Executor | None, nodes: Sequence[Any]) -> None:
+    """Let every node hold, then take all down."""
+    for node in nodes:
+        node.quit()
+    if executor is not None:
+        executor.shutdown()
+    for node in nodes:
+        _destroy(node)
+    rclpy.try_shutdown()
+
+
+def _destroy(node: Node) -> None:
+    node.destroy_node()
+
+
+def check_parameter_files(arguments: Sequence[str]) -> None:
+    """
+    Read every ``--params-file`` in the arguments before rclpy does.
+
+    Raises ParameterError naming the file and the key; rclpy would only abort.
+    """
+    for before, path in zip(arguments, arguments[1:], strict=False):
+        if before == '--params-file':
+            load_description(path)

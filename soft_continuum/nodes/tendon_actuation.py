@@ -1,0 +1,270 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The node that owns the tendon steppers."""
+
+from typing import Any
+
+from builtin_interfaces.msg import Time
+import numpy as np
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from soft_continuum.configuration import NODE_PARAMETERS
+from soft_continuum.description import arm_from_parameters
+from soft_continuum.hardware.protocols import HardwareError, TendonDriver
+from soft_continuum.hardware.simulated_tendons import SimulatedTendons
+from soft_continuum.hardware.tendon_controller import (
+    MotionRefusedError,
+    TendonController,
+    TendonLimits,
+    TENDONS,
+)
+from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
+from soft_continuum.mechanics.statics import Statics, StaticsError, warm_up
+from soft_continuum.nodes.conversions import trajectory_from_ros
+from soft_continuum.nodes.support import (
+    Age,
+    ERROR,
+    LATCHED,
+    ManagedNode,
+    OK,
+    SENSOR,
+    STREAM,
+    WARN,
+)
+
+PREDICTION_STEP = 0.002  # m of pull between two predicted states
+
+
+class TendonActuation(ManagedNode):
+    """
+    Moves both tendons along trajectories, as far as the arm may be moved.
+
+    Subscribes to ~/joint_trajectory (trajectory_msgs/JointTrajectory), segment_N/stiff,
+    segment_N/pressure and joint_states.  Publishes tendon_states (sensor_msgs/JointState),
+    ~/status and /diagnostics.  Serves ~/stop, ~/resume and ~/reference (std_srvs/Trigger).
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """Declare parameters, topics and services."""
+        super().__init__('tendon_actuation', NODE_PARAMETERS['tendon_actuation'], **options)
+        self._arm = arm_from_parameters(self.parameters)
+        warm_up()
+        self._statics = Statics(self._arm)
+        self._controller: TendonController | None = None
+        self._driver: TendonDriver | None = None
+        self._stopped_because = ''
+        self._refused = ''
+        self._refused_stamp = Time()
+        self._ended = ''
+        self._stiff: list[bool | None] = [None] * len(self._arm.segments)
+        self._stiff_at_start: list[bool | None] = []
+        self._jamming_age = Age()
+        self._shape: Equilibrium | None = None
+        self._shape_age = Age()
+        self._states = self.create_publisher(JointState, 'tendon_states', STREAM)
+        self.create_subscription(
+            JointTrajectory, '~/joint_trajectory', self._on_trajectory, STREAM)
+        self.create_subscription(JointState, 'joint_states', self._on_shape, SENSOR)
+        for i in range(len(self._arm.segments)):
+            self.create_subscription(
+                Bool, f'segment_{i + 1}/stiff',
+                lambda message, i=i: self._on_stiff(i, message.data), LATCHED)
+        self.create_subscription(
+            FluidPressure, 'segment_1/pressure', lambda _: self._jamming_age.refresh(), SENSOR)
+        self.create_service(Trigger, '~/stop', self._on_stop)
+        self.create_service(Trigger, '~/resume', self._on_resume)
+        self.create_service(Trigger, '~/reference', self._on_reference)
+        self._interval = 1.0 / self.parameters['tendon_rate']
+        self._timer = self.create_timer(self._interval, self._update)
+
+    def hardware_id(self) -> str:
+        """Name the driver."""
+        return f'{self.parameters["tendon_driver"]} tendon steppers'
+
+    def configure(self) -> None:
+        """Connect and read; move nothing."""
+        self._driver = SimulatedTendons(
+            self._seconds, self.parameters['speed_limit'], self.parameters['acceleration_limit'],
+            self.parameters['simulated_tendons.step'])
+        self._driver.open()
+        self._controller = TendonController(self._driver, self._limits())
+        if self._stopped_because:  # a stop outlasts a reconnection
+            self._controller.stop(self._stopped_because)
+        self.status.set(OK, 'connected')
+
+    def deactivate(self) -> None:
+        """Brake and hold."""
+        if self._controller is not None:
+            self._controller.hold()
+        self.status.set(OK, 'inactive')
+
+    def clean_up(self) -> None:
+        """Hold and disconnect."""
+        if self._controller is not None:
+            self._stopped_because = self._controller.stopped_because
+        if self._driver is not None:
+            self._driver.close()
+        self._driver = self._controller = None
+
+    def _limits(self) -> TendonLimits:
+        low, high = self.parameters['pull_limits']
+        return TendonLimits((low, high), self.parameters['speed_limit'])
+
+    def _seconds(self) -> float:
+        return self.get_clock().now().nanoseconds * 1e-9
+
+    def _on_stiff(self, segment: int, stiff: bool) -> None:
+        self._stiff[segment] = stiff
+        self._jamming_age.refresh()
+
+    def _on_shape(self, message: JointState) -> None:
+        if len(message.position) != self._statics.chain.joints:
+            return
+        self._shape = self._statics.chain.state(message.position)
+        self._shape_age.refresh()
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        if not self.active or self._controller is None:
+            self._refuse(message, 'the node is not active')
+            return
+        if not message.points:
+            self._controller.hold()
+            return
+        try:
+            self._controller.limits = self._limits()
+            now = self._seconds()
+            times, pulls = trajectory_from_ros(message, now)
+            self._controller.accept(times, pulls, now, self._predict)
+            self._refused = self._ended = ''
+            self._stiff_at_start = list(self._stiff)
+        except MotionRefusedError as error:
+            self._refuse(message, str(error))
+
+    def _refuse(self, message: JointTrajectory, reason: str) -> None:
+        self._refused, self._refused_stamp = reason, message.header.stamp
+        self.get_logger().error(f'trajectory refused: {reason}')
+        self._say()
+
+    def _obstacle(self) -> str:
+        """Say why the arm must not be moved at all now; empty when nothing speaks against it."""
+        silence = self.parameters['silence_timeout']
+        if None in self._stiff or self._jamming_age.seconds > silence:
+            return ('it is not known which segments are soft: nothing heard of jamming_valves '
+                    f'for {silence:g} s')
+        if all(self._stiff):
+            return ('every segment is stiff; soften one first '
+                    '(jamming_valves/segment_N/set_stiff)')
+        if self._shape is None or self._shape_age.seconds > silence:
+            return ('the shape of the arm is not known, so no tension can be predicted: no '
+                    f'joint_states from kinematics for {silence:g} s')
+        return ''
+
+    def _predict(self, pulls: Array) -> None:
+        """Refuse pulls (k, 2) m in which the model sees too much tension, or no shape at all."""
+        obstacle = self._obstacle()
+        if obstacle:
+            raise MotionRefusedError(obstacle)
+        assert self._shape is not None
+        limit = self.parameters['tension_limit']
+        soft = [not stiff for stiff in self._stiff]
+        state = self._shape
+        try:
+            for before, after in zip(pulls[:-1], pulls[1:], strict=True):
+                steps = int(np.ceil(np.abs(after - before).max() / PREDICTION_STEP)) or 1
+                for part in np.arange(1, steps + 1) / steps:
+                    wanted = before + part * (after - before)
+                    state = self._statics.solve(state, wanted, soft)
+                    if state.tensions.max() > limit:
+                        right, left = state.tensions
+                        raise MotionRefusedError(
+                            f'at pulls of right {wanted[RIGHT] * 1e3:.2f} mm, left '
+                            f'{wanted[LEFT] * 1e3:.2f} mm the tension would be {right:.1f} and '
+                            f'{left:.1f} N; tension_limit: {limit:g} N')
+        except StaticsError as error:
+            raise MotionRefusedError(str(error)) from None
+
+    def _update(self) -> None:
+        controller = self._controller
+        if controller is None:
+            return
+        try:
+            if controller.following:
+                obstacle = self._obstacle()
+                if not obstacle and self._stiff != self._stiff_at_start:
+                    obstacle = 'a segment changed between soft and stiff during the motion'
+                if obstacle:
+                    controller.hold()
+                    self._ended = f'motion ended: {obstacle}'
+            reading = controller.update(self._seconds(), self._interval)
+        except HardwareError as error:
+            self.status.set(ERROR, str(error))
+            return
+        if not self.active:
+            return
+        message = JointState(name=list(TENDONS), position=list(reading.pulls),
+                             velocity=list(reading.speeds), effort=list(reading.tensions or ()))
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._states.publish(message)
+        self._say()
+
+    def _say(self) -> None:
+        controller = self._controller
+        if controller is None:
+            return
+        if controller.stopped_because:
+            level, text = WARN, f'stopped: {controller.stopped_because}'
+        elif not controller.reading.referenced:
+            level, text = WARN, 'position not referenced'
+        elif self._ended:
+            level, text = WARN, self._ended
+        else:
+            level, text = OK, 'following' if controller.following else 'holding'
+        self.status.set(
+            level, text, stopped=controller.stopped_because, ended=self._ended,
+            refused=self._refused,
+            refused_stamp=f'{self._refused_stamp.sec}.{self._refused_stamp.nanosec:09d}')
+
+    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._controller is None:
+            response.success, response.message = True, 'not connected: nothing moves'
+            return response
+        try:
+            self._controller.stop('~/stop was called')
+        except HardwareError as error:
+            response.message = f'the stop did not reach the device: {error}'
+            self.status.set(ERROR, response.message)
+            return response
+        self._say()
+        response.success = True
+        response.message = 'stopped, holding tension; nothing moves before ~/resume'
+        return response
+
+    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self.active or self._controller is None:
+            response.message = 'the node is not active'
+            return response
+        self._controller.resume()
+        self._ended = ''
+        self._say()
+        response.success = True
+        response.message = 'ready, from the present position'
+        return response
+
+    def _on_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self.active or self._controller is None:
+            response.message = 'the node is not active'
+            return response
+        try:
+            self._controller.reference()
+        except (MotionRefusedError, HardwareError) as error:
+            response.message = str(error)
+            return response
+        self._say()
+        response.success = True
+        response.message = ('the present position counts as the straight arm; '
+                            'call kinematics/reset if it was not known')
+        return response

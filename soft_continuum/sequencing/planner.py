@@ -1,0 +1,171 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Plans: which segment to soften in which order, and how both tendons move meanwhile.
+
+Segments are set from the base to the tip, one soft at a time (paper, IV-B).  The model, under
+gravity, gives for every bending angle on the way the tendon that carries the arm and its pull;
+the other tendon follows with a little slack.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, sqrt
+
+import numpy as np
+
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
+from soft_continuum.mechanics.statics import Statics, StaticsError
+
+
+class PlanError(ValueError):
+    """A shape cannot be set from the present state within the limits; the message says why."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A shape: its name, the bending angle of every segment (rad), how long to hold it (s)."""
+
+    name: str
+    bending_angles: tuple[float, ...]
+    hold_time: float = 0.0
+
+
+@dataclass(frozen=True)
+class PlanSettings:
+    """
+    Limits and habits of a plan.
+
+    pull_limits: m.  tension_limit: N.  antagonist_slack: m left in the tendon that does not carry.
+    speed, acceleration: of the faster tendon, m/s and m/s^2.  angle_step: rad between two points.
+    angle_tolerance: rad, a segment this close is not set again.
+    """
+
+    pull_limits: tuple[float, float] = (-0.06, 0.06)
+    tension_limit: float = 60.0
+    antagonist_slack: float = 0.0005
+    speed: float = 0.015
+    acceleration: float = 0.1
+    angle_step: float = np.radians(2.0)
+    angle_tolerance: float = np.radians(0.1)
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """
+    One segment (0-based) softened, bent and stiffened.
+
+    times: (points,) s from the start of the motion.  pulls: (points, 2) m, right and left.
+    largest_tension: N, as the model predicts.
+    """
+
+    segment: int
+    bending_angle: float
+    times: Array
+    pulls: Array
+    largest_tension: float
+
+    @property
+    def duration(self) -> float:
+        """How long the tendons move, s."""
+        return float(self.times[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class ShapePlan:
+    """The moves that set one shape, and the state they end in by the model."""
+
+    shape: Shape
+    moves: tuple[Move, ...]
+    state: Equilibrium
+
+
+class Planner:
+    """Plans shapes for one arm."""
+
+    def __init__(self, arm: Arm, settings: PlanSettings) -> None:
+        """Prepare the model of ``arm``."""
+        self.statics = Statics(arm)
+        self.settings = settings
+
+    def plan(self, state: Equilibrium, pulls: Sequence[float],
+             shapes: Sequence[Shape]) -> list[ShapePlan]:
+        """
+        Return the plans of ``shapes`` one after the other, from a state with all segments stiff.
+
+        pulls: (right, left) at present, m.  Raises PlanError when a shape is out of reach.
+        """
+        plans = []
+        at = np.array(pulls, dtype=float)
+        for shape in shapes:
+            moves = []
+            for segment, angle in enumerate(shape.bending_angles):
+                present = self.statics.chain.bending_angles(state.joint_angles)[segment]
+                if abs(present - angle) <= self.settings.angle_tolerance:
+                    continue
+                try:
+                    move, state = self._move(state, at, segment, angle)
+                except (StaticsError, PlanError) as error:
+                    raise PlanError(
+                        f'{shape.name}: segment {segment + 1} to {np.degrees(angle):.1f} degrees: '
+                        f'{error}') from None
+                at = move.pulls[-1]
+                moves.append(move)
+            plans.append(ShapePlan(shape, tuple(moves), state))
+        return plans
+
+    def _move(self, state: Equilibrium, at: Array, segment: int,
+              angle: float) -> tuple[Move, Equilibrium]:
+        """Plan one segment; return the move and the state at its end."""
+        chain, settings = self.statics.chain, self.settings
+        soft = [i == segment for i in range(chain.segments)]
+        softened = self.statics.solve(state, at, soft)
+        present = chain.bending_angles(softened.joint_angles)[segment]
+        steps = max(1, ceil(abs(angle - present) / settings.angle_step))
+        points, tension = [at], float(softened.tensions.max())
+        bent = softened
+        for goal in np.linspace(present, angle, steps + 1)[1:]:
+            bent = self.statics.bend(bent, segment, float(goal))
+            tension = max(tension, float(bent.tensions.max()))
+            points.append(self._with_slack(bent))
+        pulls = np.array(points)
+        low, high = settings.pull_limits
+        if pulls.min() < low or pulls.max() > high:
+            raise PlanError(
+                f'needs tendon pulls from {pulls.min():.4f} to {pulls.max():.4f} m; '
+                f'pull_limits: {low:g} to {high:g} m')
+        if tension > settings.tension_limit:
+            raise PlanError(f'needs a tendon tension of {tension:.1f} N; '
+                            f'tension_limit: {settings.tension_limit:g} N')
+        end = self.statics.solve(bent, pulls[-1], soft)
+        times, pulls = timed(pulls, settings.speed, settings.acceleration)
+        return Move(segment, angle, times, pulls, tension), end
+
+    def _with_slack(self, bent: Equilibrium) -> Array:
+        """Return the pulls of a bent state with slack in the tendon that does not carry."""
+        pulls = bent.pulls.copy()
+        carrying = RIGHT if bent.tensions[RIGHT] >= bent.tensions[LEFT] else LEFT
+        pulls[1 - carrying] -= self.settings.antagonist_slack
+        return pulls
+
+
+def timed(points: Array, speed: float, acceleration: float,
+          interval: float = 0.05) -> tuple[Array, Array]:
+    """
+    Return times (k,) s and pulls (k, 2) m of a smooth motion through ``points`` (m, 2).
+
+    The way along the points follows a minimum-jerk profile in time, slow enough that the faster
+    tendon stays within ``speed`` (m/s) and ``acceleration`` (m/s^2) along the way.
+    """
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points, axis=0)).max(axis=1))])
+    total = way[-1]
+    if total == 0.0:
+        return np.array([0.0]), points[:1].copy()
+    # Peak speed and acceleration of the profile: 15/8 and 10/sqrt(3) of the mean.
+    duration = max(15 / 8 * total / speed, sqrt(10 / sqrt(3) * total / acceleration))
+    times = np.linspace(0.0, duration, max(2, ceil(duration / interval) + 1))
+    t = times / duration
+    done = total * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+    pulls = np.stack([np.interp(done, way, points[:, i]) for i in (RIGHT, LEFT)], axis=1)
+    return times, pulls
