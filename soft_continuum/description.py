@@ -66,8 +66,8 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
                            ('disc_heights', count + 1), ('disc_masses', count + 1)):
         if len(get[name]) != expected:
             raise ParameterError(
-                f'parameter arm.{name} has {len(get[name])} values; arm.segment_lengths has {count}, '
-                f'so {expected} are needed')
+                f'parameter arm.{name} has {len(get[name])} values; arm.segment_lengths has '
+                f'{count}, so {expected} are needed')
     segments = zip(
         lengths, get['outer_diameters'], get['leaf_thicknesses'], get['leaf_widths'],
         get['bending_stiffnesses'], get['segment_masses'], get['bending_angle_limits'],

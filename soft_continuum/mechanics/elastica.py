@@ -10,9 +10,9 @@ weight and the tendons that cross the cut):
 
     x' = sin(theta)  z' = cos(theta)  theta' = kappa  E I kappa' = n_z sin(theta) - n_x cos(theta)
 
-(S. S. Antman, Nonlinear Problems of Elasticity, 2nd ed., 2005, ch. 4: inextensible, unshearable.)
-Tendons touch discs only, so their part of n is constant along a segment.  Every soft segment is
-mapped to 0..1 and all are solved at once, as one boundary value problem by collocation.
+(S. S. Antman, Nonlinear Problems of Elasticity, 2nd ed., 2005, ch. 4: inextensible, unshearable).
+Tendons touch discs only, so their part of n is constant along a segment.  All soft segments are
+mapped to 0..1 and solved at once, as one boundary value problem by collocation.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ from soft_continuum.mechanics.chain import Array, Equilibrium, RigidChain
 from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
 
 TOLERANCE = 1e-9  # residual, relative; lengths and angles come out about 1e-13 of themselves
-JUST_TAUT = 1e-10  # m that a slack tendon may seem too short by
+JUST_TAUT = 1e-10  # m by which a slack tendon may come out too short
 SAME_BRANCH = 0.35  # rad: a tangent further from the chain's is not the equilibrium looked for
 INTERVALS = 40  # of the first mesh
 MAX_NODES = 5000
@@ -116,10 +116,9 @@ class _Problem:
         self.chain, self.guess, self.soft, self.taut = chain, guess, soft, taut
         self.target = chain.straight_length - pulls
         arm, q, top = chain.arm, guess.joint_angles, chain.last_joint[soft]
-        length, stiffness, mass = np.array(
+        self.length, stiffness, mass = np.array(
             [(s.length, s.bending_stiffness, s.mass) for s in arm.segments])[soft].T
-        self.length, self.flexibility = length, length**2 / stiffness
-        self.guides = chain.guides[soft]
+        self.flexibility, self.guides = self.length**2 / stiffness, chain.guides[soft]
         down = np.array([[np.sin(arm.mounting_angle)], [-np.cos(arm.mounting_angle)]])
         weight = arm.gravity * self.flexibility * down
         above = np.cumsum(chain.body_masses[::-1])[::-1][top]
@@ -129,9 +128,9 @@ class _Problem:
         # the rod's upper end, so that all their load coefficients add up to two.
         free = np.repeat(soft, chain.joints_per_segment)
         held = np.cumsum(np.where(free, 0.0, q))
-        groups = np.cumsum(free)
-        between = groups == groups[top][:, None]
-        sine, cosine = np.sin(held - held[top][:, None]), np.cos(held - held[top][:, None])
+        between = np.cumsum(free) == np.cumsum(free)[top][:, None]
+        turn = held - held[top][:, None]
+        sine, cosine = np.sin(turn), np.cos(turn)
         wx, wz = chain.load_coefficients.T
         self.rigid_x = (between * (wx * cosine - wz * sine)).sum(axis=1)
         self.rigid_z = (between * (wx * sine + wz * cosine)).sum(axis=1)
@@ -152,8 +151,8 @@ class _Problem:
         if found.status != 0:
             raise StaticsError(f'no equilibrium of the rods found: {found.message}', self.guess)
         if np.abs(found.sol(mesh)[:rods] - y[:rods]).max() > SAME_BRANCH:
-            raise StaticsError('the rods have no equilibrium near that of the chain; a chain of '
-                               'more bodies per segment may come nearer', self.guess)
+            raise StaticsError('the rods have no equilibrium near that of the chain; one of more '
+                               'bodies per segment may come nearer', self.guess)
         missed = np.abs(self._mismatch(found.y[:, 0], found.y[:, -1], found.p)).max()
         spans = self._rod_spans(found.y[:, 0].reshape(4, rods), found.y[:, -1].reshape(4, rods))
         lengths = self.held_length + _lengths(spans)
@@ -242,14 +241,14 @@ class _Problem:
             functions[1, r] *= self.flexibility[r] / self.length[r]
             functions[2, r] = np.interp(mesh, ends, run[0] - run[0, 0])
             functions[3, r] = np.interp(mesh, ends, run[1] - run[1, 0])
-        tension = self.guess.tensions
         spans = self._rod_spans(functions[:, :, 0], functions[:, :, -1])
-        return mesh, functions.reshape(-1, mesh.size), np.append(
-            self._tendon_force(_pulling(tension, spans)), tension[self.taut])
+        force = self._tendon_force(_pulling(self.guess.tensions, spans))
+        parameters = np.append(force, self.guess.tensions[self.taut])
+        return mesh, functions.reshape(-1, mesh.size), parameters
 
     def _shape(self, rods: Callable[[Array], Array]) -> tuple[Array, Array]:
         """Return backbone and calculation points from the rods' unknown functions."""
-        discs, first = self.chain.arm.discs, self.chain.joints_per_segment
+        discs, joints = self.chain.arm.discs, self.chain.joints_per_segment
         theta, _, x, z = rods(np.linspace(0.0, 1.0, SAMPLES)).reshape(4, -1, SAMPLES)
         along = self.length[:, None]
         runs = iter(np.stack([x * along, z * along, theta], axis=2))
@@ -260,7 +259,7 @@ class _Problem:
                 run = next(runs)
                 tangent = run[-1, 2]
             else:  # the polyline, turned about +y
-                held = self.backbone[k * first:(k + 1) * first]
+                held = self.backbone[k * joints:(k + 1) * joints]
                 turn, tangent = at[2] - held[0, 2], at[2] + bend
                 sine, cosine = np.sin(turn), np.cos(turn)
                 run = held @ np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])

@@ -109,7 +109,7 @@ class Statics:
         """
         target = np.array(pulls, dtype=float)
         if target.shape != (2,) or np.isnan(target).any() or (target == np.inf).any():
-            raise ValueError(f'pulls must be two numbers in m (right, left); given: {pulls}')
+            raise ValueError(f'pulls must be two numbers in m (right, left); given: {pulls!r}')
         boundary = self._boundary(soft, self.chain.straight_length - target)
         if boundary.groups == 0:
             return self._locked(start, boundary.target)
