@@ -4,6 +4,7 @@
 """Builds and installs the ROS 2 package soft_continuum."""
 
 from glob import glob
+from os.path import isfile
 
 from setuptools import find_packages, setup
 
@@ -13,7 +14,8 @@ SHARE = f'share/{PACKAGE}'
 
 def files(*patterns: str) -> list[str]:
     """Return the files that match any of the patterns, in a fixed order."""
-    return sorted(path for pattern in patterns for path in glob(pattern))
+    # A symlinked build keeps a dead link to a file that is gone.
+    return sorted(path for pattern in patterns for path in glob(pattern) if isfile(path))
 
 
 setup(

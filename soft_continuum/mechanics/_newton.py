@@ -12,26 +12,12 @@ The functions are plain scalar Python over arrays.  With numba they are compiled
 disk); without it the same source runs, slower, with the same result.
 """
 
-from collections.abc import Callable
-from math import cos, sin, sqrt
-from typing import Any
+from math import cos, sin
 
 import numpy as np
 
-try:
-    import numba
-
-    COMPILED = True
-
-    def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-        """Compile with numba, cached on disk and free of the interpreter lock."""
-        return numba.njit(cache=True, nogil=True, error_model='numpy')(function)  # type: ignore
-except ImportError:  # numba is optional: see docs/performance.md
-    COMPILED = False
-
-    def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-        """Leave the function as it is: numba is not installed."""
-        return function
+from soft_continuum.mechanics._assembly import add_tendon, balance, tendon_geometry
+from soft_continuum.mechanics._compile import compiled, compiled_parallel, prange
 
 # What sets a tendon's tension.
 LENGTH = 0  # the tendon is at most this long: tension >= 0 is found
@@ -48,54 +34,6 @@ LENGTH_TOLERANCE = 1e-13  # m (and rad, in ANGLE mode)
 JUST_TAUT = 1e-9  # m of slack that counts as none
 STEP_LIMIT = 0.7  # rad, the largest change of an angle in one iteration
 MAX_ITERATIONS = 40
-
-
-@compiled
-def joint_law(q, joint, tables):  # type: ignore[no-untyped-def]
-    """
-    Return moment (N m) and tangent (N m/rad) of one joint at relative angle q (rad).
-
-    ``joint`` = (soft stiffness, soft table, jam stiffness, jam table, held angle, yield moment,
-    length): the leaf spring acts about its natural shape, the jam about the held one and at most
-    up to its yield moment.  A table index below zero means linear.
-    """
-    if joint[1] < 0.0:
-        moment = joint[0] * q
-        tangent = joint[0]
-    else:
-        moment, tangent = table_law(q, joint[6], tables[int(joint[1])])
-        moment *= joint[0]
-        tangent *= joint[0]
-    if joint[2] > 0.0:
-        offset = q - joint[4]
-        if joint[3] < 0.0:
-            jam = joint[2] * offset
-            jam_tangent = joint[2]
-        else:
-            jam, jam_tangent = table_law(offset, joint[6], tables[int(joint[3])])
-            jam *= joint[2]
-            jam_tangent *= joint[2]
-        if jam > joint[5]:
-            jam = joint[5]
-            jam_tangent = 0.0
-        elif jam < -joint[5]:
-            jam = -joint[5]
-            jam_tangent = 0.0
-        moment += jam
-        tangent += jam_tangent
-    return moment, tangent
-
-
-@compiled
-def table_law(q, length, table):  # type: ignore[no-untyped-def]
-    """Return moment and tangent of an odd piecewise-linear moment-curvature table."""
-    curvature = abs(q) / length
-    row = 0
-    while row < table.shape[1] - 2 and curvature > table[0, row + 1]:
-        row += 1
-    slope = (table[1, row + 1] - table[1, row]) / (table[0, row + 1] - table[0, row])
-    moment = table[1, row] + slope * (curvature - table[0, row])
-    return (moment if q >= 0.0 else -moment), slope / length
 
 
 @compiled
@@ -126,137 +64,11 @@ def small_solve(matrix, rhs, size):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def negative_eigenvalues(matrix, size):  # type: ignore[no-untyped-def]
-    """Count the negative eigenvalues of a small symmetric matrix (destroyed) by its inertia."""
-    negatives = 0
-    scale = 0.0
-    for step in range(size):
-        scale = max(scale, abs(matrix[step, step]))
-    for step in range(size):
-        pivot = step
-        for k in range(step + 1, size):
-            if abs(matrix[k, k]) > abs(matrix[pivot, pivot]):
-                pivot = k
-        if pivot != step:
-            for k in range(size):
-                matrix[step, k], matrix[pivot, k] = matrix[pivot, k], matrix[step, k]
-            for k in range(size):
-                matrix[k, step], matrix[k, pivot] = matrix[k, pivot], matrix[k, step]
-        if abs(matrix[step, step]) <= 1e-12 * scale:
-            break  # what is left repeats other rows: two tendons that hold the same direction
-        if matrix[step, step] < 0.0:
-            negatives += 1
-        for row in range(step + 1, size):
-            factor = matrix[row, step] / matrix[step, step]
-            for k in range(step + 1, size):
-                matrix[row, k] -= factor * matrix[step, k]
-    return negatives
-
-
-@compiled
-def tendon_geometry(cosine, sine, bodies, guides, spans, lengths):  # type: ignore[no-untyped-def]
-    """Fill spans (2, segments, 3): length and unit direction; and lengths (2,), m."""
-    segments = guides.shape[0]
-    per_segment = cosine.shape[0] // segments
-    for s in range(segments):
-        first = s * per_segment
-        disc = first + per_segment - 1
-        lower_cos = cosine[first - 1] if s > 0 else 1.0
-        lower_sin = sine[first - 1] if s > 0 else 0.0
-        x = 0.0
-        z = 0.0
-        for i in range(first, disc):
-            x += bodies[i, 0] * sine[i]
-            z += bodies[i, 0] * cosine[i]
-        across_x = guides[s, 1] * cosine[disc] - guides[s, 0] * lower_cos
-        across_z = guides[s, 0] * lower_sin - guides[s, 1] * sine[disc]
-        for t in range(2):
-            side = 1.0 - 2.0 * t
-            span_x = x + side * across_x
-            span_z = z + side * across_z
-            length = sqrt(span_x * span_x + span_z * span_z)
-            spans[t, s, 0] = length
-            spans[t, s, 1] = span_x / length
-            spans[t, s, 2] = span_z / length
-            lengths[t] = length + (lengths[t] if s > 0 else 0.0)
-
-
-@compiled
-def add_tendon(t, tension, ratios, cosine, sine, bodies, guides, spans, group,  # type: ignore[no-untyped-def]
-               diagonal, columns, rows, used):
-    """
-    Add one tendon to the system: its force column, its row, one column and row per curved span.
-
-    The Hessian of a span's length is diagonal plus (d x u)(d x u)'/length.  Returns the number of
-    columns used after it.
-    """
-    segments = guides.shape[0]
-    per_segment = cosine.shape[0] // segments
-    side = 1.0 - 2.0 * t
-    column = used
-    used += 1
-    columns[:, column] = 0.0
-    rows[column, :] = 0.0
-    for s in range(segments):
-        first = s * per_segment
-        disc = first + per_segment - 1
-        lower = group[first - 1] if s > 0 else -1
-        if lower == group[disc]:
-            continue  # locked: its length is constant
-        ux = spans[t, s, 1]
-        uz = spans[t, s, 2]
-        force = tension * ratios[t, s]
-        curved = force != 0.0
-        scale = sqrt(abs(force) / spans[t, s, 0])
-        sign = 1.0 if force > 0.0 else -1.0
-        if curved:
-            columns[:, used] = 0.0
-            rows[used, :] = 0.0
-        for i in range(first - 1 if lower >= 0 else first, disc + 1):
-            k = group[i]
-            if i == first - 1:  # the lower guide moves with the disc below
-                dx = side * guides[s, 0] * sine[i]
-                dz = side * guides[s, 0] * cosine[i]
-                bend = side * guides[s, 0] * (ux * cosine[i] - uz * sine[i])
-            elif i == disc:
-                dx = -side * guides[s, 1] * sine[i]
-                dz = -side * guides[s, 1] * cosine[i]
-                bend = -side * guides[s, 1] * (ux * cosine[i] - uz * sine[i])
-            else:
-                dx = bodies[i, 0] * cosine[i]
-                dz = -bodies[i, 0] * sine[i]
-                bend = -bodies[i, 0] * (ux * sine[i] + uz * cosine[i])
-            along = ux * dx + uz * dz
-            columns[k, column] += ratios[t, s] * along
-            rows[column, k] += along
-            if curved:
-                across = scale * (ux * dz - uz * dx)
-                columns[k, used] += sign * across
-                rows[used, k] += across
-                diagonal[k] += force * bend
-        if curved:
-            used += 1
-    return used
-
-
-@compiled
-def balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off):  # type: ignore[no-untyped-def]
-    """Add springs and loads to the moment balance of every group and to its tridiagonal part."""
-    for i in range(theta.shape[0]):
-        k = group[i]
-        j = group[i - 1] if i > 0 else -1
-        if k != j:
-            moment, tangent = joint_law(
-                theta[i] - (theta[i - 1] if i > 0 else 0.0), joints[i], tables)
-            gradient[k] += moment
-            diagonal[k] += tangent
-            if j >= 0:
-                gradient[j] -= moment
-                diagonal[j] += tangent
-                off[j] = -tangent
-        if k >= 0:
-            gradient[k] += bodies[i, 1] * cosine[i] - bodies[i, 2] * sine[i]
-            diagonal[k] -= bodies[i, 1] * sine[i] + bodies[i, 2] * cosine[i]
+def negative_eigenvalues(matrix):  # type: ignore[no-untyped-def]
+    """Count the negative eigenvalues of a small symmetric matrix; tiny ones count as zero."""
+    values = np.linalg.eigvalsh(matrix)
+    floor = 1e-12 * np.abs(values).max()
+    return (values < -floor).sum()
 
 
 @compiled
@@ -351,6 +163,8 @@ def curvature_sign(products, used, column, held, compliance, tridiagonal_negativ
         if (c != column[0] or held[0]) and (c != column[1] or held[1]):
             index[size] = c
             size += 1
+    if size == 0:
+        return tridiagonal_negatives
     matrix = np.empty((size, size))
     for r in range(size):
         for c in range(size):
@@ -361,29 +175,7 @@ def curvature_sign(products, used, column, held, compliance, tridiagonal_negativ
             matrix[r, r] += compliance[1]
         else:
             matrix[r, r] += 1.0
-    return abs(tridiagonal_negatives - negative_eigenvalues(matrix, size))
-
-
-@compiled
-def moment_balance(theta, tension, bodies, joints, tables, guides, ratios, group, groups):  # type: ignore[no-untyped-def]
-    """Return the unbalanced moment of every rigid group (groups,), N m, at given tensions."""
-    gradient = np.zeros(groups)
-    diagonal = np.zeros(groups)
-    off = np.zeros(groups)
-    width = 3 + 2 * guides.shape[0]
-    columns = np.empty((groups, width))
-    rows = np.empty((width, groups))
-    spans = np.empty((2, guides.shape[0], 3))
-    cosine = np.cos(theta)
-    sine = np.sin(theta)
-    tendon_geometry(cosine, sine, bodies, guides, spans, np.empty(2))
-    balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off)
-    for t in range(2):
-        if tension[t] != 0.0:
-            add_tendon(t, tension[t], ratios, cosine, sine, bodies, guides, spans, group,
-                       diagonal, columns, rows, 0)
-            gradient += tension[t] * columns[:, 0]
-    return gradient
+    return abs(tridiagonal_negatives - negative_eigenvalues(matrix))
 
 
 @compiled
@@ -513,3 +305,21 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
                 if mode[t] == LENGTH and not taut[t] and fraction == 1.0:
                     tension[t] = 0.0
     return FAILED, MAX_ITERATIONS, residual, negatives
+
+
+@compiled_parallel
+def newton_batch(theta, tension, bodies, joints, tables, guides, group, groups, target,  # type: ignore[no-untyped-def]
+                 compliance, limit, lengths, status, residual):
+    """
+    Find many equilibria at once, as ``newton`` in LENGTH mode without friction, on all cores.
+
+    The first axis of theta, tension, target, lengths, status and residual is the problem; that of
+    bodies, joints, guides, group, groups and compliance the same, or of length one when shared.
+    """
+    for i in prange(theta.shape[0]):
+        g = i % groups.shape[0]
+        status[i], _, residual[i], _ = newton(
+            theta[i], tension[i], bodies[i % bodies.shape[0]], joints[i % joints.shape[0]],
+            tables, guides[i % guides.shape[0]], np.ones((2, guides.shape[1])), group[g],
+            np.zeros(2, dtype=np.int64), target[i], compliance[i % compliance.shape[0]],
+            np.zeros(2, dtype=np.int64), np.zeros(groups[g]), 0.0, limit, lengths[i])

@@ -8,7 +8,9 @@ the bending plane.  A positive angle rotates about +y and carries the tip toward
 """
 
 from dataclasses import dataclass, replace
-from math import isfinite, pi
+from math import inf, isfinite, pi
+
+from soft_continuum.mechanics.laws import Jam, MomentCurvature
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 
@@ -34,6 +36,8 @@ class Segment:
     the length.  guide_offsets: distance of the tendon guides from the backbone at the lower and
     at the upper end, m.  bending_angle_limit: largest allowed |bending angle|, rad.
     outer_diameter: m, for drawing.
+    soft_law: measured moment over curvature of the soft state, in place of E I.  jam: what the
+    stiff state adds.
     """
 
     length: float
@@ -42,6 +46,8 @@ class Segment:
     mass: float = 0.0
     bending_angle_limit: float = pi / 2
     outer_diameter: float = 0.04
+    soft_law: MomentCurvature | None = None
+    jam: Jam = Jam()
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical segment."""
@@ -68,11 +74,47 @@ class Disc:
 
 
 @dataclass(frozen=True)
+class Tendon:
+    """
+    What both tendons are made of.
+
+    axial_stiffness: E A in N, infinite for the paper's inextensible tendon.  free_length: m of
+    tendon between stepper and base, which stretches too.  friction: Capstan coefficient at every
+    guide.
+    """
+
+    axial_stiffness: float = inf
+    free_length: float = 0.0
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a tendon."""
+        if self.axial_stiffness != inf:
+            _check('tendon axial stiffness E A', self.axial_stiffness, 1.0, 1e9, 'N')
+        _check('tendon free length', self.free_length, 0.0, 100.0, 'm')
+        _check('tendon friction coefficient', self.friction, 0.0, 2.0, '')
+
+
+@dataclass(frozen=True)
+class PointForce:
+    """A dead force on the centre of a disc (0: base): x and z in the base frame, N."""
+
+    disc: int
+    x: float
+    z: float
+
+
+PAPER, SECOND_ORDER = 'paper', 'second_order'
+
+
+@dataclass(frozen=True)
 class Arm:
     """
     A planar arm: n segments between n + 1 discs, base first.
 
-    bodies_per_segment: rigid bodies n of the chain model, between n + 1 springs (paper, III-B).
+    bodies_per_segment: rigid bodies n of the chain model.  discretisation: PAPER, n + 1 equal
+    springs, which converges to the rod like 1/n; or SECOND_ORDER, end springs twice as stiff as
+    those between the bodies, which converges like 1/n^2.  payload: kg at the top of the tip disc.
     mounting_angle: rotation about +y of base_link from upright, rad: 0 upright, pi hanging.
     gravity: m/s^2, 0 to leave it out.
     """
@@ -80,6 +122,10 @@ class Arm:
     segments: tuple[Segment, ...]
     discs: tuple[Disc, ...]
     bodies_per_segment: int = 12
+    discretisation: str = PAPER
+    tendon: Tendon = Tendon()
+    payload: float = 0.0
+    forces: tuple[PointForce, ...] = ()
     mounting_angle: float = 0.0
     gravity: float = STANDARD_GRAVITY
 
@@ -94,6 +140,16 @@ class Arm:
         if not 1 <= self.bodies_per_segment <= 1000:
             raise ArmError(
                 f'bodies per segment is {self.bodies_per_segment}; allowed: 1 to 1000')
+        if self.discretisation not in (PAPER, SECOND_ORDER):
+            raise ArmError(f'discretisation is {self.discretisation!r}; '
+                           f'allowed: {PAPER}, {SECOND_ORDER}')
+        for force in self.forces:
+            if not 0 <= force.disc < len(self.discs):
+                raise ArmError(f'there is no disc {force.disc}; the discs are 0 to '
+                               f'{len(self.discs) - 1}')
+            _check('point force x', force.x, -1e6, 1e6, 'N')
+            _check('point force z', force.z, -1e6, 1e6, 'N')
+        _check('payload', self.payload, 0.0, 1e3, 'kg')
         _check('mounting angle', self.mounting_angle, -2 * pi, 2 * pi, 'rad')
         _check('gravity', self.gravity, 0.0, 100.0, 'm/s^2')
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.stiffness import joint_stiffness
+from soft_continuum.mechanics.arm import Arm, PAPER
 
 Array = NDArray[np.float64]
 
@@ -29,7 +28,9 @@ class Equilibrium:
     where no soft segment is there to determine it.  pulls: (2,) m, by how much the path of each
     tendon is shorter than in the straight arm.  slack: (2,) m of rope that is left over.
     residual: largest unbalanced moment, N m.  jumped: the equilibrium followed from the start
-    ceased to exist on the way and the arm went over to the next stable one.
+    ceased to exist on the way and the arm went over to the next stable one.  stiff: which
+    segments were stiff.  held_angles: (joints,) rad, the shape that the jam of each stiff segment
+    holds.
     """
 
     joint_angles: Array
@@ -38,6 +39,8 @@ class Equilibrium:
     slack: Array
     residual: float
     iterations: int
+    stiff: tuple[bool, ...]
+    held_angles: Array
     jumped: bool = False
 
     @property
@@ -60,13 +63,16 @@ class RigidChain:
         self.segments = len(arm.segments)
         self.joints_per_segment = n + 1
         self.joints = self.segments * (n + 1)
-        lengths, masses, stiffness = [], [], []
+        lengths, masses, joint_lengths, stiffness = [], [], [], []
         for segment, disc in zip(arm.segments, arm.discs[1:], strict=True):
             lengths += [segment.length / n] * n + [disc.height]
             masses += [segment.mass / n] * n + [disc.mass]
-            stiffness += [joint_stiffness(segment.bending_stiffness, segment.length, n)] * (n + 1)
+            parts = _joint_lengths(segment.length, n, arm.discretisation)
+            joint_lengths += parts
+            stiffness += [segment.bending_stiffness / part for part in parts]
         self.body_lengths = np.array(lengths)
         self.body_masses = np.array(masses)
+        self.joint_lengths = np.array(joint_lengths)
         self.joint_stiffness = np.array(stiffness)
         self.guides = np.array([s.guide_offsets for s in arm.segments])
         self.straight_length = sum(arm.straight_spans)
@@ -75,14 +81,20 @@ class RigidChain:
     @property
     def load_coefficients(self) -> Array:
         """
-        Energy of all weights as sum(wx sin(theta) + wz cos(theta)) over bodies: (joints, 2), N m.
+        Energy of all dead loads as sum(wx sin(theta) + wz cos(theta)): (joints, 2), N m.
 
         A body carries its own weight at its middle and all weights above at its end.
         """
-        above = np.cumsum(self.body_masses[::-1])[::-1] - self.body_masses
+        above = np.cumsum(self.body_masses[::-1])[::-1] - self.body_masses + self.arm.payload
         lever = self.body_lengths * (0.5 * self.body_masses + above)
         up = np.array([-np.sin(self.arm.mounting_angle), np.cos(self.arm.mounting_angle)])
         coefficients: Array = self.arm.gravity * lever[:, None] * up
+        for force in self.arm.forces:
+            if force.disc > 0:  # the base does not move
+                body = self.last_joint[force.disc - 1]
+                arms = self.body_lengths[:body + 1].copy()
+                arms[-1] *= 0.5
+                coefficients[:body + 1] -= arms[:, None] * [force.x, force.z]
         return coefficients
 
     def straight(self) -> Equilibrium:
@@ -96,7 +108,7 @@ class RigidChain:
             raise ValueError(f'joint angles must be {self.joints} finite numbers (rad), '
                              f'{self.joints_per_segment} for each segment')
         return Equilibrium(angles, np.zeros(2), self.straight_length - self.tendon_lengths(angles),
-                           np.zeros(2), 0.0, 0)
+                           np.zeros(2), 0.0, 0, (True,) * self.segments, angles)
 
     def uniform(self, bending_angles: ArrayLike) -> Equilibrium:
         """Return the held state whose segments (rad each) bend evenly over their joints."""
@@ -170,6 +182,13 @@ class RigidChain:
         wx, wz = self.load_coefficients.T
         return float(0.5 * self.joint_stiffness @ joint_angles**2
                      + wx @ np.sin(theta) + wz @ (np.cos(theta) - 1.0))
+
+
+def _joint_lengths(length: float, bodies: int, discretisation: str) -> list[float]:
+    """Return the length of spring (m) that each of the n + 1 joints of a segment stands for."""
+    if discretisation == PAPER:
+        return [length / (bodies + 1)] * (bodies + 1)
+    return [length / (2 * bodies), *[length / bodies] * (bodies - 1), length / (2 * bodies)]
 
 
 def orientation(angle: float) -> tuple[float, float, float, float]:

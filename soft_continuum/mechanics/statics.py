@@ -13,15 +13,16 @@ an overdamped backward-Euler motion finds the next stable equilibrium.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soft_continuum.mechanics import _newton
+from soft_continuum.mechanics import _assembly, _newton
 from soft_continuum.mechanics.arm import Arm, Disc, Segment
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain
+from soft_continuum.mechanics.joints import JointLaws, tension_ratios
 
 SLACK = -np.inf
 """A pull that leaves the tendon slack in every shape."""
@@ -55,9 +56,12 @@ class _Boundary:
 
     group: NDArray[np.int64]
     groups: int
+    joints: Array
+    ratios: Array
     mode: NDArray[np.int64]
     target: Array
     driven: NDArray[np.int64]
+    stiff: tuple[bool, ...]
 
 
 @dataclass(frozen=True)
@@ -76,33 +80,31 @@ class Statics:
     """
     Equilibria of one arm.
 
-    ``soft`` masks have one flag per segment; a stiff segment keeps the shape it has in the state
-    the solve starts from (paper, III-A: stiff segments are rigid).
+    ``soft`` masks have one flag per segment.  Softening returns the springs of a segment to their
+    natural shape.  Stiffening locks it (paper, III-A) or, with a Jam of finite stiffness, adds
+    the jam's springs about the shape at which it was stiffened; either way it moves nothing.
     """
 
     def __init__(self, arm: Arm) -> None:
         """Discretise ``arm`` and prepare the arrays of the solver."""
         self.chain = RigidChain(arm)
-        chain = self.chain
-        self._bodies = np.column_stack([chain.body_lengths, chain.load_coefficients])
-        self._joints = np.zeros((chain.joints, 7))
-        self._joints[:, 0] = chain.joint_stiffness
-        self._joints[:, [1, 3]] = -1.0
-        self._joints[:, 5] = np.inf
-        self._joints[:, 6] = np.repeat(
-            [s.length / chain.joints_per_segment for s in arm.segments], chain.joints_per_segment)
-        self._tables = np.zeros((1, 2, 2))
-        self._ratios = np.ones((2, chain.segments))
-        self._compliance = np.zeros(2)
+        self.laws = JointLaws(self.chain)
+        self._bodies = np.column_stack([self.chain.body_lengths, self.chain.load_coefficients])
+        rope = (self.chain.straight_length + sum(d.height for d in arm.discs)
+                + arm.tendon.free_length)
+        self.compliance = np.full(2, rope / arm.tendon.axial_stiffness)
         self._groups = cache(self._find_groups)
 
-    def solve(self, start: Equilibrium, pulls: ArrayLike,
-              soft: Sequence[bool]) -> Equilibrium:
+    def solve(self, start: Equilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
+              vacuum: Sequence[float] | None = None, sliding: Sequence[int] = (0, 0)
+              ) -> Equilibrium:
         """
         Return the equilibrium for given pulls, followed from ``start``.
 
         pulls: (right, left) in m, how much shorter each tendon is than in the straight arm;
-        negative is let out, SLACK never carries.  soft: one flag per segment.
+        negative is let out, SLACK never carries.  soft: one flag per segment.  vacuum: of each
+        stiff segment, 0 to 1 of full vacuum (default: full).  sliding: of each tendon through
+        its guides, for friction: 1 towards the base, -1 towards the tip, 0 frictionless.
 
         Raises OverconstrainedError when no shape has tendons that short, StaticsError when no
         equilibrium was found, ValueError for input of the wrong size or nan.
@@ -110,10 +112,28 @@ class Statics:
         target = np.array(pulls, dtype=float)
         if target.shape != (2,) or np.isnan(target).any() or (target == np.inf).any():
             raise ValueError(f'pulls must be two numbers in m (right, left); given: {pulls!r}')
-        boundary = self._boundary(soft, self.chain.straight_length - target)
+        boundary = self._boundary(start, soft, self.chain.straight_length - target, vacuum)
         if boundary.groups == 0:
-            return self._locked(start, boundary.target)
-        return self._find(start, boundary)
+            return self._locked(start, boundary.target, boundary.stiff)
+        return self._find(start, boundary, sliding)
+
+    def solve_tensions(self, start: Equilibrium, tensions: ArrayLike, soft: Sequence[bool], *,
+                       vacuum: Sequence[float] | None = None, sliding: Sequence[int] = (0, 0)
+                       ) -> Equilibrium:
+        """
+        Return the equilibrium for given tensions (right, left), N >= 0, followed from ``start``.
+
+        The other arguments and errors are those of ``solve``.
+        """
+        target = np.array(tensions, dtype=float)
+        if target.shape != (2,) or not np.all(np.isfinite(target)) or np.any(target < 0.0):
+            raise ValueError('tensions must be two numbers in N, not negative (right, left); '
+                             f'given: {tensions!r}')
+        boundary = self._boundary(start, soft, target, vacuum)
+        boundary.mode[:] = _newton.TENSION
+        if boundary.groups == 0:
+            return replace(start, tensions=target)
+        return self._find(start, boundary, sliding)
 
     def bend(self, start: Equilibrium, segment: int, angle: float,
              soft: Sequence[bool] | None = None) -> Equilibrium:
@@ -130,7 +150,7 @@ class Statics:
         if not np.isfinite(angle):
             raise ValueError(f'the bending angle must be a finite number in rad; given: {angle}')
         for tendon in (RIGHT, LEFT):
-            boundary = self._boundary(mask, np.full(2, np.inf))
+            boundary = self._boundary(start, mask, np.full(2, np.inf))
             boundary.mode[tendon] = _newton.ANGLE
             boundary.driven[tendon] = segment
             boundary.target[tendon] = angle
@@ -141,42 +161,58 @@ class Statics:
             f'no tendon holds segment {segment + 1} at {np.degrees(angle):.1f} degrees: '
             'both would have to push', start)
 
+    def commanded_pulls(self, state: Equilibrium) -> Array:
+        """Return the pulls (2,) m at the steppers that give a state: its paths and stretch."""
+        pulls: Array = state.pulls + self.compliance * np.nan_to_num(state.tensions)
+        return pulls
+
     def _hold(self, found: Equilibrium, soft: Sequence[bool]) -> Equilibrium:
         """Check that a state found by its bending angle is stable with its tendons' lengths."""
-        pulls = np.where(found.tensions > 0.0, found.pulls, SLACK)
-        target = self.chain.straight_length - pulls
-        boundary = self._boundary(soft, target)
-        point = self._newton(self._start(found), boundary, target, np.zeros(boundary.groups))
+        pulls = np.where(found.tensions > 0.0, self.commanded_pulls(found), SLACK)
+        boundary = self._boundary(found, soft, self.chain.straight_length - pulls)
+        point = self._newton(self._start(found), boundary)
         if point.status != _newton.CONVERGED:
             raise StaticsError(
                 'the tendons can bend the arm to this shape but not hold it there: the '
                 'equilibrium is not stable', found)
         return self._result(point, boundary)
 
-    def _boundary(self, soft: Sequence[bool], target: Array) -> _Boundary:
+    def _boundary(self, start: Equilibrium, soft: Sequence[bool], target: Array,
+                  vacuum: Sequence[float] | None = None) -> _Boundary:
         if len(soft) != self.chain.segments:
             raise ValueError(f'{len(soft)} soft flags given, the arm has '
                              f'{self.chain.segments} segments')
-        group, groups = self._groups(tuple(bool(s) for s in soft))
-        return _Boundary(group, groups, np.zeros(2, dtype=np.int64), target,
-                         np.zeros(2, dtype=np.int64))
+        if start.joint_angles.shape != (self.chain.joints,):
+            raise ValueError(f'the start has {start.joint_angles.size} joints, this arm has '
+                             f'{self.chain.joints}')
+        stiff = tuple(not s for s in soft)
+        group, groups = self._groups(stiff)
+        return _Boundary(group, groups, self.laws.joints(start, stiff, vacuum), np.ones(
+            (2, self.chain.segments)), np.zeros(2, dtype=np.int64), target,
+            np.zeros(2, dtype=np.int64), stiff)
 
-    def _find_groups(self, soft: tuple[bool, ...]) -> tuple[NDArray[np.int64], int]:
-        """Number the rigid groups: every body of a soft segment with what is locked onto it."""
-        free = np.repeat(soft, self.chain.joints_per_segment)
+    def _find_groups(self, stiff: tuple[bool, ...]) -> tuple[NDArray[np.int64], int]:
+        """Number the rigid groups: every body of a free segment with what is locked onto it."""
+        locked = [s and segment.jam.rigid
+                  for s, segment in zip(stiff, self.chain.arm.segments, strict=True)]
+        free = np.repeat(np.logical_not(locked), self.chain.joints_per_segment)
         return np.cumsum(free) - 1, int(free.sum())
 
     def _start(self, start: Equilibrium) -> _Point:
-        return _Point(np.cumsum(start.joint_angles), np.nan_to_num(start.tensions),
+        theta = np.cumsum(start.joint_angles)
+        if not np.all(np.isfinite(theta)):
+            raise ValueError('the joint angles of the start must be finite numbers')
+        return _Point(theta, np.nan_to_num(start.tensions),
                       self.chain.straight_length - start.pulls)
 
-    def _newton(self, start: _Point, boundary: _Boundary, target: Array, bias: Array,
-                damping: float = 0.0) -> _Point:
+    def _newton(self, start: _Point, boundary: _Boundary, target: Array | None = None,
+                bias: Array | None = None, damping: float = 0.0) -> _Point:
         theta, tension, lengths = start.theta.copy(), start.tension.copy(), np.empty(2)
         status, iterations, residual, _ = _newton.newton(
-            theta, tension, self._bodies, self._joints, self._tables, self.chain.guides,
-            self._ratios, boundary.group, boundary.mode, target, self._compliance,
-            boundary.driven, bias, damping, RESIDUAL_LIMIT, lengths)
+            theta, tension, self._bodies, boundary.joints, self.laws.tables, self.chain.guides,
+            boundary.ratios, boundary.group, boundary.mode,
+            boundary.target if target is None else target, self.compliance, boundary.driven,
+            np.zeros(boundary.groups) if bias is None else bias, damping, RESIDUAL_LIMIT, lengths)
         return _Point(theta, tension, lengths, status, residual, iterations)
 
     def _near(self, start: _Point, end: _Point) -> bool:
@@ -186,24 +222,49 @@ class Statics:
         turned = (end.theta - start.theta)[self.chain.last_joint]
         return float(np.abs(np.diff(turned, prepend=0.0)).max()) <= DIRECT_LIMIT
 
-    def _find(self, start: Equilibrium, boundary: _Boundary) -> Equilibrium:
+    def _find(self, start: Equilibrium, boundary: _Boundary,
+              sliding: Sequence[int] = (0, 0)) -> Equilibrium:
         point = self._start(start)
-        end = self._newton(point, boundary, boundary.target, np.zeros(boundary.groups))
+        end, jumped = self._step(point, boundary)
+        if self.chain.arm.tendon.friction > 0.0 and any(sliding):
+            end, boundary, also = self._with_friction(end, boundary, sliding)
+            jumped = jumped or also
+        return self._result(end, boundary, jumped=jumped)
+
+    def _step(self, point: _Point, boundary: _Boundary) -> tuple[_Point, bool]:
+        """Go to the boundary's state in one step, or else in small ones; and whether it jumped."""
+        end = self._newton(point, boundary)
         if self._near(point, end):
-            return self._result(end, boundary)
+            return end, False
         return self._follow(point, boundary)
 
-    def _follow(self, point: _Point, boundary: _Boundary) -> Equilibrium:
+    def _with_friction(self, point: _Point, boundary: _Boundary, sliding: Sequence[int]
+                       ) -> tuple[_Point, _Boundary, bool]:
+        """Iterate the loss of tension at the guides, which depends on the shape it leads to."""
+        jumped = False
+        for _ in range(100):
+            ratios = tension_ratios(self.chain, np.diff(point.theta, prepend=0.0), sliding)
+            change = np.abs(ratios - boundary.ratios).max()
+            boundary = replace(boundary, ratios=ratios)
+            point, also = self._step(point, boundary)
+            jumped = jumped or also
+            if change < 1e-13:
+                return point, boundary, jumped
+        raise StaticsError('the friction at the guides did not settle',
+                           self._result(point, boundary))
+
+    def _follow(self, point: _Point, boundary: _Boundary) -> tuple[_Point, bool]:
         """
         Follow the equilibrium from the start in small steps.
 
         The moments that the start leaves unbalanced are held by dead moments that fade on the
-        way, while the tendons go from the lengths they have to the lengths asked for.
+        way, while the tendons go from the lengths they have to the lengths asked for.  The held
+        shape of a jam that yields creeps along.
         """
         tension = np.where(np.isinf(boundary.target), 0.0, point.tension)
-        unbalanced = -_newton.moment_balance(
-            point.theta, tension, self._bodies, self._joints, self._tables, self.chain.guides,
-            self._ratios, boundary.group, boundary.groups)
+        unbalanced = -_assembly.moment_balance(
+            point.theta, tension, self._bodies, boundary.joints, self.laws.tables,
+            self.chain.guides, boundary.ratios, boundary.group, boundary.groups)
         gap = self._gap(point, boundary, tension)
         point = _Point(point.theta, tension, point.lengths)
         done, step, jumped, iterations = 0.0, 0.5, False, 0
@@ -215,13 +276,21 @@ class Statics:
             iterations += end.iterations
             if self._near(point, end):
                 point, done, step = end, reached, 2.0 * step
+                boundary = self._crept(point, boundary)
             elif step > SMALLEST_STEP:
                 step *= 0.5
             else:
                 point = self._relax(point, boundary, target, bias)
                 iterations += point.iterations
                 done, jumped = reached, True
-        return self._result(point, boundary, iterations=iterations, jumped=jumped)
+                boundary = self._crept(point, boundary)
+        return replace(point, iterations=iterations), jumped
+
+    def _crept(self, point: _Point, boundary: _Boundary) -> _Boundary:
+        held = self.laws.crept(np.diff(point.theta, prepend=0.0), boundary.joints)
+        if held is boundary.joints:
+            return boundary
+        return replace(boundary, joints=held)
 
     def _gap(self, point: _Point, boundary: _Boundary, tension: Array) -> Array:
         """Return how far each driven tendon (or angle) is from its target at the start."""
@@ -231,8 +300,11 @@ class Statics:
                 last = self.chain.last_joint
                 angles = np.diff(point.theta[last], prepend=0.0)
                 gap[t] = angles[boundary.driven[t]] - boundary.target[t]
+            elif boundary.mode[t] == _newton.TENSION:
+                gap[t] = tension[t] - boundary.target[t]
             elif np.isfinite(boundary.target[t]):
-                over = point.lengths[t] - boundary.target[t]
+                over = (point.lengths[t] - self.compliance[t] * tension[t]
+                        - boundary.target[t])
                 gap[t] = over if tension[t] > 0.0 else max(over, 0.0)
         return gap
 
@@ -275,7 +347,8 @@ class Statics:
                 'let one of them out', state)
         return StaticsError('no stable equilibrium found near the present shape', state)
 
-    def _locked(self, start: Equilibrium, target: Array) -> Equilibrium:
+    def _locked(self, start: Equilibrium, target: Array,
+                stiff: tuple[bool, ...]) -> Equilibrium:
         """Return the state of an arm without a soft segment: only the slack can change."""
         lengths = self.chain.straight_length - start.pulls
         over = lengths - target
@@ -286,18 +359,19 @@ class Statics:
                 'soften a segment first', start)
         slack = np.maximum(-over, 0.0)
         tensions = np.where(slack > LOCKED_TOLERANCE, 0.0, np.nan)
-        return Equilibrium(start.joint_angles, tensions, start.pulls, slack, 0.0, 0)
+        return Equilibrium(start.joint_angles, tensions, start.pulls, slack, 0.0, 0, stiff,
+                           start.joint_angles)
 
-    def _result(self, point: _Point, boundary: _Boundary, iterations: int | None = None,
-                jumped: bool = False) -> Equilibrium:
+    def _result(self, point: _Point, boundary: _Boundary, jumped: bool = False) -> Equilibrium:
         slack = np.zeros(2)
         for t in (RIGHT, LEFT):
             if boundary.mode[t] == _newton.LENGTH and point.tension[t] <= 0.0:
                 slack[t] = max(0.0, boundary.target[t] - point.lengths[t])
+        angles = np.diff(point.theta, prepend=0.0)
         return Equilibrium(
-            np.diff(point.theta, prepend=0.0), point.tension,
-            self.chain.straight_length - point.lengths, slack, point.residual,
-            point.iterations if iterations is None else iterations, jumped)
+            angles, point.tension, self.chain.straight_length - point.lengths, slack,
+            point.residual, point.iterations, boundary.stiff,
+            self.laws.held(angles, boundary.joints, boundary.stiff), jumped)
 
 
 def warm_up() -> None:
@@ -309,5 +383,5 @@ def warm_up() -> None:
     segment = Segment(length=0.1, bending_stiffness=0.01, guide_offsets=(0.02, 0.02))
     statics = Statics(Arm((segment,), (Disc(0.01), Disc(0.01)), bodies_per_segment=1))
     straight = statics.chain.straight()
-    boundary = statics._boundary([True], np.full(2, np.inf))
+    boundary = statics._boundary(straight, [True], np.full(2, np.inf))
     statics._follow(statics._start(straight), boundary)

@@ -1,0 +1,229 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Energy gradient and Hessian of a planar chain in absolute angles, in compiled scalar code.
+
+In absolute angles the springs give a tridiagonal Hessian, loads a diagonal one and every tendon
+span a diagonal plus a rank-one term.
+"""
+
+from math import sqrt
+
+import numpy as np
+
+from soft_continuum.mechanics._compile import compiled
+
+
+@compiled
+def joint_law(q, joint, tables):  # type: ignore[no-untyped-def]
+    """
+    Return moment (N m) and tangent (N m/rad) of one joint at relative angle q (rad).
+
+    ``joint`` = (soft stiffness, soft table, jam stiffness, jam table, held angle, yield moment,
+    length): the leaf spring acts about its natural shape, the jam about the held one and at most
+    up to its yield moment.  A table index below zero means linear.
+    """
+    if joint[1] < 0.0:
+        moment = joint[0] * q
+        tangent = joint[0]
+    else:
+        moment, tangent = table_law(q, joint[6], tables[int(joint[1])])
+        moment *= joint[0]
+        tangent *= joint[0]
+    if joint[2] > 0.0:
+        offset = q - joint[4]
+        if joint[3] < 0.0:
+            jam = joint[2] * offset
+            jam_tangent = joint[2]
+        else:
+            jam, jam_tangent = table_law(offset, joint[6], tables[int(joint[3])])
+            jam *= joint[2]
+            jam_tangent *= joint[2]
+        if jam > joint[5]:
+            jam = joint[5]
+            jam_tangent = 0.0
+        elif jam < -joint[5]:
+            jam = -joint[5]
+            jam_tangent = 0.0
+        moment += jam
+        tangent += jam_tangent
+    return moment, tangent
+
+
+@compiled
+def table_law(q, length, table):  # type: ignore[no-untyped-def]
+    """Return moment and tangent of an odd piecewise-linear moment-curvature table."""
+    curvature = abs(q) / length
+    row = 0
+    while row < table.shape[1] - 2 and curvature > table[0, row + 1]:
+        row += 1
+    slope = (table[1, row + 1] - table[1, row]) / (table[0, row + 1] - table[0, row])
+    moment = table[1, row] + slope * (curvature - table[0, row])
+    return (moment if q >= 0.0 else -moment), slope / length
+
+
+@compiled
+def tendon_geometry(cosine, sine, bodies, guides, spans, lengths):  # type: ignore[no-untyped-def]
+    """Fill spans (2, segments, 3): length and unit direction; and lengths (2,), m."""
+    segments = guides.shape[0]
+    per_segment = cosine.shape[0] // segments
+    for s in range(segments):
+        first = s * per_segment
+        disc = first + per_segment - 1
+        lower_cos = cosine[first - 1] if s > 0 else 1.0
+        lower_sin = sine[first - 1] if s > 0 else 0.0
+        x = 0.0
+        z = 0.0
+        for i in range(first, disc):
+            x += bodies[i, 0] * sine[i]
+            z += bodies[i, 0] * cosine[i]
+        across_x = guides[s, 1] * cosine[disc] - guides[s, 0] * lower_cos
+        across_z = guides[s, 0] * lower_sin - guides[s, 1] * sine[disc]
+        for t in range(2):
+            side = 1.0 - 2.0 * t
+            span_x = x + side * across_x
+            span_z = z + side * across_z
+            length = sqrt(span_x * span_x + span_z * span_z)
+            spans[t, s, 0] = length
+            spans[t, s, 1] = span_x / length
+            spans[t, s, 2] = span_z / length
+            lengths[t] = length + (lengths[t] if s > 0 else 0.0)
+
+
+@compiled
+def add_tendon(t, tension, ratios, cosine, sine, bodies, guides, spans, group,  # type: ignore[no-untyped-def]
+               diagonal, columns, rows, used):
+    """
+    Add one tendon to the system: its force column, its row, one column and row per curved span.
+
+    The Hessian of a span's length is diagonal plus (d x u)(d x u)'/length.  Returns the number of
+    columns used after it.
+    """
+    segments = guides.shape[0]
+    per_segment = cosine.shape[0] // segments
+    side = 1.0 - 2.0 * t
+    column = used
+    used += 1
+    columns[:, column] = 0.0
+    rows[column, :] = 0.0
+    for s in range(segments):
+        first = s * per_segment
+        disc = first + per_segment - 1
+        lower = group[first - 1] if s > 0 else -1
+        if lower == group[disc]:
+            continue  # locked: its length is constant
+        ux = spans[t, s, 1]
+        uz = spans[t, s, 2]
+        force = tension * ratios[t, s]
+        curved = force != 0.0
+        scale = sqrt(abs(force) / spans[t, s, 0])
+        sign = 1.0 if force > 0.0 else -1.0
+        if curved:
+            columns[:, used] = 0.0
+            rows[used, :] = 0.0
+        for i in range(first - 1 if lower >= 0 else first, disc + 1):
+            k = group[i]
+            if i == first - 1:  # the lower guide moves with the disc below
+                dx = side * guides[s, 0] * sine[i]
+                dz = side * guides[s, 0] * cosine[i]
+                bend = side * guides[s, 0] * (ux * cosine[i] - uz * sine[i])
+            elif i == disc:
+                dx = -side * guides[s, 1] * sine[i]
+                dz = -side * guides[s, 1] * cosine[i]
+                bend = -side * guides[s, 1] * (ux * cosine[i] - uz * sine[i])
+            else:
+                dx = bodies[i, 0] * cosine[i]
+                dz = -bodies[i, 0] * sine[i]
+                bend = -bodies[i, 0] * (ux * sine[i] + uz * cosine[i])
+            along = ux * dx + uz * dz
+            columns[k, column] += ratios[t, s] * along
+            rows[column, k] += along
+            if curved:
+                across = scale * (ux * dz - uz * dx)
+                columns[k, used] += sign * across
+                rows[used, k] += across
+                diagonal[k] += force * bend
+        if curved:
+            used += 1
+    return used
+
+
+@compiled
+def balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off):  # type: ignore[no-untyped-def]
+    """Add springs and loads to the moment balance of every group and to its tridiagonal part."""
+    for i in range(theta.shape[0]):
+        k = group[i]
+        j = group[i - 1] if i > 0 else -1
+        if k != j:
+            moment, tangent = joint_law(
+                theta[i] - (theta[i - 1] if i > 0 else 0.0), joints[i], tables)
+            gradient[k] += moment
+            diagonal[k] += tangent
+            if j >= 0:
+                gradient[j] -= moment
+                diagonal[j] += tangent
+                off[j] = -tangent
+        if k >= 0:
+            gradient[k] += bodies[i, 1] * cosine[i] - bodies[i, 2] * sine[i]
+            diagonal[k] -= bodies[i, 1] * sine[i] + bodies[i, 2] * cosine[i]
+
+
+@compiled
+def moment_balance(theta, tension, bodies, joints, tables, guides, ratios, group, groups):  # type: ignore[no-untyped-def]
+    """Return the unbalanced moment of every rigid group (groups,), N m, at given tensions."""
+    gradient = np.zeros(groups)
+    diagonal = np.zeros(groups)
+    off = np.zeros(groups)
+    width = 3 + 2 * guides.shape[0]
+    columns = np.empty((groups, width))
+    rows = np.empty((width, groups))
+    spans = np.empty((2, guides.shape[0], 3))
+    cosine = np.cos(theta)
+    sine = np.sin(theta)
+    tendon_geometry(cosine, sine, bodies, guides, spans, np.empty(2))
+    balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off)
+    for t in range(2):
+        if tension[t] != 0.0:
+            add_tendon(t, tension[t], ratios, cosine, sine, bodies, guides, spans, group,
+                       diagonal, columns, rows, 0)
+            gradient += tension[t] * columns[:, 0]
+    return gradient
+
+
+@compiled
+def dense_system(theta, tension, bodies, joints, tables, guides, ratios, group, groups):  # type: ignore[no-untyped-def]
+    """
+    Return the Hessian (groups, groups) N m/rad at given tensions, and the tendons' columns.
+
+    columns, rows: (groups, 2) m, moment per tension, and change of a tendon's length per angle;
+    they differ by friction only.
+    """
+    gradient = np.zeros(groups)
+    diagonal = np.zeros(groups)
+    off = np.zeros(groups)
+    width = 3 + 2 * guides.shape[0]
+    columns = np.zeros((groups, width))
+    rows = np.zeros((width, groups))
+    spans = np.empty((2, guides.shape[0], 3))
+    cosine = np.cos(theta)
+    sine = np.sin(theta)
+    tendon_geometry(cosine, sine, bodies, guides, spans, np.empty(2))
+    balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off)
+    force = np.empty((groups, 2))
+    reach = np.empty((groups, 2))
+    hessian = np.zeros((groups, groups))
+    for t in range(2):
+        used = add_tendon(t, tension[t], ratios, cosine, sine, bodies, guides, spans, group,
+                          diagonal, columns, rows, 0)
+        force[:, t] = columns[:, 0]
+        reach[:, t] = rows[0, :]
+        for c in range(1, used):
+            for k in range(groups):
+                for m in range(groups):
+                    hessian[k, m] += columns[k, c] * rows[c, m]
+    for k in range(groups):
+        hessian[k, k] += diagonal[k]
+        if k + 1 < groups:
+            hessian[k, k + 1] += off[k]
+            hessian[k + 1, k] += off[k]
+    return hessian, force, reach

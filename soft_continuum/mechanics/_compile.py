@@ -1,0 +1,54 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Compilation with numba where it is installed; otherwise the same source runs as it is.
+
+What is compiled is kept on disk.  numba would go by the date of each file and miss a change in
+another one that is compiled into it, so the place is named after the contents of all of them.
+"""
+
+from collections.abc import Callable
+import hashlib
+import os
+from pathlib import Path
+from typing import Any
+
+Function = Callable[..., Any]
+
+try:
+    import numba
+
+    COMPILED = True
+    prange = numba.prange
+except ImportError:  # numba is optional: see docs/performance.md
+    COMPILED = False
+    prange = range
+
+
+def _cache_directory() -> str:
+    sources = sorted(Path(__file__).parent.glob('_[a-z]*.py'))
+    digest = hashlib.sha256(b''.join(path.read_bytes() for path in sources)).hexdigest()[:16]
+    cache = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
+    return os.path.join(cache, 'soft_continuum', digest)
+
+
+def compiled(function: Function, parallel: bool = False) -> Function:
+    """Compile with numba, kept on disk and free of the interpreter lock."""
+    if not COMPILED:
+        return function
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = _CACHE
+    try:
+        dispatcher: Function = numba.njit(
+            cache=True, nogil=True, error_model='numpy', parallel=parallel)(function)
+    finally:
+        numba.config.CACHE_DIR = before
+    return dispatcher
+
+
+def compiled_parallel(function: Function) -> Function:
+    """Compile with numba; prange loops run on all cores."""
+    return compiled(function, parallel=True)
+
+
+_CACHE = _cache_directory()

@@ -1,0 +1,233 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+From what is wanted to what must be set: pulls for angles, angles for a tip pose, the workspace.
+
+An arm is set segment by segment (paper, IV-B): each is bent while the others are stiff.  All of
+this is ours.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares
+
+from soft_continuum.mechanics import constant_curvature
+from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
+from soft_continuum.mechanics.sensitivity import Linearisation
+from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
+
+REACHED = 1e-6  # m: a tip this close is where it was wanted
+
+
+@dataclass(frozen=True, eq=False)
+class AngleFit:
+    """
+    Pulls that bring soft segments closest to their bending angles.
+
+    pulls: (2,) m, SLACK for the tendon that does not carry.  error: (segments,) rad, reached minus wanted; nan where nothing was wanted.
+    """
+
+    state: Equilibrium
+    pulls: Array
+    error: Array
+
+
+def pulls_for_angles(statics: Statics, start: Equilibrium, bending_angles: ArrayLike,
+                     soft: Sequence[bool]) -> AngleFit:
+    """
+    Return the pull of one tendon at which the soft segments come closest to given angles.
+
+    bending_angles: (segments,) rad, nan for a segment that may take any.  One pair of tendons
+    bends all soft segments together: it sets one angle exactly; for more, the sum of the squared
+    errors is least.  The tendon that does better carries, the other is slack.  Followed from
+    ``start``; raises StaticsError where no equilibrium exists.
+    """
+    wanted = np.asarray(bending_angles, dtype=float)
+    chosen = np.flatnonzero(np.isfinite(wanted) & np.asarray(soft, dtype=bool))
+    if wanted.shape != (statics.chain.segments,) or not chosen.size:
+        raise ValueError('bending_angles must have one number (or nan) for each segment and one '
+                         f'for a soft segment at least; given: {bending_angles!r}')
+    full = np.where(np.isfinite(wanted), wanted, 0.0)
+    locked = statics.chain.bending_angles(start.joint_angles)
+    guess = constant_curvature.pulls(
+        statics.chain.arm, np.where(np.asarray(soft, dtype=bool), full, locked).tolist())
+    fits = [_fit_pull(statics, start, wanted, chosen, soft, tendon, guess[tendon])
+            for tendon in (RIGHT, LEFT)]
+    found = [fit for fit in fits if isinstance(fit, AngleFit)]
+    if not found:
+        raise next(fit for fit in fits if isinstance(fit, StaticsError))
+    return min(found, key=lambda fit: float(np.nansum(fit.error**2)))
+
+
+def _fit_pull(statics: Statics, start: Equilibrium, wanted: Array, chosen: NDArray[np.intp],
+              soft: Sequence[bool], tendon: int, guess: float) -> AngleFit | StaticsError:
+    """Fit the pull of one tendon, with the other slack."""
+    per_segment = statics.chain.joints_per_segment
+
+    def both(pull: Array) -> Array:
+        pulls = np.full(2, SLACK)
+        pulls[tendon] = pull[0]
+        return pulls
+
+    def error(pull: Array) -> Array:
+        state = statics.solve(start, both(pull), soft)
+        rest: Array = (statics.chain.bending_angles(state.joint_angles) - wanted)[chosen]
+        return rest
+
+    def slope(pull: Array) -> Array:
+        state = statics.solve(start, both(pull), soft)
+        angles = Linearisation(statics, state).pulls().joint_angles[:, tendon]
+        rows: Array = angles.reshape(-1, per_segment).sum(axis=1)[chosen][:, None]
+        return rows
+
+    try:
+        fit = least_squares(error, [guess], jac=slope, xtol=1e-14, ftol=1e-14, gtol=1e-14,
+                            x_scale=0.01)
+        state = statics.solve(start, both(fit.x), soft)
+    except StaticsError as failure:
+        return failure
+    rest = np.full(statics.chain.segments, np.nan)
+    rest[chosen] = error(fit.x)
+    return AngleFit(state, both(fit.x), rest)
+
+
+def set_shape(statics: Statics, bending_angles: Sequence[float],
+              start: Equilibrium | None = None, order: Sequence[int] | None = None
+              ) -> Equilibrium:
+    """
+    Return the arm with its segments set one after the other, base first unless ``order`` says so.
+
+    bending_angles: (segments,) rad.  A segment that already has its angle is left alone.  Raises
+    StaticsError where no tendon holds a segment at its angle.
+    """
+    state = start or statics.chain.straight()
+    for segment in range(statics.chain.segments) if order is None else order:
+        present = statics.chain.bending_angles(state.joint_angles)[segment]
+        if abs(present - bending_angles[segment]) > 1e-9:
+            state = statics.bend(state, segment, float(bending_angles[segment]))
+    return state
+
+
+@dataclass(frozen=True, eq=False)
+class TipFit:
+    """
+    Bending angles that bring the tip where it is wanted, or as near as the arm reaches.
+
+    bending_angles: (segments,) rad.  state: the arm with these angles.  tip: (x, z, tangent) of
+    the top of the tip disc, m and rad.  distance: m from the tip to where it was wanted.
+    softened: the segments (0-based) that must be softened, base first.
+    """
+
+    bending_angles: Array
+    state: Equilibrium
+    tip: Array
+    distance: float
+    softened: tuple[int, ...]
+
+    @property
+    def reached(self) -> bool:
+        """Whether the tip is where it was wanted."""
+        return self.distance <= REACHED
+
+
+def angles_for_tip(statics: Statics, x: float, z: float, tangent: float | None = None,
+                   start: Equilibrium | None = None) -> TipFit:
+    """
+    Return bending angles within the limits whose tip is at (x, z), m, with the fewest softenings.
+
+    tangent: angle of the tip wanted as well, rad; it counts as 0.1 m per rad where both cannot be
+    had.  start: the present shape (default: straight); segments that keep their angle need not be
+    softened.  Out of reach, the nearest tip is returned with its distance.
+    """
+    if not np.all(np.isfinite([x, z, 0.0 if tangent is None else tangent])):
+        raise ValueError(f'the tip wanted must be finite numbers; given: {x}, {z}, {tangent}')
+    begin = start or statics.chain.straight()
+    present = statics.chain.bending_angles(begin.joint_angles)
+    best: TipFit | None = None
+    for count in range(statics.chain.segments + 1):
+        for segments in combinations(range(statics.chain.segments), count):
+            fit = _fit_tip(statics, begin, present, segments, (x, z, tangent))
+            if fit is not None and (best is None or fit.distance < best.distance - REACHED):
+                best = fit
+        if best is not None and best.reached and _turned(best, tangent) < 1e-4:
+            break
+    if best is None:
+        raise StaticsError('no tendon holds the segments on the way to that tip', begin)
+    return best
+
+
+def _turned(fit: TipFit, tangent: float | None) -> float:
+    return 0.0 if tangent is None else abs(float(fit.tip[2]) - tangent)
+
+
+def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tuple[int, ...],
+             wanted: tuple[float, float, float | None]) -> TipFit | None:
+    """Fit the angles of some segments, by constant curvature first, then by the model."""
+    limits = np.array([s.bending_angle_limit for s in statics.chain.arm.segments])[list(segments)]
+
+    def all_angles(some: Array) -> Array:
+        angles = present.copy()
+        angles[list(segments)] = some
+        return angles
+
+    def miss(tip: Array) -> Array:
+        away = [tip[0] - wanted[0], tip[1] - wanted[1]]
+        if wanted[2] is not None:
+            away.append(0.1 * (tip[2] - wanted[2]))
+        return np.array(away)
+
+    def arc_miss(some: Array) -> Array:
+        tip: Array = constant_curvature.poses(statics.chain.arm, all_angles(some).tolist())[-1]
+        return miss(tip)
+
+    def chain_miss(some: Array) -> Array:
+        state = set_shape(statics, all_angles(some).tolist(), begin)
+        return miss(statics.chain.points(state.joint_angles)[-1])
+
+    some = np.zeros(0)
+    try:
+        if segments:
+            guesses = np.array(np.meshgrid(*[[-0.6, 0.6]] * len(segments))).reshape(
+                len(segments), -1).T * limits
+            arcs = [least_squares(arc_miss, g, bounds=(-limits, limits)) for g in guesses]
+            arc = min(arcs, key=lambda fit: float(fit.cost))
+            some = least_squares(chain_miss, np.clip(arc.x, -0.999 * limits, 0.999 * limits),
+                                 bounds=(-limits, limits), xtol=1e-12, ftol=1e-14,
+                                 gtol=1e-14, diff_step=1e-5).x
+        angles = all_angles(some)
+        state = set_shape(statics, angles.tolist(), begin)
+    except StaticsError:
+        return None
+    tip = statics.chain.points(state.joint_angles)[-1]
+    distance = float(np.hypot(tip[0] - wanted[0], tip[1] - wanted[1]))
+    return TipFit(angles, state, tip, distance, segments)
+
+
+def workspace(statics: Statics, per_segment: int = 9) -> tuple[Array, Array]:
+    """
+    Return tips that the arm reaches when it is set base first, and their bending angles.
+
+    tips: (m, 3), x, z in m and tangent in rad.  angles: (m, segments) rad, ``per_segment`` values
+    between the limits of every segment.  Shapes that no tendon holds are left out.
+    """
+    if per_segment < 2:
+        raise ValueError(f'per_segment is {per_segment}; at least 2 values are needed')
+    states = [statics.chain.straight()]
+    for s, segment in enumerate(statics.chain.arm.segments):
+        limit = segment.bending_angle_limit
+        after = []
+        for state in states:
+            for angle in np.linspace(-limit, limit, per_segment):
+                try:
+                    after.append(statics.bend(state, s, float(angle)))
+                except StaticsError:
+                    continue
+        states = after
+    chain = statics.chain
+    tips = np.array([chain.points(s.joint_angles)[-1] for s in states]).reshape(-1, 3)
+    angles = np.array([chain.bending_angles(s.joint_angles) for s in states])
+    return tips, angles.reshape(-1, chain.segments)

@@ -1,0 +1,149 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What acts in the joints: springs, jams and the shape these hold; and friction at the guides.
+
+Columns of the joints array, which _newton.joint_law reads: soft stiffness, soft table, jam
+stiffness, jam table, held angle, yield moment, length of spring.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array, Equilibrium, RigidChain
+from soft_continuum.mechanics.laws import linear, MomentCurvature
+
+SOFT, SOFT_TABLE, JAM, JAM_TABLE, HELD, YIELD, LENGTH = range(7)
+
+
+class JointLaws:
+    """The laws of all joints of a chain, for any set of stiff segments and vacuum."""
+
+    def __init__(self, chain: RigidChain) -> None:
+        """Collect stiffness and tables of every segment, soft and jammed."""
+        self._segments = chain.arm.segments
+        self._per_segment = chain.joints_per_segment
+        tables: list[MomentCurvature] = []
+        soft = np.zeros((chain.joints, 7))
+        soft[:, SOFT] = chain.joint_stiffness
+        soft[:, [SOFT_TABLE, JAM_TABLE]] = -1.0
+        soft[:, YIELD] = np.inf
+        soft[:, LENGTH] = chain.joint_lengths
+        jam = np.zeros((chain.joints, 2))
+        jam[:, 1] = -1.0
+        for s, segment in enumerate(self._segments):
+            rows = self._rows(s)
+            law = segment.soft_law or linear(segment.bending_stiffness)
+            if segment.soft_law is not None:
+                soft[rows, SOFT], soft[rows, SOFT_TABLE] = 1.0, len(tables)
+                tables.append(law)
+            if segment.jam.law is not None:
+                jam[rows] = 1.0, len(tables)
+                tables.append(segment.jam.law.minus(law))
+            elif not segment.jam.rigid and segment.soft_law is None:
+                jam[rows, 0] = (segment.jam.ratio - 1.0) * chain.joint_stiffness[rows]
+            elif not segment.jam.rigid:
+                jam[rows] = segment.jam.ratio - 1.0, len(tables) - 1
+        self._soft, self._jam = soft, jam
+        self._jams = not all(s.jam.rigid for s in self._segments)
+        rows_needed = max([len(t.curvatures) for t in tables], default=2)
+        # Shorter tables go on with their last slope.
+        self.tables = np.zeros((max(1, len(tables)), 2, rows_needed))
+        for k, table in enumerate(tables):
+            curvatures = list(table.curvatures)
+            while len(curvatures) < rows_needed:
+                curvatures.append(2.0 * curvatures[-1])
+            self.tables[k] = curvatures, [table.moment(c) for c in curvatures]
+
+    def _rows(self, segment: int) -> slice:
+        return slice(segment * self._per_segment, (segment + 1) * self._per_segment)
+
+    def joints(self, start: Equilibrium, stiff: Sequence[bool],
+               vacuum: Sequence[float] | None) -> Array:
+        """
+        Return the joints array for the given stiff segments, followed from ``start``.
+
+        A segment that was soft there holds the shape it has there.  vacuum: 0 to 1 per segment.
+        Raises ValueError for a vacuum of the wrong size or range.
+        """
+        if vacuum is not None and (len(vacuum) != len(self._segments)
+                                   or not all(0.0 <= v <= 1.0 for v in vacuum)):
+            raise ValueError(f'vacuum must be one number from 0 to 1 for each of the '
+                             f'{len(self._segments)} segments; given: {list(vacuum)}')
+        if not self._jams:
+            return self._soft
+        joints = self._soft.copy()
+        for s, segment in enumerate(self._segments):
+            if not stiff[s] or segment.jam.rigid:
+                continue
+            part = 1.0 if vacuum is None else vacuum[s]
+            rows = self._rows(s)
+            joints[rows, JAM:JAM_TABLE + 1] = self._jam[rows]
+            joints[rows, JAM] *= part**segment.jam.stiffness_exponent
+            joints[rows, YIELD] = segment.jam.yield_moment * part
+            held = start.held_angles if start.stiff[s] else start.joint_angles
+            joints[rows, HELD] = held[rows]
+        return joints
+
+    def held(self, angles: Array, joints: Array, stiff: Sequence[bool]) -> Array:
+        """Return the angles (joints,) rad that the jams hold, after creep; others as they are."""
+        if not self._jams:
+            return angles
+        crept = self.crept(angles, joints)[:, HELD]
+        jammed = np.repeat([s and not segment.jam.rigid for s, segment in
+                            zip(stiff, self._segments, strict=True)], self._per_segment)
+        held: Array = np.where(jammed, crept, angles)
+        return held
+
+    def crept(self, angles: Array, joints: Array) -> Array:
+        """
+        Return the joints array whose held angles have followed where the jam yields.
+
+        The jam then bears just its yield moment (perfect plasticity).  The array itself comes
+        back when nothing yields.
+        """
+        if not self._jams or np.isinf(joints[:, YIELD]).all():
+            return joints
+        offset = angles - joints[:, HELD]
+        most = self._yield_offsets(joints)
+        beyond = np.abs(offset) > most
+        if not beyond.any():
+            return joints
+        after = joints.copy()
+        after[beyond, HELD] += np.sign(offset[beyond]) * (np.abs(offset) - most)[beyond]
+        return after
+
+    def _yield_offsets(self, joints: Array) -> Array:
+        """Return the offset (joints,) rad from the held angle at which the jam yields."""
+        most = np.full(len(joints), np.inf)
+        for i, row in enumerate(joints):
+            if row[JAM] <= 0.0 or np.isinf(row[YIELD]):
+                continue
+            if row[JAM_TABLE] < 0:
+                most[i] = row[YIELD] / row[JAM]
+            else:
+                curvatures, moments = self.tables[int(row[JAM_TABLE])]
+                wanted = row[YIELD] / row[JAM]
+                slope = np.diff(curvatures)[-1] / np.diff(moments)[-1]
+                curvature = np.interp(wanted, moments, curvatures) + slope * max(
+                    0.0, wanted - moments[-1])
+                most[i] = curvature * row[LENGTH]
+        return most
+
+
+def tension_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
+    """
+    Return the tension of every span over that at the base, (2, segments), by the Capstan formula.
+
+    A tendon loses exp(-mu beta) at every guide where it turns by beta, seen in the direction in
+    which it slides: 1 towards the base (it is pulled), -1 towards the tip, 0 without friction.
+    """
+    guides = chain.guide_points(joint_angles)
+    runs = np.diff(guides, axis=1)  # through discs and spans in turn, base disc first
+    heading = np.arctan2(runs[:, :, 0], runs[:, :, 1])
+    turn = np.abs(np.diff(heading, axis=1))  # at the guides, from the top of the base disc
+    passed = np.cumsum(turn, axis=1)[:, 0::2]  # before each span
+    direction = np.asarray(sliding, dtype=float)[:, None]
+    ratios: Array = np.exp(-chain.arm.tendon.friction * direction * passed)
+    return ratios

@@ -1,0 +1,103 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Stiffness laws of a segment: measured moment-curvature tables, and what jamming adds.
+
+The paper takes soft segments as linear and stiff ones as rigid, and asks for piecewise,
+deformation-dependent stiffness in both states as future work (VI); these are ours.
+"""
+
+from dataclasses import dataclass
+from math import inf, isfinite
+
+import numpy as np
+
+
+class LawError(ValueError):
+    """A stiffness law is not usable; the message names the row or value."""
+
+
+@dataclass(frozen=True)
+class MomentCurvature:
+    """
+    A piecewise-linear, odd moment-curvature law.
+
+    curvatures: 1/m, from 0, increasing.  moments: N m, from 0, increasing.  Beyond the last row
+    the last slope goes on.
+    """
+
+    curvatures: tuple[float, ...]
+    moments: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse a table that is not a monotone law through zero, naming the row."""
+        rows = list(zip(self.curvatures, self.moments, strict=False))
+        if len(self.curvatures) != len(self.moments) or len(rows) < 2:
+            raise LawError(
+                f'a moment-curvature table needs two or more rows of both; given: '
+                f'{len(self.curvatures)} curvatures and {len(self.moments)} moments')
+        if rows[0] != (0.0, 0.0):
+            raise LawError(f'row 1 is {rows[0]}; a moment-curvature table starts at (0, 0)')
+        for number, ((k0, m0), (k1, m1)) in enumerate(zip(rows, rows[1:], strict=False), start=2):
+            if not (isfinite(k1) and isfinite(m1)):
+                raise LawError(f'row {number} is ({k1:g}, {m1:g}); both must be finite')
+            if k1 <= k0 or m1 <= m0:
+                raise LawError(
+                    f'row {number} is ({k1:g} 1/m, {m1:g} N m) after ({k0:g}, {m0:g}); curvature '
+                    'and moment must both increase')
+
+    def moment(self, curvature: float) -> float:
+        """Return the moment in N m at a curvature in 1/m."""
+        k, m = np.array(self.curvatures), np.array(self.moments)
+        size = abs(curvature)
+        value = float(np.interp(size, k, m))
+        if size > k[-1]:
+            value += (m[-1] - m[-2]) / (k[-1] - k[-2]) * (size - k[-1])
+        return value if curvature >= 0 else -value
+
+    def minus(self, other: 'MomentCurvature') -> 'MomentCurvature':
+        """Return the law that, beside ``other``, makes up this one."""
+        k = np.union1d(self.curvatures, other.curvatures)
+        return MomentCurvature(
+            tuple(k.tolist()), tuple(self.moment(x) - other.moment(x) for x in k))
+
+
+def linear(bending_stiffness: float) -> MomentCurvature:
+    """Return the law of a linear beam, E I in N m^2."""
+    return MomentCurvature((0.0, 1.0), (0.0, bending_stiffness))
+
+
+@dataclass(frozen=True)
+class Jam:
+    """
+    What a jammed filling adds to the leaf spring of a stiff segment.
+
+    ratio: K, bending stiffness of the stiff over that of the soft segment; infinite (the default)
+    is the paper's rigid segment.  law: the whole stiff segment's moment over its curvature away
+    from the held shape, measured, in place of a ratio.  yield_moment: N m that the jam bears at
+    full vacuum before its held shape creeps.  stiffness_exponent: the jam's stiffness grows with
+    vacuum to this power; its yield moment grows with vacuum itself (HARDWARE.md: 0.5 to 1, and
+    about proportional).
+    """
+
+    ratio: float = inf
+    law: MomentCurvature | None = None
+    yield_moment: float = inf
+    stiffness_exponent: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a jam."""
+        if not self.ratio > 1.0:
+            raise LawError(f'stiffness ratio K is {self.ratio:g}; it must be above 1')
+        if not self.yield_moment > 0.0:
+            raise LawError(f'yield moment is {self.yield_moment:g} N m; it must be above 0')
+        if not 0.0 <= self.stiffness_exponent <= 5.0:
+            raise LawError(
+                f'stiffness exponent is {self.stiffness_exponent:g}; allowed: 0 to 5')
+        if self.ratio == inf and self.law is None and self.yield_moment != inf:
+            raise LawError('a rigid segment does not yield; give a ratio K or a law as well')
+
+    @property
+    def rigid(self) -> bool:
+        """Whether a stiff segment is locked (paper, III-A)."""
+        return self.ratio == inf and self.law is None

@@ -1,0 +1,119 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How an equilibrium changes with pulls and stiffness, by differentiating it implicitly.
+
+At an equilibrium F(angles, tensions; p) = 0, so d(angles, tensions)/dp = -K^-1 dF/dp with K the
+matrix of the last Newton step.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from soft_continuum.mechanics import _assembly
+from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.joints import JAM, JAM_TABLE, SOFT, SOFT_TABLE, tension_ratios
+from soft_continuum.mechanics.statics import Statics
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """
+    Derivatives of an equilibrium with respect to k parameters.
+
+    joint_angles: (joints, k) rad per unit.  tensions: (2, k) N per unit.  tip: (3, k), of x, z
+    (m) and tangent angle (rad) of the top of the tip disc.
+    """
+
+    joint_angles: Array
+    tensions: Array
+    tip: Array
+
+
+class Linearisation:
+    """
+    The linearised statics at one equilibrium, for the stiff segments it was found with.
+
+    A slack tendon stays slack and a taut one taut: at the point where that changes, the
+    derivatives are one-sided.
+    """
+
+    def __init__(self, statics: Statics, state: Equilibrium,
+                 sliding: Sequence[int] = (0, 0)) -> None:
+        """Assemble the matrix; ``sliding`` as in Statics.solve, its ratios taken as constant."""
+        self._chain = chain = statics.chain
+        self._state = state
+        self._boundary = boundary = statics._boundary(
+            state, [not s for s in state.stiff], np.zeros(2))
+        self.theta = np.cumsum(state.joint_angles)
+        ratios = tension_ratios(chain, state.joint_angles, sliding)
+        self.tensions = np.nan_to_num(state.tensions)
+        self.hessian, self._force, self._reach = _assembly.dense_system(
+            self.theta, self.tensions, statics._bodies, boundary.joints, statics.laws.tables,
+            chain.guides, ratios, boundary.group, boundary.groups)
+        self._taut = [t for t in (0, 1) if self.tensions[t] > 0.0]
+        groups, size = boundary.groups, boundary.groups + len(self._taut)
+        self._matrix = np.zeros((size, size))
+        self._matrix[:groups, :groups] = self.hessian
+        for row, t in enumerate(self._taut, start=groups):
+            self._matrix[:groups, row] = self._force[:, t]
+            self._matrix[row, :groups] = self._reach[:, t]
+            self._matrix[row, row] = -statics.compliance[t]
+
+    def pulls(self) -> Sensitivity:
+        """Return the derivatives with respect to the pulls (right, left), per m."""
+        groups = self._boundary.groups
+        right_side = np.zeros((len(self._matrix), 2))
+        for row, t in enumerate(self._taut, start=groups):
+            right_side[row, t] = -1.0
+        return self._solve(right_side)
+
+    def bending_stiffness(self) -> Sensitivity:
+        """Return the derivatives with respect to E I of every segment's soft law, per N m^2."""
+        joints = self._boundary.joints
+        if np.any(joints[:, SOFT_TABLE] >= 0):
+            raise ValueError('a segment with a moment-curvature table has no single E I')
+        moments = joints[:, SOFT] * self._state.joint_angles
+        # Joint stiffness is proportional to E I, and a jam's, K - 1 times it, as well.
+        jam = np.clip(joints[:, JAM] * (self._state.joint_angles - joints[:, 4]),
+                      -joints[:, 5], joints[:, 5])
+        jam[joints[:, JAM_TABLE] >= 0] = 0.0
+        jam[np.abs(jam) >= joints[:, 5]] = 0.0
+        stiffness = [s.bending_stiffness for s in self._chain.arm.segments]
+        return self._solve(self._by_segment((moments + jam), stiffness))
+
+    def stiffness_ratio(self) -> Sensitivity:
+        """Return the derivatives with respect to the ratio K of every stiff segment."""
+        joints = self._boundary.joints
+        offset = self._state.joint_angles - joints[:, 4]
+        elastic = np.abs(joints[:, JAM] * offset) < joints[:, 5]
+        ratios = np.array([s.jam.ratio for s in self._chain.arm.segments])
+        moments = np.where(elastic, joints[:, JAM] * offset, 0.0)
+        return self._solve(self._by_segment(moments, np.where(
+            np.isinf(ratios), np.inf, ratios - 1.0)))
+
+    def _by_segment(self, moments: Array, parameters: Sequence[float] | Array) -> Array:
+        """Return minus the change of the moment balance per parameter of each segment."""
+        chain, group = self._chain, self._boundary.group
+        right_side = np.zeros((len(self._matrix), chain.segments))
+        for i, moment in enumerate(moments):
+            s = i // chain.joints_per_segment
+            below = group[i - 1] if i > 0 else -1
+            if group[i] != below:
+                right_side[group[i], s] -= moment / parameters[s]
+                if below >= 0:
+                    right_side[below, s] += moment / parameters[s]
+        return right_side
+
+    def _solve(self, right_side: Array) -> Sensitivity:
+        chain, boundary = self._chain, self._boundary
+        solution = np.linalg.solve(self._matrix, right_side)
+        moved = np.where((boundary.group >= 0)[:, None], solution[boundary.group], 0.0)
+        tensions = np.zeros((2, right_side.shape[1]))
+        tensions[self._taut] = solution[boundary.groups:]
+        lengths, theta = chain.body_lengths[:, None], self.theta[:, None]
+        tip = np.stack([(lengths * np.cos(theta) * moved).sum(axis=0),
+                        (-lengths * np.sin(theta) * moved).sum(axis=0), moved[-1]])
+        return Sensitivity(np.diff(moved, axis=0, prepend=0.0), tensions, tip)

@@ -1,0 +1,303 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""A segment is stiff when its pressure says so, and the pump runs no more than it has to."""
+
+from math import inf, nan
+
+from hypothesis import given, settings, strategies as st
+import pytest
+
+from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
+from soft_continuum.hardware.protocols import HardwareError, JammingReading
+from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
+
+SETTINGS = JammingSettings()
+AMBIENT = SETTINGS.ambient_pressure
+STIFF, RELEASE = SETTINGS.stiff_vacuum, SETTINGS.release_vacuum
+START, STOP = SETTINGS.pump_start_vacuum, SETTINGS.pump_stop_vacuum
+ORDER = ('release_vacuum', 'stiff_vacuum', 'pump_start_vacuum', 'pump_stop_vacuum')
+
+
+class Clock:
+    """A clock that goes on only when told."""
+
+    def __init__(self):
+        self.now = 1000.0
+
+    def __call__(self):
+        return self.now
+
+
+class ScriptedJamming:
+    """A driver whose sensors read what a test says."""
+
+    def __init__(self, *vacuum, pump=False):
+        self.vacuum = list(vacuum)
+        self.evacuated = [True] * len(vacuum)
+        self.pump = pump
+        self.switched = []
+
+    def open(self):
+        """Nothing to connect."""
+
+    def close(self):
+        """Nothing to disconnect."""
+
+    def read(self):
+        return JammingReading(
+            tuple(AMBIENT - v for v in self.vacuum), tuple(self.evacuated), self.pump)
+
+    def set_evacuated(self, segment, evacuated):
+        self.evacuated[segment] = evacuated
+
+    def set_pump(self, running):
+        self.pump = running
+        self.switched.append(running)
+
+
+def scripted(*vacuum, pump=False):
+    driver = ScriptedJamming(*vacuum, pump=pump)
+    return driver, JammingController(driver, len(vacuum), SETTINGS)
+
+
+def simulated(initially_stiff, segments=3, plant=None):
+    clock = Clock()
+    driver = SimulatedJamming(clock, segments, plant or JammingPlant(), initially_stiff)
+    return clock, driver, JammingController(driver, segments, SETTINGS)
+
+
+def stiff_at(controller, driver, *vacuum):
+    """The flag of the first segment after readings of its vacuum, one after the other."""
+    flags = []
+    for value in vacuum:
+        driver.vacuum[0] = value
+        controller.update()
+        flags.append(controller.stiff[0])
+    return flags
+
+
+def test_nothing_is_stiff_before_the_pressures_were_read():
+    _, _, controller = simulated(initially_stiff=True)
+    assert controller.stiff == [False, False, False]
+    with pytest.raises(HardwareError, match='not been read'):
+        _ = controller.reading
+
+
+def test_a_rig_found_evacuated_is_stiff_after_the_first_reading():
+    _, _, controller = simulated(initially_stiff=True)
+    controller.update()
+    assert controller.stiff == [True, True, True]
+
+
+def test_a_rig_found_soft_is_not_evacuated_unasked():
+    clock, driver, controller = simulated(initially_stiff=False)
+    for _ in range(20):
+        controller.update()
+        clock.now += 0.5
+    assert controller.stiff == [False, False, False]
+    assert not driver.read().pump and not any(driver.read().evacuated)
+
+
+def test_a_segment_is_stiff_from_the_stiff_vacuum_on():
+    driver, controller = scripted(0.0)
+    assert stiff_at(controller, driver, STIFF - 1.0, STIFF) == [False, True]
+
+
+def test_a_stiff_segment_stays_stiff_down_to_the_release_vacuum():
+    driver, controller = scripted(0.0)
+    flags = stiff_at(controller, driver, STIFF, RELEASE, RELEASE - 1.0, STIFF - 1.0, STIFF)
+    assert flags == [True, True, False, False, True]
+
+
+def test_noise_within_the_thresholds_does_not_toggle_a_segment():
+    driver, controller = scripted(0.0)
+    noisy = [STIFF - 1.0, RELEASE + 1.0] * 5
+    assert not any(stiff_at(controller, driver, *noisy))
+    assert all(stiff_at(controller, driver, STIFF, *noisy))
+
+
+def test_a_segment_is_soft_as_soon_as_it_is_asked_to_be_vented():
+    _, controller = scripted(90e3, 90e3)
+    controller.update()
+    controller.set_stiff(1, False)
+    assert controller.stiff == [True, False]
+    controller.update()
+    assert controller.stiff == [True, False]  # though its vacuum is still high
+
+
+def test_a_segment_is_not_stiff_just_because_it_was_asked_to_be():
+    driver, controller = scripted(0.0)
+    driver.evacuated[0] = False
+    controller.set_stiff(0, True)
+    assert controller.stiff == [False]
+    controller.update()
+    assert controller.stiff == [False]
+
+
+def test_a_segment_whose_valve_does_not_open_is_not_stiff_whatever_its_sensor_says():
+    driver, controller = scripted(90e3)
+    driver.evacuated[0] = False
+    controller.update()
+    assert controller.stiff == [False]
+
+
+def test_a_broken_sensor_is_never_stiff():
+    driver, controller = scripted(0.0)
+    assert stiff_at(controller, driver, nan, 90e3, nan, RELEASE + 1.0) == [
+        False, True, False, False]
+
+
+@pytest.mark.parametrize('vacuum', [inf, -inf])
+def test_a_sensor_that_reads_infinity_is_never_stiff(vacuum):
+    _, controller = scripted(vacuum)
+    controller.update()
+    assert controller.stiff == [False]
+
+
+def test_a_broken_sensor_does_not_touch_the_other_segments():
+    _, controller = scripted(90e3, nan, 90e3)
+    controller.update()
+    assert controller.stiff == [True, False, True]
+
+
+def test_the_pump_starts_below_one_vacuum_and_rests_above_another():
+    driver, controller = scripted(STOP, pump=True)
+    for vacuum in (STOP, STOP - 1.0, START, START - 1.0, START, STOP - 1.0, STOP):
+        driver.vacuum[0] = vacuum
+        controller.update()
+    assert driver.switched == [False, True, False]
+
+
+def test_the_weakest_evacuated_segment_starts_the_pump():
+    driver, controller = scripted(90e3, START - 1.0, 90e3)
+    controller.update()
+    assert driver.pump
+
+
+def test_the_pump_rests_only_when_every_evacuated_segment_has_vacuum_enough():
+    driver, controller = scripted(90e3, STOP - 1.0, 90e3, pump=True)
+    controller.update()
+    assert driver.pump
+
+
+def test_a_vented_segment_does_not_keep_the_pump_running():
+    driver, controller = scripted(90e3, 0.0, 90e3, pump=True)
+    controller.set_stiff(1, False)
+    controller.update()
+    assert not driver.pump
+
+
+def test_the_pump_rests_when_every_segment_is_vented():
+    driver, controller = scripted(50e3, 50e3, pump=True)
+    for segment in (0, 1):
+        controller.set_stiff(segment, False)
+    controller.update()
+    assert not driver.pump
+
+
+def test_the_pump_keeps_running_for_a_segment_whose_sensor_is_broken():
+    driver, controller = scripted(90e3, nan)
+    controller.update()
+    assert driver.pump
+    controller.update()
+    assert driver.switched == [True]
+
+
+def test_an_unattended_stiff_arm_stays_stiff_while_the_pump_mostly_rests():
+    clock, _, controller = simulated(initially_stiff=True)
+    pumping = []
+    for _ in range(4000):
+        reading = controller.update()
+        pumping.append(reading.pump)
+        assert all(controller.stiff)
+        assert min(AMBIENT - p for p in reading.pressures) >= START - 100.0
+        clock.now += 0.1
+    starts = sum(b and not a for a, b in zip(pumping, pumping[1:], strict=False))
+    assert 2 <= starts <= 20  # it does start, and does not chatter
+    assert sum(pumping) < 0.1 * len(pumping)
+
+
+def test_softening_and_stiffening_takes_as_long_as_the_air_needs():
+    clock, _, controller = simulated(initially_stiff=True)
+    controller.update()
+    controller.set_stiff(1, False)
+    clock.now += 3.0
+    controller.update()
+    controller.set_stiff(1, True)
+    flags = []
+    for _ in range(10):
+        clock.now += 0.1
+        controller.update()
+        flags.append(controller.stiff[1])
+    # The pump rested up to the first reading; then 0.4 s ln(94 / (94 - 50)) = 0.30 s.
+    assert flags == [False] * 4 + [True] * 6
+
+
+def test_a_lost_device_is_reported_and_nothing_becomes_stiff():
+    driver, controller = scripted(90e3)
+
+    def lost():
+        raise HardwareError('unplugged')
+
+    driver.read = lost
+    with pytest.raises(HardwareError, match='unplugged'):
+        controller.update()
+    assert controller.stiff == [False]
+
+
+thresholds = st.lists(st.floats(1e3, 101e3), min_size=4, max_size=4)
+
+
+@settings(deadline=None, derandomize=True)
+@given(thresholds)
+def test_thresholds_out_of_order_are_refused_and_named(values):
+    given_order = dict(zip(ORDER, values, strict=True))
+    if all(a < b for a, b in zip(values, values[1:], strict=False)):
+        assert JammingSettings(**given_order)
+        return
+    with pytest.raises(ValueError, match='must be below') as refused:
+        JammingSettings(**given_order)
+    assert sum(name in str(refused.value) for name in ORDER) == 2
+
+
+@pytest.mark.parametrize('name', ORDER)
+def test_a_threshold_that_is_not_a_number_is_refused(name):
+    with pytest.raises(ValueError, match=name):
+        JammingSettings(**{name: nan})
+
+
+commands = st.lists(
+    st.tuples(st.integers(0, 2), st.booleans(), st.floats(0.0, 2.0)), max_size=15)
+
+
+@settings(deadline=None, derandomize=True)
+@given(commands, st.booleans())
+def test_a_segment_is_never_stiff_before_its_pressure_says_so(script, initially_stiff):
+    clock, driver, controller = simulated(initially_stiff)
+    before = list(controller.stiff)
+    for segment, stiff, duration in script:
+        controller.set_stiff(segment, stiff)
+        assert all(was or not now for was, now in zip(before, controller.stiff, strict=True))
+        before = list(controller.stiff)
+        clock.now += duration
+        reading = controller.update()
+        for i, flag in enumerate(controller.stiff):
+            vacuum = AMBIENT - reading.pressures[i]
+            assert flag == (reading.evacuated[i] and vacuum >= (RELEASE if before[i] else STIFF))
+        before = list(controller.stiff)
+
+
+@settings(deadline=None, derandomize=True)
+@given(commands)
+def test_an_evacuated_segment_becomes_stiff_whatever_was_switched_before(script):
+    clock, _, controller = simulated(initially_stiff=False)
+    for segment, stiff, duration in script:
+        controller.set_stiff(segment, stiff)
+        clock.now += duration
+        controller.update()
+    for segment in range(3):
+        controller.set_stiff(segment, True)
+    for _ in range(10):
+        controller.update()
+        clock.now += 0.5
+    assert all(controller.stiff)

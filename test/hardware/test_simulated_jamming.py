@@ -1,0 +1,191 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated segments lose and gain air as first-order plants with delayed valves."""
+
+from math import exp
+
+from hypothesis import given, settings, strategies as st
+import pytest
+
+from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
+
+PLANT = JammingPlant()
+AMBIENT, ULTIMATE = PLANT.ambient_pressure, PLANT.ultimate_vacuum
+SEGMENTS = 3
+
+
+class Clock:
+    """A clock that goes on only when told."""
+
+    def __init__(self):
+        self.now = 1000.0
+
+    def __call__(self):
+        return self.now
+
+
+def rig(initially_stiff=True, plant=PLANT):
+    clock = Clock()
+    return clock, SimulatedJamming(clock, SEGMENTS, plant, initially_stiff)
+
+
+def vacuum_after(clock, jamming, seconds, segment=0):
+    clock.now += seconds
+    return AMBIENT - jamming.read().pressures[segment]
+
+
+def test_a_stiff_rig_starts_evacuated_with_the_pump_on():
+    _, jamming = rig()
+    reading = jamming.read()
+    assert reading.pressures == (AMBIENT - ULTIMATE,) * SEGMENTS
+    assert reading.evacuated == (True,) * SEGMENTS
+    assert reading.pump
+
+
+def test_a_soft_rig_starts_at_ambient_pressure_with_the_pump_at_rest():
+    _, jamming = rig(initially_stiff=False)
+    reading = jamming.read()
+    assert reading.pressures == (AMBIENT,) * SEGMENTS
+    assert reading.evacuated == (False,) * SEGMENTS
+    assert not reading.pump
+
+
+def test_opening_and_closing_switch_nothing():
+    _, jamming = rig()
+    before = jamming.read()
+    jamming.open()
+    jamming.close()
+    assert jamming.read() == before
+
+
+@pytest.mark.parametrize('constants', [0.5, 1.0, 3.0])
+def test_evacuation_follows_its_time_constant_after_the_delay_of_the_valve(constants):
+    clock, jamming = rig(initially_stiff=False)
+    jamming.set_pump(True)
+    jamming.set_evacuated(0, True)
+    time = PLANT.valve_delay + constants * PLANT.evacuation_time
+    assert vacuum_after(clock, jamming, time) == pytest.approx(ULTIMATE * (1 - exp(-constants)))
+
+
+@pytest.mark.parametrize('constants', [0.5, 1.0, 3.0])
+def test_venting_follows_its_time_constant_after_the_delay_of_the_valve(constants):
+    clock, jamming = rig()
+    jamming.set_evacuated(0, False)
+    time = PLANT.valve_delay + constants * PLANT.venting_time
+    assert vacuum_after(clock, jamming, time) == pytest.approx(ULTIMATE * exp(-constants))
+
+
+@pytest.mark.parametrize('initially_stiff', [True, False])
+def test_nothing_changes_before_the_valve_has_moved(initially_stiff):
+    clock, jamming = rig(initially_stiff)
+    jamming.set_pump(True)
+    jamming.set_evacuated(0, not initially_stiff)
+    before = vacuum_after(clock, jamming, 0.0)
+    assert vacuum_after(clock, jamming, 0.99 * PLANT.valve_delay) == pytest.approx(before)
+    assert vacuum_after(clock, jamming, 0.1) != pytest.approx(before)
+
+
+def test_a_valve_that_is_switched_back_before_it_moved_changes_nothing():
+    clock, jamming = rig(initially_stiff=False)
+    jamming.set_pump(True)
+    jamming.set_evacuated(0, True)
+    assert vacuum_after(clock, jamming, 0.3 * PLANT.valve_delay) == 0.0
+    jamming.set_evacuated(0, False)
+    assert vacuum_after(clock, jamming, PLANT.valve_delay) == 0.0
+
+
+def test_the_position_of_a_valve_is_read_back_at_once():
+    _, jamming = rig()
+    jamming.set_evacuated(1, False)
+    assert jamming.read().evacuated == (True, False, True)
+
+
+def test_asking_again_for_the_same_does_not_restart_the_delay():
+    clock, jamming = rig()
+    jamming.set_evacuated(0, False)
+    clock.now += PLANT.valve_delay / 2
+    jamming.set_evacuated(0, False)
+    time = PLANT.valve_delay / 2 + PLANT.venting_time
+    assert vacuum_after(clock, jamming, time) == pytest.approx(ULTIMATE * exp(-1.0))
+
+
+def test_segments_do_not_influence_one_another():
+    clock, jamming = rig()
+    jamming.set_evacuated(1, False)
+    clock.now += 5.0
+    first, second, third = jamming.read().pressures
+    assert first == third == pytest.approx(AMBIENT - ULTIMATE)
+    assert second == pytest.approx(AMBIENT, rel=1e-3)
+
+
+def test_an_evacuated_segment_leaks_while_the_pump_rests():
+    clock, jamming = rig()
+    jamming.set_pump(False)
+    assert vacuum_after(clock, jamming, 10.0) == pytest.approx(ULTIMATE - 10 * PLANT.leak_rate)
+
+
+def test_a_segment_leaks_no_further_than_to_ambient_pressure():
+    clock, jamming = rig()
+    jamming.set_pump(False)
+    assert vacuum_after(clock, jamming, 2 * ULTIMATE / PLANT.leak_rate) == 0.0
+
+
+def test_the_pump_brings_a_leaking_segment_back():
+    clock, jamming = rig()
+    jamming.set_pump(False)
+    clock.now += 60.0
+    jamming.set_pump(True)
+    assert vacuum_after(clock, jamming, 20.0) == pytest.approx(ULTIMATE)
+
+
+def test_an_open_valve_evacuates_nothing_while_the_pump_rests():
+    clock, jamming = rig(initially_stiff=False)
+    jamming.set_evacuated(0, True)
+    assert vacuum_after(clock, jamming, 10.0) == 0.0
+
+
+commands = st.one_of(
+    st.tuples(st.just('set_evacuated'), st.integers(0, SEGMENTS - 1), st.booleans()),
+    st.tuples(st.just('set_pump'), st.booleans()))
+scripts = st.lists(st.tuples(commands, st.floats(0.0, 3.0)), max_size=8)
+
+
+@settings(deadline=None, derandomize=True)
+@given(scripts, st.booleans(), st.lists(st.floats(0.001, 1.0), max_size=20))
+def test_the_result_does_not_depend_on_how_finely_time_is_ticked(script, stiff, parts):
+    readings = []
+    for finely in (False, True):
+        clock, jamming = rig(stiff)
+        for (name, *arguments), duration in script:
+            getattr(jamming, name)(*arguments)
+            start = clock.now
+            for part in parts if finely else ():
+                clock.now = min(clock.now + part * duration / 5, start + duration)
+                jamming.read()
+            clock.now = start + duration
+        readings.append(jamming.read())
+    coarse, fine = readings
+    assert fine.pressures == pytest.approx(coarse.pressures, abs=1e-3)
+    assert (fine.evacuated, fine.pump) == (coarse.evacuated, coarse.pump)
+
+
+@settings(deadline=None, derandomize=True)
+@given(scripts, st.booleans())
+def test_pressures_stay_between_ambient_and_what_the_pump_reaches(script, stiff):
+    clock, jamming = rig(stiff)
+    for (name, *arguments), duration in script:
+        getattr(jamming, name)(*arguments)
+        clock.now += duration
+        for pressure in jamming.read().pressures:
+            assert AMBIENT - ULTIMATE - 1e-6 <= pressure <= AMBIENT + 1e-6
+
+
+@settings(deadline=None, derandomize=True)
+@given(scripts, st.booleans())
+def test_pressures_are_continuous_whatever_is_switched(script, stiff):
+    clock, jamming = rig(stiff)
+    for (name, *arguments), duration in script:
+        before = jamming.read().pressures
+        getattr(jamming, name)(*arguments)
+        assert jamming.read().pressures == before
+        clock.now += duration

@@ -1,0 +1,144 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""An arm that cannot exist is refused, with what is allowed; above all one in wrong units."""
+
+from dataclasses import replace
+from math import inf, nan
+
+import numpy as np
+import paper_arm as paper
+import pytest
+
+from soft_continuum.mechanics import ArmError, Disc, RigidChain, Segment
+
+GOOD = {'length': 0.07, 'bending_stiffness': 0.0265, 'guide_offsets': (0.025, 0.025),
+        'mass': 0.069, 'bending_angle_limit': 1.5, 'outer_diameter': 0.05}
+
+
+@pytest.mark.parametrize(('field', 'value'), [
+    (field, value) for field in GOOD for value in (nan, inf, -inf, -0.01)
+    if field != 'guide_offsets'
+] + [('length', 0.0), ('bending_stiffness', 0.0), ('bending_angle_limit', 0.0),
+     ('outer_diameter', 0.0)])
+def test_a_segment_with_an_impossible_number_is_refused(field, value):
+    with pytest.raises(ArmError, match='allowed'):
+        Segment(**{**GOOD, field: value})
+
+
+@pytest.mark.parametrize('offsets', [
+    (nan, 0.02), (0.02, nan), (0.0, 0.02), (-0.02, 0.02), (0.02, inf)])
+def test_an_impossible_guide_offset_is_refused(offsets):
+    with pytest.raises(ArmError, match='allowed'):
+        Segment(**{**GOOD, 'guide_offsets': offsets})
+
+
+@pytest.mark.parametrize('offsets', [(), (0.02,), (0.02, 0.02, 0.02)])
+def test_a_segment_has_a_guide_at_each_of_its_two_ends(offsets):
+    with pytest.raises(ArmError):
+        Segment(**{**GOOD, 'guide_offsets': offsets})
+
+
+@pytest.mark.parametrize(('height', 'mass'), [
+    (nan, 0.06), (0.0, 0.06), (-0.03, 0.06), (inf, 0.06), (0.03, nan), (0.03, -0.06), (0.03, inf)])
+def test_an_impossible_disc_is_refused(height, mass):
+    with pytest.raises(ArmError, match='allowed'):
+        Disc(height, mass)
+
+
+@pytest.mark.parametrize(('field', 'value'), [
+    ('bodies_per_segment', 0), ('bodies_per_segment', -1), ('bodies_per_segment', 10**6),
+    ('mounting_angle', nan), ('mounting_angle', inf), ('mounting_angle', 90.0),
+    ('gravity', nan), ('gravity', -9.81), ('gravity', 9806.65)])
+def test_an_impossible_arm_is_refused(field, value):
+    with pytest.raises(ArmError, match='allowed'):
+        paper.build(**{field: value})
+
+
+@pytest.mark.parametrize('bodies', [12.0, 12.5, nan])
+def test_the_number_of_bodies_is_a_whole_number(bodies):
+    with pytest.raises(ArmError):
+        RigidChain(paper.build(bodies_per_segment=bodies))
+
+
+def test_an_arm_without_segments_or_with_missing_discs_is_refused():
+    arm = paper.build()
+    for segments, discs in (((), arm.discs[:1]), (arm.segments, arm.discs[1:]),
+                            (arm.segments[:1], arm.discs)):
+        with pytest.raises(ArmError):
+            replace(arm, segments=segments, discs=discs)
+
+
+# The paper's own arm with one value in the wrong unit: mm, g, N mm^2 or degrees.
+
+@pytest.mark.parametrize('segment', [0, 1, 2])
+@pytest.mark.parametrize(('field', 'factor'), [
+    ('length', 1e3), ('length', 1e-3), ('outer_diameter', 1e3), ('outer_diameter', 1e-3),
+    ('guide_offsets', 1e3), ('guide_offsets', 1e-3), ('mass', 1e3), ('bending_stiffness', 1e6),
+    ('bending_angle_limit', 57.3)])
+def test_a_segment_in_the_wrong_unit_is_refused(segment, field, factor):
+    arm = paper.build()
+    value = getattr(arm.segments[segment], field)
+    wrong = tuple(v * factor for v in value) if field == 'guide_offsets' else value * factor
+    with pytest.raises(ArmError):
+        replace(arm, segments=tuple(
+            replace(s, **{field: wrong}) if i == segment else s
+            for i, s in enumerate(arm.segments)))
+
+
+@pytest.mark.parametrize(('field', 'factor'), [('height', 1e3), ('height', 1e-3), ('mass', 1e3)])
+def test_a_disc_in_the_wrong_unit_is_refused(field, factor):
+    arm = paper.build()
+    with pytest.raises(ArmError):
+        wrong = replace(arm.discs[1], **{field: getattr(arm.discs[1], field) * factor})
+        replace(arm, discs=(arm.discs[0], wrong, *arm.discs[2:]))
+
+
+def test_a_mounting_angle_in_degrees_is_refused():
+    for degrees in (30.0, 45.0, 90.0, 180.0):
+        with pytest.raises(ArmError, match='rad'):
+            paper.build(mounting_angle=degrees)
+
+
+# The frame
+
+def test_the_straight_arm_is_330_mm_long_with_its_calculation_points_on_the_discs():
+    arm = paper.build()
+    assert arm.length == pytest.approx(0.330)
+    chain = RigidChain(arm)
+    points = chain.points(chain.straight().joint_angles)
+    assert points[:, 1] == pytest.approx([0.0, 0.03, 0.1, 0.13, 0.2, 0.23, 0.3, 0.33])
+    assert np.all(points[:, [0, 2]] == 0.0)
+    assert chain.joints == 39
+
+
+def test_a_positive_angle_carries_the_tip_to_positive_x_and_shortens_the_right_tendon():
+    chain = RigidChain(paper.build())
+    state = chain.uniform((0.3, 0.0, 0.0))
+    assert chain.points(state.joint_angles)[-1, 0] > 0.0
+    right, left = state.pulls
+    assert right > 0.0 > left
+    guides = chain.guide_points(chain.straight().joint_angles)
+    assert np.all(guides[0, :, 0] > 0.0)
+    assert np.all(guides[1, :, 0] < 0.0)
+
+
+def test_guides_sit_on_the_discs_at_half_the_outer_diameter():
+    chain = RigidChain(paper.build())
+    state = chain.uniform((0.5, -0.4, 0.3))
+    guides = chain.guide_points(state.joint_angles)
+    points = chain.points(state.joint_angles)[:, :2]
+    offsets = [0.025, 0.025, 0.025, 0.02125, 0.02125, 0.0175, 0.0175, 0.0175]
+    for side in guides:
+        assert np.linalg.norm(side - points, axis=1) == pytest.approx(offsets)
+
+
+@pytest.mark.parametrize('angles', [np.zeros(38), np.zeros(40), np.full(39, nan), np.zeros((3, 13))])
+def test_joint_angles_of_the_wrong_size_or_nan_are_refused(angles):
+    with pytest.raises(ValueError, match='39'):
+        RigidChain(paper.build()).state(angles)
+
+
+@pytest.mark.parametrize('angles', [(0.1, 0.2), (0.1,) * 4, (0.1, nan, 0.1)])
+def test_bending_angles_of_the_wrong_size_or_nan_are_refused(angles):
+    with pytest.raises(ValueError):
+        RigidChain(paper.build()).uniform(angles)

@@ -1,0 +1,111 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Arcs of constant curvature: geometry, pulls, and their inverse."""
+
+from math import cos, pi, sin
+
+from hypothesis import given, strategies as st
+import numpy as np
+import paper_arm as paper
+import pytest
+from random_arms import arms, between, MODERATE
+
+from soft_continuum.mechanics import (
+    Arm,
+    ArmError,
+    constant_curvature,
+    Disc,
+    RigidChain,
+    Segment,
+)
+
+
+def drawn(segment, angle):
+    """Return right and left span by drawing the arc: its end point, then the four guides."""
+    if abs(angle) < 1e-12:
+        x, z = 0.0, segment.length
+    else:
+        radius = segment.length / angle
+        x, z = radius * (1 - cos(angle)), radius * sin(angle)
+    lower, upper = segment.guide_offsets
+    spans = []
+    for side in (1, -1):
+        dx = x + side * upper * cos(angle) - side * lower
+        dz = z - side * upper * sin(angle)
+        spans.append(np.hypot(dx, dz))
+    return spans
+
+
+@MODERATE
+@given(arms(segments=(1, 1)), between(-2.0, 2.0))
+def test_pulls_are_those_of_guides_drawn_on_an_arc(arm, angle):
+    segment = arm.segments[0]
+    straight = drawn(segment, 0.0)
+    expected = np.array(straight) - drawn(segment, angle)
+    assert constant_curvature.segment_pulls(segment, angle) == pytest.approx(expected, abs=1e-14)
+
+
+def test_an_angle_near_zero_joins_smoothly():
+    for angle in (1.9e-4, 2.0e-4, 2.1e-4, 1e-9, 0.0):
+        exact = 0.07 * (1.0 - (angle / 2)**2 / 6 + (angle / 2)**4 / 120)
+        assert constant_curvature.chord(0.07, angle) == pytest.approx(exact, rel=1e-15)
+
+
+@MODERATE
+@given(arms(segments=(1, 1)), between(-1.5, 1.5))
+def test_the_bending_angle_is_recovered_from_the_pull(arm, angle):
+    segment = arm.segments[0]
+    pull, _ = constant_curvature.segment_pulls(segment, angle)
+    assert constant_curvature.bending_angle(segment, pull) == pytest.approx(angle, abs=1e-10)
+
+
+def test_a_pull_beyond_the_bending_angle_limit_is_refused():
+    segment = paper.build().segments[0]
+    most, _ = constant_curvature.segment_pulls(segment, segment.bending_angle_limit)
+    with pytest.raises(ArmError, match='allowed'):
+        constant_curvature.bending_angle(segment, most + 1e-6)
+    with pytest.raises(ArmError, match='allowed'):
+        constant_curvature.bending_angle(segment, float('nan'))
+
+
+def test_a_pull_within_the_limit_has_the_smallest_angle_that_gives_it():
+    # Wide guides meet before the limit: beyond, the same pull belongs to a second, useless angle.
+    segment = Segment(0.03, 0.02, (0.025, 0.025), bending_angle_limit=pi / 2)
+    for angle in (0.3, 0.8, 1.1):
+        pull, _ = constant_curvature.segment_pulls(segment, angle)
+        assert constant_curvature.bending_angle(segment, pull) == pytest.approx(angle, abs=1e-9)
+
+
+def test_a_limit_of_a_full_turn_leaves_small_pulls_allowed():
+    segment = Segment(0.07, 0.02, (0.025, 0.025), bending_angle_limit=2 * pi)
+    pull, _ = constant_curvature.segment_pulls(segment, 0.6)
+    assert constant_curvature.bending_angle(segment, pull) == pytest.approx(0.6, abs=1e-9)
+
+
+@MODERATE
+@given(arms(segments=(2, 4), bodies=(400, 400)), st.data())
+def test_the_chain_with_many_even_joints_lies_on_the_arcs(arm, data):
+    angles = [data.draw(between(-1.2, 1.2)) for _ in arm.segments]
+    chain = RigidChain(arm)
+    state = chain.uniform(angles)
+    arcs = constant_curvature.poses(arm, angles)
+    assert chain.points(state.joint_angles) == pytest.approx(arcs, abs=2e-4)
+    assert state.pulls == pytest.approx(constant_curvature.pulls(arm, angles), abs=2e-4)
+
+
+def test_calculation_points_of_the_straight_arm():
+    points = constant_curvature.poses(paper.build(), (0.0, 0.0, 0.0))
+    assert points[:, 1] == pytest.approx([0.0, 0.03, 0.1, 0.13, 0.2, 0.23, 0.3, 0.33])
+    assert np.all(points[:, [0, 2]] == 0.0)
+
+
+@pytest.mark.parametrize('angles', [(0.1, 0.2), (0.1,) * 4, (0.1, float('nan'), 0.1)])
+def test_wrong_angles_are_refused(angles):
+    for function in (constant_curvature.pulls, constant_curvature.poses):
+        with pytest.raises(ArmError):
+            function(paper.build(), angles)
+
+
+def test_any_number_of_segments():
+    arm = Arm((Segment(0.07, 0.02, (0.02, 0.02)),), (Disc(0.03), Disc(0.03)))
+    assert constant_curvature.poses(arm, [pi / 2])[-1, 2] == pytest.approx(pi / 2)

@@ -1,0 +1,196 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What cannot be solved is refused, says why, and carries the last good state."""
+
+from math import inf, nan, pi, radians
+
+from independent_statics import IndependentArm
+import numpy as np
+import paper_arm as paper
+import pytest
+
+from soft_continuum.mechanics import (
+    Arm,
+    Disc,
+    LEFT,
+    OverconstrainedError,
+    RIGHT,
+    Segment,
+    SLACK,
+    Statics,
+    StaticsError,
+)
+
+FIRST = paper.only(0)
+STIFF = (False, False, False)
+ALL = (True, True, True)
+
+
+# Input
+
+@pytest.mark.parametrize('asked', [
+    (nan, 0.0), (0.0, nan), (inf, 0.0), (0.0, inf), (), (0.01,), (0.0, 0.0, 0.0), ('a', 0.0)])
+def test_pulls_that_are_not_two_numbers_are_refused(statics, asked):
+    with pytest.raises(ValueError):
+        statics.solve(statics.chain.straight(), asked, FIRST)
+
+
+@pytest.mark.parametrize('soft', [(), (True,), (True,) * 4])
+def test_a_mask_of_the_wrong_length_is_refused(statics, soft):
+    with pytest.raises(ValueError, match='3 segments'):
+        statics.solve(statics.chain.straight(), (0.0, SLACK), soft)
+    with pytest.raises(ValueError):
+        statics.bend(statics.chain.straight(), 0, 0.1, soft)
+
+
+def test_a_mask_with_nan_is_refused(statics):
+    with pytest.raises(ValueError):
+        statics.solve(statics.chain.straight(), (0.01, SLACK), (nan, False, False))
+
+
+@pytest.mark.parametrize('bodies', [5, 6])
+def test_a_start_state_of_another_arm_is_refused(statics, bodies):
+    # Fewer joints only: with more the compiled loop writes outside its arrays and may crash.
+    other = Statics(statics.chain.arm.with_bodies(bodies))
+    with pytest.raises(ValueError):
+        statics.solve(other.chain.straight(), (0.01, SLACK), FIRST)
+
+
+@pytest.mark.parametrize('segment', [-1, 3, 1])
+def test_bending_a_segment_that_is_not_soft_is_refused(statics, segment):
+    with pytest.raises(ValueError, match='segment'):
+        statics.bend(statics.chain.straight(), segment, 0.1, FIRST)
+
+
+@pytest.mark.parametrize('angle', [nan, inf, -inf])
+def test_bending_to_no_number_is_refused(statics, angle):
+    with pytest.raises(ValueError, match='finite'):
+        statics.bend(statics.chain.straight(), 0, angle)
+
+
+# All stiff
+
+def test_tendons_cannot_be_pulled_on_a_stiff_arm(statics):
+    state = statics.bend(statics.chain.straight(), 0, paper.ANGLE)
+    for asked in ((state.pulls[RIGHT] + 1e-4, SLACK), (SLACK, state.pulls[LEFT] + 1e-4)):
+        with pytest.raises(OverconstrainedError, match='stiff') as caught:
+            statics.solve(state, asked, STIFF)
+        assert np.array_equal(caught.value.state.joint_angles, state.joint_angles)
+
+
+def test_tendons_can_be_let_out_on_a_stiff_arm_and_go_slack(statics):
+    state = statics.bend(statics.chain.straight(), 0, paper.ANGLE)
+    out = statics.solve(state, (state.pulls[RIGHT] - 0.002, state.pulls[LEFT] - 0.003), STIFF)
+    assert np.array_equal(out.joint_angles, state.joint_angles)
+    assert out.slack == pytest.approx([0.002, 0.003])
+    assert np.all(out.tensions == 0.0)
+
+
+def test_the_tension_of_a_tendon_along_a_stiff_arm_is_unknown(statics):
+    state = statics.bend(statics.chain.straight(), 0, paper.ANGLE)
+    held = statics.solve(state, (state.pulls[RIGHT], SLACK), STIFF)
+    assert np.isnan(held.tensions[RIGHT])
+    assert held.tensions[LEFT] == 0.0
+    assert held.slack[LEFT] == inf
+    softened = statics.solve(held, (state.pulls[RIGHT], SLACK), FIRST)
+    assert softened.joint_angles == pytest.approx(state.joint_angles, abs=1e-9)
+
+
+# Too short
+
+@pytest.mark.parametrize('soft', [FIRST, paper.only(2)])
+def test_both_tendons_pulled_on_one_segment_are_too_short(statics, soft):
+    with pytest.raises(OverconstrainedError, match='let one of them out') as caught:
+        statics.solve(statics.chain.straight(), (0.02, 0.02), soft)
+    assert isinstance(caught.value, StaticsError)
+
+
+def test_the_error_carries_an_equilibrium_on_the_way(statics):
+    asked = (0.060, 0.0)
+    with pytest.raises(OverconstrainedError) as caught:
+        statics.solve(statics.chain.straight(), asked, FIRST)
+    state = caught.value.state
+    assert np.all(np.isfinite(state.joint_angles))
+    assert np.all(state.pulls <= np.array(asked) + 1e-9)
+    arm = IndependentArm(statics.chain.arm)
+    assert arm.unbalanced(state.joint_angles, state.tensions, FIRST) < 1e-6
+
+
+def test_no_pull_beyond_the_length_of_the_arm(statics):
+    with pytest.raises(OverconstrainedError):
+        statics.solve(statics.chain.straight(), (10.0, SLACK), ALL)
+
+
+def test_a_failed_solve_leaves_the_start_as_it_was(statics):
+    state = statics.bend(statics.chain.straight(), 0, paper.ANGLE)
+    angles, tensions, pulls = (
+        v.copy() for v in (state.joint_angles, state.tensions, state.pulls))
+    with pytest.raises(StaticsError):
+        statics.solve(state, (0.03, 0.03), FIRST)
+    assert np.array_equal(state.joint_angles, angles)
+    assert np.array_equal(state.tensions, tensions)
+    assert np.array_equal(state.pulls, pulls)
+
+
+def test_a_solve_leaves_the_start_as_it_was(statics):
+    state = statics.bend(statics.chain.straight(), 0, paper.ANGLE)
+    angles, tensions = state.joint_angles.copy(), state.tensions.copy()
+    statics.solve(state, (0.03, SLACK), ALL)
+    assert np.array_equal(state.joint_angles, angles)
+    assert np.array_equal(state.tensions, tensions)
+
+
+def test_an_angle_at_which_the_discs_would_pass_through_each_other_is_refused(statics):
+    for degrees in (200.0, 350.0):
+        with pytest.raises(StaticsError, match='segment 1'):
+            statics.bend(statics.chain.straight(), 0, radians(degrees))
+
+
+# Whatever the arm's description allows can be solved
+
+@pytest.mark.parametrize(('bodies', 'bending_stiffness'), [
+    (1, 1e-6), (1, 0.02), (1, 1e3), (1, 1e6), (12, 1e-6), (12, 1e4), (12, 1e6), (300, 0.02),
+    (300, 2.0)])
+@pytest.mark.parametrize('gravity', [0.0, 9.80665])
+def test_a_pull_of_16_mm_bends_the_softest_and_the_stiffest_arm(
+        bodies, bending_stiffness, gravity):
+    # What a stiffness of 1e6 N m^2 leaves to rounding is far above 1e-10 N m.
+    masses = min(0.05, bending_stiffness)
+    arm = Arm(tuple(Segment(0.07, bending_stiffness, (0.02, 0.02), masses) for _ in range(3)),
+              tuple(Disc(0.03, masses) for _ in range(4)), bodies, gravity=gravity)
+    statics = Statics(arm)
+    state = statics.solve(statics.chain.straight(), (0.0165, SLACK), FIRST)
+    assert state.pulls[RIGHT] == pytest.approx(0.0165, abs=1e-9)
+    assert 35.0 < paper.degrees_of(statics, state)[0] < 55.0
+
+
+def test_an_arm_of_six_segments_with_300_bodies_each():
+    arm = Arm(tuple(Segment(0.05, 0.05, (0.02, 0.02), 0.01) for _ in range(6)),
+              tuple(Disc(0.02, 0.01) for _ in range(7)), 300, mounting_angle=pi)
+    statics = Statics(arm)
+    state = statics.solve(statics.chain.straight(), (0.05, SLACK), (True,) * 6)
+    assert state.residual < 1e-9
+    assert np.all(paper.degrees_of(statics, state) > 5.0)
+
+
+def test_a_solve_that_cannot_settle_gives_up_soon():
+    # The two just-taut tendons hold twice the paper's arm on a ridge: half a million iterations.
+    statics = Statics(paper.build(2.0))
+    try:
+        state = statics.solve(statics.chain.straight(), (0.0, 0.0), ALL)
+    except StaticsError as error:
+        state = error.state
+    assert state.iterations < 20000
+
+
+def test_letting_out_one_tendon_and_pulling_the_other_is_not_overconstrained():
+    # On the straight way between two such pairs the tendons are too short, at its end they fit.
+    arm = Arm((Segment(0.07, 0.02, (0.02, 0.02)),), (Disc(0.03), Disc(0.03)), gravity=0.0)
+    statics = Statics(arm)
+    for degrees in (20.0, 40.0, 60.0, 80.0, 100.0):
+        there = statics.bend(statics.chain.straight(), 0, radians(degrees))
+        asked = there.pulls - np.array([0.0, 1e-6])
+        state = statics.solve(statics.chain.straight(), asked, (True,))
+        assert state.joint_angles == pytest.approx(there.joint_angles, abs=1e-8)
+        over = statics.solve(there, asked[::-1], (True,))
+        assert over.joint_angles == pytest.approx(-there.joint_angles, abs=1e-8)

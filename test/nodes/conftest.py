@@ -1,0 +1,123 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+from collections.abc import Callable, Iterator
+import fcntl
+import itertools
+import os
+from pathlib import Path
+import tempfile
+
+import pytest
+
+HERE = Path(__file__).resolve().parent
+# Read when the first participant of a process is made.
+os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(HERE / 'fastdds.xml')
+os.environ['FASTDDS_DEFAULT_PROFILES_FILE'] = str(HERE / 'fastdds.xml')
+
+from processes import Processes  # noqa: E402
+from ros_rig import Rig  # noqa: E402
+
+from soft_continuum.mechanics.statics import warm_up  # noqa: E402
+
+DOMAINS = range(1, 102)  # ROS 2: above these, ports overlap with those that Linux gives away
+_turn = itertools.count()
+
+
+@pytest.fixture(scope='session', autouse=True)
+def _compiled() -> None:
+    """Compile the solver in one worker; the others find it on the disk."""
+    with open(Path(tempfile.gettempdir()) / 'soft_continuum_compile.lock', 'w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        warm_up()
+
+
+def _used_ports() -> set[int]:
+    """Return the UDP ports that are in use on this machine."""
+    ports = set()
+    for table in ('/proc/net/udp', '/proc/net/udp6'):
+        try:
+            lines = Path(table).read_text(encoding='ascii').splitlines()[1:]
+        except OSError:
+            continue
+        ports |= {int(line.split()[1].rsplit(':', 1)[1], 16) for line in lines}
+    return ports
+
+
+def _is_silent(domain: int) -> bool:
+    """Whether no participant lives in a domain, such as one that another run left behind."""
+    first = 7400 + 250 * domain
+    return _used_ports().isdisjoint(range(first, first + 250))
+
+
+@pytest.fixture
+def take_domain() -> Iterator[Callable[[], int]]:
+    """Take ROS domains: not those of the other workers, of other runs, or of leftover nodes."""
+    worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
+    workers = int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))
+    own = DOMAINS[worker::workers]
+    locks = []
+
+    def take() -> int:
+        for _ in own:
+            domain = own[next(_turn) % len(own)]
+            path = Path(tempfile.gettempdir()) / f'soft_continuum_domain_{domain}.lock'
+            try:
+                lock = path.open('w')
+            except PermissionError:  # made by another user
+                continue
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                lock.close()
+                continue
+            if _is_silent(domain):
+                locks.append(lock)
+                return domain
+            lock.close()
+        pytest.fail(f'every ROS domain of {own} is in use on this machine')
+
+    yield take
+    for lock in locks:
+        lock.close()
+
+
+@pytest.fixture
+def domain(take_domain: Callable[[], int]) -> int:
+    """Return a ROS domain for this test alone."""
+    return take_domain()
+
+
+@pytest.fixture
+def make_rig(domain: int) -> Iterator[Callable[..., Rig]]:
+    """Return a maker of rigs in the domain of this test."""
+    rigs: list[Rig] = []
+
+    def make(**options: str) -> Rig:
+        rigs.append(Rig(domain, **options))
+        return rigs[-1]
+
+    yield make
+    for rig in rigs:
+        rig.close()
+
+
+@pytest.fixture
+def rig(make_rig: Callable[..., Rig]) -> Rig:
+    """Return an observer to which nodes can be added."""
+    return make_rig()
+
+
+@pytest.fixture
+def arm(rig: Rig) -> Rig:
+    """Return the four nodes of a quick arm, straight and stiff."""
+    rig.start_arm()
+    return rig
+
+
+@pytest.fixture
+def processes(domain: int, tmp_path: Path) -> Iterator[Processes]:
+    """Return a starter of nodes as processes in the domain of this test."""
+    started = Processes(domain, tmp_path)
+    yield started
+    started.close()

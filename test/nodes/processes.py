@@ -1,0 +1,124 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Nodes as processes of their own, as `ros2 run` starts them."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+from typing import Any
+
+from ament_index_python.packages import get_package_prefix
+
+from soft_continuum.nodes.up import description_file
+
+DEADLINE = 40.0  # s
+SHARED_MEMORY = Path('/dev/shm')
+
+
+def module_command(name: str) -> list[str]:
+    """Return the command that runs an executable from the sources."""
+    return [sys.executable, '-m', 'soft_continuum.executables', name]
+
+
+def installed_command(name: str) -> list[str]:
+    """Return the command that `ros2 run soft_continuum NAME` runs."""
+    prefix = Path(get_package_prefix('soft_continuum'))
+    return [str(prefix / 'lib' / 'soft_continuum' / name)]
+
+
+class NodeProcess:
+    """One process and what it writes."""
+
+    def __init__(self, command: Sequence[str], domain: int, output: Path,
+                 environment: dict[str, str] | None = None) -> None:
+        self._path = output
+        with output.open('wb') as stream:
+            self.process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=stream, stderr=stream,
+                env={**os.environ, 'ROS_DOMAIN_ID': str(domain), 'PYTHONUNBUFFERED': '1',
+                     **(environment or {})})
+
+    @property
+    def output(self) -> str:
+        """All that it has written."""
+        return self._path.read_text(encoding='utf-8', errors='replace')
+
+    @property
+    def running(self) -> bool:
+        """Whether it runs."""
+        return self.process.poll() is None
+
+    def send(self, number: signal.Signals) -> None:
+        """Send it a signal."""
+        self.process.send_signal(number)
+
+    def kill(self) -> None:
+        """Kill it as `kill -9` does, and clear what it leaves in the shared memory."""
+        leftovers = self._shared_memory()
+        self.process.kill()
+        self.process.wait(DEADLINE)
+        for path in leftovers:
+            path.unlink(missing_ok=True)
+
+    def _shared_memory(self) -> list[Path]:
+        """Return the segments that Fast DDS would clear when the process ended in peace."""
+        found = []
+        with suppress(OSError):
+            for link in Path(f'/proc/{self.process.pid}/fd').iterdir():
+                with suppress(OSError):
+                    path = Path(os.readlink(link))
+                    name = path.name.removesuffix('_el')
+                    # Ports are shared with others and cleared by them.
+                    if (path.parent == SHARED_MEMORY and name != path.name
+                            and name.startswith('fastrtps_')
+                            and not name.startswith('fastrtps_port')):
+                        found += [path, path.with_name(name)]
+        return found
+
+    def wait(self, within: float = DEADLINE) -> int:
+        """Return its exit status."""
+        try:
+            return self.process.wait(within)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(
+                f'{self.process.args} still runs after {within:g} s:\n{self.output}') from None
+
+
+class Processes:
+    """Starts processes and ends every one of them."""
+
+    def __init__(self, domain: int, directory: Path) -> None:
+        self._domain = domain
+        self._directory = directory
+        self._started: list[NodeProcess] = []
+
+    def start(self, command: Sequence[str], *,
+              environment: dict[str, str] | None = None) -> NodeProcess:
+        """Start a command as it is."""
+        output = self._directory / f'output_{len(self._started)}.txt'
+        self._started.append(NodeProcess(command, self._domain, output, environment))
+        return self._started[-1]
+
+    def node(self, name: str, *, namespace: str = '/arm_under_test', installed: bool = False,
+             parameters: dict[str, Any] | None = None,
+             files: Sequence[Path] | None = None) -> NodeProcess:
+        """Start a node with the description file and parameters."""
+        command = (installed_command if installed else module_command)(name)
+        command += ['--ros-args', '-r', f'__ns:={namespace}']
+        for path in [description_file()] if files is None else files:
+            command += ['--params-file', str(path)]
+        for key, value in (parameters or {}).items():
+            text = str(value).lower() if isinstance(value, bool) else str(value)
+            command += ['-p', f'{key}:={text}']
+        return self.start(command)
+
+    def close(self) -> None:
+        """Kill what still runs."""
+        for process in self._started:
+            if process.running:
+                process.kill()

@@ -1,0 +1,524 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Nodes in this process on a ROS domain of their own, and an observer that talks to them over DDS.
+
+Nodes spin on threads of their own, as they would in processes of their own, and so does the
+observer.  A test waits for what it is told, with a deadline, and never for time to pass.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+import gc
+import threading
+import time
+import traceback
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+import pytest
+from rcl_interfaces.srv import SetParameters
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from soft_continuum.configuration import load_description, NODE_PARAMETERS
+from soft_continuum.description import SHAPE_PREFIX
+from soft_continuum.nodes.runtime import BestExecutor, node_class, NODES
+from soft_continuum.nodes.up import description_file
+from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import Shape
+
+DEADLINE = 40.0  # s: for what takes a fraction of a second on an idle machine
+SEGMENTS = 3
+TENDONS = ('right_tendon', 'left_tendon')
+ALL = tuple(NODES)
+AMBIENT = 101325.0  # Pa
+STIFF_VACUUM = 50e3  # Pa
+
+QUICK = {
+    'simulated_jamming.evacuation_time': 0.03,
+    'simulated_jamming.venting_time': 0.03,
+    'simulated_jamming.valve_delay': 0.0,
+    'jamming_rate': 50.0,
+    'tendon_speed': 0.3,
+    'tendon_acceleration': 10.0,
+    'speed_limit': 0.6,
+    'acceleration_limit': 50.0,
+    'silence_timeout': 10.0,
+}
+"""An arm that sets a segment in a quarter of a second, and nodes that wait for a busy machine."""
+STREAM = QoSProfile(depth=5000, reliability=ReliabilityPolicy.BEST_EFFORT)
+RELIABLE = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE,
+                     durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+STATUS_NAMES = {
+    GoalStatus.STATUS_SUCCEEDED: 'SUCCEEDED', GoalStatus.STATUS_CANCELED: 'CANCELED',
+    GoalStatus.STATUS_ABORTED: 'ABORTED',
+}
+
+
+def parameter_values(node: str, **changes: Any) -> list[Parameter]:
+    """Return config/manipulator.yaml for a node, made quick; __ in a name stands for a dot."""
+    named = {name.replace('__', '.'): value for name, value in changes.items()}
+    values = {**load_description(description_file()), **QUICK, **named}
+    known = {p.name for p in NODE_PARAMETERS[node]}
+    shapes = node == 'shape_sequencer'
+    return [
+        Parameter(name, value=list(value) if isinstance(value, tuple) else value)
+        for name, value in values.items()
+        if name in known or (shapes and name.startswith(SHAPE_PREFIX))]
+
+
+def trajectory(points: Sequence[tuple[float, Sequence[float]]],
+               names: Sequence[str] = TENDONS) -> JointTrajectory:
+    """Return a trajectory that starts now through (time in s, positions in m)."""
+    message = JointTrajectory(joint_names=list(names))
+    for seconds, positions in points:
+        whole = int(seconds // 1)
+        message.points.append(JointTrajectoryPoint(
+            positions=[float(p) for p in positions],
+            time_from_start=Duration(sec=whole, nanosec=int((seconds - whole) * 1e9))))
+    return message
+
+
+@dataclass(frozen=True)
+class Heard:
+    """One message, and when its publisher wrote it, ns."""
+
+    time: int
+    message: Any
+
+
+@dataclass
+class Recording:
+    """All that was heard on one topic."""
+
+    topic: str
+    heard: list[Heard] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.heard)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter([h.message for h in self.heard])
+
+    @property
+    def last(self) -> Any:
+        """The latest message, or None."""
+        return self.heard[-1].message if self.heard else None
+
+
+class Spinner:
+    """An executor on a thread of its own; keeps what a callback raised."""
+
+    def __init__(self, executor: Executor, nodes: Sequence[Any], context: Context) -> None:
+        self.failure = ''
+        self.nodes = list(nodes)
+        self._executor = executor
+        self._context = context
+        self._ended = False
+        for node in nodes:
+            executor.add_node(node)
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def _spin(self) -> None:
+        try:
+            while not self._ended and self._context.ok():
+                self._executor.spin_once(timeout_sec=0.05)
+        except BaseException:
+            self.failure = traceback.format_exc()
+
+    def end(self) -> None:
+        self._ended = True
+        self._thread.join(DEADLINE)
+        assert not self._thread.is_alive(), 'a node hangs in a callback'
+        for node in self.nodes:
+            node.quit()
+        self._executor.shutdown()
+        for node in self.nodes:
+            node.destroy_node()
+
+
+class Observer(Node):
+    """The node of the test."""
+
+    def quit(self) -> None:
+        """Nothing to do."""
+
+
+class Goal:
+    """A goal that was sent: its feedback, and how it ended."""
+
+    def __init__(self, rig: 'Rig', shapes: Sequence[Shape]) -> None:
+        self.feedback: list[tuple[float, Any]] = []  # s (steady), message
+        self._rig = rig
+        self._future = rig.action.send_goal_async(
+            RunShapeSequence.Goal(shapes=list(shapes)), feedback_callback=self._on_feedback)
+        self._result: Any = None
+
+    def _on_feedback(self, message: Any) -> None:
+        self.feedback.append((time.monotonic(), message.feedback))
+        self._rig.changed()
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the goal was accepted."""
+        handle = self._rig.wait_future(self._future, 'an answer to the goal')
+        if handle.accepted and self._result is None:
+            self._result = handle.get_result_async()
+        return bool(handle.accepted)
+
+    def result(self, within: float = DEADLINE) -> tuple[str, Any]:
+        """Return the status and the result, once the goal has ended."""
+        assert self.accepted, f'the goal was rejected: {self._rig.rejected()}'
+        response = self._rig.wait_future(self._result, 'the result of the goal', within)
+        return STATUS_NAMES.get(response.status, str(response.status)), response.result
+
+    @property
+    def ended(self) -> bool:
+        """Whether the result has come."""
+        return self._result is not None and self._result.done()
+
+    def cancel(self) -> None:
+        """Ask for the goal to be canceled."""
+        assert self.accepted, f'the goal was rejected: {self._rig.rejected()}'
+        self._rig.wait_future(
+            self._future.result().cancel_goal_async(), 'an answer to the cancel request')
+
+    def wait_for_phase(self, phase: str) -> Any:
+        """Return the first feedback in ``phase``."""
+        def found() -> Any:
+            assert not self.ended, f'ended before {phase}: {self._result.result()}'
+            return next((f for _, f in self.feedback if f.phase == phase), None)
+        return self._rig.wait_for(found, f'phase {phase}')
+
+    @property
+    def phases(self) -> list[tuple[str, int, str]]:
+        """Shape, segment and phase in the order of the feedback, without repetitions."""
+        seen = [(f.shape, f.segment, f.phase) for _, f in self.feedback]
+        return [now for before, now in zip([None, *seen], seen, strict=False) if now != before]
+
+
+class Rig:
+    """Nodes under test, what they say, and ways to talk to them."""
+
+    def __init__(self, domain: int, namespace: str = '/arm_under_test') -> None:
+        self.namespace = namespace
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.observer = Observer('observer', context=self.context, namespace=namespace)
+        self._changed = threading.Condition()
+        self._groups: list[Spinner] = []
+        self._recordings: dict[str, Recording] = {}
+        self._clients: dict[str, Any] = {}
+        self._publishers: dict[str, Any] = {}
+        self.action = ActionClient(self.observer, RunShapeSequence, 'run_shape_sequence')
+        self.statuses = {
+            name: self.record(DiagnosticStatus, f'{name}/status', LATCHED) for name in ALL}
+        self.tendons = self.record(JointState, 'tendon_states', RELIABLE)
+        self.stiff = [self.record(Bool, f'segment_{n}/stiff', LATCHED)
+                      for n in range(1, SEGMENTS + 1)]
+        self.pressures = [self.record(FluidPressure, f'segment_{n}/pressure', RELIABLE)
+                          for n in range(1, SEGMENTS + 1)]
+        self.joints = self.record(JointState, 'joint_states', RELIABLE)
+        self.segment_poses = self.record(PoseArray, 'segment_poses', RELIABLE)
+        self.disc_poses = self.record(PoseArray, 'disc_poses', RELIABLE)
+        # Not the executor of the nodes: only this one tells when a message was written.
+        self._observing = Spinner(
+            SingleThreadedExecutor(context=self.context), [self.observer], self.context)
+        self._observing.start()
+
+    # Nodes.
+
+    def start(self, *names: str, ready: bool = True, **parameters: Any) -> list[Any]:
+        """Start nodes in this process, on one thread, and wait until they are heard."""
+        nodes = [
+            node_class(name)(context=self.context, namespace=self.namespace,
+                             parameter_overrides=parameter_values(name, **parameters))
+            for name in names]
+        group = Spinner(BestExecutor(context=self.context), nodes, self.context)
+        self._groups.append(group)
+        for node in nodes:
+            node.start()
+        group.start()
+        if ready:
+            self.wait_until_ready(*names)
+        return nodes
+
+    def start_arm(self, **parameters: Any) -> list[Any]:
+        """Start all four nodes and wait until they know of each other."""
+        return self.start(*ALL, **parameters)
+
+    def wait_until_ready(self, *names: str) -> None:
+        """Wait until the named nodes say what they have to say."""
+        heard = {
+            'tendon_actuation': [self.tendons],
+            'jamming_valves': [*self.stiff, *self.pressures],
+            'kinematics': [self.statuses['kinematics']],
+            'shape_sequencer': [self.statuses['shape_sequencer']],
+        }
+        self.wait_for(lambda: all(all(map(len, heard[name])) for name in names),
+                      f'words from {", ".join(names)}')
+        if set(names) >= set(ALL):
+            self.wait_for(lambda: len(self.joints), 'joint_states')
+
+    def end(self, node: Any) -> None:
+        """End the nodes that were started together with ``node``."""
+        group = next(g for g in self._groups if node in g.nodes)
+        self._groups.remove(group)
+        group.end()
+
+    def close(self) -> None:
+        """Take everything down; fails if a node raised anything."""
+        try:
+            for group in [*self._groups, self._observing]:
+                if group is self._observing:
+                    self.action.destroy()
+                group.end()
+        finally:
+            self.context.try_shutdown()
+            gc.collect()  # lifecycle nodes and action servers sit in reference cycles
+        self.check()
+
+    def check(self) -> None:
+        """Fail if a node, or the observer, raised anything."""
+        for group in [*self._groups, self._observing]:
+            if group.failure:
+                pytest.fail(f'{", ".join(n.get_name() for n in group.nodes)} died of:\n'
+                            f'{group.failure}')
+
+    # Waiting.
+
+    def changed(self) -> None:
+        """Wake whoever waits."""
+        with self._changed:
+            self._changed.notify_all()
+
+    def wait_for(self, condition: Callable[[], Any], what: str, within: float = DEADLINE) -> Any:
+        """Return what ``condition`` gives, as soon as that is true; fail after ``within`` s."""
+        deadline = time.monotonic() + within
+        while True:
+            with self._changed:
+                value = condition()
+                if value:
+                    return value
+                self._changed.wait(0.05)
+            self.check()
+            if time.monotonic() > deadline:
+                said = {name: r.last and (r.last.message, pairs(r.last))
+                        for name, r in self.statuses.items()}
+                pytest.fail(f'not within {within:g} s: {what}\nlast said: {said}')
+
+    def wait_future(self, future: Any, what: str, within: float = DEADLINE) -> Any:
+        """Return the result of a future."""
+        future.add_done_callback(lambda _: self.changed())
+        self.wait_for(future.done, what, within)
+        return future.result()
+
+    def wait_for_more(self, recording: Recording, count: int = 10) -> list[Any]:
+        """Return ``count`` messages that came after this call."""
+        before = len(recording)
+        self.wait_for(lambda: len(recording) >= before + count,
+                      f'{count} more messages on {recording.topic}')
+        return list(recording)[before:]
+
+    # Topics, services, parameters.
+
+    def record(self, kind: Any, topic: str, qos: QoSProfile) -> Recording:
+        """Record a topic from now on."""
+        recording = Recording(topic)
+
+        def note(message: Any, info: Any) -> None:
+            recording.heard.append(Heard(info['source_timestamp'], message))
+            self.changed()
+
+        self.observer.create_subscription(kind, topic, note, qos)
+        return recording
+
+    def publisher(self, kind: Any, topic: str, qos: QoSProfile = RELIABLE) -> Any:
+        """Return a publisher whose subscribers have found it."""
+        if topic not in self._publishers:
+            publisher = self.observer.create_publisher(kind, topic, qos)
+            self.wait_for(publisher.get_subscription_count, f'a subscriber of {topic}')
+            self._publishers[topic] = publisher
+        return self._publishers[topic]
+
+    def call(self, kind: Any, name: str, within: float = DEADLINE, **request: Any) -> Any:
+        """Call a service and return its response."""
+        if name not in self._clients:
+            self._clients[name] = self.observer.create_client(kind, name)
+        client = self._clients[name]
+        self.wait_for(client.service_is_ready, f'service {name}')
+        return self.wait_future(
+            client.call_async(kind.Request(**request)), f'an answer of {name}', within)
+
+    def trigger(self, name: str) -> Any:
+        """Call a std_srvs/Trigger service."""
+        return self.call(Trigger, name)
+
+    def set_stiff(self, segment: int, stiff: bool) -> Any:
+        """Switch a segment (from 1), wait until it is confirmed, return the answer."""
+        answer = self.call(SetBool, f'jamming_valves/segment_{segment}/set_stiff', data=stiff)
+        if answer.success:
+            self.wait_for(lambda: self.stiff[segment - 1].last.data == stiff,
+                          f'segment {segment} {"stiff" if stiff else "soft"}')
+        return answer
+
+    def soften(self, segment: int) -> None:
+        """Make a segment soft and wait until there is next to no vacuum left in it."""
+        assert self.set_stiff(segment, False).success
+        self.wait_for(
+            lambda: AMBIENT - self.pressures[segment - 1].last.fluid_pressure < 5e3,
+            f'air in segment {segment}')
+
+    def transition(self, node: str, name: str) -> bool:
+        """Ask for a lifecycle transition; return whether it succeeded."""
+        number = getattr(Transition, f'TRANSITION_{name.upper()}')
+        return bool(self.call(
+            ChangeState, f'{node}/change_state', transition=Transition(id=number)).success)
+
+    def lifecycle_state(self, node: str) -> str:
+        """Return the lifecycle state of a node."""
+        return str(self.call(GetState, f'{node}/get_state').current_state.label)
+
+    def set_parameter(self, node: str, name: str, value: Any) -> Any:
+        """Set one parameter; return the result."""
+        return self.call(SetParameters, f'{node}/set_parameters', parameters=[
+            Parameter(name, value=value).to_parameter_msg()]).results[0]
+
+    def status_value(self, node: str, key: str) -> str:
+        """Return one value of the latest ~/status of a node."""
+        return pairs(self.statuses[node].last).get(key, '')
+
+    def wait_for_status(self, node: str, key: str, text: str = '', after: int = 0) -> str:
+        """Return a value of ~/status that contains ``text``, said after ``after`` statuses."""
+        def found() -> str:
+            for message in list(self.statuses[node])[after:]:
+                value = pairs(message).get(key, '')
+                if value and text in value:
+                    return value
+            return ''
+        return str(self.wait_for(found, f'{node}/status with {key}: …{text}…'))
+
+    # The action.
+
+    def goal(self, *shapes: str | Sequence[float] | Shape, hold: float = 0.0) -> Goal:
+        """Send shapes by name or by angles (rad)."""
+        self.wait_for(self.action.server_is_ready, 'the action server')
+        return Goal(self, [shape_message(shape, hold) for shape in shapes])
+
+    def rejected(self) -> str:
+        """Return why the last goal was rejected, as the sequencer's status says."""
+        return self.wait_for_status('shape_sequencer', 'rejected')
+
+    # Claims about the arm.
+
+    @property
+    def moving(self) -> bool:
+        """Whether a tendon moved when it was last heard."""
+        return any(self.tendons.last.velocity)
+
+    @property
+    def pulls(self) -> tuple[float, float]:
+        """Pulls that were last heard, m."""
+        return tuple(self.tendons.last.position)
+
+    @property
+    def all_stiff(self) -> bool:
+        """Whether every segment was last said to be stiff."""
+        return all(r.last is not None and r.last.data for r in self.stiff)
+
+    def soft_segments(self) -> list[int]:
+        """Return the segments (from 1) that were last said not to be stiff."""
+        return [n for n, r in enumerate(self.stiff, start=1) if not r.last.data]
+
+    def assert_rests(self, count: int = 15) -> None:
+        """Claim that neither tendon moves, over some more messages."""
+        states = self.wait_for_more(self.tendons, count)
+        assert not any(any(s.velocity) for s in states), 'a tendon moves'
+        assert len({tuple(s.position) for s in states}) == 1, 'a tendon changes its pull'
+
+    def assert_rests_stiff(self) -> None:
+        """Claim that the arm has come to rest with every segment stiff."""
+        assert self.all_stiff, f'soft: {self.soft_segments()}'
+        self.assert_rests()
+
+    def assert_only_one_was_soft(self) -> None:
+        """Claim that at no time more than one segment was soft, by flag and by pressure."""
+        for recordings, is_soft in (
+                (self.stiff, lambda m: not m.data),
+                (self.pressures, lambda m: AMBIENT - m.fluid_pressure < STIFF_VACUUM * 0.7)):
+            soft: set[int] = set()
+            for _, segment, message in _merged(recordings):
+                (soft.add if is_soft(message) else soft.discard)(segment)
+                assert len(soft) <= 1, f'segments {sorted(soft)} were soft at once'
+
+    def assert_never_moved_all_stiff(self) -> None:
+        """Claim that no tendon moved while every segment was stiff, by speed and by pull."""
+        stiff: list[bool | None] = [None] * SEGMENTS
+        rests_at: tuple[float, ...] | None = None
+        checked = 0
+        for _, index, message in _merged([*self.stiff, self.tendons]):
+            if index < SEGMENTS:
+                stiff[index] = message.data
+                rests_at = None
+            elif all(stiff):
+                assert not any(message.velocity), 'a tendon moved while every segment was stiff'
+                assert rests_at in (None, tuple(message.position)), 'a stiff arm was pulled'
+                rests_at = tuple(message.position)
+                checked += 1
+        assert checked, 'the arm was never heard to be stiff'
+
+    def assert_stiff_only_by_pressure(self) -> None:
+        """Claim that no segment was said to be stiff before its pressure was."""
+        for flags, pressures in zip(self.stiff, self.pressures, strict=True):
+            vacuum = 0.0
+            for _, index, message in _merged([pressures, flags]):
+                if index == 0:
+                    vacuum = AMBIENT - message.fluid_pressure
+                elif message.data:
+                    assert vacuum >= STIFF_VACUUM, f'said to be stiff at {vacuum:.0f} Pa'
+
+
+def shape_message(shape: str | Sequence[float] | Shape, hold: float = 0.0) -> Shape:
+    """Return a shape by name, by bending angles (rad), or as it is."""
+    if isinstance(shape, Shape):
+        return shape
+    whole = int(hold // 1)
+    message = Shape(hold_time=Duration(sec=whole, nanosec=int((hold - whole) * 1e9)))
+    if isinstance(shape, str):
+        message.name = shape
+    else:
+        message.bending_angles = [float(a) for a in shape]
+    return message
+
+
+def pairs(status: DiagnosticStatus | None) -> dict[str, str]:
+    """Return the values of a status by key."""
+    return {pair.key: pair.value for pair in status.values} if status else {}
+
+
+def _merged(recordings: Sequence[Recording]) -> list[tuple[int, int, Any]]:
+    """Return (time, index of the recording, message) in the order they were written."""
+    return sorted(
+        ((h.time, i, h.message) for i, r in enumerate(recordings) for h in list(r.heard)),
+        key=lambda item: item[0])

@@ -1,0 +1,227 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Goals that end early: canceled, superseded, stopped, or left alone by another node."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from ros_rig import Rig
+
+from soft_continuum_interfaces.action import RunShapeSequence
+
+Result = RunShapeSequence.Result
+PHASES = ('softening', 'moving', 'stiffening', 'holding')
+# Long enough to be met in every phase, however busy the machine is.
+SLOW = {
+    'softening': {'simulated_jamming__venting_time': 1.0},
+    'moving': {'tendon_speed': 0.01},
+    'stiffening': {'simulated_jamming__evacuation_time': 2.0},
+    'holding': {},
+}
+BEND = (0.0, 0.0, 0.4)
+BEND_MORE = (0.0, 0.0, 0.6)
+
+
+def slow_arm(rig: Rig, phase: str) -> Rig:
+    rig.start_arm(**SLOW[phase])
+    return rig
+
+
+def assert_bends(rig: Rig, angles: tuple[float, ...]) -> None:
+    """Claim that the arm, by the pulls it measured, has taken these bending angles."""
+    rig.wait_for_more(rig.joints, 3)
+    joints = np.array(rig.joints.last.position).reshape(3, -1)
+    assert joints.sum(axis=1) == pytest.approx(angles, abs=np.radians(0.1))
+
+
+@pytest.mark.parametrize('phase', PHASES)
+def test_cancel_leaves_the_arm_at_rest_with_every_segment_stiff(rig: Rig, phase: str) -> None:
+    slow_arm(rig, phase)
+    goal = rig.goal(BEND, hold=60.0)
+    goal.wait_for_phase(phase)
+    goal.cancel()
+    status, result = goal.result()
+    assert (status, result.error_code) == ('CANCELED', Result.CANCELED)
+    assert 'canceled' in result.error_string
+    assert result.shapes_completed == 0
+    rig.assert_rests_stiff()
+    rig.assert_only_one_was_soft()
+
+
+def test_cancel_in_mid_motion_stops_short_and_the_next_goal_goes_on_from_there(rig: Rig) -> None:
+    slow_arm(rig, 'moving')
+    goal = rig.goal(BEND)
+    rig.wait_for(lambda: rig.tendons.last and rig.tendons.last.position[0] > 0.001, 'a pull')
+    goal.cancel()
+    assert goal.result()[0] == 'CANCELED'
+    rig.assert_rests_stiff()
+    assert 0.0 < rig.pulls[0] < 0.006  # on the way to some 7 mm
+    assert rig.set_parameter('shape_sequencer', 'tendon_speed', 0.3).successful
+    assert rig.goal(BEND).result()[0] == 'SUCCEEDED'
+    assert_bends(rig, BEND)
+    rig.assert_never_moved_all_stiff()
+
+
+def test_cancel_while_the_arm_is_made_ready_ends_stiff(rig: Rig) -> None:
+    rig.start_arm(simulated_jamming__initially_stiff=False,
+                  simulated_jamming__evacuation_time=1.5)
+    goal = rig.goal(BEND)
+    goal.wait_for_phase('preparing')
+    goal.cancel()
+    assert goal.result()[0] == 'CANCELED'
+    rig.assert_rests_stiff()
+
+
+@pytest.mark.parametrize('phase', PHASES)
+def test_a_new_goal_aborts_the_running_one_and_succeeds(rig: Rig, phase: str) -> None:
+    slow_arm(rig, phase)
+    old = rig.goal(BEND, hold=60.0)
+    old.wait_for_phase(phase)
+    assert rig.set_parameter('shape_sequencer', 'tendon_speed', 0.3).successful
+    new = rig.goal(BEND_MORE)
+    status, result = old.result()
+    assert (status, result.error_code) == ('ABORTED', Result.PREEMPTED)
+    assert 'superseded' in result.error_string
+    assert new.result()[0] == 'SUCCEEDED'
+    assert_bends(rig, BEND_MORE)
+    rig.assert_rests_stiff()
+    rig.assert_only_one_was_soft()
+    rig.assert_never_moved_all_stiff()
+
+
+def test_of_the_goals_that_wait_only_the_newest_runs(rig: Rig) -> None:
+    slow_arm(rig, 'stiffening')
+    first = rig.goal(BEND, hold=60.0)
+    first.wait_for_phase('stiffening')
+    second = rig.goal((0.0, 0.0, -0.5), hold=60.0)
+    assert second.accepted
+    third = rig.goal(BEND_MORE)
+    status, result = second.result()
+    assert (status, result.error_code, result.shapes_completed) == ('ABORTED', Result.PREEMPTED, 0)
+    assert 'superseded' in result.error_string
+    assert second.feedback == []  # it never began
+    assert first.result()[1].error_code == Result.PREEMPTED
+    assert third.result()[0] == 'SUCCEEDED'
+    assert_bends(rig, BEND_MORE)
+
+
+def test_a_goal_can_be_canceled_while_it_waits_for_its_turn(rig: Rig) -> None:
+    slow_arm(rig, 'stiffening')
+    first = rig.goal(BEND, hold=60.0)
+    first.wait_for_phase('stiffening')
+    second = rig.goal(BEND_MORE)
+    assert second.accepted
+    second.cancel()
+    status, result = second.result()
+    assert (status, result.error_code) == ('CANCELED', Result.CANCELED)
+    assert first.result()[1].error_code == Result.PREEMPTED
+    rig.assert_rests_stiff()
+
+
+@pytest.mark.parametrize('phase', PHASES)
+def test_a_stop_aborts_the_goal_and_leaves_the_valves_as_they_are(rig: Rig, phase: str) -> None:
+    slow_arm(rig, phase)
+    goal = rig.goal(BEND, hold=60.0)
+    goal.wait_for_phase(phase)
+    soft = rig.soft_segments()
+    assert rig.trigger('tendon_actuation/stop').success
+    status, result = goal.result()
+    assert (status, result.error_code) == ('ABORTED', Result.STOPPED)
+    assert 'stop' in result.error_string
+    rig.assert_rests()
+    rig.wait_for_more(rig.pressures[0])
+    if phase != 'stiffening':  # where the segment may have become stiff in the meantime
+        assert rig.soft_segments() == soft == ([] if phase == 'holding' else [3])
+
+
+def test_after_a_stop_nothing_moves_until_resume_and_then_from_where_the_arm_is(rig: Rig) -> None:
+    slow_arm(rig, 'moving')
+    goal = rig.goal(BEND)
+    rig.wait_for(lambda: rig.tendons.last.position[0] > 0.001, 'a pull')
+    assert rig.trigger('tendon_actuation/stop').success
+    assert goal.result()[1].error_code == Result.STOPPED
+    rig.wait_for(lambda: not rig.moving, 'rest')
+    stopped_at = rig.pulls
+    assert 0.0 < stopped_at[0] < 0.006
+
+    assert not rig.goal('c_form').accepted
+    assert 'resume' in rig.rejected()
+    rig.assert_rests()
+
+    assert rig.trigger('tendon_actuation/resume').success
+    rig.assert_rests()  # resume itself moves nothing
+    assert rig.pulls == stopped_at
+    rig.wait_for(lambda: not rig.status_value('tendon_actuation', 'stopped'), 'no more stop')
+    assert rig.set_parameter('shape_sequencer', 'tendon_speed', 0.3).successful
+    assert rig.goal(BEND).result()[0] == 'SUCCEEDED'
+    assert_bends(rig, BEND)
+    rig.assert_rests_stiff()
+    rig.assert_never_moved_all_stiff()
+
+
+def test_a_stop_also_ends_a_goal_that_waits(rig: Rig) -> None:
+    slow_arm(rig, 'stiffening')
+    first = rig.goal(BEND, hold=60.0)
+    first.wait_for_phase('stiffening')
+    second = rig.goal(BEND_MORE)
+    assert second.accepted
+    assert rig.trigger('tendon_actuation/stop').success
+    for goal in (first, second):
+        status, result = goal.result()
+        assert status == 'ABORTED'
+        assert result.error_code in (Result.STOPPED, Result.PREEMPTED)
+    assert second.result()[1].error_code == Result.STOPPED
+    rig.assert_rests()
+
+
+def deactivate_valves(rig: Rig) -> None:
+    assert rig.transition('jamming_valves', 'deactivate')
+
+
+def deactivate_tendons(rig: Rig) -> None:
+    assert rig.transition('tendon_actuation', 'deactivate')
+
+
+def stiffen(rig: Rig) -> None:
+    assert rig.set_stiff(3, True).success
+
+
+def soften_another(rig: Rig) -> None:
+    assert rig.set_stiff(1, False).success
+
+
+@pytest.mark.parametrize(('disturb', 'named'), [
+    (deactivate_valves, 'jamming_valves'),
+    (deactivate_tendons, 'tendon_actuation'),
+    (stiffen, 'segment 3'),
+    (soften_another, 'segment 1'),
+])
+def test_a_disturbance_in_mid_motion_ends_the_goal_with_its_name(
+        rig: Rig, disturb: Callable[[Rig], None], named: str) -> None:
+    rig.start_arm(tendon_speed=0.01, silence_timeout=3.0, jamming_timeout=3.0)
+    goal = rig.goal(BEND)
+    goal.wait_for_phase('moving')
+    rig.wait_for(lambda: rig.moving, 'motion')
+    disturb(rig)
+    status, result = goal.result()
+    assert (status, result.error_code) == ('ABORTED', Result.HARDWARE_FAULT)
+    assert named in result.error_string or (
+        disturb in (stiffen, soften_another) and 'segment' in result.error_string)
+    if disturb in (stiffen, soften_another):
+        rig.assert_rests_stiff()  # as after every end but a stop
+    if disturb is not deactivate_tendons:
+        rig.assert_rests()
+
+
+def test_a_segment_that_does_not_become_stiff_ends_the_goal_with_its_vacuum(rig: Rig) -> None:
+    # A leak as strong as the pump.
+    rig.start_arm(simulated_jamming__ultimate_vacuum=49e3,
+                  simulated_jamming__initially_stiff=False, jamming_timeout=1.0)
+    status, result = rig.goal(BEND).result()
+    assert (status, result.error_code) == ('ABORTED', Result.TIMEOUT)
+    assert 'segment 1 did not become stiff within 1 s' in result.error_string
+    assert '49.0 kPa' in result.error_string
+    rig.assert_rests()
+    assert rig.pulls == (0.0, 0.0)
