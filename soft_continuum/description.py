@@ -3,10 +3,20 @@
 """The arm and its shapes as parameters: ``config/manipulator.yaml`` to Arm and shape library."""
 
 from collections.abc import Mapping
-from math import pi
+from math import inf, pi
 from typing import Any
 
-from soft_continuum.mechanics.arm import Arm, ArmError, Disc, Segment, STANDARD_GRAVITY
+from soft_continuum.mechanics.arm import (
+    Arm,
+    ArmError,
+    Disc,
+    PAPER,
+    SECOND_ORDER,
+    Segment,
+    STANDARD_GRAVITY,
+    Tendon,
+)
+from soft_continuum.mechanics.laws import Jam, LawError
 from soft_continuum.mechanics.stiffness import second_moment_of_area
 from soft_continuum.parameters import Parameter, ParameterError
 
@@ -34,8 +44,22 @@ ARM_PARAMETERS = (
               'each segment, m; 0: half its outer diameter', 0.0, 10.0),
     Parameter('arm.bending_angle_limits', (pi / 3, pi / 3, pi / 3),
               'largest bending angle of each segment to either side, rad', 1e-3, 2 * pi),
+    Parameter('arm.stiffness_ratios', (0.0, 0.0, 0.0),
+              'bending stiffness of each segment stiff over soft, K; 0: rigid when stiff',
+              0.0, 1e6),
+    Parameter('arm.yield_moments', (0.0, 0.0, 0.0),
+              'moment that the jam of each segment bears at full vacuum, N m; 0: any', 0.0, 1e6),
     Parameter('arm.bodies_per_segment', 12,
               'rigid bodies of the chain model in each segment', 1, 1000),
+    Parameter('arm.discretisation', PAPER,
+              'springs of the chain: equal as in the paper, or second order',
+              choices=(PAPER, SECOND_ORDER)),
+    Parameter('arm.tendon_axial_stiffness', 0.0,
+              'E A of the tendons, N; 0: they do not stretch', 0.0, 1e9),
+    Parameter('arm.tendon_free_length', 0.0,
+              'length of tendon between stepper and base, m', 0.0, 100.0),
+    Parameter('arm.tendon_friction', 0.0, 'Capstan friction coefficient at every guide', 0.0, 2.0),
+    Parameter('arm.payload', 0.0, 'mass at the top of the tip disc, kg', 0.0, 1e3),
     Parameter('arm.mounting_angle', 0.0,
               'rotation of the base about +y from upright, rad (pi: hanging)', -2 * pi, 2 * pi),
     Parameter('arm.gravity', STANDARD_GRAVITY, 'gravity, m/s^2; 0 leaves it out', 0.0, 100.0),
@@ -62,6 +86,7 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
     for name, expected in (('outer_diameters', count), ('leaf_thicknesses', count),
                            ('leaf_widths', count), ('bending_stiffnesses', count),
                            ('segment_masses', count), ('bending_angle_limits', count),
+                           ('stiffness_ratios', count), ('yield_moments', count),
                            ('guide_offsets', 2 * count),
                            ('disc_heights', count + 1), ('disc_masses', count + 1)):
         if len(get[name]) != expected:
@@ -71,7 +96,7 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
     segments = zip(
         lengths, get['outer_diameters'], get['leaf_thicknesses'], get['leaf_widths'],
         get['bending_stiffnesses'], get['segment_masses'], get['bending_angle_limits'],
-        strict=True)
+        get['stiffness_ratios'], get['yield_moments'], strict=True)
     offsets = get['guide_offsets']
     discs = zip(get['disc_heights'], get['disc_masses'], strict=True)
     modulus = get['youngs_modulus']
@@ -83,14 +108,19 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
                             width, thickness),
                         guide_offsets=(offsets[2 * i] or diameter / 2,
                                        offsets[2 * i + 1] or diameter / 2),
-                        bending_angle_limit=limit)
-                for i, (length, diameter, thickness, width, measured, mass, limit)
+                        bending_angle_limit=limit,
+                        jam=Jam(ratio=ratio or inf, yield_moment=bears or inf))
+                for i, (length, diameter, thickness, width, measured, mass, limit, ratio, bears)
                 in enumerate(segments)),
             discs=tuple(Disc(height=height, mass=mass) for height, mass in discs),
             bodies_per_segment=get['bodies_per_segment'],
+            discretisation=get['discretisation'],
+            tendon=Tendon(get['tendon_axial_stiffness'] or inf, get['tendon_free_length'],
+                          get['tendon_friction']),
+            payload=get['payload'],
             mounting_angle=get['mounting_angle'],
             gravity=get['gravity'])
-    except ArmError as error:
+    except (ArmError, LawError) as error:
         raise ParameterError(f'arm: {error}') from None
 
 

@@ -28,7 +28,8 @@ class AngleFit:
     """
     Pulls that bring soft segments closest to their bending angles.
 
-    pulls: (2,) m, SLACK for the tendon that does not carry.  error: (segments,) rad, reached minus wanted; nan where nothing was wanted.
+    pulls: (2,) m, SLACK for the tendon that does not carry.  error: (segments,) rad, reached
+    minus wanted; nan where nothing was wanted.
     """
 
     state: Equilibrium

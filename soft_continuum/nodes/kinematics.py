@@ -59,6 +59,7 @@ class Kinematics(Node):
         segments = len(self._arm.segments)
         self._stiff: list[bool | None] = [None] * segments
         self._pulls: Array | None = None
+        self._sliding = np.zeros(2, dtype=int)
         self._state: Equilibrium | None = None
         self._solved: tuple[Any, ...] = ()
         frame = self.parameters['frame_id']
@@ -103,6 +104,10 @@ class Kinematics(Node):
         if not np.all(np.isfinite(pulls)):
             self.status.set(WARN, 'tendon_states with a position that is not a finite number')
             return
+        if self._pulls is not None:  # the last direction of motion is that of the friction
+            change = pulls - self._pulls
+            self._sliding = np.where(np.abs(change) > PULL_RESOLUTION, np.sign(change),
+                                     self._sliding).astype(int)
         self._pulls = pulls
         self._publish()
 
@@ -145,7 +150,8 @@ class Kinematics(Node):
             return True
         soft = [not stiff for stiff in self._stiff]
         try:
-            state = self._statics.solve(self._state, self._pulls, soft)
+            state = self._statics.solve(self._state, self._pulls, soft,
+                                        sliding=self._sliding.tolist())
         except OverconstrainedError as error:
             self.status.set(ERROR, f'the tendons do not fit the arm: {error}')
             return not any(soft)  # a locked arm keeps its shape whatever the tendons do

@@ -144,7 +144,7 @@ class Planner:
 
     def _with_slack(self, bent: Equilibrium) -> Array:
         """Return the pulls of a bent state with slack in the tendon that does not carry."""
-        pulls = bent.pulls.copy()
+        pulls = self.statics.commanded_pulls(bent)
         carrying = RIGHT if bent.tensions[RIGHT] >= bent.tensions[LEFT] else LEFT
         pulls[1 - carrying] -= self.settings.antagonist_slack
         return pulls

@@ -51,11 +51,11 @@ def test_a_bad_goal_is_rejected_with_the_reason_and_moves_nothing(arm: Rig, case
 
 
 def test_a_shape_beyond_the_tension_limit_is_rejected_before_anything_moves(rig: Rig) -> None:
-    rig.start_arm(tension_limit=5.0)
+    rig.start_arm(tension_limit=1.0)
     assert not rig.goal('c_form').accepted
     said = rig.rejected()
     assert 'c_form' in said
-    assert 'tension_limit: 5 N' in said
+    assert 'tension_limit: 1 N' in said
     rig.assert_rests_stiff()
 
 

@@ -1,0 +1,580 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Motions are accepted within limits or refused with the reason, and a stop always wins."""
+
+from dataclasses import replace
+from math import inf, nan
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+
+from soft_continuum.hardware.protocols import HardwareError, TendonReading
+from soft_continuum.hardware.simulated_tendons import SimulatedTendons
+from soft_continuum.hardware.tendon_controller import (
+    JOIN_TOLERANCE,
+    MotionRefusedError,
+    TendonController,
+    TendonLimits,
+)
+
+SPEED, ACCELERATION, STEP = 0.03, 0.3, 5e-6
+LIMITS = TendonLimits((-0.02, 0.04), SPEED)
+INTERVAL = 0.02  # s between updates
+BRAKING = SPEED**2 / (2 * ACCELERATION)  # m
+
+
+class Clock:
+    """A clock that goes on only when told."""
+
+    def __init__(self):
+        self.now = 1000.0
+
+    def __call__(self):
+        return self.now
+
+
+class ObedientDriver:
+    """A driver that is at once where it is sent, and keeps what it was told."""
+
+    def __init__(self):
+        self.reading = TendonReading((0.0, 0.0), (0.0, 0.0), referenced=True)
+        self.calls = []
+        self.broken = ''
+
+    def open(self):
+        """Nothing to connect."""
+
+    def close(self):
+        """Nothing to disconnect."""
+
+    def read(self):
+        return self.reading
+
+    def move(self, pulls, duration):
+        self._called('move')
+        self.reading = replace(self.reading, pulls=pulls)
+
+    def stop(self):
+        self._called('stop')
+        self.reading = replace(self.reading, speeds=(0.0, 0.0))
+
+    def reference(self):
+        self._called('reference')
+        self.reading = replace(self.reading, pulls=(0.0, 0.0), referenced=True)
+
+    def _called(self, name):
+        self.calls.append(name)
+        if name == self.broken:
+            raise HardwareError('unplugged')
+
+
+class WatchedTendons(SimulatedTendons):
+    """Simulated steppers that keep the set-points they were sent."""
+
+    def __init__(self, clock):
+        super().__init__(clock, SPEED, ACCELERATION, STEP)
+        self.sent = []
+
+    def move(self, pulls, duration):
+        self.sent.append(pulls)
+        super().move(pulls, duration)
+
+
+class Rig:
+    """A controller on a driver, and its clock."""
+
+    def __init__(self, simulated=True):
+        self.clock = Clock()
+        self.driver = WatchedTendons(self.clock) if simulated else ObedientDriver()
+        self.controller = TendonController(self.driver, LIMITS)
+
+    def accept(self, *points, predict=lambda pulls: None, since=None):
+        """Points: (s from now, right, left)."""
+        start = self.clock.now if since is None else since
+        values = np.array(points, dtype=float).reshape(len(points), 3)
+        self.controller.accept(start + values[:, 0], values[:, 1:], self.clock.now, predict)
+
+    def update(self, times=1, interval=INTERVAL):
+        """Readings of some updates, each followed by its interval of time."""
+        readings = []
+        for _ in range(times):
+            readings.append(self.controller.update(self.clock.now, interval))
+            self.clock.now += interval
+        return readings
+
+    def rest(self):
+        """Go on until the tendons rest; return the reading."""
+        for _ in range(1000):
+            reading, = self.update()
+            if not (self.controller.following or reading.moving):
+                return reading
+        raise AssertionError('the tendons do not come to rest')
+
+
+@pytest.fixture
+def rig():
+    return Rig()
+
+
+@pytest.fixture
+def obedient():
+    return Rig(simulated=False)
+
+
+def in_motion(rig):
+    """Start a long motion and go half-way."""
+    rig.accept((1.0, 0.02, -0.01))
+    rig.update(25)
+    return rig
+
+
+# What is accepted, and how it is followed.
+
+
+def test_nothing_moves_before_a_trajectory_is_accepted(obedient):
+    obedient.update(50)
+    assert obedient.driver.calls == []
+
+
+def test_a_trajectory_is_followed_to_its_end_and_held_there(rig):
+    rig.accept((0.5, 0.01, -0.01), (1.0, 0.015, -0.012))
+    assert rig.controller.following
+    assert rig.rest().pulls == pytest.approx((0.015, -0.012), abs=STEP)
+    assert not rig.controller.following
+    assert rig.update(50)[-1].pulls == pytest.approx((0.015, -0.012), abs=STEP)
+
+
+def test_set_points_lie_on_the_trajectory_one_interval_ahead(rig):
+    rig.accept((0.5, 0.01, -0.01), (1.0, 0.015, -0.012))
+    rig.update(25)
+    expected = [(np.interp(t, [0.0, 0.5, 1.0], [0.0, 0.01, 0.015]),
+                 np.interp(t, [0.0, 0.5, 1.0], [0.0, -0.01, -0.012]))
+                for t in INTERVAL * np.arange(1, 26)]
+    assert np.array(rig.driver.sent) == pytest.approx(np.array(expected), abs=1e-9)
+
+
+def test_the_tendons_stay_close_to_their_set_points(rig):
+    rig.accept((1.0, 0.025, -0.01))
+    for _ in range(60):
+        reading, = rig.update()
+        lag = np.abs(np.subtract(reading.pulls, rig.driver.sent[-1])).max()
+        assert lag <= BRAKING + SPEED * INTERVAL
+
+
+def test_a_trajectory_that_starts_later_is_approached_until_then(rig):
+    rig.accept((2.0, 0.01, 0.0), (3.0, 0.02, 0.0))
+    rig.update(50)
+    assert rig.driver.sent[-1][0] == pytest.approx(0.005, abs=1e-4)
+
+
+def test_points_that_are_already_past_are_left_out(rig):
+    rig.accept((-1.0, 0.03, 0.03), (0.5, 0.01, 0.0))
+    assert rig.rest().pulls == pytest.approx((0.01, 0.0), abs=STEP)
+
+
+def test_a_late_update_goes_on_where_the_trajectory_is_by_then(rig):
+    rig.accept((1.0, 0.02, 0.0))
+    rig.update(5)
+    rig.clock.now += 0.5
+    rig.update()
+    assert rig.driver.sent[-1][0] == pytest.approx(0.02 * 0.62, abs=1e-6)
+
+
+def test_both_tendons_may_use_their_whole_travel(rig):
+    rig.accept((2.0, 0.04, -0.02))
+    assert rig.rest().pulls == pytest.approx((0.04, -0.02), abs=STEP)
+
+
+def test_the_prediction_sees_the_way_from_the_present_set_point_on(rig):
+    seen = []
+    in_motion(rig).accept((0.5, 0.02, -0.01), predict=seen.append)
+    assert seen[0][0] == pytest.approx(rig.driver.sent[-1])
+    assert seen[0][-1] == pytest.approx((0.02, -0.01))
+
+
+# What is refused: the message says what was asked for and what is allowed.
+
+REFUSALS = {
+    'not a number': ([(0.5, nan, 0.0)], ['finite']),
+    'infinite': ([(0.5, 0.0, -inf)], ['finite']),
+    'at no time': ([(nan, 0.01, 0.0)], ['finite']),
+    'times that do not increase': (
+        [(0.5, 0.001, 0.0), (0.5, 0.002, 0.0)], ['time_from_start', 'increase']),
+    'times that go back': (
+        [(0.6, 0.001, 0.0), (0.5, 0.002, 0.0)], ['time_from_start', 'increase']),
+    'past': ([(-2.0, 0.0, 0.0), (-0.5, 0.01, 0.0)], ['ended 0.500 s ago', 'header.stamp']),
+    'pulled too far': (
+        [(5.0, 0.041, 0.0)], ['0.041', 'pull_limits', '-0.02 to 0.04 m']),
+    'let out too far': (
+        [(5.0, 0.0, -0.021)], ['-0.021', 'pull_limits', '-0.02 to 0.04 m']),
+    'too fast': ([(0.1, 0.03, 0.0)], ['speed_limit', '0.03 m/s']),
+    'too fast later on': (
+        [(1.0, 0.02, 0.0), (1.1, 0.03, 0.0)], ['0.1 m/s', 'speed_limit', '0.03 m/s']),
+    'a jump': ([(0.001, 0.035, 0.0), (2.0, 0.035, 0.0)], ['speed_limit', '0.03 m/s']),
+}
+
+
+@pytest.mark.parametrize('points, words', REFUSALS.values(), ids=REFUSALS.keys())
+def test_a_trajectory_is_refused_with_what_was_asked_and_what_is_allowed(rig, points, words):
+    with pytest.raises(MotionRefusedError) as refused:
+        rig.accept(*points)
+    for word in words:
+        assert word in str(refused.value)
+
+
+@pytest.mark.parametrize('points', [points for points, _ in REFUSALS.values()], ids=REFUSALS)
+def test_a_refused_trajectory_leaves_the_present_one_going(points):
+    disturbed, undisturbed = in_motion(Rig()), in_motion(Rig())
+    with pytest.raises(MotionRefusedError):
+        disturbed.accept(*points)
+    assert disturbed.rest() == undisturbed.rest()
+    assert disturbed.driver.sent == undisturbed.driver.sent
+
+
+@pytest.mark.parametrize('points', [points for points, _ in REFUSALS.values()], ids=REFUSALS)
+def test_a_refused_trajectory_moves_nothing_at_rest(obedient, points):
+    with pytest.raises(MotionRefusedError):
+        obedient.accept(*points)
+    obedient.update(50)
+    assert obedient.driver.calls == []
+
+
+def no(pulls):
+    raise MotionRefusedError('the tension would be 75 N; tension_limit: 60 N')
+
+
+def test_what_the_prediction_refuses_is_refused_with_its_reason(rig):
+    with pytest.raises(MotionRefusedError, match='75 N; tension_limit: 60 N'):
+        rig.accept((1.0, 0.01, 0.0), predict=no)
+    assert not rig.controller.following
+
+
+def test_what_the_prediction_refuses_leaves_the_present_trajectory_going():
+    disturbed, undisturbed = in_motion(Rig()), in_motion(Rig())
+    with pytest.raises(MotionRefusedError):
+        disturbed.accept((1.0, 0.01, 0.0), predict=no)
+    assert disturbed.rest() == undisturbed.rest()
+
+
+def test_a_driver_that_lost_its_position_is_not_moved(obedient):
+    obedient.driver.reading = replace(obedient.driver.reading, referenced=False)
+    obedient.update()
+    with pytest.raises(MotionRefusedError, match='not referenced; .* ~/reference'):
+        obedient.accept((1.0, 0.01, 0.0))
+    obedient.controller.reference()
+    obedient.accept((1.0, 0.01, 0.0))
+
+
+@pytest.mark.parametrize('spacing', [1e-3, 1e-4, 1e-5])
+def test_many_small_steps_are_no_way_around_the_speed_limit(rig, spacing):
+    count = 2000
+    way = np.arange(1, count + 1) * 1.2 * SPEED * spacing
+    with pytest.raises(MotionRefusedError, match='speed_limit'):
+        rig.accept(*np.stack([
+            spacing * np.arange(1, count + 1), way, 0.0 * way], axis=1))
+
+
+@pytest.mark.parametrize('epoch', [0.0, 1.8e9])
+@pytest.mark.parametrize('spacing', [1e-2, 1e-3])
+def test_a_motion_at_the_speed_limit_is_accepted_however_time_is_counted(rig, epoch, spacing):
+    rig.clock.now = epoch + 0.1
+    way = np.arange(1, 101) * SPEED * spacing
+    rig.accept(*np.stack([spacing * np.arange(1, 101), way, -0.5 * way], axis=1))
+    assert rig.controller.following
+
+
+# One trajectory after another.
+
+
+def jumps(rig, first):
+    """How far set-points lie apart, from one of them on."""
+    return np.abs(np.diff(rig.driver.sent[first:], axis=0)).max(axis=1)
+
+
+def test_a_replacement_takes_over_from_the_last_set_point_without_a_jump(rig):
+    in_motion(rig)
+    start = rig.controller.reading.pulls
+    rig.accept((0.5, start[0], start[1]), (1.0, 0.0, 0.0))
+    rig.rest()
+    assert jumps(rig, 0).max() <= SPEED * INTERVAL + JOIN_TOLERANCE
+
+
+def test_the_same_motion_sent_piece_by_piece_is_the_same_motion():
+    times = np.linspace(0.0, 2.0, 41)
+    pulls = np.stack([0.02 * np.sin(times), -0.01 * np.sin(times)], axis=1)
+    whole, pieces = Rig(), Rig()
+    start = whole.clock.now
+    whole.controller.accept(start + times, pulls, start, lambda _: None)
+    for _ in range(100):
+        now = pieces.clock.now
+        ahead = (start + times > now) & (start + times <= now + 0.5)
+        pieces.controller.accept(start + times[ahead], pulls[ahead], now, lambda _: None)
+        pieces.update()
+        whole.update()
+    assert np.array(pieces.driver.sent) == pytest.approx(
+        np.array(whole.driver.sent[:len(pieces.driver.sent)]), abs=1e-9)
+
+
+@pytest.mark.parametrize('left', [0.001, 0.01, 0.019, 0.02, 0.021, 0.03])
+def test_a_replacement_that_ends_before_the_next_set_point_is_accepted_or_refused(rig, left):
+    in_motion(rig)
+    rig.clock.now -= INTERVAL  # right after an update
+    try:
+        rig.accept((left, 0.0102, -0.0051))
+    except MotionRefusedError:
+        assert rig.controller.following
+    for _ in range(100):
+        reading, = rig.update()
+    assert not reading.moving
+
+
+def test_a_motion_back_starts_from_the_set_point_and_not_from_the_target(rig):
+    in_motion(rig)
+    rig.accept((1.0, 0.0, 0.0))
+    rig.update()
+    assert rig.driver.sent[-1][0] < rig.driver.sent[-2][0]
+    assert rig.rest().pulls == pytest.approx((0.0, 0.0), abs=STEP)
+
+
+# Hold.
+
+
+def test_a_hold_ends_the_motion_within_the_braking_distance(rig):
+    moving = in_motion(rig).controller.reading
+    rig.controller.hold()
+    assert not rig.controller.following
+    assert np.abs(np.subtract(rig.rest().pulls, moving.pulls)).max() <= (
+        BRAKING + SPEED * INTERVAL + STEP)
+
+
+def test_a_hold_is_ready_for_the_next_motion(rig):
+    in_motion(rig).controller.hold()
+    rig.rest()
+    rig.accept((1.0, 0.0, 0.0))
+    assert rig.rest().pulls == pytest.approx((0.0, 0.0), abs=STEP)
+
+
+def test_a_motion_given_while_braking_joins_without_a_jump(rig):
+    in_motion(rig).controller.hold()
+    rig.update()
+    assert rig.controller.reading.moving
+    first = len(rig.driver.sent)
+    rig.accept((1.0, 0.02, -0.01))
+    rig.rest()
+    assert jumps(rig, first - 1).max() <= SPEED * INTERVAL + JOIN_TOLERANCE
+
+
+def test_a_hold_at_rest_does_nothing(obedient):
+    obedient.update()
+    obedient.controller.hold()
+    assert obedient.driver.calls == []
+
+
+def test_a_hold_also_ends_a_motion_whose_last_set_point_was_just_sent(rig):
+    rig.accept((INTERVAL / 2, 0.0004, 0.0))
+    rig.controller.update(rig.clock.now, INTERVAL)
+    rig.controller.hold()
+    rig.clock.now += 1.0
+    assert rig.driver.read().pulls == (0.0, 0.0)
+
+
+# Stop and resume.
+
+
+def test_a_stop_ends_the_motion_within_the_braking_distance(rig):
+    moving = in_motion(rig).driver.read()
+    rig.controller.stop('~/stop was called')
+    assert np.abs(np.subtract(rig.rest().pulls, moving.pulls)).max() <= BRAKING + 2 * STEP
+
+
+def test_after_a_stop_every_motion_is_refused_until_resume(rig):
+    in_motion(rig).controller.stop('~/stop was called')
+    rest = rig.rest().pulls
+    for _ in range(3):
+        with pytest.raises(MotionRefusedError, match=r'~/stop was called.*~/resume'):
+            rig.accept((1.0, rest[0], rest[1]))
+        assert rig.update(20)[-1].pulls == rest
+    rig.controller.resume()
+    rig.accept((1.0, 0.0, 0.0))
+    assert rig.rest().pulls == pytest.approx((0.0, 0.0), abs=STEP)
+
+
+def test_a_resume_by_itself_moves_nothing(rig):
+    in_motion(rig).controller.stop('')
+    rig.rest()
+    sent = list(rig.driver.sent)
+    rig.controller.resume()
+    assert rig.update(100)[-1].pulls == rig.controller.reading.pulls
+    assert rig.driver.sent == sent
+
+
+def test_a_stop_without_a_reason_is_a_stop(rig):
+    rig.controller.stop('')
+    with pytest.raises(MotionRefusedError, match='resume'):
+        rig.accept((1.0, 0.01, 0.0))
+
+
+def test_the_set_point_after_resume_is_the_measured_position(rig):
+    in_motion(rig).controller.stop('~/stop was called')
+    rest = rig.rest().pulls
+    rig.controller.resume()
+    rig.accept((1.0, rest[0], rest[1]))
+    rig.update()
+    assert rig.driver.sent[-1] == pytest.approx(rest, abs=1e-9)
+
+
+def test_a_trajectory_from_where_a_stopped_one_would_have_been_is_refused(rig):
+    in_motion(rig).controller.stop('~/stop was called')
+    rig.rest()
+    rig.controller.resume()
+    with pytest.raises(MotionRefusedError, match='speed_limit'):
+        rig.accept((0.05, 0.02, -0.01))
+
+
+def test_a_second_stop_changes_only_the_reason(rig):
+    in_motion(rig).controller.stop('first')
+    rest = rig.rest().pulls
+    rig.controller.stop('second')
+    assert rig.controller.stopped_because == 'second'
+    assert rig.update(50)[-1].pulls == rest
+
+
+def test_a_stop_reaches_the_driver_even_at_rest(obedient):
+    obedient.controller.stop('~/stop was called')
+    assert obedient.driver.calls == ['stop']
+
+
+@pytest.mark.parametrize('ending', ['stop', 'hold'])
+def test_a_stop_that_does_not_reach_the_device_still_ends_the_motion(obedient, ending):
+    obedient.accept((1.0, 0.02, -0.01))
+    obedient.update(5)
+    obedient.driver.broken = 'stop'
+    arguments = ['~/stop was called'] if ending == 'stop' else []
+    with pytest.raises(HardwareError):
+        getattr(obedient.controller, ending)(*arguments)
+    obedient.driver.calls.clear()
+    obedient.update(50)
+    assert 'move' not in obedient.driver.calls
+
+
+# Reference.
+
+
+def test_a_reference_makes_the_present_position_zero(rig):
+    in_motion(rig)
+    rig.rest()
+    rig.controller.reference()
+    assert rig.controller.reading.pulls == (0.0, 0.0)
+    rig.accept((1.0, 0.01, 0.0))
+    assert rig.rest().pulls == pytest.approx((0.01, 0.0), abs=STEP)
+
+
+def test_a_reference_is_refused_while_a_motion_goes_on(rig):
+    with pytest.raises(MotionRefusedError, match='moving'):
+        in_motion(rig).controller.reference()
+    assert rig.rest().pulls == pytest.approx((0.02, -0.01), abs=STEP)
+
+
+def test_a_reference_is_refused_while_the_tendons_brake(rig):
+    in_motion(rig).controller.hold()
+    rig.update()
+    with pytest.raises(MotionRefusedError, match='moving'):
+        rig.controller.reference()
+
+
+def test_a_reference_does_not_lift_a_stop(rig):
+    rig.controller.stop('~/stop was called')
+    rig.controller.reference()
+    with pytest.raises(MotionRefusedError, match='resume'):
+        rig.accept((1.0, 0.01, 0.0))
+
+
+# Whatever is called, in whatever order.
+
+points = st.lists(
+    st.tuples(st.floats(0.001, 1.0), st.floats(-0.02, 0.04), st.floats(-0.02, 0.04)),
+    min_size=1, max_size=4)
+operations = st.one_of(
+    st.tuples(st.just('accept'), points, st.floats(-0.5, 0.5)),
+    st.tuples(st.just('go on'), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)),
+    st.tuples(st.sampled_from(['hold', 'stop', 'resume', 'reference', 'refuse'])),
+    st.tuples(st.just('update'), st.integers(1, 40), st.floats(0.001, 0.1)))
+
+
+def operate(rig, name, *arguments):
+    """Do one thing that a user could; return what it was refused with."""
+    try:
+        if name == 'accept':
+            steps, start = arguments
+            values = np.array(steps)
+            values[:, 0] = start + np.cumsum(values[:, 0])
+            rig.accept(*values)
+        elif name == 'go on':  # at an allowed speed, from about where the tendons are
+            right, left = rig.controller.reading.pulls
+            rig.accept((1.0, right + arguments[0] * SPEED, left + arguments[1] * SPEED))
+        elif name == 'refuse':
+            rig.accept((0.5, nan, nan))
+        elif name == 'update':
+            rig.update(*arguments)
+        else:
+            getattr(rig.controller, name)(*(['asked'] if name == 'stop' else []))
+    except MotionRefusedError as error:
+        return str(error)
+    return ''
+
+
+@settings(deadline=None, derandomize=True, max_examples=200)
+@given(st.lists(operations, max_size=12))
+def test_nothing_is_sent_after_a_stop_before_a_resume(script):
+    rig = Rig()
+    stopped = False
+    for operation in script:
+        sent = len(rig.driver.sent)
+        refusal = operate(rig, *operation)
+        stopped = operation[0] == 'stop' or (stopped and operation[0] != 'resume')
+        if stopped:
+            assert len(rig.driver.sent) == sent
+            assert refusal or operation[0] not in ('accept', 'go on', 'refuse')
+    if stopped:
+        rig.clock.now += 0.2
+        rest = rig.driver.read()
+        assert not rest.moving
+        assert rig.update(20)[-1].pulls == rest.pulls
+
+
+@settings(deadline=None, derandomize=True, max_examples=200)
+@given(st.lists(operations, max_size=12))
+def test_tendons_stay_within_travel_and_set_points_never_jump(script):
+    rig = Rig()
+    low, high = LIMITS.pull_limits
+    for operation in script:
+        first = max(0, len(rig.driver.sent) - 1)
+        at_rest = not (rig.controller.following or rig.controller.reading.moving)
+        measured = rig.controller.reading.pulls
+        operate(rig, *operation)
+        new = rig.driver.sent[first:]
+        if operation[0] == 'update' and len(new) > 1:
+            if at_rest or first == 0:
+                new[0] = measured
+            interval = operation[2]
+            # A set-point may catch up with the one that was sent for an interval ahead.
+            most = 2 * SPEED * max(interval, 0.1) + JOIN_TOLERANCE + BRAKING
+            assert np.abs(np.diff(new, axis=0)).max() <= most
+            assert np.min(new) >= low - STEP and np.max(new) <= high + STEP
+        if operation[0] != 'reference':
+            pulls = rig.driver.read().pulls
+            assert low - 2 * STEP <= min(pulls) and max(pulls) <= high + 2 * STEP
+
+
+@settings(deadline=None, derandomize=True, max_examples=100)
+@given(st.lists(operations, max_size=12))
+def test_the_arm_can_always_be_brought_to_rest_and_back_to_zero(script):
+    rig = Rig()
+    for operation in script:
+        operate(rig, *operation)
+    rig.controller.stop('enough')
+    rig.rest()
+    rig.controller.resume()
+    rig.accept((3.0, 0.0, 0.0))
+    assert rig.rest().pulls == pytest.approx((0.0, 0.0), abs=STEP)

@@ -1,0 +1,203 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+MuJoCo, an engine of another make, settles where the statics say.
+
+The same chain is built from hinges with springs, bodies with masses and spatial tendons through
+sites at the guides, with a longest length each.  MuJoCo's limits are soft: a tendon that carries
+ends a few micrometres longer than its limit.  So our state is computed for the lengths that
+MuJoCo's tendons really reached, and only for tendons that MuJoCo has taut; a tendon that it has
+slack is left at its limit.  Both settle from the same start; nothing else is shared.
+"""
+
+from dataclasses import dataclass, replace
+from math import cos, pi, sin
+
+import mujoco
+import numpy as np
+import paper_arm as paper
+import pytest
+
+from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics
+
+TOLERANCE = 2e-5  # m, on every calculation point
+TIME_STEP = 0.01
+STIFF_LIMIT = (-2e5, -2e3)  # N/m and N s/m of a tendon beyond its limit
+
+
+def model_xml(arm, start, soft, limits):
+    """Return the arm as MJCF, stiff segments in their shape; limits are lengths in m or inf."""
+    n = arm.bodies_per_segment
+    lines, closing = [], []
+    guides = [[], []]
+
+    def site(name, tendon, x, z):
+        guides[tendon].append(name)
+        return f'<site name="{name}" pos="{x!r} 0 {z!r}"/>'
+
+    first = arm.segments[0].guide_offsets[0]
+    top = arm.discs[0].height
+    lines += [site('r0', RIGHT, first, top), site('l0', LEFT, -first, top)]
+    below, joint = top, 0
+    for k, segment in enumerate(arm.segments):
+        stiffness = (n + 1) * segment.bending_stiffness / segment.length
+        for i in range(n + 1):
+            disc = i == n
+            length = arm.discs[k + 1].height if disc else segment.length / n
+            mass = arm.discs[k + 1].mass if disc else segment.mass / n
+            angle = float(start[joint])
+            turned = f' euler="0 {angle!r} 0"' if not soft[k] else ''
+            lines.append(f'<body name="b{joint}" pos="0 0 {below!r}"{turned}>')
+            if soft[k]:
+                lines.append(
+                    f'<joint name="j{joint}" type="hinge" axis="0 1 0" stiffness="{stiffness!r}" '
+                    'damping="0.02" armature="1e-5"/>')
+            lines.append(f'<inertial pos="0 0 {length / 2!r}" mass="{mass!r}" '
+                         'diaginertia="1e-6 1e-6 1e-6"/>')
+            if disc:
+                upper = segment.guide_offsets[1]
+                last = k + 1 == len(arm.segments)
+                lines += [site(f'ru{k}', RIGHT, upper, 0.0), site(f'lu{k}', LEFT, -upper, 0.0)]
+                if not last:
+                    lower = arm.segments[k + 1].guide_offsets[0]
+                    lines += [site(f'rl{k}', RIGHT, lower, length),
+                              site(f'll{k}', LEFT, -lower, length)]
+            closing.append('</body>')
+            below, joint = length, joint + 1
+    tendons = []
+    for tendon, name in ((RIGHT, 'right'), (LEFT, 'left')):
+        limit = limits[tendon]
+        limited = '' if np.isinf(limit) else (
+            f' limited="true" range="0 {float(limit)!r}" '
+            f'solreflimit="{STIFF_LIMIT[0]} {STIFF_LIMIT[1]}" '
+            'solimplimit="0.9999 0.9999 0.001 0.5 1"')
+        sites = ''.join(f'<site site="{s}"/>' for s in guides[tendon])
+        tendons.append(f'<spatial name="{name}"{limited}>{sites}</spatial>')
+    down_x, down_z = (arm.gravity * sin(arm.mounting_angle), -arm.gravity * cos(arm.mounting_angle))
+    return (
+        '<mujoco><compiler angle="radian" autolimits="false"/>'
+        f'<option timestep="{TIME_STEP}" integrator="implicit" gravity="{down_x!r} 0 {down_z!r}" '
+        'tolerance="1e-14" iterations="200"/>'
+        '<worldbody>' + ''.join(lines + closing) + '</worldbody>'
+        '<tendon>' + ''.join(tendons) + '</tendon></mujoco>')
+
+
+@dataclass
+class Settled:
+    """Where MuJoCo came to rest: joint angles, both pulls in m, and which tendons carry."""
+
+    joint_angles: np.ndarray
+    pulls: np.ndarray
+    carries: list[bool]
+
+
+def settle(statics, start, asked, soft, steps=6000):
+    """Let MuJoCo move from ``start`` until it rests."""
+    arm = statics.chain.arm
+    straight = mujoco.MjModel.from_xml_string(
+        model_xml(arm, np.zeros(statics.chain.joints), [True] * len(arm.segments), (np.inf,) * 2))
+    data = mujoco.MjData(straight)
+    mujoco.mj_forward(straight, data)
+    rest = data.ten_length.copy()
+    model = mujoco.MjModel.from_xml_string(
+        model_xml(arm, start.joint_angles, soft, rest - np.asarray(asked)))
+    data = mujoco.MjData(model)
+    free = np.repeat(soft, statics.chain.joints_per_segment)
+    data.qpos[:] = start.joint_angles[free]
+    for _ in range(steps // 50):
+        mujoco.mj_step(model, data, 50)
+        if np.abs(data.qvel).max() < 1e-7:
+            break
+    assert np.abs(data.qvel).max() < 1e-6, 'MuJoCo has not come to rest'
+    mujoco.mj_forward(model, data)
+    angles = start.joint_angles.copy()
+    angles[free] = data.qpos
+    pulls = rest - data.ten_length
+    carries = [bool(np.isfinite(a) and p < a) for a, p in zip(asked, pulls, strict=True)]
+    return Settled(angles, pulls, carries)
+
+
+def check(statics, start, asked, soft):
+    """Compare the end state of both and return ours."""
+    theirs = settle(statics, start, asked, soft)
+    reached = [p if carries else a for p, carries, a in zip(
+        theirs.pulls, theirs.carries, asked, strict=True)]
+    for tendon in (RIGHT, LEFT):
+        if theirs.carries[tendon]:  # the limit is soft, but not that soft
+            assert abs(reached[tendon] - asked[tendon]) < 1e-3
+    ours = statics.solve(start, reached, soft)
+    points = statics.chain.points(ours.joint_angles)[:, :2]
+    other = statics.chain.points(theirs.joint_angles)[:, :2]
+    assert np.linalg.norm(points - other, axis=1).max() < TOLERANCE
+    assert list(ours.taut) == theirs.carries
+    return ours
+
+
+@pytest.mark.parametrize('mounting', [0.0, pi / 4, pi / 2, -3 * pi / 4, pi])
+@pytest.mark.parametrize('segment', [0, 1, 2])
+@pytest.mark.parametrize('pull', [-0.006, 0.006, 0.014])
+def test_one_soft_segment_and_one_tendon(mounting, segment, pull):
+    statics = Statics(paper.build(mounting_angle=mounting))
+    state = statics.chain.straight()
+    check(statics, state, (pull, SLACK), paper.only(segment))
+
+
+@pytest.mark.parametrize('form', paper.FORMS)
+def test_the_forms_of_the_paper_step_by_step_with_stiff_segments_bent(form):
+    statics = Statics(paper.build())
+    signs = paper.FORMS[form]
+    start = statics.chain.straight()
+    for segment, state in enumerate(paper.set_form(statics, signs)):
+        tendon = RIGHT if state.tensions[RIGHT] > 0.0 else LEFT
+        asked = [SLACK, SLACK]
+        asked[tendon] = state.pulls[tendon]
+        check(statics, start, asked, paper.only(segment))
+        start = state
+
+
+def test_the_slack_tendon_of_segment_2_in_the_c_form():
+    statics = Statics(paper.build())
+    first = statics.bend(statics.chain.straight(), 0, paper.ANGLE)
+    state = check(statics, first, (first.pulls[RIGHT] + 0.0142, SLACK), paper.only(1))
+    assert state.tensions[RIGHT] == 0.0
+    assert state.slack[RIGHT] > 0.004
+
+
+@pytest.mark.parametrize('asked', [
+    (0.012, -0.012), (0.006, -0.012), (-0.020, 0.012), (0.030, SLACK), (SLACK, 0.025)])
+@pytest.mark.parametrize('mounting', [0.0, pi / 2, pi])
+def test_all_segments_soft_and_both_tendons(asked, mounting):
+    statics = Statics(paper.build(0.5, mounting_angle=mounting))
+    check(statics, statics.chain.straight(), asked, (True, True, True))
+
+
+def test_both_tendons_taut_against_each_other():
+    statics = Statics(paper.build())
+    bent = statics.bend(statics.chain.straight(), 0, paper.ANGLE)
+    asked = bent.pulls + np.array([1e-4, 1e-4])
+    state = check(statics, bent, asked, paper.only(0))
+    assert all(state.taut)
+
+
+def test_guides_at_different_offsets_and_few_bodies():
+    arm = paper.build(bodies_per_segment=3, mounting_angle=0.7)
+    arm = replace(arm, segments=tuple(
+        replace(s, guide_offsets=offsets) for s, offsets in zip(
+            arm.segments, [(0.025, 0.019), (0.022, 0.024), (0.012, 0.018)], strict=True)))
+    statics = Statics(arm)
+    check(statics, statics.chain.straight(), (0.02, SLACK), (True, True, True))
+    check(statics, statics.chain.uniform((0.3, 0.0, -0.5)), (SLACK, 0.01), (False, True, False))
+
+
+def test_an_arm_that_cannot_stand_falls_to_the_same_state():
+    statics = Statics(paper.build())
+    leaning = statics.chain.uniform((0.05, 0.05, 0.05))
+    state = check(statics, leaning, (SLACK, SLACK), (True, True, True))
+    assert paper.degrees_of(statics, state)[1] > 40.0
+
+
+@pytest.mark.parametrize('tip', [-20.0, -5.0, 20.0])
+def test_an_arm_that_leans_falls_to_the_same_side(tip):
+    statics = Statics(paper.build())
+    leaning = statics.chain.uniform(np.radians([0.0, 0.0, tip]))
+    check(statics, leaning, (SLACK, SLACK), (True, True, False))

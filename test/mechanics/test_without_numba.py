@@ -1,0 +1,96 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Without numba the same source runs as plain Python, with the same result."""
+
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import numpy as np
+import paper_arm as paper
+import pytest
+
+from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics
+
+SCRIPT = """
+import json
+import sys
+if 'without' in sys.argv:
+    sys.modules['numba'] = None  # from here on, importing numba fails
+sys.path.insert(0, sys.argv[1])
+import test_without_numba
+print(json.dumps(test_without_numba.journey()))
+"""
+
+
+def journey():
+    """Return what the solver finds on a way with slack, both tendons, a fall and locked ones."""
+    found = []
+
+    def keep(state):
+        found.append({
+            'angles': state.joint_angles.tolist(), 'tensions': state.tensions.tolist(),
+            'pulls': state.pulls.tolist(), 'jumped': bool(state.jumped)})
+        return state
+
+    statics = Statics(paper.build(bodies_per_segment=6))
+    straight = statics.chain.straight()
+    state = keep(statics.bend(straight, 0, paper.ANGLE))
+    state = keep(statics.solve(state, (state.pulls[RIGHT] + 0.005, SLACK), paper.only(1)))
+    state = keep(statics.bend(state, 2, -paper.ANGLE))
+    state = keep(statics.solve(
+        state, (state.pulls[RIGHT] - 0.004, state.pulls[LEFT] - 0.002), paper.only(2)))
+    keep(statics.solve(straight, (SLACK, SLACK), (True, True, True)))
+    upside_down = Statics(paper.build(bodies_per_segment=3, mounting_angle=3.0))
+    keep(upside_down.solve(
+        upside_down.chain.straight(), (0.015, -0.016), (True, True, False)))
+    return found
+
+
+def run(*arguments):
+    """Run the journey in an interpreter of its own."""
+    here = Path(__file__).parent
+    root = here.parents[1]
+    environment = dict(os.environ)
+    environment['PYTHONPATH'] = os.pathsep.join(
+        [p for p in (environment.get('PYTHONPATH'), str(root)) if p])
+    done = subprocess.run(
+        [sys.executable, '-c', SCRIPT, str(here), *arguments],
+        capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.fixture(scope='module')
+def plain():
+    """Return the journey without numba."""
+    return run('without')
+
+
+def test_plain_python_and_compiled_code_agree_to_rounding(plain):
+    pytest.importorskip('numba')
+    for plain_state, compiled_state in zip(plain, journey(), strict=True):
+        assert plain_state['jumped'] == compiled_state['jumped']
+        for quantity in ('angles', 'pulls'):
+            assert np.array(plain_state[quantity]) == pytest.approx(
+                np.array(compiled_state[quantity]), abs=1e-12)
+        assert np.array(plain_state['tensions']) == pytest.approx(
+            np.array(compiled_state['tensions']), rel=1e-12, abs=1e-10)
+
+
+def test_the_journey_meets_slack_tendons_taut_pairs_and_a_fall(plain):
+    assert plain[1]['tensions'][RIGHT] == 0.0  # segment 2 sags, as in the paper
+    assert any(state['jumped'] for state in plain)
+
+
+def test_numba_is_really_absent(plain):
+    done = subprocess.run(
+        [sys.executable, '-c',
+         'import sys; sys.modules["numba"] = None; '
+         'from soft_continuum.mechanics import _newton; print(_newton.COMPILED)'],
+        capture_output=True, text=True, check=False,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(
+            p for p in (os.environ.get('PYTHONPATH'), str(Path(__file__).parents[2])) if p)})
+    assert done.stdout.strip() == 'False', done.stderr

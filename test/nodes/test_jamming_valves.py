@@ -1,0 +1,160 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""How segments become soft and stiff, and what is said of it."""
+
+import pytest
+from ros_rig import AMBIENT, LATCHED, Rig, SEGMENTS, STIFF_VACUUM
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
+
+RELEASE_VACUUM = 40e3
+
+
+@pytest.fixture
+def valves(rig: Rig) -> Rig:
+    """Return the valves alone, all segments stiff."""
+    rig.start('jamming_valves')
+    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
+    return rig
+
+
+def vacuum(rig: Rig, segment: int) -> float:
+    return AMBIENT - float(rig.pressures[segment - 1].last.fluid_pressure)
+
+
+@pytest.mark.parametrize('segment', [1, 2, 3])
+def test_one_segment_becomes_soft_and_stiff_again(valves: Rig, segment: int) -> None:
+    assert valves.set_stiff(segment, False).success
+    assert valves.soft_segments() == [segment]
+    valves.wait_for(lambda: vacuum(valves, segment) < 1e3, 'air')
+    assert valves.set_stiff(segment, True).success
+    valves.wait_for(lambda: vacuum(valves, segment) > STIFF_VACUUM, 'vacuum')
+    assert valves.all_stiff
+
+
+def test_all_segments_are_switched_at_once(valves: Rig) -> None:
+    for stiff in (False, True):
+        answer = valves.call(SetBool, 'jamming_valves/set_all_stiff', data=stiff)
+        assert answer.success
+        assert all(f'segment {n}' in answer.message for n in (1, 2, 3))
+        valves.wait_for(lambda s=stiff: all(r.last.data == s for r in valves.stiff), 'all')
+
+
+def test_there_are_exactly_as_many_services_as_segments(valves: Rig) -> None:
+    names = {name for name, _ in valves.observer.get_service_names_and_types_by_node(
+        'jamming_valves', valves.namespace) if 'stiff' in name}
+    prefix = f'{valves.namespace}/jamming_valves'
+    assert names == {f'{prefix}/set_all_stiff', *(
+        f'{prefix}/segment_{n}/set_stiff' for n in range(1, SEGMENTS + 1))}
+
+
+def test_a_segment_is_never_said_to_be_stiff_before_its_pressure_says_so(rig: Rig) -> None:
+    # Slow enough to be seen on the way.
+    rig.start('jamming_valves', simulated_jamming__evacuation_time=0.3,
+              simulated_jamming__valve_delay=0.05)
+    for segment in (1, 2, 1):
+        rig.soften(segment)
+        rig.set_stiff(segment, True)
+    rig.wait_for_more(rig.pressures[0])
+    rig.assert_stiff_only_by_pressure()
+    assert sum(m.data for m in rig.stiff[0]) == 3
+
+
+def test_a_segment_that_is_vented_is_not_called_stiff_any_more_at_once(rig: Rig) -> None:
+    rig.start('jamming_valves', simulated_jamming__venting_time=60.0)
+    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
+    assert rig.set_stiff(2, False).success
+    assert rig.soft_segments() == [2]
+    assert vacuum(rig, 2) > STIFF_VACUUM  # its vacuum is still there
+
+
+def test_a_leaking_segment_is_stiff_until_the_release_vacuum_and_again_from_the_stiff_one(
+        rig: Rig) -> None:
+    # A pump that cannot reach its thresholds: the vacuum hovers between the two.
+    rig.start('jamming_valves', simulated_jamming__leak_rate=4e4,
+              simulated_jamming__evacuation_time=1.0, simulated_jamming__ultimate_vacuum=94e3,
+              pump_start_vacuum=55e3, pump_stop_vacuum=60e3)
+    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
+    rig.wait_for(lambda: vacuum(rig, 1) < 58e3, 'a leak')
+    rig.wait_for_more(rig.pressures[0], 50)
+    lowest = min(AMBIENT - m.fluid_pressure for m in rig.pressures[0])
+    assert RELEASE_VACUUM < lowest < 58e3
+    assert rig.all_stiff
+    assert [m.data for m in rig.stiff[0]] == [True]  # no flicker
+
+
+def test_without_a_pump_that_keeps_up_a_segment_stops_being_stiff_by_itself(rig: Rig) -> None:
+    # The simulated pump of this rig holds 45 kPa: less than stiff, more than released.
+    rig.start('jamming_valves', simulated_jamming__ultimate_vacuum=45e3,
+              simulated_jamming__initially_stiff=True)
+    rig.wait_for_more(rig.pressures[0], 20)
+    assert not any(m.data for m in rig.stiff[0])
+
+
+def test_a_late_joiner_is_told_which_segments_are_stiff(valves: Rig) -> None:
+    valves.set_stiff(2, False)
+    late = [valves.record(Bool, f'segment_{n}/stiff', LATCHED) for n in (1, 2, 3)]
+    valves.wait_for(lambda: all(map(len, late)), 'the latched state')
+    assert [r.last.data for r in late] == [True, False, True]
+    assert [len(r) for r in late] == [1, 1, 1]
+
+
+def test_pressures_are_absolute_pascals_of_each_segment(valves: Rig) -> None:
+    valves.soften(1)
+    valves.wait_for(lambda: abs(vacuum(valves, 1)) < 100.0, 'ambient pressure')
+    for number, recording in enumerate(valves.pressures, start=1):
+        assert recording.last.header.frame_id == f'segment_{number}'
+        assert recording.last.header.stamp.sec > 0
+        assert 0.0 < recording.last.fluid_pressure <= AMBIENT
+    for segment in (2, 3):
+        assert 50e3 < vacuum(valves, segment) < 95e3
+
+
+@pytest.mark.parametrize('away', [('deactivate',), ('deactivate', 'cleanup')])
+def test_a_node_that_is_not_active_switches_nothing(valves: Rig, away: tuple[str, ...]) -> None:
+    for name in away:
+        assert valves.transition('jamming_valves', name)
+    for service in ('segment_1/set_stiff', 'set_all_stiff'):
+        answer = valves.call(SetBool, f'jamming_valves/{service}', data=False)
+        assert not answer.success
+        assert 'not active' in answer.message
+    heard = [len(r) for r in valves.stiff]
+    for name in ('configure', 'activate')[2 - len(away):]:
+        assert valves.transition('jamming_valves', name)
+    valves.wait_for_more(valves.pressures[0])
+    assert valves.all_stiff
+    assert len(heard) == SEGMENTS
+
+
+def test_deactivating_leaves_a_soft_segment_soft(valves: Rig) -> None:
+    valves.soften(2)
+    assert valves.transition('jamming_valves', 'deactivate')
+    assert valves.transition('jamming_valves', 'activate')
+    valves.wait_for_more(valves.pressures[1])
+    assert valves.soft_segments() == [2]
+    assert vacuum(valves, 2) < 5e3
+
+
+@pytest.mark.parametrize('name', ['configure', 'activate', 'cleanup'])
+def test_a_transition_that_is_not_valid_now_is_answered_and_changes_nothing(
+        valves: Rig, name: str) -> None:
+    assert not valves.transition('jamming_valves', name)
+    assert valves.lifecycle_state('jamming_valves') == 'active'
+    assert valves.set_stiff(1, False).success
+
+
+def test_a_soft_rig_starts_soft_and_is_left_so(rig: Rig) -> None:
+    rig.start('jamming_valves', simulated_jamming__initially_stiff=False)
+    rig.wait_for_more(rig.pressures[0])
+    assert rig.soft_segments() == [1, 2, 3]
+    assert all(len(r) == 1 for r in rig.stiff)
+
+
+def test_the_pump_rests_at_its_stop_vacuum_and_starts_again_at_its_start_vacuum(rig: Rig) -> None:
+    rig.start('jamming_valves', simulated_jamming__leak_rate=4e4,
+              simulated_jamming__evacuation_time=0.2)
+    for pump in ('off', 'on', 'off'):
+        said = len(rig.statuses['jamming_valves'])
+        rig.wait_for_status('jamming_valves', 'pump', pump, after=said)
+    assert rig.all_stiff

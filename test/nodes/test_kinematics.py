@@ -1,0 +1,261 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is said of the shape of the arm."""
+
+from geometry_msgs.msg import PoseArray
+import numpy as np
+import pytest
+from ros_rig import LATCHED, RELIABLE, Rig
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+from visualization_msgs.msg import Marker, MarkerArray
+
+from soft_continuum.configuration import load_arm
+from soft_continuum.mechanics.statics import Statics
+from soft_continuum.nodes.up import description_file
+
+ARM = load_arm(description_file())
+DISC_HEIGHT, LENGTH = 0.03, 0.07
+PULLS = (0.006, -0.007)
+
+
+class FakeArm:
+    """Tendons and valves that say whatever a test wants them to."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._tendons = rig.publisher(JointState, 'tendon_states')
+        self._stiff = [
+            rig.publisher(Bool, f'segment_{n}/stiff', LATCHED) for n in (1, 2, 3)]
+
+    def say(self, pulls: tuple[float, float] | None = None, soft: int = 0) -> None:
+        """Say which segment (from 1) is soft, and after that the pulls (m)."""
+        for number, publisher in enumerate(self._stiff, start=1):
+            publisher.publish(Bool(data=number != soft))
+        if pulls is not None:
+            self.pull(pulls)
+
+    def pull(self, pulls: tuple[float, ...], names: tuple[str, ...] = (
+            'right_tendon', 'left_tendon')) -> None:
+        """Say the pulls only."""
+        self._tendons.publish(JointState(name=list(names), position=list(pulls)))
+
+
+@pytest.fixture
+def fake(rig: Rig) -> FakeArm:
+    """Return kinematics alone with an arm that it can be told about."""
+    rig.start('kinematics')
+    return FakeArm(rig)
+
+
+def shape(rig: Rig, count: int) -> np.ndarray:
+    """Return joint angles as (segments, joints), once ``count`` of them were heard."""
+    rig.wait_for(lambda: len(rig.joints) >= count, f'{count} joint_states')
+    return np.array(rig.joints.last.position).reshape(3, -1)
+
+
+def bend(rig: Rig, fake: FakeArm, segment: int = 3) -> np.ndarray:
+    """Bend one segment of a straight arm and stiffen it again; return its joint angles."""
+    fake.say((0.0, 0.0))
+    shape(rig, 1)
+    fake.say(soft=segment)
+    rig.wait_for_status('kinematics', 'soft', str(segment))
+    steps = 12
+    for part in np.arange(1, steps + 1) / steps:
+        fake.pull((part * PULLS[0], part * PULLS[1]))
+    rig.wait_for(lambda: np.abs(rig.joints.last.position).max() > 0.01, 'a bent segment')
+    before = len(rig.joints)
+    fake.pull(PULLS)
+    return shape(rig, before + 1)
+
+
+def test_the_arm_is_straight_before_anything_was_pulled(rig: Rig, fake: FakeArm) -> None:
+    discs = rig.record(PoseArray, 'disc_poses', RELIABLE)
+    fake.say((0.0, 0.0))
+    rig.wait_for(lambda: len(rig.segment_poses) and len(discs), 'poses')
+    ends = [(p.position.x, p.position.y, p.position.z) for p in rig.segment_poses.last.poses]
+    # The end of a segment is the bottom of the disc above it.
+    assert ends == pytest.approx(np.array(
+        [(0.0, 0.0, n * (DISC_HEIGHT + LENGTH)) for n in (1, 2, 3)]), abs=1e-9)
+    heights = [p.position.z for p in discs.last.poses]
+    assert heights == pytest.approx([0.0, 0.03, 0.10, 0.13, 0.20, 0.23, 0.30, 0.33], abs=1e-9)
+
+
+def test_poses_are_in_the_frame_of_the_base_and_counted_from_it(rig: Rig, fake: FakeArm) -> None:
+    fake.say((0.0, 0.0))
+    rig.wait_for(lambda: len(rig.segment_poses) and len(rig.disc_poses), 'poses')
+    for recording, count in ((rig.segment_poses, 3), (rig.disc_poses, 8)):
+        message = recording.last
+        assert message.header.frame_id == 'base_link'
+        assert message.header.stamp.sec > 0
+        assert len(message.poses) == count
+        heights = [p.position.z for p in message.poses]
+        assert heights == sorted(heights)
+
+
+def test_z_of_a_pose_is_the_tangent_of_the_backbone(rig: Rig, fake: FakeArm) -> None:
+    joints = bend(rig, fake)
+    rig.wait_for_more(rig.joints, 0)
+    tangents = np.cumsum(joints.sum(axis=1))
+    assert tangents[2] > 0.1  # the right tendon bends the arm towards +x
+    rig.wait_for(lambda: len(rig.disc_poses) == len(rig.joints), 'poses of the last joints')
+    poses = rig.disc_poses.last.poses
+    for pose, angle in zip(poses, np.repeat([0.0, *tangents], 2), strict=True):
+        q = pose.orientation
+        assert q.x**2 + q.y**2 + q.z**2 + q.w**2 == pytest.approx(1.0)
+        z_axis = (2 * (q.x * q.z + q.w * q.y), 2 * (q.y * q.z - q.w * q.x),
+                  1 - 2 * (q.x**2 + q.y**2))
+        assert z_axis == pytest.approx((np.sin(angle), 0.0, np.cos(angle)), abs=1e-9)
+    # From the bottom to the top of a disc the backbone runs along that axis.
+    for bottom, top, angle in zip(poses[::2], poses[1::2], [0.0, *tangents], strict=True):
+        along = (top.position.x - bottom.position.x, top.position.z - bottom.position.z)
+        assert along == pytest.approx((0.03 * np.sin(angle), 0.03 * np.cos(angle)), abs=1e-9)
+
+
+def test_a_pulled_soft_segment_has_the_shape_that_the_model_gives(
+        rig: Rig, fake: FakeArm) -> None:
+    joints = bend(rig, fake)
+    statics = Statics(ARM)
+    state = statics.chain.straight()
+    for part in np.arange(1, 13) / 12:
+        state = statics.solve(state, (part * PULLS[0], part * PULLS[1]), (False, False, True))
+    assert joints.ravel() == pytest.approx(state.joint_angles, abs=1e-6)
+    tensions = rig.record(JointState, 'tendon_tensions', RELIABLE)
+    fake.pull(PULLS)
+    rig.wait_for(lambda: len(tensions), 'tensions')
+    assert list(tensions.last.name) == ['right_tendon', 'left_tendon']
+    assert list(tensions.last.effort) == pytest.approx(list(state.tensions), abs=1e-6)
+
+
+def test_joint_states_name_every_joint_from_the_base_on(rig: Rig, fake: FakeArm) -> None:
+    fake.say((0.0, 0.0))
+    rig.wait_for(lambda: len(rig.joints), 'joint_states')
+    message = rig.joints.last
+    assert list(message.name) == [
+        f'segment_{s}_joint_{j}' for s in (1, 2, 3) for j in range(1, 14)]
+    assert len(message.position) == 39
+    assert len(message.velocity) == len(message.effort) == 0
+
+
+def test_a_stiff_arm_keeps_its_shape_whatever_the_tendons_do(rig: Rig, fake: FakeArm) -> None:
+    bent = bend(rig, fake)
+    fake.say()
+    rig.wait_for_status('kinematics', 'soft', '')
+    before = len(rig.joints)
+    for pulls in ((0.0, 0.0), (0.03, -0.03), (0.03, 0.03), PULLS):
+        fake.pull(pulls)
+    shapes = [np.array(m.position).reshape(3, -1)
+              for m in rig.wait_for_more(rig.joints, 1) + list(rig.joints)[before:]]
+    for found in shapes:
+        assert found == pytest.approx(bent, abs=1e-9)
+
+
+def test_only_the_soft_segment_changes_its_shape(rig: Rig, fake: FakeArm) -> None:
+    joints = bend(rig, fake, segment=2)
+    assert np.abs(joints[1]).max() > 1e-3
+    assert joints[[0, 2]] == pytest.approx(np.zeros((2, 13)), abs=1e-12)
+
+
+def test_the_shape_is_unknown_after_starting_on_pulled_tendons(rig: Rig, fake: FakeArm) -> None:
+    fake.say((0.004, -0.005))
+    rig.wait_for(lambda: 'unknown' in rig.statuses['kinematics'].last.message, 'an unknown shape')
+    assert 'reset' in rig.statuses['kinematics'].last.message
+    answer = rig.trigger('kinematics/reset')
+    assert not answer.success
+    assert '0.0040' in answer.message
+    assert 'reference' in answer.message
+    assert len(rig.joints) == len(rig.segment_poses) == len(rig.disc_poses) == 0
+
+    fake.pull((0.0, 0.0))  # what tendon_actuation says after a reference
+    rig.wait_for(lambda: rig.trigger('kinematics/reset').success, 'reset')
+    assert shape(rig, 1) == pytest.approx(np.zeros((3, 13)))
+
+
+def test_reset_takes_the_arm_to_be_straight_again(rig: Rig, fake: FakeArm) -> None:
+    bend(rig, fake)
+    fake.say((0.0, 0.0))
+    rig.wait_for_status('kinematics', 'soft', '')
+    rig.wait_for(lambda: rig.trigger('kinematics/reset').success, 'reset')
+    rig.wait_for(lambda: not np.any(rig.joints.last.position), 'a straight arm')
+
+
+def test_reset_is_refused_before_the_tendons_were_heard(rig: Rig) -> None:
+    rig.start('kinematics')
+    answer = rig.trigger('kinematics/reset')
+    assert not answer.success
+    assert 'tendon_states' in answer.message
+
+
+@pytest.mark.parametrize('pulls', [(float('nan'), 0.0), (float('inf'), 0.0)])
+def test_a_pull_that_is_not_a_finite_number_changes_nothing(
+        rig: Rig, fake: FakeArm, pulls: tuple[float, float]) -> None:
+    bent = bend(rig, fake)
+    fake.pull(pulls)
+    rig.wait_for(lambda: 'finite' in rig.statuses['kinematics'].last.message, 'a warning')
+    assert np.array(rig.joints.last.position).reshape(3, -1) == pytest.approx(bent)
+    before = len(rig.joints)
+    fake.pull(PULLS)
+    assert shape(rig, before + 1) == pytest.approx(bent, abs=1e-9)
+
+
+@pytest.mark.parametrize(('pulls', 'names'), [
+    ((0.001,), ('right_tendon',)),
+    ((0.001, 0.002), ('a', 'b')),
+    ((0.001,), ('right_tendon', 'left_tendon')),
+    ((), ()),
+])
+def test_tendon_states_of_something_else_change_nothing(
+        rig: Rig, fake: FakeArm, pulls: tuple[float, ...], names: tuple[str, ...]) -> None:
+    fake.say((0.0, 0.0))
+    shape(rig, 1)
+    fake.pull(pulls, names)
+    rig.wait_for(lambda: 'tendon_states' in rig.statuses['kinematics'].last.message, 'a warning')
+    before = len(rig.joints)
+    fake.pull((0.0, 0.0))
+    assert shape(rig, before + 1) == pytest.approx(np.zeros((3, 13)))
+
+
+def test_tendons_pulled_against_each_other_are_named_and_give_no_shape(
+        rig: Rig, fake: FakeArm) -> None:
+    bend(rig, fake)
+    fake.pull((0.02, 0.02))
+    rig.wait_for(lambda: 'do not fit' in rig.statuses['kinematics'].last.message, 'an error')
+    assert rig.statuses['kinematics'].last.level == b'\x02'
+    assert np.abs(rig.joints.last.position).max() < 0.5
+
+
+def test_markers_show_segments_discs_and_tendons_in_the_frame_of_the_base(
+        rig: Rig, fake: FakeArm) -> None:
+    heard = rig.record(MarkerArray, 'shape_markers', RELIABLE)
+    bend(rig, fake)
+
+    def shown() -> bool:
+        fake.pull(PULLS)
+        return len(heard) > 0
+
+    rig.wait_for(shown, 'markers')
+    markers = heard.last.markers
+    assert {m.header.frame_id for m in markers} == {'base_link'}
+    kinds = {name: [m for m in markers if m.ns == name] for name in (
+        'segments', 'discs', 'tendons')}
+    assert {name: len(found) for name, found in kinds.items()} == {
+        'segments': 3, 'discs': 4, 'tendons': 2}
+    assert {m.type for m in kinds['segments'] + kinds['tendons']} == {Marker.LINE_STRIP}
+    assert {m.type for m in kinds['discs']} == {Marker.CYLINDER}
+    assert len({(m.ns, m.id) for m in markers}) == 9
+    soft, stiff = kinds['segments'][2].color, kinds['segments'][0].color
+    assert (soft.r, soft.g, soft.b) != (stiff.r, stiff.g, stiff.b)
+    # The strip of a segment ends where the pose of its end is.
+    end = rig.segment_poses.last.poses[2].position
+    last = kinds['segments'][2].points[-1]
+    assert (last.x, last.z) == pytest.approx((end.x, end.z), abs=1e-9)
+    for marker in markers:
+        assert min(marker.scale.x, marker.color.a) > 0.0
+
+
+def test_the_frame_is_a_parameter(rig: Rig) -> None:
+    rig.start('kinematics', frame_id='left_arm/base_link')
+    FakeArm(rig).say((0.0, 0.0))
+    rig.wait_for(lambda: len(rig.segment_poses), 'poses')
+    assert rig.segment_poses.last.header.frame_id == 'left_arm/base_link'

@@ -1,0 +1,341 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What moves the tendons, what does not, and what stops them."""
+
+from collections.abc import Callable
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+import pytest
+from ros_rig import RELIABLE, Rig, trajectory
+from trajectory_msgs.msg import JointTrajectory
+
+OTHERS = ('jamming_valves', 'kinematics')
+NAN, INFINITE = float('nan'), float('inf')
+PULL = trajectory([(0.3, (0.004, -0.005))])
+SLOW_PULL = trajectory([(20.0, (0.010, -0.012))])
+
+
+@pytest.fixture
+def tendons(rig: Rig) -> Rig:
+    """Return an arm without sequencer, its tip segment soft."""
+    rig.start('tendon_actuation', *OTHERS)
+    make_soft(rig, 3)
+    return rig
+
+
+def make_soft(rig: Rig, segment: int) -> None:
+    rig.soften(segment)
+    rig.wait_for_status('kinematics', 'soft', str(segment))
+    rig.wait_for_more(rig.joints, 3)
+
+
+def send(rig: Rig, message: JointTrajectory) -> None:
+    rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(message)
+
+
+def arrives(rig: Rig, pulls: tuple[float, float]) -> None:
+    rig.wait_for(lambda: not rig.moving and np.allclose(rig.pulls, pulls, atol=1e-5),
+                 f'tendons at {pulls}')
+
+
+def refused(rig: Rig, message: JointTrajectory, *reasons: str) -> None:
+    """Claim that a trajectory is refused with all of the reasons, and that nothing moves."""
+    before, said = rig.pulls, len(rig.statuses['tendon_actuation'])
+    send(rig, message)
+    text = rig.wait_for_status('tendon_actuation', 'refused', after=said)
+    for reason in reasons:
+        assert reason in text
+    rig.assert_rests()
+    assert rig.pulls == before
+
+
+def test_both_tendons_go_where_a_trajectory_leads_them(tendons: Rig) -> None:
+    send(tendons, trajectory([(0.2, (0.004, -0.005)), (0.4, (0.002, -0.003))]))
+    arrives(tendons, (0.002, -0.003))
+    assert max(m.position[0] for m in tendons.tendons) == pytest.approx(0.004, abs=2e-4)
+    assert list(tendons.tendons.last.name) == ['right_tendon', 'left_tendon']
+    assert len(tendons.tendons.last.velocity) == 2
+    assert len(tendons.tendons.last.effort) == 0  # nothing measures it
+
+
+def test_tendons_are_told_apart_by_name_not_by_order(tendons: Rig) -> None:
+    send(tendons, trajectory([(0.3, (-0.005, 0.004))], names=('left_tendon', 'right_tendon')))
+    arrives(tendons, (0.004, -0.005))
+
+
+def test_a_new_trajectory_takes_over_from_the_running_one(tendons: Rig) -> None:
+    send(tendons, SLOW_PULL)
+    tendons.wait_for(lambda: tendons.moving, 'motion')
+    send(tendons, trajectory([(1.0, (0.0, 0.0))]))
+    arrives(tendons, (0.0, 0.0))
+    assert max(m.position[0] for m in tendons.tendons) < 0.009
+
+
+def points(*positions: tuple[float, ...]) -> JointTrajectory:
+    return trajectory([(0.3 * (i + 1), p) for i, p in enumerate(positions)])
+
+
+BAD_TRAJECTORIES = {
+    'not a number': (points((NAN, 0.0)), ['finite']),
+    'infinite': (points((0.001, -INFINITE)), ['finite']),
+    'not a number at a later point': (points((0.001, -0.002), (0.002, NAN)), ['finite']),
+    'one position': (points((0.001,)), ['point 1', '1 positions', 'left_tendon']),
+    'three positions':
+        (points((0.001, -0.002), (0.002, -0.003, 0.0)), ['point 2', '3 positions']),
+    'no positions': (points(()), ['point 1', '0 positions']),
+    'unknown joints':
+        (trajectory([(0.3, (0.001, -0.002))], names=('right', 'left')),
+         ["'right'", 'right_tendon', 'left_tendon']),
+    'one joint': (trajectory([(0.3, (0.001,))], names=('right_tendon',)), ['left_tendon']),
+    'the same joint twice':
+        (trajectory([(0.3, (0.001, 0.001))], names=('right_tendon', 'right_tendon')),
+         ['left_tendon']),
+    'no joints': (trajectory([(0.3, (0.001, 0.001))], names=()), ['left_tendon']),
+    'beyond the travel': (points((0.061, -0.06)), ['0.061', 'pull_limits: -0.06 to 0.06 m']),
+    'millimetres instead of metres': (points((4.0, -5.0)), ['pull_limits: -0.06 to 0.06 m']),
+    'let out beyond the travel': (points((0.0, -0.061)), ['-0.061', 'pull_limits']),
+    'too fast': (trajectory([(0.01, (0.02, -0.02))]), ['m/s', 'speed_limit: 0.6 m/s']),
+    'too fast at a later point':
+        (trajectory([(0.3, (0.001, -0.002)), (0.301, (0.004, -0.005))]), ['speed_limit']),
+    'times that do not increase':
+        (trajectory([(0.3, (0.001, -0.002)), (0.3, (0.002, -0.003))]), ['time_from_start']),
+    'times that decrease':
+        (trajectory([(0.3, (0.001, -0.002)), (0.2, (0.002, -0.003))]), ['time_from_start']),
+    'too much tension': (points((0.045, -0.05)), ['N']),
+    'both tendons against each other': (points((0.008, 0.008)), []),
+}
+
+
+@pytest.mark.parametrize('case', BAD_TRAJECTORIES)
+def test_a_bad_trajectory_is_refused_with_the_reason_and_moves_nothing(
+        tendons: Rig, case: str) -> None:
+    message, reasons = BAD_TRAJECTORIES[case]
+    refused(tendons, message, *reasons)
+    send(tendons, PULL)  # and the node lives on
+    arrives(tendons, (0.004, -0.005))
+    assert tendons.status_value('tendon_actuation', 'refused') == ''
+
+
+def test_a_trajectory_of_the_past_is_refused(tendons: Rig) -> None:
+    message = trajectory([(0.3, (0.001, -0.002))])
+    message.header.stamp = Time(sec=1)
+    refused(tendons, message, 'ago', 'header.stamp')
+
+
+def test_a_trajectory_that_would_need_too_much_tension_is_refused(tendons: Rig) -> None:
+    assert tendons.set_parameter('tendon_actuation', 'tension_limit', 0.5).successful
+    refused(tendons, PULL, 'tension', 'tension_limit: 0.5 N', 'right 4.00 mm')
+    assert tendons.set_parameter('tendon_actuation', 'tension_limit', 60.0).successful
+    send(tendons, PULL)
+    arrives(tendons, (0.004, -0.005))
+
+
+def test_a_limit_that_is_lowered_holds_for_the_next_trajectory(tendons: Rig) -> None:
+    assert tendons.set_parameter('tendon_actuation', 'speed_limit', 0.01).successful
+    refused(tendons, PULL, 'speed_limit: 0.01 m/s')
+
+
+def test_a_bad_trajectory_leaves_the_running_one_alone(tendons: Rig) -> None:
+    send(tendons, trajectory([(2.0, (0.004, -0.005))]))
+    tendons.wait_for(lambda: tendons.moving, 'motion')
+    send(tendons, points((NAN, 0.0)))
+    assert 'finite' in tendons.wait_for_status('tendon_actuation', 'refused')
+    arrives(tendons, (0.004, -0.005))
+
+
+def test_no_tendon_moves_while_every_segment_is_stiff(rig: Rig) -> None:
+    rig.start('tendon_actuation', *OTHERS)
+    rig.wait_for_more(rig.joints, 3)
+    refused(rig, PULL, 'every segment is stiff', 'set_stiff')
+
+
+def test_no_tendon_moves_while_kinematics_is_silent(rig: Rig) -> None:
+    rig.start('tendon_actuation', 'jamming_valves')
+    rig.soften(3)
+    refused(rig, PULL, 'kinematics', 'joint_states')
+
+
+def test_no_tendon_moves_before_the_valves_were_heard(rig: Rig) -> None:
+    rig.start('tendon_actuation', 'kinematics')
+    refused(rig, PULL, 'jamming_valves')
+
+
+def silence_kinematics(rig: Rig, kinematics: object) -> str:
+    rig.end(kinematics)
+    return 'kinematics'
+
+
+def silence_valves(rig: Rig, _: object) -> str:
+    assert rig.transition('jamming_valves', 'deactivate')
+    return 'jamming_valves'
+
+
+@pytest.mark.parametrize('silence', [silence_kinematics, silence_valves])
+def test_a_node_that_falls_silent_ends_the_motion(
+        rig: Rig, silence: Callable[[Rig, object], str]) -> None:
+    rig.start('tendon_actuation', 'jamming_valves', silence_timeout=3.0)
+    kinematics, = rig.start('kinematics')
+    make_soft(rig, 3)
+    send(rig, SLOW_PULL)
+    rig.wait_for(lambda: rig.moving, 'motion')
+    silent = silence(rig, kinematics)
+    assert silent in rig.wait_for_status('tendon_actuation', 'ended', silent)
+    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.assert_rests()
+    assert 0.0 < rig.pulls[0] < 0.009
+    refused(rig, PULL, silent)
+
+
+@pytest.mark.parametrize(('segment', 'stiff'), [(3, True), (1, False)])
+def test_a_segment_that_changes_in_mid_motion_ends_the_motion(
+        tendons: Rig, segment: int, stiff: bool) -> None:
+    send(tendons, SLOW_PULL)
+    tendons.wait_for(lambda: tendons.moving, 'motion')
+    assert tendons.set_stiff(segment, stiff).success
+    assert 'segment' in tendons.wait_for_status('tendon_actuation', 'ended')
+    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    tendons.assert_rests()
+    assert 0.0 < tendons.pulls[0] < 0.009
+
+
+def test_a_trajectory_without_points_brakes_and_holds(tendons: Rig) -> None:
+    send(tendons, SLOW_PULL)
+    tendons.wait_for(lambda: tendons.moving, 'motion')
+    send(tendons, trajectory([]))
+    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    tendons.assert_rests()
+    assert 0.0 < tendons.pulls[0] < 0.009
+    send(tendons, PULL)  # no resume is needed
+    arrives(tendons, (0.004, -0.005))
+
+
+def test_a_stop_brakes_and_lasts_until_resume(tendons: Rig) -> None:
+    send(tendons, SLOW_PULL)
+    tendons.wait_for(lambda: tendons.moving, 'motion')
+    assert tendons.trigger('tendon_actuation/stop').success
+    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    tendons.assert_rests()
+    stopped_at = tendons.pulls
+    assert 0.0 < stopped_at[0] < 0.009
+    assert 'stop' in tendons.wait_for_status('tendon_actuation', 'stopped')
+    assert tendons.soft_segments() == [3]
+    refused(tendons, PULL, 'stopped', '~/resume')
+
+    assert tendons.trigger('tendon_actuation/resume').success
+    tendons.assert_rests()
+    assert tendons.pulls == stopped_at
+    send(tendons, PULL)
+    arrives(tendons, (0.004, -0.005))
+
+
+def test_stop_and_resume_may_be_repeated(tendons: Rig) -> None:
+    for service in ('stop', 'stop', 'resume', 'resume'):
+        assert tendons.trigger(f'tendon_actuation/{service}').success
+    send(tendons, PULL)
+    arrives(tendons, (0.004, -0.005))
+
+
+def test_a_stop_outlasts_a_new_connection(tendons: Rig) -> None:
+    assert tendons.trigger('tendon_actuation/stop').success
+    for name in ('deactivate', 'cleanup', 'configure', 'activate'):
+        assert tendons.transition('tendon_actuation', name)
+    tendons.wait_for_more(tendons.tendons)
+    refused(tendons, PULL, 'stopped', '~/resume')
+    assert tendons.trigger('tendon_actuation/resume').success
+    send(tendons, PULL)
+    arrives(tendons, (0.004, -0.005))
+
+
+@pytest.mark.parametrize('away', [('deactivate',), ('deactivate', 'cleanup')])
+def test_a_stop_that_comes_while_the_node_does_not_work_counts_when_it_does(
+        tendons: Rig, away: tuple[str, ...]) -> None:
+    for name in away:
+        assert tendons.transition('tendon_actuation', name)
+    assert tendons.trigger('tendon_actuation/stop').success
+    for name in ('configure', 'activate')[2 - len(away):]:
+        assert tendons.transition('tendon_actuation', name)
+    tendons.wait_for_more(tendons.tendons)
+    refused(tendons, PULL, 'stopped', '~/resume')
+
+
+def test_reference_takes_the_present_position_as_zero(tendons: Rig) -> None:
+    send(tendons, PULL)
+    arrives(tendons, (0.004, -0.005))
+    assert tendons.trigger('tendon_actuation/reference').success
+    arrives(tendons, (0.0, 0.0))
+    tendons.assert_rests()
+
+
+def test_reference_is_refused_while_a_tendon_moves(tendons: Rig) -> None:
+    send(tendons, SLOW_PULL)
+    tendons.wait_for(lambda: tendons.moving, 'motion')
+    answer = tendons.trigger('tendon_actuation/reference')
+    assert not answer.success
+    assert 'moving' in answer.message
+    tendons.wait_for(lambda: tendons.pulls[0] > 0.001, 'more motion')
+
+
+@pytest.mark.parametrize('away', [('deactivate',), ('deactivate', 'cleanup')])
+def test_a_node_that_is_not_active_refuses_and_says_so(
+        tendons: Rig, away: tuple[str, ...]) -> None:
+    for name in away:
+        assert tendons.transition('tendon_actuation', name)
+    said = len(tendons.statuses['tendon_actuation'])
+    send(tendons, PULL)
+    assert 'not active' in tendons.wait_for_status('tendon_actuation', 'refused', after=said)
+    for service in ('resume', 'reference'):
+        answer = tendons.trigger(f'tendon_actuation/{service}')
+        assert not answer.success
+        assert 'not active' in answer.message
+    for name in ('configure', 'activate')[2 - len(away):]:
+        assert tendons.transition('tendon_actuation', name)
+    tendons.assert_rests()
+    assert tendons.pulls == (0.0, 0.0)
+
+
+def test_deactivating_in_mid_motion_holds_and_activating_moves_nothing(tendons: Rig) -> None:
+    send(tendons, SLOW_PULL)
+    tendons.wait_for(lambda: tendons.moving, 'motion')
+    assert tendons.transition('tendon_actuation', 'deactivate')
+    assert tendons.lifecycle_state('tendon_actuation') == 'inactive'
+    assert tendons.transition('tendon_actuation', 'activate')
+    tendons.wait_for_more(tendons.tendons, 1)
+    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    tendons.assert_rests()
+    assert 0.0 < tendons.pulls[0] < 0.009
+
+
+@pytest.mark.parametrize('name', ['configure', 'activate', 'cleanup'])
+def test_a_transition_that_is_not_valid_now_is_answered_and_changes_nothing(
+        tendons: Rig, name: str) -> None:
+    assert not tendons.transition('tendon_actuation', name)
+    assert tendons.lifecycle_state('tendon_actuation') == 'active'
+    send(tendons, PULL)
+    arrives(tendons, (0.004, -0.005))
+
+
+def test_without_autostart_the_node_waits_to_be_configured(rig: Rig) -> None:
+    rig.start('tendon_actuation', ready=False, autostart=False)
+    assert rig.lifecycle_state('tendon_actuation') == 'unconfigured'
+    assert not rig.transition('tendon_actuation', 'activate')
+    assert rig.transition('tendon_actuation', 'configure')
+    assert rig.transition('tendon_actuation', 'activate')
+    rig.assert_rests()
+    assert rig.transition('tendon_actuation', 'active_shutdown')
+    assert rig.lifecycle_state('tendon_actuation') == 'finalized'
+
+
+def test_diagnostics_name_the_driver(rig: Rig) -> None:
+    heard = rig.record(DiagnosticArray, '/diagnostics', RELIABLE)
+    rig.start('tendon_actuation', *OTHERS)
+
+    def named() -> dict[str, str]:
+        return {s.name: s.hardware_id for m in heard for s in m.status}
+
+    rig.wait_for(lambda: len(named()) == 3, 'diagnostics of three nodes')
+    prefix = rig.namespace.lstrip('/')
+    assert named()[f'{prefix}/tendon_actuation'] == 'simulated tendon steppers'
+    assert named()[f'{prefix}/jamming_valves'] == 'simulated jamming valves'
