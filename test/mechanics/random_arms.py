@@ -28,7 +28,8 @@ def arms(draw, load=(0.0, 2.0), bodies=(1, 8), segments=(1, 6)):
     """
     count = draw(st.integers(*segments))
     lengths = [draw(between(0.04, 0.12)) for _ in range(count)]
-    offsets = [(draw(between(0.15, 0.4)) * l, draw(between(0.15, 0.4)) * l) for l in lengths]
+    offsets = [(draw(between(0.15, 0.4)) * length, draw(between(0.15, 0.4)) * length)
+               for length in lengths]
     segment_masses = [draw(between(0.0, 0.08)) for _ in range(count)]
     disc_masses = [draw(between(0.0, 0.08)) for _ in range(count + 1)]
     heights = [draw(between(0.005, 0.04)) for _ in range(count + 1)]

@@ -132,7 +132,8 @@ def test_guides_sit_on_the_discs_at_half_the_outer_diameter():
         assert np.linalg.norm(side - points, axis=1) == pytest.approx(offsets)
 
 
-@pytest.mark.parametrize('angles', [np.zeros(38), np.zeros(40), np.full(39, nan), np.zeros((3, 13))])
+@pytest.mark.parametrize(
+    'angles', [np.zeros(38), np.zeros(40), np.full(39, nan), np.zeros((3, 13))])
 def test_joint_angles_of_the_wrong_size_or_nan_are_refused(angles):
     with pytest.raises(ValueError, match='39'):
         RigidChain(paper.build()).state(angles)

@@ -16,7 +16,7 @@ from ament_index_python.packages import get_package_prefix
 
 from soft_continuum.nodes.up import description_file
 
-DEADLINE = 40.0  # s
+DEADLINE = 30.0  # s
 SHARED_MEMORY = Path('/dev/shm')
 
 

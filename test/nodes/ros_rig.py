@@ -43,7 +43,7 @@ from soft_continuum.nodes.up import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape
 
-DEADLINE = 40.0  # s: for what takes a fraction of a second on an idle machine
+DEADLINE = 30.0  # s: for what takes a fraction of a second on an idle machine
 SEGMENTS = 3
 TENDONS = ('right_tendon', 'left_tendon')
 ALL = tuple(NODES)

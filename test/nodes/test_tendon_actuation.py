@@ -36,6 +36,10 @@ def send(rig: Rig, message: JointTrajectory) -> None:
     rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(message)
 
 
+def wait_for_pull(rig: Rig) -> None:
+    rig.wait_for(lambda: rig.moving and rig.pulls[0] > 1e-4, 'motion')
+
+
 def arrives(rig: Rig, pulls: tuple[float, float]) -> None:
     rig.wait_for(lambda: not rig.moving and np.allclose(rig.pulls, pulls, atol=1e-5),
                  f'tendons at {pulls}')
@@ -68,7 +72,7 @@ def test_tendons_are_told_apart_by_name_not_by_order(tendons: Rig) -> None:
 
 def test_a_new_trajectory_takes_over_from_the_running_one(tendons: Rig) -> None:
     send(tendons, SLOW_PULL)
-    tendons.wait_for(lambda: tendons.moving, 'motion')
+    wait_for_pull(tendons)
     send(tendons, trajectory([(1.0, (0.0, 0.0))]))
     arrives(tendons, (0.0, 0.0))
     assert max(m.position[0] for m in tendons.tendons) < 0.009
@@ -104,8 +108,7 @@ BAD_TRAJECTORIES = {
         (trajectory([(0.3, (0.001, -0.002)), (0.3, (0.002, -0.003))]), ['time_from_start']),
     'times that decrease':
         (trajectory([(0.3, (0.001, -0.002)), (0.2, (0.002, -0.003))]), ['time_from_start']),
-    'too much tension': (points((0.045, -0.05)), ['N']),
-    'both tendons against each other': (points((0.008, 0.008)), []),
+    'both tendons against each other': (points((0.008, 0.008)), ['tension']),
 }
 
 
@@ -126,8 +129,8 @@ def test_a_trajectory_of_the_past_is_refused(tendons: Rig) -> None:
 
 
 def test_a_trajectory_that_would_need_too_much_tension_is_refused(tendons: Rig) -> None:
-    assert tendons.set_parameter('tendon_actuation', 'tension_limit', 0.5).successful
-    refused(tendons, PULL, 'tension', 'tension_limit: 0.5 N', 'right 4.00 mm')
+    assert tendons.set_parameter('tendon_actuation', 'tension_limit', 0.3).successful
+    refused(tendons, PULL, 'tension', 'tension_limit: 0.3 N', 'right 4.00 mm')
     assert tendons.set_parameter('tendon_actuation', 'tension_limit', 60.0).successful
     send(tendons, PULL)
     arrives(tendons, (0.004, -0.005))
@@ -140,7 +143,7 @@ def test_a_limit_that_is_lowered_holds_for_the_next_trajectory(tendons: Rig) -> 
 
 def test_a_bad_trajectory_leaves_the_running_one_alone(tendons: Rig) -> None:
     send(tendons, trajectory([(2.0, (0.004, -0.005))]))
-    tendons.wait_for(lambda: tendons.moving, 'motion')
+    wait_for_pull(tendons)
     send(tendons, points((NAN, 0.0)))
     assert 'finite' in tendons.wait_for_status('tendon_actuation', 'refused')
     arrives(tendons, (0.004, -0.005))
@@ -180,7 +183,7 @@ def test_a_node_that_falls_silent_ends_the_motion(
     kinematics, = rig.start('kinematics')
     make_soft(rig, 3)
     send(rig, SLOW_PULL)
-    rig.wait_for(lambda: rig.moving, 'motion')
+    wait_for_pull(rig)
     silent = silence(rig, kinematics)
     assert silent in rig.wait_for_status('tendon_actuation', 'ended', silent)
     rig.wait_for(lambda: not rig.moving, 'rest')
@@ -193,7 +196,7 @@ def test_a_node_that_falls_silent_ends_the_motion(
 def test_a_segment_that_changes_in_mid_motion_ends_the_motion(
         tendons: Rig, segment: int, stiff: bool) -> None:
     send(tendons, SLOW_PULL)
-    tendons.wait_for(lambda: tendons.moving, 'motion')
+    wait_for_pull(tendons)
     assert tendons.set_stiff(segment, stiff).success
     assert 'segment' in tendons.wait_for_status('tendon_actuation', 'ended')
     tendons.wait_for(lambda: not tendons.moving, 'rest')
@@ -203,7 +206,7 @@ def test_a_segment_that_changes_in_mid_motion_ends_the_motion(
 
 def test_a_trajectory_without_points_brakes_and_holds(tendons: Rig) -> None:
     send(tendons, SLOW_PULL)
-    tendons.wait_for(lambda: tendons.moving, 'motion')
+    wait_for_pull(tendons)
     send(tendons, trajectory([]))
     tendons.wait_for(lambda: not tendons.moving, 'rest')
     tendons.assert_rests()
@@ -214,7 +217,7 @@ def test_a_trajectory_without_points_brakes_and_holds(tendons: Rig) -> None:
 
 def test_a_stop_brakes_and_lasts_until_resume(tendons: Rig) -> None:
     send(tendons, SLOW_PULL)
-    tendons.wait_for(lambda: tendons.moving, 'motion')
+    wait_for_pull(tendons)
     assert tendons.trigger('tendon_actuation/stop').success
     tendons.wait_for(lambda: not tendons.moving, 'rest')
     tendons.assert_rests()
@@ -271,11 +274,11 @@ def test_reference_takes_the_present_position_as_zero(tendons: Rig) -> None:
 
 def test_reference_is_refused_while_a_tendon_moves(tendons: Rig) -> None:
     send(tendons, SLOW_PULL)
-    tendons.wait_for(lambda: tendons.moving, 'motion')
+    wait_for_pull(tendons)
     answer = tendons.trigger('tendon_actuation/reference')
     assert not answer.success
     assert 'moving' in answer.message
-    tendons.wait_for(lambda: tendons.pulls[0] > 0.001, 'more motion')
+    tendons.wait_for(lambda: tendons.pulls[0] > 0.0005, 'more motion')
 
 
 @pytest.mark.parametrize('away', [('deactivate',), ('deactivate', 'cleanup')])
@@ -298,7 +301,7 @@ def test_a_node_that_is_not_active_refuses_and_says_so(
 
 def test_deactivating_in_mid_motion_holds_and_activating_moves_nothing(tendons: Rig) -> None:
     send(tendons, SLOW_PULL)
-    tendons.wait_for(lambda: tendons.moving, 'motion')
+    wait_for_pull(tendons)
     assert tendons.transition('tendon_actuation', 'deactivate')
     assert tendons.lifecycle_state('tendon_actuation') == 'inactive'
     assert tendons.transition('tendon_actuation', 'activate')
