@@ -29,9 +29,9 @@ CONVERGED = 0
 UNSTABLE = 1  # an equilibrium, but not a minimum of the energy
 FAILED = 2
 
-RESIDUAL_TOLERANCE = 1e-11  # N m, on every group's moment balance
-LENGTH_TOLERANCE = 1e-13  # m (and rad, in ANGLE mode)
 JUST_TAUT = 1e-9  # m of slack that counts as none
+SHORT = 1e-13  # m by which a tendon may be too long after a step
+SLIGHT = 1e-7  # N of tension that counts as none
 STEP_LIMIT = 0.7  # rad, the largest change of an angle in one iteration
 MAX_ITERATIONS = 40
 
@@ -139,7 +139,7 @@ def tension_step(products, used, column, taut, gap, tension, mode, compliance, s
                 reach = gap[t] + products[r + 1, 0] - compliance[t] * step[r]
                 for c in range(size):
                     reach -= products[r + 1, c + 1] * step[c]
-                if reach > LENGTH_TOLERANCE:
+                if reach > SHORT:
                     taut[t] = True
                     changed = True
         if not changed:
@@ -180,20 +180,21 @@ def curvature_sign(products, used, column, held, compliance, tridiagonal_negativ
 
 @compiled
 def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, target,  # type: ignore[no-untyped-def]
-           compliance, driven, bias, damping, limit, lengths):
+           compliance, driven, bias, damping, tolerance, lengths):
     """
     Find the equilibrium near ``theta`` by full Newton steps.
 
     Changes ``theta`` (bodies,) rad and ``tension`` (2,) N in place and fills ``lengths`` (2,) m,
     the paths of the two tendons through the segments.  Returns (status, iterations, residual in
-    N m, directions of negative curvature).
+    N m, whether springs and loads alone were convex on the way).
 
     bodies (n, 3): length m, load coefficients wx, wz N m of the energy wx sin + wz cos; joints
     (n, 7): see joint_law; guides (segments, 2): offset of the lower and upper guide of each span,
     m; ratios (2, segments): tension of a span over that at the base; group (n,): rigid group of
     each body, -1 for the base; mode, target, compliance (m/N), driven (2,): per tendon, the last
     being the segment whose bending angle drives it in ANGLE mode; bias (groups,): dead moments,
-    N m; damping: N m/rad towards the entry state; limit: residual at the floor of rounding.
+    N m; damping: N m/rad towards the entry state; tolerance (3,): residual, N m; the same where
+    rounding keeps it from falling further, N m; tendon length, m.
     """
     count = theta.shape[0]
     segments = guides.shape[0]
@@ -217,6 +218,7 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
     column = np.zeros(2, dtype=np.int64)
     largest = 1.0
     negatives = 0
+    convex = True
     residual = 0.0
     best = 1e300
     for iteration in range(MAX_ITERATIONS):
@@ -263,13 +265,13 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
         for k in range(groups):
             residual = max(residual, abs(gradient[k]))
         if not residual < 1e30:
-            return FAILED, iteration, residual, negatives
+            return FAILED, iteration, residual, convex
         # Where rounding keeps the residual up, it is accepted below the limit once it stagnates.
-        balanced = residual <= RESIDUAL_TOLERANCE or (
-            residual <= limit and largest < 1e-9 and residual >= 0.5 * best)
+        balanced = residual <= tolerance[0] or (
+            residual <= tolerance[1] and largest < 1e-9 and residual >= 0.5 * best)
         best = min(best, residual)
-        if balanced and error <= LENGTH_TOLERANCE and iteration > 0 and largest < 1e-4:
-            return (CONVERGED if negatives == 0 else UNSTABLE), iteration, residual, negatives
+        if balanced and error <= tolerance[2] and iteration > 0 and largest < 1e-4:
+            return (CONVERGED if negatives == 0 else UNSTABLE), iteration, residual, convex
 
         for k in range(groups):
             columns[k, 0] = -gradient[k]
@@ -283,10 +285,17 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
                         products[r, c] += value * columns[k, c]
         if used > 1 and not tension_step(products, used, column, taut, gap, tension, mode,
                                          compliance, step):
-            return FAILED, iteration, residual, negatives
-        for t in range(2):  # a tendon that is just taut holds, though it carries nothing yet
-            held[t] = taut[t] or (mode[t] == LENGTH and gap[t] > -JUST_TAUT)
-        negatives = curvature_sign(products, used, column, held, compliance, pivots)
+            return FAILED, iteration, residual, convex
+        # One tendon that is just taut leaves a way out to its slack side; of two, each holds the
+        # side that the other leaves, and their rows say the same.
+        pair = (column[0] > 0 and column[1] > 0 and mode[0] == LENGTH and mode[1] == LENGTH
+                and min(gap[0], gap[1]) > -JUST_TAUT)
+        for t in range(2):
+            held[t] = (pair and t == 0) or (
+                taut[t] and (mode[t] != LENGTH or tension[t] + step[column[t] - 1] > SLIGHT))
+        convex = convex and pivots == 0
+        if mode[0] != ANGLE and mode[1] != ANGLE:  # otherwise it says nothing about stability
+            negatives = curvature_sign(products, used, column, held, compliance, pivots)
 
         largest = 0.0
         for k in range(groups):
@@ -304,12 +313,12 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
                 tension[t] += fraction * step[column[t] - 1]
                 if mode[t] == LENGTH and not taut[t] and fraction == 1.0:
                     tension[t] = 0.0
-    return FAILED, MAX_ITERATIONS, residual, negatives
+    return FAILED, MAX_ITERATIONS, residual, convex
 
 
 @compiled_parallel
 def newton_batch(theta, tension, bodies, joints, tables, guides, group, groups, target,  # type: ignore[no-untyped-def]
-                 compliance, limit, lengths, status, residual):
+                 compliance, tolerance, lengths, status, residual, convex):
     """
     Find many equilibria at once, as ``newton`` in LENGTH mode without friction, on all cores.
 
@@ -318,8 +327,8 @@ def newton_batch(theta, tension, bodies, joints, tables, guides, group, groups, 
     """
     for i in prange(theta.shape[0]):
         g = i % groups.shape[0]
-        status[i], _, residual[i], _ = newton(
+        status[i], _, residual[i], convex[i] = newton(
             theta[i], tension[i], bodies[i % bodies.shape[0]], joints[i % joints.shape[0]],
             tables, guides[i % guides.shape[0]], np.ones((2, guides.shape[1])), group[g],
             np.zeros(2, dtype=np.int64), target[i], compliance[i % compliance.shape[0]],
-            np.zeros(2, dtype=np.int64), np.zeros(groups[g]), 0.0, limit, lengths[i])
+            np.zeros(2, dtype=np.int64), np.zeros(groups[g]), 0.0, tolerance, lengths[i])

@@ -53,10 +53,13 @@ class Segment:
         """Refuse what is not a physical segment."""
         _check('segment length', self.length, *LENGTH_RANGE, 'm')
         _check('outer diameter', self.outer_diameter, *LENGTH_RANGE, 'm')
+        if len(self.guide_offsets) != 2:
+            raise ArmError('a segment has guide offsets at its lower and its upper end; '
+                           f'given: {self.guide_offsets}')
         for offset in self.guide_offsets:
             _check('guide offset', offset, 1e-4, LENGTH_RANGE[1], 'm')
-        _check('bending stiffness E I', self.bending_stiffness, 1e-9, 1e6, 'N m^2')
-        _check('segment mass', self.mass, 0.0, 1e3, 'kg')
+        _check('bending stiffness E I', self.bending_stiffness, 1e-9, 1e3, 'N m^2')
+        _check('segment mass', self.mass, 0.0, 10.0, 'kg')
         _check('bending angle limit', self.bending_angle_limit, 1e-3, 2 * pi, 'rad')
 
 
@@ -70,7 +73,7 @@ class Disc:
     def __post_init__(self) -> None:
         """Refuse what is not a physical disc."""
         _check('disc height', self.height, *LENGTH_RANGE, 'm')
-        _check('disc mass', self.mass, 0.0, 1e3, 'kg')
+        _check('disc mass', self.mass, 0.0, 10.0, 'kg')
 
 
 @dataclass(frozen=True)
@@ -137,9 +140,11 @@ class Arm:
             raise ArmError(
                 f'{len(self.segments)} segments need {len(self.segments) + 1} discs, '
                 f'one below each segment and one at the tip; given: {len(self.discs)}')
-        if not 1 <= self.bodies_per_segment <= 1000:
+        if not (isinstance(self.bodies_per_segment, int)
+                and 1 <= self.bodies_per_segment <= 1000):
             raise ArmError(
-                f'bodies per segment is {self.bodies_per_segment}; allowed: 1 to 1000')
+                f'bodies per segment is {self.bodies_per_segment}; allowed: a whole '
+                'number from 1 to 1000')
         if self.discretisation not in (PAPER, SECOND_ORDER):
             raise ArmError(f'discretisation is {self.discretisation!r}; '
                            f'allowed: {PAPER}, {SECOND_ORDER}')
@@ -149,7 +154,7 @@ class Arm:
                                f'{len(self.discs) - 1}')
             _check('point force x', force.x, -1e6, 1e6, 'N')
             _check('point force z', force.z, -1e6, 1e6, 'N')
-        _check('payload', self.payload, 0.0, 1e3, 'kg')
+        _check('payload', self.payload, 0.0, 100.0, 'kg')
         _check('mounting angle', self.mounting_angle, -2 * pi, 2 * pi, 'rad')
         _check('gravity', self.gravity, 0.0, 100.0, 'm/s^2')
 

@@ -56,12 +56,18 @@ def bending_angle(segment: Segment, pull: float) -> float:
     take up that pull within its bending angle limit.
     """
     limit = segment.bending_angle_limit
-    low, high = segment_pulls(segment, -limit)[0], segment_pulls(segment, limit)[0]
+    # Far from straight the pull turns back: the angles between the turns around zero count.
+    grid = np.linspace(-limit, limit, 721)
+    rising = np.diff([segment_pulls(segment, a)[0] for a in grid]) > 0.0
+    turns = np.flatnonzero(~rising)
+    least = grid[turns[turns < 360].max() + 1] if np.any(turns < 360) else -limit
+    most = grid[turns[turns >= 360].min()] if np.any(turns >= 360) else limit
+    low, high = segment_pulls(segment, least)[0], segment_pulls(segment, most)[0]
     if not low <= pull <= high:
         raise ArmError(
             f'a pull of {pull:g} m needs more than the bending angle limit of {limit:g} rad; '
             f'allowed: {low:.4g} to {high:.4g} m')
-    return float(brentq(lambda a: segment_pulls(segment, a)[0] - pull, -limit, limit,
+    return float(brentq(lambda a: segment_pulls(segment, a)[0] - pull, least, most,
                         xtol=1e-15, rtol=1e-14))
 
 

@@ -27,9 +27,10 @@ from soft_continuum.mechanics.joints import JointLaws, tension_ratios
 SLACK = -np.inf
 """A pull that leaves the tendon slack in every shape."""
 
-RESIDUAL_LIMIT = 1e-10  # N m
 DIRECT_LIMIT = 0.8  # rad: a segment that turned further is followed in smaller steps
+CAREFUL_LIMIT = 0.1  # rad: the same where loads outweigh springs, so that paths may end
 SMALLEST_STEP = 1e-4  # of the way, before the path is taken to have ended
+MOST_ITERATIONS = 20000  # of Newton's method in one solve, before it is given up
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
 
 
@@ -56,6 +57,7 @@ class _Boundary:
 
     group: NDArray[np.int64]
     groups: int
+    locked_angles: Array
     joints: Array
     ratios: Array
     mode: NDArray[np.int64]
@@ -74,6 +76,7 @@ class _Point:
     status: int = _newton.FAILED
     residual: float = np.inf
     iterations: int = 0
+    convex: bool = True
 
 
 class Statics:
@@ -93,6 +96,10 @@ class Statics:
         rope = (self.chain.straight_length + sum(d.height for d in arm.discs)
                 + arm.tendon.free_length)
         self.compliance = np.full(2, rope / arm.tendon.axial_stiffness)
+        # 1e-11 N m and 1e-13 m, or what rounding allows for very stiff or very long arms.
+        stiffest = float(self.chain.joint_stiffness.max())
+        self.tolerance = np.array([max(1e-11, 1e-14 * stiffest), max(1e-10, 1e-13 * stiffest),
+                                   max(1e-13, 1e-15 * rope)])
         self._groups = cache(self._find_groups)
 
     def solve(self, start: Equilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
@@ -145,21 +152,26 @@ class Statics:
         otherwise.  Raises StaticsError when no tendon holds the arm there in a stable way.
         """
         mask = [i == segment for i in range(self.chain.segments)] if soft is None else list(soft)
-        if not 0 <= segment < self.chain.segments or not mask[segment]:
+        if not (0 <= segment < self.chain.segments and segment < len(mask) and mask[segment]):
             raise ValueError(f'segment index {segment} is not one of the soft segments {mask}')
         if not np.isfinite(angle):
             raise ValueError(f'the bending angle must be a finite number in rad; given: {angle}')
+        reasons = []
         for tendon in (RIGHT, LEFT):
             boundary = self._boundary(start, mask, np.full(2, np.inf))
             boundary.mode[tendon] = _newton.ANGLE
             boundary.driven[tendon] = segment
             boundary.target[tendon] = angle
-            found = self._find(start, boundary)
-            if found.tensions[tendon] >= 0.0:
-                return self._hold(found, mask)
+            try:
+                found = self._find(start, boundary)
+                if found.tensions[tendon] >= 0.0:
+                    return self._hold(found, mask)
+                reasons.append('it would have to push')
+            except StaticsError as error:
+                reasons.append(str(error))
         raise StaticsError(
-            f'no tendon holds segment {segment + 1} at {np.degrees(angle):.1f} degrees: '
-            'both would have to push', start)
+            f'no tendon holds segment {segment + 1} at {np.degrees(angle):.1f} degrees '
+            f'(right: {reasons[RIGHT]}; left: {reasons[LEFT]})', start)
 
     def commanded_pulls(self, state: Equilibrium) -> Array:
         """Return the pulls (2,) m at the steppers that give a state: its paths and stretch."""
@@ -179,16 +191,17 @@ class Statics:
 
     def _boundary(self, start: Equilibrium, soft: Sequence[bool], target: Array,
                   vacuum: Sequence[float] | None = None) -> _Boundary:
-        if len(soft) != self.chain.segments:
-            raise ValueError(f'{len(soft)} soft flags given, the arm has '
-                             f'{self.chain.segments} segments')
+        if len(soft) != self.chain.segments or any(s not in (0, 1) for s in soft):
+            raise ValueError(f'soft must have a true or false for each of the '
+                             f'{self.chain.segments} segments; given: {list(soft)}')
         if start.joint_angles.shape != (self.chain.joints,):
             raise ValueError(f'the start has {start.joint_angles.size} joints, this arm has '
                              f'{self.chain.joints}')
         stiff = tuple(not s for s in soft)
         group, groups = self._groups(stiff)
-        return _Boundary(group, groups, self.laws.joints(start, stiff, vacuum), np.ones(
-            (2, self.chain.segments)), np.zeros(2, dtype=np.int64), target,
+        return _Boundary(
+            group, groups, start.joint_angles, self.laws.joints(start, stiff, vacuum),
+            np.ones((2, self.chain.segments)), np.zeros(2, dtype=np.int64), target,
             np.zeros(2, dtype=np.int64), stiff)
 
     def _find_groups(self, stiff: tuple[bool, ...]) -> tuple[NDArray[np.int64], int]:
@@ -208,19 +221,20 @@ class Statics:
     def _newton(self, start: _Point, boundary: _Boundary, target: Array | None = None,
                 bias: Array | None = None, damping: float = 0.0) -> _Point:
         theta, tension, lengths = start.theta.copy(), start.tension.copy(), np.empty(2)
-        status, iterations, residual, _ = _newton.newton(
+        status, iterations, residual, convex = _newton.newton(
             theta, tension, self._bodies, boundary.joints, self.laws.tables, self.chain.guides,
             boundary.ratios, boundary.group, boundary.mode,
             boundary.target if target is None else target, self.compliance, boundary.driven,
-            np.zeros(boundary.groups) if bias is None else bias, damping, RESIDUAL_LIMIT, lengths)
-        return _Point(theta, tension, lengths, status, residual, iterations)
+            np.zeros(boundary.groups) if bias is None else bias, damping, self.tolerance, lengths)
+        return _Point(theta, tension, lengths, status, residual, iterations, convex)
 
     def _near(self, start: _Point, end: _Point) -> bool:
         """Whether a solve converged to a minimum that is plausibly the next one on the path."""
         if end.status != _newton.CONVERGED:
             return False
         turned = (end.theta - start.theta)[self.chain.last_joint]
-        return float(np.abs(np.diff(turned, prepend=0.0)).max()) <= DIRECT_LIMIT
+        limit = DIRECT_LIMIT if end.convex else CAREFUL_LIMIT
+        return float(np.abs(np.diff(turned, prepend=0.0)).max()) <= limit
 
     def _find(self, start: Equilibrium, boundary: _Boundary,
               sliding: Sequence[int] = (0, 0)) -> Equilibrium:
@@ -271,19 +285,21 @@ class Statics:
         while done < 1.0:
             reached = min(1.0, done + step)
             target = boundary.target + (1.0 - reached) * gap
-            bias = (1.0 - reached) * unbalanced
-            end = self._newton(point, boundary, target, bias)
+            end = self._newton(point, boundary, target, (1.0 - reached) * unbalanced)
             iterations += end.iterations
             if self._near(point, end):
                 point, done, step = end, reached, 2.0 * step
-                boundary = self._crept(point, boundary)
             elif step > SMALLEST_STEP:
                 step *= 0.5
-            else:
-                point = self._relax(point, boundary, target, bias)
+            else:  # the path has ended: let go of what was held, and see where the arm moves to
+                unbalanced = np.zeros(boundary.groups)
+                point = self._relax(point, boundary, target)
                 iterations += point.iterations
                 done, jumped = reached, True
-                boundary = self._crept(point, boundary)
+            if iterations > MOST_ITERATIONS:
+                raise StaticsError(f'not settled after {iterations} iterations',
+                                   self._result(point, boundary))
+            boundary = self._crept(point, boundary)
         return replace(point, iterations=iterations), jumped
 
     def _crept(self, point: _Point, boundary: _Boundary) -> _Boundary:
@@ -308,16 +324,17 @@ class Statics:
                 gap[t] = over if tension[t] > 0.0 else max(over, 0.0)
         return gap
 
-    def _relax(self, point: _Point, boundary: _Boundary, target: Array, bias: Array) -> _Point:
+    def _relax(self, begin: _Point, boundary: _Boundary, target: Array) -> _Point:
         """Move, overdamped, from where the path ended to the next stable equilibrium."""
+        if np.any(boundary.mode == _newton.ANGLE):
+            raise self._failure(begin, boundary, target)
+        no_bias = np.zeros(boundary.groups)
+        point, iterations = begin, 0
         damping = float(self.chain.joint_stiffness.max())
-        # A push that has no symmetry, in case the state rests exactly on the ridge.
+        # A push without symmetry, to either side in turn, where the arm rests on a ridge.
         push = 1e-5 * (1.5 + np.cos(np.arange(boundary.groups)))
-        theta = point.theta + np.where(boundary.group >= 0, push[boundary.group], 0.0)
-        point = _Point(theta, point.tension, point.lengths)
-        iterations = 0
-        for _ in range(2000):
-            end = self._newton(point, boundary, target, bias, damping)
+        while iterations < MOST_ITERATIONS:
+            end = self._newton(point, boundary, target, no_bias, damping)
             iterations += end.iterations
             moved = float(np.abs(end.theta - point.theta).max())
             if end.status != _newton.CONVERGED or moved > 0.3:
@@ -326,25 +343,34 @@ class Statics:
                     break
                 continue
             point = end
+            if np.abs(np.diff(point.theta, prepend=0.0)).max() > np.pi:
+                break  # wound up: bodies would pass through each other
             damping /= 2.0
             if moved < 0.02:
-                final = self._newton(point, boundary, target, bias)
+                final = self._newton(point, boundary, target, no_bias)
                 iterations += final.iterations
-                if (final.status == _newton.CONVERGED
-                        and np.abs(final.theta - point.theta).max() < 0.1):
-                    return _Point(final.theta, final.tension, final.lengths, final.status,
-                                  final.residual, iterations)
-        raise self._failure(point, boundary, target)
+                away = float(np.abs(final.theta - point.theta).max())
+                if final.status == _newton.CONVERGED and away < 0.1:
+                    return replace(final, iterations=iterations)
+                if final.status == _newton.UNSTABLE and away < 1e-4:
+                    theta = final.theta + np.where(
+                        boundary.group >= 0, push[boundary.group], 0.0)
+                    point = replace(final, theta=theta)
+                    push *= -2.0
+                    damping = float(self.chain.joint_stiffness.max())
+        raise self._failure(begin, boundary, target)
 
     def _failure(self, point: _Point, boundary: _Boundary, target: Array) -> StaticsError:
         state = self._result(point, boundary)
+        if np.any(boundary.mode == _newton.ANGLE):
+            return StaticsError('the way to that angle ends before it', state)
         over = point.lengths - target
         if np.any(over > -1e-4) and np.any(boundary.mode == _newton.LENGTH):
             pulls = self.chain.straight_length - target
+            right, left = ('slack' if p == SLACK else f'{p * 1e3:.2f} mm' for p in pulls)
             return OverconstrainedError(
-                f'no shape of the soft segments has tendons as short as pulls of right '
-                f'{pulls[RIGHT] * 1e3:.2f} mm and left {pulls[LEFT] * 1e3:.2f} mm ask for; '
-                'let one of them out', state)
+                f'no shape of the soft segments has tendons as short as pulls of right {right} '
+                f'and left {left} ask for; let one of them out', state)
         return StaticsError('no stable equilibrium found near the present shape', state)
 
     def _locked(self, start: Equilibrium, target: Array,
@@ -367,7 +393,9 @@ class Statics:
         for t in (RIGHT, LEFT):
             if boundary.mode[t] == _newton.LENGTH and point.tension[t] <= 0.0:
                 slack[t] = max(0.0, boundary.target[t] - point.lengths[t])
-        angles = np.diff(point.theta, prepend=0.0)
+        # Locked joints keep their angles to the last bit.
+        free = np.diff(boundary.group, prepend=-1) > 0
+        angles = np.where(free, np.diff(point.theta, prepend=0.0), boundary.locked_angles)
         return Equilibrium(
             angles, point.tension, self.chain.straight_length - point.lengths, slack,
             point.residual, point.iterations, boundary.stiff,

@@ -4,7 +4,8 @@
 
 from math import inf, nan
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import pytest
 
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings

@@ -4,7 +4,8 @@
 
 from math import exp
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import pytest
 
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming

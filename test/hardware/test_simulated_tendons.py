@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated steppers move like steppers: finite speed and acceleration, in whole steps."""
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import pytest
 
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons, TIME_STEP

@@ -5,7 +5,8 @@
 from dataclasses import replace
 from math import inf, nan
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 

@@ -4,7 +4,8 @@
 
 from math import pi
 
-from hypothesis import HealthCheck, settings, strategies as st
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
 
 from soft_continuum.mechanics import Arm, Disc, Segment, SLACK
 

@@ -38,13 +38,13 @@ def paper_arm(gravity=9.80665, mounting_angle=0.0, bodies=12):
         Segment(0.07, 200e9 * 12.7e-3 * t**3 / 12, (d / 2, d / 2), mass)
         for t, d, mass in zip(thickness, diameters, (0.069, 0.050, 0.034), strict=True))
     discs = tuple(Disc(0.03, mass) for mass in (0.0, 0.060, 0.045, 0.033))
-    return Arm(segments, discs, bodies, mounting_angle, gravity)
+    return Arm(segments, discs, bodies, mounting_angle=mounting_angle, gravity=gravity)
 
 
 def cantilever(length, stiffness, mass=0.0, tip_height=1e-3, tip_mass=0.0):
     """One segment held horizontally, its weight bending it towards +x."""
     return Arm((Segment(length, stiffness, (0.02, 0.02), mass),),
-               (Disc(1e-3), Disc(tip_height, tip_mass)), 24, pi / 2, 10.0)
+               (Disc(1e-3), Disc(tip_height, tip_mass)), 24, mounting_angle=pi / 2, gravity=10.0)
 
 
 def rod_and_chain(arm, angles, pulls, soft):

@@ -5,7 +5,8 @@
 from dataclasses import replace
 from math import cos, pi, sin
 
-from hypothesis import assume, given, strategies as st
+from hypothesis import assume, given
+from hypothesis import strategies as st
 from independent_statics import IndependentArm
 import numpy as np
 import paper_arm as paper

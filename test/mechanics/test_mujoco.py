@@ -5,9 +5,9 @@ MuJoCo, an engine of another make, settles where the statics say.
 
 The same chain is built from hinges with springs, bodies with masses and spatial tendons through
 sites at the guides, with a longest length each.  MuJoCo's limits are soft: a tendon that carries
-ends up to a few tenths of a millimetre longer than its limit.  So our state is computed for the lengths that
-MuJoCo's tendons really reached, and only for tendons that MuJoCo has taut; a tendon that it has
-slack is left at its limit.  Both settle from the same start; nothing else is shared.
+ends up to some tenths of a millimetre longer than its limit.  So our state is computed for the
+lengths that MuJoCo's tendons really reached, and only for those that carry there; a tendon that
+is slack in MuJoCo is left at its limit.  Both go from the same start; nothing else is shared.
 """
 
 from dataclasses import dataclass, replace
@@ -23,6 +23,12 @@ from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics
 TOLERANCE = 2e-5  # m, on every calculation point
 TIME_STEP = 0.002
 SOFT_LIMIT = 'solreflimit="0.008 1" solimplimit="0.9 0.9 0.001 0.5 1"'  # stiffer ones chatter
+
+
+@pytest.fixture(autouse=True)
+def log_elsewhere(monkeypatch, tmp_path):
+    """Keep the log that MuJoCo writes into the working directory out of the sources."""
+    monkeypatch.chdir(tmp_path)
 
 
 def model_xml(arm, start, soft, limits):
@@ -71,10 +77,12 @@ def model_xml(arm, start, soft, limits):
             f' limited="true" range="0 {float(limit)!r}" {SOFT_LIMIT}')
         sites = ''.join(f'<site site="{s}"/>' for s in guides[tendon])
         tendons.append(f'<spatial name="{name}"{limited}>{sites}</spatial>')
-    down_x, down_z = (arm.gravity * sin(arm.mounting_angle), -arm.gravity * cos(arm.mounting_angle))
+    down_x = arm.gravity * sin(arm.mounting_angle)
+    down_z = -arm.gravity * cos(arm.mounting_angle)
     return (
         '<mujoco><compiler angle="radian" autolimits="false"/>'
-        f'<option timestep="{TIME_STEP}" integrator="implicitfast" gravity="{down_x!r} 0 {down_z!r}" '
+        f'<option timestep="{TIME_STEP}" integrator="implicitfast" '
+        f'gravity="{down_x!r} 0 {down_z!r}" '
         'tolerance="1e-14" iterations="200"/>'
         '<worldbody>' + ''.join(lines + closing) + '</worldbody>'
         '<tendon>' + ''.join(tendons) + '</tendon></mujoco>')

@@ -5,7 +5,8 @@
 from dataclasses import replace
 from math import pi, radians
 
-from hypothesis import assume, given, strategies as st
+from hypothesis import assume, given
+from hypothesis import strategies as st
 from independent_statics import IndependentArm
 import numpy as np
 import paper_arm as paper
@@ -27,7 +28,7 @@ ALL = (True, True, True)
 
 
 def in_small_steps(statics, start, asked, soft, steps=50):
-    """Return the states on a straight way to the pulls ``asked``; SLACK is slack from the start."""
+    """Return the states on a straight way to ``asked``; SLACK is slack from the start."""
     states = [start]
     for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
         now = [a + part * (b - a) if np.isfinite(b) else b

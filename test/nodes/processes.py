@@ -118,7 +118,8 @@ class Processes:
         return self.start(command)
 
     def close(self) -> None:
-        """Kill what still runs."""
+        """Kill what still runs, and show what all have written, for a test that failed."""
         for process in self._started:
             if process.running:
                 process.kill()
+            print(process.process.args, process.process.returncode, process.output, sep='\n')

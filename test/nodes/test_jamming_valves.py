@@ -84,12 +84,25 @@ def test_a_leaking_segment_is_stiff_until_the_release_vacuum_and_again_from_the_
     assert [m.data for m in rig.stiff[0]] == [True]  # no flicker
 
 
-def test_without_a_pump_that_keeps_up_a_segment_stops_being_stiff_by_itself(rig: Rig) -> None:
-    # The simulated pump of this rig holds 45 kPa: less than stiff, more than released.
-    rig.start('jamming_valves', simulated_jamming__ultimate_vacuum=45e3,
-              simulated_jamming__initially_stiff=True)
+def test_a_vacuum_between_release_and_stiff_makes_no_segment_stiff(rig: Rig) -> None:
+    rig.start('jamming_valves', simulated_jamming__ultimate_vacuum=45e3)
     rig.wait_for_more(rig.pressures[0], 20)
-    assert not any(m.data for m in rig.stiff[0])
+    assert vacuum(rig, 1) == pytest.approx(45e3)
+    assert not any(m.data for recording in rig.stiff for m in recording)
+
+
+def test_stiffness_is_lost_below_the_release_vacuum_and_won_at_the_stiff_one(rig: Rig) -> None:
+    # So large a leak that a segment falls through both thresholds between two readings.
+    release = 48e3
+    rig.start('jamming_valves', jamming_rate=5.0, simulated_jamming__leak_rate=1e5,
+              simulated_jamming__evacuation_time=0.3, release_vacuum=release,
+              pump_start_vacuum=51e3)
+    flags, pressures = rig.stiff[0], rig.pressures[0]
+    rig.wait_for(lambda: [m.data for m in flags][:3] == [True, False, True], 'loss and return')
+    for flag in flags.heard[1:3]:
+        before = max((p for p in pressures.heard if p.time < flag.time), key=lambda p: p.time)
+        found = AMBIENT - before.message.fluid_pressure
+        assert found >= STIFF_VACUUM if flag.message.data else found < release
 
 
 def test_a_late_joiner_is_told_which_segments_are_stiff(valves: Rig) -> None:

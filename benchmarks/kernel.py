@@ -1,0 +1,51 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The compiled solver called directly, without what Statics does around it."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from soft_continuum.mechanics import _newton, Equilibrium, Statics
+from soft_continuum.mechanics.chain import Array
+
+
+class Kernel:
+    """One call of ``_newton.newton`` with everything but its state prepared."""
+
+    def __init__(self, statics: Statics, start: Equilibrium, pulls: tuple[float, float],
+                 soft: Sequence[bool]) -> None:
+        """Take over the arguments of the first call that ``statics`` makes for a solve."""
+        calls: list[tuple[Any, ...]] = []
+
+        def record(*arguments: Any) -> Any:
+            calls.append(tuple(
+                a.copy() if isinstance(a, np.ndarray) else a for a in arguments))
+            return compiled(*arguments)
+
+        compiled = _newton.newton
+        with patch.object(_newton, 'newton', record):
+            statics.solve(start, pulls, soft)
+        theta, tension, *self._rest = calls[0]
+        self._begin = theta.copy(), tension.copy()
+        self._state = theta, tension
+        status, self.iterations, *_ = self.run()
+        if status != _newton.CONVERGED:
+            raise RuntimeError(f'the compiled solver ended with status {status}')
+        self.joint_angles: Array = np.diff(theta, prepend=0.0)
+
+    def run(self) -> tuple[int, ...]:
+        """Solve from the start; return what ``_newton.newton`` does."""
+        self._state[0][:], self._state[1][:] = self._begin
+        result: tuple[int, ...] = _newton.newton(*self._state, *self._rest)
+        return result
+
+
+def repeated(kernels: Sequence[Kernel]) -> Callable[[], None]:
+    """Return a call that runs all kernels one after the other."""
+    def run() -> None:
+        for kernel in kernels:
+            kernel.run()
+    return run

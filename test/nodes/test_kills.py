@@ -1,0 +1,136 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Nodes that are killed in the middle of a sequence: what the others do, and the next start."""
+
+import numpy as np
+from processes import NodeProcess, Processes
+import pytest
+from ros_rig import ALL, Goal, QUICK, Rig
+
+from soft_continuum_interfaces.action import RunShapeSequence
+
+Result = RunShapeSequence.Result
+BEND = (0.0, 0.0, 0.5)
+FULL_PULL = 0.008  # m: some more than BEND needs
+
+
+def moving_arm(rig: Rig, processes: Processes, victim: str) -> tuple[NodeProcess, Goal]:
+    """Return an arm in mid-motion, one of its nodes a process that can be killed."""
+    slow = {'tendon_speed': 0.01, 'silence_timeout': 3.0, 'jamming_timeout': 1.0}
+    rig.start(*(name for name in ALL if name != victim), **slow)
+    process = start_again(rig, processes, victim)
+    rig.wait_until_ready(*ALL)
+    goal = rig.goal(BEND)
+    goal.wait_for_phase('moving')
+    rig.wait_for(lambda: rig.moving and rig.pulls[0] > 5e-4, 'motion')
+    return process, goal
+
+
+def start_again(rig: Rig, processes: Processes, name: str) -> NodeProcess:
+    """Start a node as a process with the parameters that the others have."""
+    said = len(rig.statuses[name])
+    changes = {'tendon_speed': 0.01, 'silence_timeout': 3.0, 'jamming_timeout': 1.0}
+    process = processes.node(name, parameters={**QUICK, **changes})
+    rig.wait_for(lambda: len(rig.statuses[name]) > said, f'words from {name}')
+    return process
+
+
+def assert_aborted(goal: Goal, *reasons: str) -> None:
+    status, result = goal.result()
+    assert (status, result.error_code) == ('ABORTED', Result.HARDWARE_FAULT)
+    for reason in reasons:
+        assert reason in result.error_string
+
+
+def assert_rests_short(rig: Rig) -> None:
+    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.assert_rests()
+    assert 0.0 < rig.pulls[0] < FULL_PULL
+
+
+def test_when_the_sequencer_is_killed_the_motion_ceases_by_itself(
+        rig: Rig, processes: Processes) -> None:
+    process, _ = moving_arm(rig, processes, 'shape_sequencer')
+    process.kill()
+    assert_rests_short(rig)
+    rested_at, soft = rig.pulls, rig.soft_segments()
+    assert soft == [3]
+
+    again = start_again(rig, processes, 'shape_sequencer')
+    rig.assert_rests(40)  # it moves nothing
+    assert (rig.pulls, rig.soft_segments()) == (rested_at, soft)
+    rig.wait_for(lambda: rig.statuses['shape_sequencer'].last.message == 'idle', 'idle')
+    assert again.running
+
+
+def test_a_sequencer_that_was_killed_runs_the_next_goal_from_where_the_arm_is(
+        rig: Rig, processes: Processes) -> None:
+    process, _ = moving_arm(rig, processes, 'shape_sequencer')
+    process.kill()
+    assert_rests_short(rig)
+    start_again(rig, processes, 'shape_sequencer')
+
+    def accepted() -> Goal | None:
+        # What was asked of a node that is gone is lost; it may also still be finding the others.
+        goal = rig.goal(BEND)
+        return goal if goal.accepted else None
+
+    goal = rig.wait_for(accepted, 'an accepted goal')
+    assert goal.result()[0] == 'SUCCEEDED'
+    joints = np.array(rig.joints.last.position).reshape(3, -1)
+    assert joints.sum(axis=1) == pytest.approx(BEND, abs=np.radians(0.1))
+    rig.assert_rests_stiff()
+    rig.assert_never_moved_all_stiff()
+
+
+def test_when_the_tendon_actuation_is_killed_the_goal_is_aborted_and_the_arm_stiffened(
+        rig: Rig, processes: Processes) -> None:
+    process, goal = moving_arm(rig, processes, 'tendon_actuation')
+    process.kill()
+    assert_aborted(goal, 'tendon_actuation')
+    assert rig.all_stiff
+
+    heard = len(rig.tendons)
+    start_again(rig, processes, 'tendon_actuation')
+    rig.wait_for(lambda: len(rig.tendons) > heard + 20, 'tendon_states')
+    states = list(rig.tendons)[heard:]
+    assert not any(any(m.velocity) for m in states)
+    assert len({tuple(m.position) for m in states}) == 1
+    assert rig.all_stiff
+
+
+def test_when_the_valves_are_killed_the_goal_is_aborted_and_the_tendons_rest(
+        rig: Rig, processes: Processes) -> None:
+    process, goal = moving_arm(rig, processes, 'jamming_valves')
+    process.kill()
+    assert_aborted(goal, 'jamming_valves')
+    assert_rests_short(rig)
+    rested_at = rig.pulls
+
+    heard = [len(r) for r in rig.stiff]
+    start_again(rig, processes, 'jamming_valves')
+    rig.wait_for(lambda: all(
+        len(r) > before for r, before in zip(rig.stiff, heard, strict=True)), 'stiff or soft')
+    rig.assert_rests(40)
+    assert rig.pulls == rested_at
+    # It says what the pressures say, and switches nothing.
+    rig.wait_for_more(rig.pressures[0], 20)
+    assert all(len(r) == before + 1 for r, before in zip(rig.stiff, heard, strict=True))
+
+
+def test_when_kinematics_is_killed_the_goal_is_aborted_and_its_successor_knows_no_shape(
+        rig: Rig, processes: Processes) -> None:
+    process, goal = moving_arm(rig, processes, 'kinematics')
+    process.kill()
+    assert_aborted(goal, 'kinematics')
+    rig.assert_rests_stiff()
+    assert_rests_short(rig)
+
+    heard = len(rig.joints)
+    start_again(rig, processes, 'kinematics')
+    rig.wait_for(lambda: 'unknown' in rig.statuses['kinematics'].last.message, 'no shape')
+    rig.assert_rests(40)
+    assert len(rig.joints) == heard
+    assert not rig.goal(BEND).accepted
+    assert 'kinematics' in rig.rejected()

@@ -1,0 +1,304 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What parameters a node takes, at its start and later, and how it refuses the others."""
+
+from collections.abc import Callable, Iterator
+import os
+from pathlib import Path
+import signal
+import threading
+from typing import Any
+
+from processes import module_command, Processes
+import pytest
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
+from ros_rig import ALL, Rig
+
+from soft_continuum.configuration import NODE_PARAMETERS
+from soft_continuum.nodes.runtime import run
+from soft_continuum.nodes.up import description_file
+
+GOOD = description_file().read_text(encoding='utf-8')
+
+
+@pytest.fixture
+def start(domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+          ) -> Iterator[Callable[..., tuple[int, str]]]:
+    """Return a function that runs a node in this process: exit status and standard error."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def start(node: str, *arguments: str) -> tuple[int, str]:
+        # A node that should have refused would run on: ended, it has exit status 0.
+        guard = threading.Timer(10.0, os.kill, (os.getpid(), signal.SIGTERM))
+        guard.start()
+        try:
+            status = run([node], [node, '--ros-args', '--log-level', 'fatal', *arguments])
+        finally:
+            guard.cancel()
+        return status, capfd.readouterr().err
+
+    yield start
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Callable[..., list[str]]:
+    """Return a function that writes the description with a part replaced: its arguments."""
+    def write(old: str, new: str) -> list[str]:
+        assert GOOD.count(old) == 1
+        path = tmp_path / 'arm.yaml'
+        path.write_text(GOOD.replace(old, new), encoding='utf-8')
+        return ['--params-file', str(path)]
+    return write
+
+
+def assert_refused(answer: tuple[int, str], *reasons: str) -> None:
+    """Claim that a node ended with status 2 and one line with all of the reasons."""
+    status, text = answer
+    assert status == 2, text
+    assert len(text.splitlines()) == 1, text
+    for reason in reasons:
+        assert reason in text
+
+
+LENGTHS = 'segment_lengths: [0.070, 0.070, 0.070]'
+C_FORM = ' c_form: [0.6283185307179586, 0.6283185307179586, 0.6283185307179586]'
+BAD_DESCRIPTIONS = {
+    'lengths in millimetres':
+        (LENGTHS, 'segment_lengths: [70.0, 70.0, 70.0]', ['arm.segment_lengths', '0.001 to 10']),
+    'lengths in kilometres':
+        (LENGTHS, 'segment_lengths: [7.0e-5, 7.0e-5, 7.0e-5]',
+         ['arm.segment_lengths', '0.001 to 10']),
+    'negative length':
+        (LENGTHS, 'segment_lengths: [-0.07, 0.07, 0.07]', ['arm.segment_lengths', '0.001 to 10']),
+    'length that is not a number':
+        (LENGTHS, 'segment_lengths: [.nan, 0.07, 0.07]', ['arm.segment_lengths', 'finite']),
+    'text instead of a number':
+        ('gravity: 9.80665', 'gravity: down', ['arm.gravity', "'down'"]),
+    'diameters in millimetres':
+        ('outer_diameters: [0.050, 0.0425, 0.035]', 'outer_diameters: [50.0, 42.5, 35.0]',
+         ['arm.outer_diameters', '10']),
+    'no leaf spring':
+        ('leaf_thicknesses: [0.00050,', 'leaf_thicknesses: [0.0,', ['arm.leaf_thicknesses']),
+    'no bodies': ('bodies_per_segment: 12', 'bodies_per_segment: 0',
+                  ['arm.bodies_per_segment', '1 to 1000']),
+    'half a body': ('bodies_per_segment: 12', 'bodies_per_segment: 12.5',
+                    ['arm.bodies_per_segment', 'whole number']),
+    'too few masses':
+        ('segment_masses: [0.069, 0.050, 0.034]', 'segment_masses: [0.069, 0.050]',
+         ['arm.segment_masses has 2 values', '3']),
+    'too few discs':
+        ('disc_heights: [0.030, 0.030, 0.030, 0.030]', 'disc_heights: [0.03, 0.03, 0.03]',
+         ['arm.disc_heights has 3 values', '4']),
+    'pressure in kilopascals':
+        ('ambient_pressure: 101325.0', 'ambient_pressure: 101.325',
+         ['ambient_pressure', '10000 to 200000']),
+    'unknown key': ('segment_lengths:', 'segment_length:',
+                    ['unknown parameter arm.segment_length', 'did you mean arm.segment_lengths']),
+    'key without a value': ('gravity: 9.80665', 'gravity:', ['arm.gravity', 'no value']),
+    'unknown driver': ('tendon_driver: simulated', 'tendon_driver: gbrl',
+                       ['tendon_driver', "'gbrl'", 'simulated']),
+    'shape without angles':
+        ('shape_names: [c_form,', 'shape_names: [d_form, c_form,', ['d_form', 'shapes.d_form']),
+    'shape in degrees': (C_FORM, ' c_form: [36.0, 36.0, 36.0]',
+                         ['shapes.c_form', 'segment 1', '36 rad', '-1.047 to 1.047 rad']),
+    'shape with too few angles': (C_FORM, ' c_form: [0.6, 0.6]',
+                                  ['shapes.c_form', '2 bending angles', '3 segments']),
+    'not YAML': ('arm:\n', 'arm: {\n', ['line', 'not valid YAML']),
+    'tabs': ('    arm:\n', '\tarm:\n', ['line', 'not valid YAML']),
+    'no ros__parameters': ('ros__parameters:', 'parameters:', ['/**', 'ros__parameters']),
+    'whole numbers among others':
+        (LENGTHS, 'segment_lengths: [1, 0.07, 0.07]', ['arm.segment_lengths']),
+    'whole number for a measure': ('gravity: 9.80665', 'gravity: 10', ['arm.gravity', '10.0']),
+    'one limit of two': ('pull_limits: [-0.060, 0.060]', 'pull_limits: [0.060]',
+                         ['pull_limits', '2']),
+    'limits the wrong way round': ('pull_limits: [-0.060, 0.060]', 'pull_limits: [0.060, -0.060]',
+                                   ['pull_limits']),
+    'thresholds in the wrong order':
+        ('ambient_pressure: 101325.0', 'ambient_pressure: 101325.0\n    release_vacuum: 60.0e+3',
+         ['release_vacuum', 'stiff_vacuum']),
+    'the same shape twice': ('shape_names: [c_form,', 'shape_names: [c_form, c_form,',
+                             ['shape_names', 'c_form']),
+}
+
+
+# Checked by the nodes that have the parameter; all else by every node.
+OWNERS = {
+    'one limit of two': ('tendon_actuation', 'shape_sequencer'),
+    'limits the wrong way round': ('tendon_actuation', 'shape_sequencer'),
+    'thresholds in the wrong order': ('jamming_valves',),
+    'the same shape twice': ('shape_sequencer',),
+}
+
+
+@pytest.mark.parametrize(('node', 'case'), [
+    (node, case) for case in BAD_DESCRIPTIONS
+    for node in OWNERS.get(case, ('jamming_valves', 'shape_sequencer'))])
+def test_a_bad_description_is_refused_at_the_start_naming_file_and_key(
+        start: Any, file: Any, node: str, case: str) -> None:
+    old, new, reasons = BAD_DESCRIPTIONS[case]
+    arguments = file(old, new)
+    assert_refused(start(node, *arguments), node, arguments[1], *reasons)
+
+
+@pytest.mark.parametrize('section', ['kinematics', '/arm/kinematics', '/**/kinematics'])
+@pytest.mark.parametrize(('line', 'reason'), [
+    ('straight_tolerence: 0.001', 'straight_tolerence'),
+    ('straight_tolerance: 1.0', 'straight_tolerance'),
+])
+def test_what_a_file_says_for_one_node_only_is_checked_as_well(
+        start: Any, tmp_path: Path, section: str, line: str, reason: str) -> None:
+    path = tmp_path / 'more.yaml'
+    path.write_text(f'{section}:\n  ros__parameters:\n    {line}\n', encoding='utf-8')
+    assert_refused(start('kinematics', '-r', '__ns:=/arm', '--params-file', str(path)),
+                   'kinematics', str(path), reason)
+
+
+@pytest.mark.parametrize('path', ['nowhere.yaml', '.'])
+def test_a_file_that_cannot_be_read_is_named(start: Any, tmp_path: Path, path: str) -> None:
+    name = str(tmp_path / path)
+    assert_refused(start('kinematics', '--params-file', name), name, 'cannot be read')
+
+
+def test_a_file_that_is_not_text_is_named(start: Any, tmp_path: Path) -> None:
+    path = tmp_path / 'arm.yaml'
+    path.write_bytes(b'/**:\n  ros__parameters: \xff\xfe\n')
+    assert_refused(start('kinematics', '--params-file', str(path)), str(path), 'UTF-8')
+
+
+@pytest.mark.parametrize(('node', 'value', 'reasons'), [
+    ('kinematics', 'straight_tolerance:=1.0', ['straight_tolerance', '0.1']),
+    ('kinematics', 'straight_tolerance:=much', ['straight_tolerance', 'much']),
+    ('kinematics', 'straight_tolerance:=-0.1', ['straight_tolerance']),
+    ('tendon_actuation', 'tendon_driver:=gbrl', ['tendon_driver', 'gbrl', 'simulated']),
+    ('tendon_actuation', 'tension_limit:=.nan', ['tension_limit']),
+    ('jamming_valves', 'autostart:=2', ['autostart']),
+    ('shape_sequencer', 'silence_timeout:=1000.0', ['silence_timeout', '10']),
+])
+def test_a_bad_value_on_the_command_line_is_refused_with_its_name(
+        start: Any, node: str, value: str, reasons: list[str]) -> None:
+    assert_refused(
+        start(node, '--params-file', str(description_file()), '-p', value), node, *reasons)
+
+
+def test_a_number_out_of_range_is_not_called_a_matter_of_decimals(start: Any) -> None:
+    status, text = start('jamming_valves', '-p', 'jamming_rate:=1000.0')
+    assert status == 2
+    assert '100' in text
+    assert 'write 5.0 rather than 5' not in text
+
+
+def test_parameters_that_every_ros_node_has_may_stand_in_the_file(
+        processes: Processes, rig: Rig, tmp_path: Path) -> None:
+    path = tmp_path / 'arm.yaml'
+    path.write_text(GOOD.replace(
+        'ros__parameters:', 'ros__parameters:\n    use_sim_time: false', 1), encoding='utf-8')
+    node = processes.node('kinematics', files=[path])
+    rig.wait_for(lambda: len(rig.statuses['kinematics']) or not node.running, 'the node')
+    assert node.running, node.output
+
+
+@pytest.mark.parametrize('node', ALL)
+def test_a_node_starts_without_any_parameter(
+        processes: Processes, rig: Rig, node: str) -> None:
+    # As `ros2 run soft_continuum NODE` does.
+    process = processes.node(node, installed=True, files=[])
+    rig.wait_for(lambda: len(rig.statuses[node]) or not process.running, 'the node')
+    assert process.running, process.output
+
+
+def test_a_refusal_is_one_line_and_exit_status_2_of_the_executable(
+        processes: Processes, tmp_path: Path) -> None:
+    path = tmp_path / 'arm.yaml'
+    path.write_text(GOOD.replace(LENGTHS, 'segment_lengths: [70.0]'), encoding='utf-8')
+    node = processes.node('kinematics', installed=True, files=[path])
+    assert node.wait() == 2
+    assert len(node.output.splitlines()) == 1, node.output
+    assert str(path) in node.output
+    assert 'arm.segment_lengths' in node.output
+
+
+def test_four_nodes_in_one_process_refuse_as_one(processes: Processes, tmp_path: Path) -> None:
+    path = tmp_path / 'arm.yaml'
+    path.write_text(GOOD.replace('gravity: 9.80665', 'gravity: heavy'), encoding='utf-8')
+    up = processes.start([*module_command('up'), '--params-file', str(path)])
+    assert up.wait() == 2
+    assert len(up.output.splitlines()) == 1, up.output
+    assert 'arm.gravity' in up.output
+
+
+# At run time.
+
+
+@pytest.mark.parametrize(('node', 'name', 'value', 'reason'), [
+    ('tendon_actuation', 'speed_limit', 5.0, '1.0'),
+    ('tendon_actuation', 'speed_limit', -0.01, '0.0001'),
+    ('tendon_actuation', 'tension_limit', float('nan'), 'nan'),
+    ('tendon_actuation', 'tension_limit', 'much', 'DOUBLE'),
+    ('tendon_actuation', 'tension_limit', 60, 'DOUBLE'),
+    ('shape_sequencer', 'tendon_speed', 0.0, '0.0001'),
+    ('shape_sequencer', 'antagonist_slack', float('inf'), 'antagonist_slack'),
+])
+def test_a_bad_value_is_refused_at_run_time_with_the_reason(
+        rig: Rig, node: str, name: str, value: Any, reason: str) -> None:
+    rig.start(node)
+    before = present_value(rig, node, name)
+    result = rig.set_parameter(node, name, value)
+    assert not result.successful
+    assert reason in result.reason
+    assert present_value(rig, node, name) == before
+
+
+@pytest.mark.parametrize(('node', 'name', 'value'), [
+    ('tendon_actuation', 'arm.gravity', 1.62),
+    ('tendon_actuation', 'pull_limits', [-0.5, 0.5]),
+    ('jamming_valves', 'stiff_vacuum', 1e3),
+    ('kinematics', 'frame_id', 'elsewhere'),
+    ('shape_sequencer', 'shapes.c_form', [0.1, 0.1, 0.1]),
+    ('shape_sequencer', 'shape_names', ['c_form']),
+])
+def test_a_read_only_parameter_cannot_be_set(
+        rig: Rig, node: str, name: str, value: Any) -> None:
+    rig.start(node)
+    result = rig.set_parameter(node, name, value)
+    assert not result.successful
+    assert 'read-only' in result.reason or 'read only' in result.reason
+
+
+def present_value(rig: Rig, node: str, name: str) -> Any:
+    value, = rig.call(GetParameters, f'{node}/get_parameters', names=[name]).values
+    assert value.type == ParameterType.PARAMETER_DOUBLE
+    return value.double_value
+
+
+@pytest.mark.parametrize('node', ALL)
+def test_every_parameter_says_what_it_means_and_what_it_may_be(rig: Rig, node: str) -> None:
+    rig.start(node)
+    listed = rig.call(ListParameters, f'{node}/list_parameters').result.names
+    table = {p.name: p for p in NODE_PARAMETERS[node]}
+    own = [name for name in listed if not name.startswith(('qos_overrides.', 'use_sim_time',
+                                                           'start_type_description_service'))]
+    shapes = {name for name in own if name.startswith('shapes.')}
+    assert set(own) - shapes == set(table)
+    assert (len(shapes) == 3) == (node == 'shape_sequencer')
+    answer = rig.call(DescribeParameters, f'{node}/describe_parameters', names=own)
+    for name, descriptor in zip(own, answer.descriptors, strict=True):
+        assert descriptor.description
+        parameter = table.get(name)
+        if parameter is None:
+            continue
+        assert descriptor.read_only == parameter.read_only
+        if descriptor.type == ParameterType.PARAMETER_DOUBLE:
+            bounds, = descriptor.floating_point_range
+            assert (bounds.from_value, bounds.to_value) == (parameter.low, parameter.high)
+        elif descriptor.type == ParameterType.PARAMETER_INTEGER:
+            bounds, = descriptor.integer_range
+            assert (bounds.from_value, bounds.to_value) == (parameter.low, parameter.high)
+        elif descriptor.type == ParameterType.PARAMETER_DOUBLE_ARRAY:
+            assert f'{parameter.low:g} to {parameter.high:g}' in descriptor.additional_constraints
+        for choice in parameter.choices:
+            assert choice in descriptor.additional_constraints

@@ -1,0 +1,134 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""How the executables end: on a signal, in peace, whatever they are doing."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+import signal
+import subprocess
+
+from processes import module_command, NodeProcess, Processes
+import pytest
+from ros_rig import ALL, Rig
+
+from soft_continuum.nodes.up import description_file
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+WITHIN = 5.0  # s: promised are 2 s, on a machine that has nothing else to do
+# Before Python has come to our code, a signal ends it as it ends every program.
+ENDED_EARLY = (0, 130, -signal.SIGINT, -signal.SIGTERM)
+
+
+def assert_ended_in_peace(node: NodeProcess, statuses: Sequence[int] = (0,)) -> None:
+    status = node.wait(WITHIN)
+    assert 'Traceback' not in node.output, node.output
+    assert 'Error' not in node.output, node.output
+    assert status in statuses, node.output
+
+
+@pytest.mark.parametrize('number', SIGNALS, ids=lambda n: n.name)
+@pytest.mark.parametrize('installed', [False, True], ids=['module', 'installed'])
+def test_a_node_ends_in_peace_on_a_signal(
+        rig: Rig, processes: Processes, number: signal.Signals, installed: bool) -> None:
+    nodes = [processes.node(name, installed=installed) for name in ALL]
+    rig.wait_until_ready(*ALL)
+    for node in nodes:
+        node.send(number)
+    for node in nodes:
+        assert_ended_in_peace(node)
+
+
+@pytest.mark.parametrize('number', SIGNALS, ids=lambda n: n.name)
+def test_four_nodes_in_one_process_end_in_peace_on_a_signal(
+        make_rig: Callable[..., Rig], processes: Processes, number: signal.Signals) -> None:
+    rig = make_rig(namespace='/left')
+    up = processes.start([*module_command('up'), '--namespace', 'left'])
+    rig.wait_until_ready(*ALL)
+    up.send(number)
+    assert_ended_in_peace(up)
+
+
+def test_a_second_signal_changes_nothing(rig: Rig, processes: Processes) -> None:
+    node = processes.node('tendon_actuation')
+    rig.wait_until_ready('tendon_actuation')
+    node.send(signal.SIGINT)
+    node.send(signal.SIGINT)
+    node.send(signal.SIGTERM)
+    assert_ended_in_peace(node)
+
+
+@pytest.mark.parametrize('number', SIGNALS, ids=lambda n: n.name)
+@pytest.mark.parametrize('name', ['tendon_actuation', 'shape_sequencer'])
+def test_a_node_ends_in_peace_in_the_middle_of_a_sequence(
+        rig: Rig, processes: Processes, name: str, number: signal.Signals) -> None:
+    speed = {'tendon_speed': 0.01} if name == 'shape_sequencer' else {}
+    rig.start(*(n for n in ALL if n != name), tendon_speed=0.01, jamming_timeout=1.0,
+              silence_timeout=3.0)
+    node = processes.node(name, parameters=speed)
+    rig.wait_until_ready(*ALL)
+    goal = rig.goal((0.0, 0.0, 0.5))
+    goal.wait_for_phase('moving')
+    rig.wait_for(lambda: rig.moving, 'motion')
+    node.send(number)
+    assert_ended_in_peace(node)
+    if name == 'shape_sequencer':
+        rig.wait_for(lambda: not rig.moving, 'rest')
+        rig.assert_rests()
+        assert rig.pulls[0] < 0.005
+    else:
+        assert goal.result()[0] == 'ABORTED'
+
+
+def starting(node: NodeProcess, delay: float) -> None:
+    """Let a process start for ``delay`` s: the delay is what is varied, nothing is awaited."""
+    with pytest.raises(subprocess.TimeoutExpired):
+        node.process.wait(delay)
+
+
+@pytest.mark.parametrize('number', SIGNALS, ids=lambda n: n.name)
+def test_a_node_that_is_starting_ends_in_peace(
+        processes: Processes, number: signal.Signals) -> None:
+    for delay in (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.5):
+        node = processes.node('shape_sequencer')
+        starting(node, delay)
+        node.send(number)
+        assert_ended_in_peace(node, ENDED_EARLY)
+
+
+@pytest.mark.parametrize('number', SIGNALS, ids=lambda n: n.name)
+def test_a_node_that_still_compiles_its_solver_ends_in_peace(
+        processes: Processes, tmp_path: Path, number: signal.Signals) -> None:
+    # As on the first start after an installation: nothing is compiled yet.
+    node = processes.start(
+        [*module_command('kinematics'), '--ros-args', '--params-file', str(description_file())],
+        environment={'NUMBA_CACHE_DIR': str(tmp_path / 'empty')})
+    starting(node, 3.0)
+    node.send(number)
+    assert_ended_in_peace(node, ENDED_EARLY)
+
+
+def test_unknown_arguments_are_named_in_one_line(processes: Processes) -> None:
+    up = processes.start([*module_command('up'), '--tendon-driver', 'gbrl'])
+    assert up.wait() == 2
+    assert 'Traceback' not in up.output
+    assert "'gbrl'" in up.output
+    assert 'simulated' in up.output
+
+
+@pytest.mark.parametrize('arguments', [
+    ('--ros-args', '-r', '__ns:=/a b'),
+    ('--ros-args', '--no-such-flag'),
+])
+def test_ros_arguments_that_ros_does_not_take_give_no_traceback(
+        processes: Processes, arguments: tuple[str, ...]) -> None:
+    node = processes.start([*module_command('kinematics'), *arguments])
+    assert node.wait() == 2
+    assert 'Traceback' not in node.output, node.output
+
+
+def test_a_namespace_that_ros_does_not_take_is_named(processes: Processes) -> None:
+    up = processes.start([*module_command('up'), '--namespace', 'left arm'])
+    assert up.wait() == 2
+    assert 'Traceback' not in up.output, up.output
+    assert 'left arm' in up.output

@@ -1,0 +1,76 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Two arms on one machine."""
+
+from collections.abc import Callable
+import signal
+
+import numpy as np
+from processes import module_command, Processes
+import pytest
+from ros_rig import ALL, Rig
+
+from soft_continuum.nodes.conversions import poses_from_ros
+from soft_continuum_interfaces.action import RunShapeSequence
+
+SHAPES = {'left': (0.0, 0.4, 0.2), 'right': (0.0, -0.3, 0.5)}
+
+
+def assert_bends(rig: Rig, angles: tuple[float, ...]) -> None:
+    rig.wait_for_more(rig.segment_poses, 3)
+    tangents = poses_from_ros(rig.segment_poses.last)[:, 2]
+    assert tangents == pytest.approx(np.cumsum(angles), abs=np.radians(0.1))
+
+
+def test_two_arms_run_different_shapes_at_the_same_time(make_rig: Callable[..., Rig]) -> None:
+    rigs = {name: make_rig(namespace=f'/{name}') for name in SHAPES}
+    for rig in rigs.values():
+        rig.start_arm(tendon_speed=0.03, simulated_jamming__evacuation_time=0.2)
+    goals = {name: rig.goal(SHAPES[name], hold=0.2) for name, rig in rigs.items()}
+    for name, goal in goals.items():
+        goal.wait_for_phase('moving')
+        assert not any(other.ended for other in goals.values()), f'{name} was not alone'
+    for name, rig in rigs.items():
+        assert goals[name].result()[0] == 'SUCCEEDED'
+        assert_bends(rig, SHAPES[name])
+        rig.assert_only_one_was_soft()
+        rig.assert_never_moved_all_stiff()
+
+
+def test_a_stop_of_one_arm_leaves_the_other_one_running(make_rig: Callable[..., Rig]) -> None:
+    rigs = {name: make_rig(namespace=f'/{name}') for name in SHAPES}
+    for rig in rigs.values():
+        rig.start_arm(tendon_speed=0.02)
+    goals = {name: rig.goal(SHAPES[name]) for name, rig in rigs.items()}
+    for goal in goals.values():
+        goal.wait_for_phase('moving')
+    assert rigs['left'].trigger('tendon_actuation/stop').success
+    assert goals['left'].result()[1].error_code == RunShapeSequence.Result.STOPPED
+    assert goals['right'].result()[0] == 'SUCCEEDED'
+    assert_bends(rigs['right'], SHAPES['right'])
+    rigs['left'].assert_rests()
+
+
+@pytest.mark.parametrize('namespace', ['left', '/left', 'lab/left/'])
+def test_the_four_nodes_come_up_under_a_namespace(
+        make_rig: Callable[..., Rig], processes: Processes, namespace: str) -> None:
+    rig = make_rig(namespace='/' + namespace.strip('/'))
+    up = processes.start([*module_command('up'), '--namespace', namespace])
+    rig.wait_until_ready(*ALL)
+    nodes = {f'{space.rstrip("/")}/{name}' for name, space
+             in rig.observer.get_node_names_and_namespaces()}
+    assert nodes == {f'{rig.namespace}/{name}' for name in (*ALL, 'observer')}
+    assert rig.goal((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'
+    up.send(signal.SIGINT)
+    assert up.wait() == 0
+    assert 'Traceback' not in up.output
+
+
+def test_without_a_namespace_the_four_nodes_come_up_at_the_root(
+        make_rig: Callable[..., Rig], processes: Processes) -> None:
+    rig = make_rig(namespace='/')
+    processes.start(module_command('up'))
+    rig.wait_until_ready(*ALL)
+    topics = {name for name, _ in rig.observer.get_topic_names_and_types()}
+    assert {'/tendon_states', '/segment_1/stiff', '/segment_poses', '/joint_states'} <= topics

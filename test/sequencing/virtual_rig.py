@@ -1,0 +1,185 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The arm on simulated hardware in virtual time: what the three other nodes do, without ROS."""
+
+from collections import deque
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from soft_continuum.configuration import load_arm, load_shapes
+from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
+from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
+from soft_continuum.hardware.simulated_tendons import SimulatedTendons
+from soft_continuum.hardware.tendon_controller import (
+    MotionRefusedError,
+    TendonController,
+    TendonLimits,
+)
+from soft_continuum.mechanics import Statics
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.runner import Observation, Runner, RunnerSettings
+
+DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
+ARM, LIBRARY = load_arm(DESCRIPTION), load_shapes(DESCRIPTION)
+STEP, TENDONS, JAMMING, TICK = 0.01, 2, 5, 5  # s, and the nodes' periods in steps
+SPEED, ACCELERATION = 0.1, 2.0
+JAMMING_SETTINGS = JammingSettings()
+RUNNER_SETTINGS = RunnerSettings(jamming_timeout=3.0, settle_timeout=1.0)
+PLAN_SETTINGS = PlanSettings(speed=0.06, acceleration=0.6, angle_step=np.radians(6.0))
+
+
+class Steppers(SimulatedTendons):
+    """Simulated steppers that can get stuck."""
+
+    def move(self, pulls, duration):
+        if not self.rig.stuck:
+            super().move(pulls, duration)
+
+
+@dataclass
+class VirtualRig:
+    """
+    Simulated tendons and jamming with their controllers, the model, and one Runner on top.
+
+    It is the Runner's ArmPort.  latency: s that a command takes to arrive, and what is observed
+    to be heard.  broken: valves that do not move any more.  leaking: segments that lose their
+    vacuum.  stuck: steppers that do not move.  silent: what is reported as a fault.  commands:
+    all that the runner asked for, with the time.  progress: of every tick.
+    """
+
+    shapes: tuple = ()
+    arm: object = ARM
+    latency: float = 0.0
+    stiff_at_start: bool = True
+    settings: RunnerSettings = RUNNER_SETTINGS
+    plan_settings: PlanSettings = PLAN_SETTINGS
+    now: float = 1000.0
+    silent: str = ''
+    stuck: bool = False
+    broken: set = field(default_factory=set)
+    leaking: set = field(default_factory=set)
+    commands: list = field(default_factory=list)
+    progress: list = field(default_factory=list)
+
+    def __post_init__(self):
+        segments = len(self.arm.segments)
+        self.steppers = Steppers(lambda: self.now, SPEED, ACCELERATION, 5e-6)
+        self.steppers.rig = self
+        self.air = SimulatedJamming(
+            lambda: self.now, segments, JammingPlant(), self.stiff_at_start)
+        self.tendons = TendonController(self.steppers, TendonLimits((-0.06, 0.06), SPEED))
+        self.jamming = JammingController(self.air, segments, JAMMING_SETTINGS)
+        self.jamming.update()
+        self.statics = Statics(self.arm)
+        self.state = self.statics.chain.straight()
+        self.planner = Planner(self.arm, self.plan_settings)
+        self.refused, self.stiff_since, self.count = '', None, 0
+        self.inbox, self.heard = deque(), deque()
+        self.runner = Runner(self.shapes, self.plan, self, self.settings) if self.shapes else None
+
+    def plan(self, shape):
+        return self.planner.plan(self.state, self.tendons.reading.pulls, [shape])[0]
+
+    # ArmPort.
+
+    def set_stiff(self, segment, stiff):
+        self._send(('set_stiff', segment, stiff), lambda: self._switch(segment, stiff))
+
+    def follow(self, start, times, pulls):
+        self._send(('follow', start, times, pulls), lambda: self._follow(start + times, pulls))
+
+    def hold(self):
+        self._send(('hold',), self.tendons.hold)
+
+    def _send(self, command, action):
+        self.commands.append((self.now, *command))
+        if self.latency:
+            self.inbox.append((self.now + self.latency, action))
+        else:
+            action()
+
+    # What the nodes make of it.
+
+    def _switch(self, segment, stiff):
+        if segment not in self.broken:
+            self.jamming.set_stiff(segment, stiff)
+
+    def _follow(self, times, pulls):
+        try:
+            self.tendons.accept(times, pulls, self.now, self._predict)
+            self.refused, self.stiff_since = '', list(self.jamming.stiff)
+        except MotionRefusedError as error:
+            self.refused = str(error)
+
+    def _predict(self, pulls):
+        if all(self.jamming.stiff):
+            raise MotionRefusedError('every segment is stiff')
+        state = self.state
+        for pull in pulls:
+            state = self.statics.solve(state, pull, self.soft)
+            if state.tensions.max() > self.plan_settings.tension_limit:
+                raise MotionRefusedError('too much tension')
+
+    @property
+    def soft(self):
+        return [not stiff for stiff in self.jamming.stiff]
+
+    @property
+    def vacuum(self):
+        return tuple(JAMMING_SETTINGS.ambient_pressure - p for p in self.jamming.reading.pressures)
+
+    @property
+    def moving(self):
+        return self.tendons.reading.moving
+
+    @property
+    def angles(self):
+        return self.statics.chain.bending_angles(self.state.joint_angles)
+
+    def observe(self):
+        self.heard.append((self.now, Observation(
+            self.tendons.reading.pulls, self.moving, tuple(self.jamming.stiff), self.vacuum,
+            self.tendons.stopped_because, self.silent, self.refused)))
+        while len(self.heard) > 1 and self.heard[1][0] <= self.now - self.latency + 1e-9:
+            self.heard.popleft()
+        return self.heard[0][1]
+
+    def step(self):
+        """Let 10 ms pass for every node."""
+        self.now += STEP
+        self.count += 1
+        while self.inbox and self.inbox[0][0] <= self.now + 1e-9:
+            self.inbox.popleft()[1]()
+        for segment in self.leaking:
+            self.air._vacuum[segment] *= 0.8  # faster than any pump
+        if self.count % JAMMING == 0:
+            self.jamming.update()
+        if self.count % TENDONS == 0:
+            if self.tendons.following and list(self.jamming.stiff) != self.stiff_since:
+                self.tendons.hold()
+                self.refused = 'a segment changed between soft and stiff during the motion'
+            before = self.tendons.reading.pulls
+            pulls = self.tendons.update(self.now, TENDONS * STEP).pulls
+            if any(self.soft) and (pulls != before or self.count % JAMMING == 0):
+                self.state = self.statics.solve(self.state, pulls, self.soft)
+        observation = self.observe()
+        if self.runner and self.runner.outcome is None and self.count % TICK == 0:
+            self.runner.tick(self.now, observation)
+            self.progress.append(self.runner.progress)
+
+    def go_on(self, seconds, check=lambda rig: None):
+        """Let some time pass; ``check`` sees the rig after every step."""
+        for _ in range(round(seconds / STEP)):
+            self.step()
+            check(self)
+
+    def run(self, check=lambda rig: None, until=lambda rig: False, most=120.0):
+        """Go on until the run has an outcome (returned) or ``until`` says so."""
+        start = self.now
+        while self.runner.outcome is None and not until(self):
+            assert self.now < start + most, f'no outcome after {most} s: {self.runner.progress}'
+            self.step()
+            check(self)
+        return self.runner.outcome
