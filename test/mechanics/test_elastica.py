@@ -279,7 +279,7 @@ def test_a_search_that_fails_says_so_and_keeps_the_chains_state(monkeypatch, lim
 
 def test_input_of_the_wrong_size_is_refused():
     rods = Elastica(paper_arm())
-    with pytest.raises(ValueError, match='soft flags'):
+    with pytest.raises(ValueError, match='true or false for each'):
         rods.solve(rods.chain.straight(), (0.0, 0.0), (True, True))
     with pytest.raises(ValueError, match='pulls'):
         rods.solve(rods.chain.straight(), (0.0,), ALL)
