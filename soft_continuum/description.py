@@ -70,6 +70,13 @@ SHAPE_PARAMETERS = (
               'names of the shape library; the bending angles of each are in shapes.<name>'),
 )
 SHAPE_PREFIX = 'shapes.'
+BEND = 36.0 * pi / 180.0
+PAPER_SHAPES = {
+    'c_form': (BEND, BEND, BEND),
+    'upright_c_form': (-BEND, BEND, BEND),
+    's_form': (BEND, -BEND, BEND),
+}
+"""The shapes of the paper (III-A, Fig. 1c), for an arm of three segments."""
 
 
 def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
@@ -128,15 +135,23 @@ def shapes_from_parameters(values: Mapping[str, Any], arm: Arm) -> dict[str, tup
     """
     Return the shape library: bending angles (rad) per segment by name.
 
+    The paper's shapes need not be given; they are left out where the number of segments is not
+    three.
+
     Raises ParameterError for a shape without angles, of the wrong length or beyond the limits.
     """
     names = SHAPE_PARAMETERS[0].check(values.get('shape_names', SHAPE_PARAMETERS[0].default))
     library: dict[str, tuple[float, ...]] = {}
     for name in names:  # type: ignore[union-attr]
         key = f'{SHAPE_PREFIX}{name}'
-        if key not in values:
+        given = values.get(key)
+        if given is None and str(name) in PAPER_SHAPES:
+            given = PAPER_SHAPES[str(name)]
+            if len(given) != len(arm.segments):
+                continue
+        if given is None:
             raise ParameterError(f'shape_names lists {name}, but there is no parameter {key}')
-        angles = Parameter(key, (0.0,), 'bending angles, rad, base first').check(values[key])
+        angles = Parameter(key, (0.0,), 'bending angles, rad, base first').check(given)
         problem = angles_problem(angles, arm)  # type: ignore[arg-type]
         if problem:
             raise ParameterError(f'parameter {key}: {problem}')

@@ -206,6 +206,8 @@ class Goal:
 
     def wait_for_phase(self, phase: str) -> Any:
         """Return the first feedback in ``phase``."""
+        assert self.accepted, f'the goal was rejected: {self._rig.rejected()}'
+
         def found() -> Any:
             assert not self.ended, f'ended before {phase}: {self._result.result()}'
             return next((f for _, f in self.feedback if f.phase == phase), None)
@@ -425,6 +427,16 @@ class Rig:
         """Send shapes by name or by angles (rad)."""
         self.wait_for(self.action.server_is_ready, 'the action server')
         return Goal(self, [shape_message(shape, hold) for shape in shapes])
+
+    def goal_when_heard(self, *shapes: str | Sequence[float] | Shape, hold: float = 0.0) -> Goal:
+        """Send shapes to a sequencer that may not have found all the others yet."""
+        def accepted() -> Goal | None:
+            goal = self.goal(*shapes, hold=hold)
+            if goal.accepted:
+                return goal
+            assert 'nothing heard' in self.rejected()
+            return None
+        return self.wait_for(accepted, 'an accepted goal')  # type: ignore[no-any-return]
 
     def rejected(self) -> str:
         """Return why the last goal was rejected, as the sequencer's status says."""
