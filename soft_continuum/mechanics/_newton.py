@@ -186,7 +186,7 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
 
     Changes ``theta`` (bodies,) rad and ``tension`` (2,) N in place and fills ``lengths`` (2,) m,
     the paths of the two tendons through the segments.  Returns (status, iterations, residual in
-    N m, whether springs and loads alone were convex on the way).
+    N m).
 
     bodies (n, 3): length m, load coefficients wx, wz N m of the energy wx sin + wz cos; joints
     (n, 7): see joint_law; guides (segments, 2): offset of the lower and upper guide of each span,
@@ -218,7 +218,6 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
     column = np.zeros(2, dtype=np.int64)
     largest = 1.0
     negatives = 0
-    convex = True
     residual = 0.0
     best = 1e300
     for iteration in range(MAX_ITERATIONS):
@@ -265,13 +264,13 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
         for k in range(groups):
             residual = max(residual, abs(gradient[k]))
         if not residual < 1e30:
-            return FAILED, iteration, residual, convex
+            return FAILED, iteration, residual
         # Where rounding keeps the residual up, it is accepted below the limit once it stagnates.
         balanced = residual <= tolerance[0] or (
             residual <= tolerance[1] and largest < 1e-9 and residual >= 0.5 * best)
         best = min(best, residual)
         if balanced and error <= tolerance[2] and iteration > 0 and largest < 1e-4:
-            return (CONVERGED if negatives == 0 else UNSTABLE), iteration, residual, convex
+            return (CONVERGED if negatives == 0 else UNSTABLE), iteration, residual
 
         for k in range(groups):
             columns[k, 0] = -gradient[k]
@@ -285,7 +284,7 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
                         products[r, c] += value * columns[k, c]
         if used > 1 and not tension_step(products, used, column, taut, gap, tension, mode,
                                          compliance, step):
-            return FAILED, iteration, residual, convex
+            return FAILED, iteration, residual
         # One tendon that is just taut leaves a way out to its slack side; of two, each holds the
         # side that the other leaves, and their rows say the same.
         pair = (column[0] > 0 and column[1] > 0 and mode[0] == LENGTH and mode[1] == LENGTH
@@ -293,7 +292,6 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
         for t in range(2):
             held[t] = (pair and t == 0) or (
                 taut[t] and (mode[t] != LENGTH or tension[t] + step[column[t] - 1] > SLIGHT))
-        convex = convex and pivots == 0
         if mode[0] != ANGLE and mode[1] != ANGLE:  # otherwise it says nothing about stability
             negatives = curvature_sign(products, used, column, held, compliance, pivots)
 
@@ -313,12 +311,12 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
                 tension[t] += fraction * step[column[t] - 1]
                 if mode[t] == LENGTH and not taut[t] and fraction == 1.0:
                     tension[t] = 0.0
-    return FAILED, MAX_ITERATIONS, residual, convex
+    return FAILED, MAX_ITERATIONS, residual
 
 
 @compiled_parallel
 def newton_batch(theta, tension, bodies, joints, tables, guides, group, groups, target,  # type: ignore[no-untyped-def]
-                 compliance, tolerance, lengths, status, residual, convex):
+                 compliance, tolerance, lengths, status, residual):
     """
     Find many equilibria at once, as ``newton`` in LENGTH mode without friction, on all cores.
 
@@ -327,7 +325,7 @@ def newton_batch(theta, tension, bodies, joints, tables, guides, group, groups, 
     """
     for i in prange(theta.shape[0]):
         g = i % groups.shape[0]
-        status[i], _, residual[i], convex[i] = newton(
+        status[i], _, residual[i] = newton(
             theta[i], tension[i], bodies[i % bodies.shape[0]], joints[i % joints.shape[0]],
             tables, guides[i % guides.shape[0]], np.ones((2, guides.shape[1])), group[g],
             np.zeros(2, dtype=np.int64), target[i], compliance[i % compliance.shape[0]],

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics import _newton
 from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.statics import CAREFUL_LIMIT, DIRECT_LIMIT, Statics, StaticsError
+from soft_continuum.mechanics.statics import Statics, StaticsError
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,17 +61,16 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium, pulls: Ar
     theta = np.tile(begin, (count, 1))
     tension = np.tile(np.nan_to_num(start.tensions), (count, 1))
     lengths, residual = np.empty((count, 2)), np.empty(count)
-    status, convex = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.bool_)
+    status = np.empty(count, dtype=np.int64)
     _newton.newton_batch(
         theta, tension, np.array([m._bodies for m in models]),
         np.array([b.joints for b in boundaries]), models[0].laws.tables,
         np.array([m.chain.guides for m in models]), boundaries[0].group[None, :],
         np.array([boundaries[0].groups]), straight - target,
-        np.array([m.compliance for m in models]), models[0].tolerance, lengths, status, residual,
-        convex)
+        np.array([m.compliance for m in models]), models[0].tolerance, lengths, status, residual)
     last = models[0].chain.last_joint
     turned = np.diff((theta - begin)[:, last], axis=1, prepend=0.0)
-    near = np.where(convex, DIRECT_LIMIT, CAREFUL_LIMIT)
+    near = np.array([b.direct_limit for b in boundaries])
     found = (status == _newton.CONVERGED) & (np.abs(turned).max(axis=1) <= near)
     batch = Batch(np.diff(theta, axis=1, prepend=0.0), tension, straight - lengths, found,
                   np.zeros(count, dtype=bool), residual)

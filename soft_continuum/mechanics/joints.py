@@ -46,6 +46,8 @@ class JointLaws:
             elif not segment.jam.rigid:
                 jam[rows] = segment.jam.ratio - 1.0, len(tables) - 1
         self._soft, self._jam = soft, jam
+        self.least_stiffness = np.concatenate(
+            [self._least(s, chain) for s in range(chain.segments)])
         self._jams = not all(s.jam.rigid for s in self._segments)
         rows_needed = max([len(t.curvatures) for t in tables], default=2)
         # Shorter tables go on with their last slope.
@@ -55,6 +57,15 @@ class JointLaws:
             while len(curvatures) < rows_needed:
                 curvatures.append(2.0 * curvatures[-1])
             self.tables[k] = curvatures, [table.moment(c) for c in curvatures]
+
+    def _least(self, segment: int, chain: RigidChain) -> Array:
+        """Return the smallest tangent stiffness of each joint of a soft segment, N m/rad."""
+        law = self._segments[segment].soft_law
+        if law is None:
+            return chain.joint_stiffness[self._rows(segment)]
+        slope = np.min(np.diff(law.moments) / np.diff(law.curvatures))
+        least: Array = slope / chain.joint_lengths[self._rows(segment)]
+        return least
 
     def _rows(self, segment: int) -> slice:
         return slice(segment * self._per_segment, (segment + 1) * self._per_segment)

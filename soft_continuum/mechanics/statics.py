@@ -15,9 +15,11 @@ an overdamped backward-Euler motion finds the next stable equilibrium.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import eigvalsh_tridiagonal
 
 from soft_continuum.mechanics import _assembly, _newton
 from soft_continuum.mechanics.arm import Arm, Disc, Segment
@@ -27,8 +29,8 @@ from soft_continuum.mechanics.joints import JointLaws, tension_ratios
 SLACK = -np.inf
 """A pull that leaves the tendon slack in every shape."""
 
-DIRECT_LIMIT = 0.8  # rad: a segment that turned further is followed in smaller steps
-CAREFUL_LIMIT = 0.1  # rad: the same where loads outweigh springs, so that paths may end
+DIRECT_LIMIT = 2.0  # rad: a segment that turned further is followed in smaller steps
+CAREFUL_LIMIT = 0.1  # rad: the same where loads can outweigh springs, so that paths may end
 SMALLEST_STEP = 1e-4  # of the way, before the path is taken to have ended
 MOST_ITERATIONS = 20000  # of Newton's method in one solve, before it is given up
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
@@ -57,6 +59,7 @@ class _Boundary:
 
     group: NDArray[np.int64]
     groups: int
+    direct_limit: float
     locked_angles: Array
     joints: Array
     ratios: Array
@@ -76,7 +79,6 @@ class _Point:
     status: int = _newton.FAILED
     residual: float = np.inf
     iterations: int = 0
-    convex: bool = True
 
 
 class Statics:
@@ -198,43 +200,59 @@ class Statics:
             raise ValueError(f'the start has {start.joint_angles.size} joints, this arm has '
                              f'{self.chain.joints}')
         stiff = tuple(not s for s in soft)
-        group, groups = self._groups(stiff)
+        group, groups, direct_limit = self._groups(stiff)
         return _Boundary(
-            group, groups, start.joint_angles, self.laws.joints(start, stiff, vacuum),
+            group, groups, direct_limit, start.joint_angles,
+            self.laws.joints(start, stiff, vacuum),
             np.ones((2, self.chain.segments)), np.zeros(2, dtype=np.int64), target,
             np.zeros(2, dtype=np.int64), stiff)
 
-    def _find_groups(self, stiff: tuple[bool, ...]) -> tuple[NDArray[np.int64], int]:
-        """Number the rigid groups: every body of a free segment with what is locked onto it."""
+    def _find_groups(self, stiff: tuple[bool, ...]) -> tuple[NDArray[np.int64], int, float]:
+        """
+        Number the rigid groups: every body of a free segment with what is locked onto it.
+
+        Also return how far a segment may turn in one step.  Where the springs outweigh the loads
+        in every shape the energy is convex and no path ends.
+        """
         locked = [s and segment.jam.rigid
                   for s, segment in zip(stiff, self.chain.arm.segments, strict=True)]
         free = np.repeat(np.logical_not(locked), self.chain.joints_per_segment)
-        return np.cumsum(free) - 1, int(free.sum())
+        group, groups = np.cumsum(free) - 1, int(free.sum())
+        if groups == 0:
+            return group, groups, DIRECT_LIMIT
+        springs = self.laws.least_stiffness[free]
+        worst = np.bincount(group[group >= 0], np.hypot(*self._bodies[group >= 0, 1:].T))
+        diagonal = springs + np.append(springs[1:], 0.0) - worst
+        least = eigvalsh_tridiagonal(diagonal, -springs[1:], select='i', select_range=(0, 0))[0]
+        return group, groups, DIRECT_LIMIT if least > 0.0 else CAREFUL_LIMIT
 
     def _start(self, start: Equilibrium) -> _Point:
-        theta = np.cumsum(start.joint_angles)
-        if not np.all(np.isfinite(theta)):
+        theta = start.joint_angles.cumsum()
+        if not isfinite(theta[-1]):  # as the last is when any is not
             raise ValueError('the joint angles of the start must be finite numbers')
-        return _Point(theta, np.nan_to_num(start.tensions),
-                      self.chain.straight_length - start.pulls)
+        tension = np.array([t if t == t else 0.0 for t in start.tensions.tolist()])
+        return _Point(theta, tension, self.chain.straight_length - start.pulls)
 
     def _newton(self, start: _Point, boundary: _Boundary, target: Array | None = None,
                 bias: Array | None = None, damping: float = 0.0) -> _Point:
         theta, tension, lengths = start.theta.copy(), start.tension.copy(), np.empty(2)
-        status, iterations, residual, convex = _newton.newton(
+        status, iterations, residual = _newton.newton(
             theta, tension, self._bodies, boundary.joints, self.laws.tables, self.chain.guides,
             boundary.ratios, boundary.group, boundary.mode,
             boundary.target if target is None else target, self.compliance, boundary.driven,
             np.zeros(boundary.groups) if bias is None else bias, damping, self.tolerance, lengths)
-        return _Point(theta, tension, lengths, status, residual, iterations, convex)
+        return _Point(theta, tension, lengths, status, residual, iterations)
 
-    def _near(self, start: _Point, end: _Point) -> bool:
+    def _near(self, start: _Point, end: _Point, limit: float) -> bool:
         """Whether a solve converged to a minimum that is plausibly the next one on the path."""
         if end.status != _newton.CONVERGED:
             return False
-        turned = (end.theta - start.theta)[self.chain.last_joint]
-        limit = DIRECT_LIMIT if end.convex else CAREFUL_LIMIT
-        return float(np.abs(np.diff(turned, prepend=0.0)).max()) <= limit
+        below = 0.0
+        for turned in (end.theta - start.theta)[self.chain.last_joint].tolist():
+            if abs(turned - below) > limit:
+                return False
+            below = turned
+        return True
 
     def _find(self, start: Equilibrium, boundary: _Boundary,
               sliding: Sequence[int] = (0, 0)) -> Equilibrium:
@@ -248,7 +266,7 @@ class Statics:
     def _step(self, point: _Point, boundary: _Boundary) -> tuple[_Point, bool]:
         """Go to the boundary's state in one step, or else in small ones; and whether it jumped."""
         end = self._newton(point, boundary)
-        if self._near(point, end):
+        if self._near(point, end, boundary.direct_limit):
             return end, False
         return self._follow(point, boundary)
 
@@ -287,7 +305,7 @@ class Statics:
             target = boundary.target + (1.0 - reached) * gap
             end = self._newton(point, boundary, target, (1.0 - reached) * unbalanced)
             iterations += end.iterations
-            if self._near(point, end):
+            if self._near(point, end, boundary.direct_limit):
                 point, done, step = end, reached, 2.0 * step
             elif step > SMALLEST_STEP:
                 step *= 0.5
@@ -393,9 +411,11 @@ class Statics:
         for t in (RIGHT, LEFT):
             if boundary.mode[t] == _newton.LENGTH and point.tension[t] <= 0.0:
                 slack[t] = max(0.0, boundary.target[t] - point.lengths[t])
-        # Locked joints keep their angles to the last bit.
-        free = np.diff(boundary.group, prepend=-1) > 0
-        angles = np.where(free, np.diff(point.theta, prepend=0.0), boundary.locked_angles)
+        angles = point.theta.copy()
+        angles[1:] -= point.theta[:-1]
+        if boundary.groups < self.chain.joints:  # locked joints keep theirs to the last bit
+            free = np.diff(boundary.group, prepend=-1) > 0
+            angles = np.where(free, angles, boundary.locked_angles)
         return Equilibrium(
             angles, point.tension, self.chain.straight_length - point.lengths, slack,
             point.residual, point.iterations, boundary.stiff,

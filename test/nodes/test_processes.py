@@ -101,7 +101,7 @@ def test_a_node_that_still_compiles_its_solver_ends_in_peace(
     # As on the first start after an installation: nothing is compiled yet.
     node = processes.start(
         [*module_command('kinematics'), '--ros-args', '--params-file', str(description_file())],
-        environment={'NUMBA_CACHE_DIR': str(tmp_path / 'empty')})
+        environment={'XDG_CACHE_HOME': str(tmp_path)})
     starting(node, 3.0)
     node.send(number)
     assert_ended_in_peace(node, ENDED_EARLY)

@@ -1,0 +1,84 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Arms for the tests of all that goes beyond the paper: the paper's, simple ones, random ones."""
+
+from math import inf, pi
+
+from hypothesis import HealthCheck, settings, strategies as st
+
+from soft_continuum.mechanics import SLACK
+from soft_continuum.mechanics.arm import Arm, Disc, PAPER, Segment, SECOND_ORDER, Tendon
+from soft_continuum.mechanics.laws import Jam
+
+FEW = settings(deadline=None, derandomize=True, max_examples=25, database=None,
+               suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much])
+
+STIFFNESS = (0.0265, 0.0091, 0.0033)  # N m^2, E I of the paper's segments
+DIAMETER = (0.050, 0.0425, 0.035)  # m
+
+
+def paper_like(segments=3, jam=Jam(), soft_law=None, bodies=5, gravity=0.0, **changes):
+    """Return an arm with the paper's proportions and 1 to 6 segments, weightless by default."""
+    kinds = [min(i, 2) for i in range(segments)]
+    return Arm(
+        tuple(Segment(0.07, STIFFNESS[i], (DIAMETER[i] / 2,) * 2, 0.05, soft_law=soft_law, jam=jam)
+              for i in kinds),
+        tuple(Disc(0.03, 0.04) for _ in range(segments + 1)), bodies_per_segment=bodies,
+        gravity=gravity, **changes)
+
+
+def between(low, high):
+    """Return a strategy for numbers from ``low`` to ``high`` without odd corner values."""
+    return st.integers(0, 1000).map(lambda i: low + (high - low) * i / 1000)
+
+
+@st.composite
+def arms(draw, jam=Jam(), segments=(1, 4), bodies=(1, 5), load=(0.0, 1.0), stretch=False,
+         friction=False):
+    """
+    Return a random arm that stands by itself with all segments soft.
+
+    jam: of every segment, or a strategy for it.  load: range of weight times length squared over
+    the softest E I.
+    """
+    count = draw(st.integers(*segments))
+    lengths = [draw(between(0.04, 0.12)) for _ in range(count)]
+    heights = [draw(between(0.005, 0.04)) for _ in range(count + 1)]
+    masses = [draw(between(0.0, 0.08)) for _ in range(2 * count + 1)]
+    softest = max(0.002, 9.80665 * sum(masses) * (sum(lengths) + sum(heights))**2
+                  / max(draw(between(*load)), 0.1))
+    softest = min(softest, 20.0)
+    parts = []
+    for i, length in enumerate(lengths):
+        offsets = tuple(draw(between(0.15, 0.4)) * length for _ in range(2))
+        parts.append(Segment(
+            length, softest * draw(between(1.0, 4.0)), offsets, masses[i],
+            jam=draw(jam) if isinstance(jam, st.SearchStrategy) else jam))
+    tendon = Tendon(
+        axial_stiffness=draw(st.sampled_from([inf, 1e3, 1e5])) if stretch else inf,
+        free_length=draw(between(0.0, 1.0)) if stretch else 0.0,
+        friction=draw(between(0.0, 0.3)) if friction else 0.0)
+    return Arm(
+        tuple(parts),
+        tuple(Disc(h, m) for h, m in zip(heights, masses[count:], strict=True)),
+        bodies_per_segment=draw(st.integers(*bodies)),
+        discretisation=draw(st.sampled_from([PAPER, SECOND_ORDER])), tendon=tendon,
+        mounting_angle=draw(between(-pi, pi)), gravity=draw(st.sampled_from([0.0, 9.80665])))
+
+
+@st.composite
+def masks(draw, arm):
+    """Return soft flags with at least one segment soft."""
+    soft = [draw(st.booleans()) for _ in arm.segments]
+    soft[draw(st.integers(0, len(soft) - 1))] = True
+    return tuple(soft)
+
+
+@st.composite
+def pulls(draw, arm, state, most=0.5):
+    """Return pulls of one tendon that turn the whole arm by up to ``most`` rad a segment."""
+    reach = sum(min(s.guide_offsets) for s in arm.segments)
+    one = draw(between(-0.2, most)) * reach
+    if draw(st.booleans()):
+        return float(state.pulls[0]) + one, SLACK
+    return SLACK, float(state.pulls[1]) + one

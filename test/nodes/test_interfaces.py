@@ -1,0 +1,142 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The pages of msg_docs say what the nodes have: no more, no less."""
+
+from collections.abc import Iterable
+from pathlib import Path
+import re
+
+import pytest
+from rclpy.action import get_action_server_names_and_types_by_node
+from ros_rig import ALL, Rig
+
+from soft_continuum.configuration import NODE_PARAMETERS
+from soft_continuum.parameters import Value
+
+PAGES = Path(__file__).resolve().parents[2] / 'msg_docs'
+OF_EVERY_NODE = {
+    '/rosout', '/parameter_events', '/clock', '~/describe_parameters', '~/get_parameter_types',
+    '~/get_parameters', '~/list_parameters', '~/set_parameters', '~/set_parameters_atomically',
+    '~/get_type_description',
+}
+LIFECYCLE = {
+    '~/transition_event', '~/change_state', '~/get_state', '~/get_available_states',
+    '~/get_available_transitions', '~/get_transition_graph',
+}
+Row = dict[str, str]
+
+
+def section(node: str, title: str) -> list[Row]:
+    """Return the rows of the tables below a heading of a page, by lower-case column name."""
+    text = (PAGES / f'{node}.md').read_text(encoding='utf-8')
+    found = re.search(rf'^## {title}\s*\n(.*?)(?=^## |\Z)', text, re.MULTILINE | re.DOTALL)
+    rows, header = [], []
+    for line in found[1].splitlines() if found else ():
+        if not line.startswith('|'):
+            header = []
+            continue
+        cells = [cell.strip() for cell in re.split(r'(?<!\\)\|', line.strip().strip('|'))]
+        if not header:
+            header = [cell.lower() for cell in cells]
+        elif not set(''.join(cells)) <= set('-: '):
+            assert len(cells) == len(header), f'{node}.md: {line}'
+            rows.append(dict(zip(header, cells, strict=True)))
+    return rows
+
+
+def name_of(node: str, row: Row) -> str:
+    """Return the name in the first column of a row, private names as ~/name."""
+    first = next(iter(row.values()))
+    found = re.search('`([^`]+)`', first)
+    assert found, f'{node}.md: no name in backticks in {first!r}'
+    return re.sub(rf'^{node}/', '~/', found[1])
+
+
+def documented(node: str, title: str, direction: str = '') -> dict[str, str]:
+    """Return type by name, of the rows with a direction if one is asked for."""
+    return {
+        name_of(node, row): row['type'].strip('`') for row in section(node, title)
+        if not direction or row.get('direction', direction).strip('`').startswith(direction)}
+
+
+def present(rig: Rig, node: str, found: Iterable[tuple[str, list[str]]]) -> dict[str, str]:
+    """Return type by name as the pages write it."""
+    names = {}
+    for name, types in found:
+        short = name.removeprefix(f'{rig.namespace}/')
+        short = re.sub(rf'^{node}/', '~/', short)
+        short = re.sub(r'segment_\d+', 'segment_N', short)
+        if '/_' not in short and short not in OF_EVERY_NODE:
+            names[short] = re.sub('/(msg|srv|action)/', '/', types[0])
+    return names
+
+
+def assert_same(node: str, kind: str, said: dict[str, str], there: dict[str, str]) -> None:
+    """Claim that page and graph agree; what every lifecycle node has may be left out."""
+    said = {name: re.sub('/(msg|srv|action)/', '/', of) for name, of in said.items()}
+    there = {name: of for name, of in there.items() if name in said or name not in LIFECYCLE}
+    assert said == there, f'msg_docs/{node}.md, {kind}: the page says the first, the node has'
+
+
+@pytest.mark.parametrize('node', ALL)
+def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node: str) -> None:
+    rig.start(node)
+    observer, space = rig.observer, rig.namespace
+    for kind, said, found in (
+            ('publishes topics', documented(node, 'Topics', 'publishes'),
+             observer.get_publisher_names_and_types_by_node(node, space)),
+            ('subscribes topics', documented(node, 'Topics', 'subscribes'),
+             observer.get_subscriber_names_and_types_by_node(node, space)),
+            ('serves services', documented(node, 'Services', 'serves'),
+             observer.get_service_names_and_types_by_node(node, space)),
+            ('serves actions', documented(node, 'Actions', 'serves'),
+             get_action_server_names_and_types_by_node(observer, node, space))):
+        assert_same(node, kind, said, present(rig, node, found))
+
+
+def plain(text: str) -> str:
+    return text.replace('`', '').replace('\\', '').strip()
+
+
+def same_value(said: str, default: Value) -> bool:
+    """Whether a default as a page writes it is the default, up to the digits that it gives."""
+    if isinstance(default, bool):
+        return said.lower() == str(default).lower()
+    if isinstance(default, str):
+        return said.strip('"\'') == default
+    items = default if isinstance(default, tuple) else (default,)
+    words = [word.strip(' "\'') for word in said.strip('[]').split(',')]
+    if len(words) != len(items):
+        return False
+    for word, item in zip(words, items, strict=True):
+        if isinstance(item, str):
+            if word != item:
+                return False
+        else:
+            try:
+                value = float(word)
+            except ValueError:
+                return False
+            if value != pytest.approx(item, rel=1e-3):
+                return False
+    return True
+
+
+@pytest.mark.parametrize('node', ALL)
+def test_the_page_of_a_node_lists_its_parameters_with_their_defaults(node: str) -> None:
+    rows = {name_of(node, row): row for row in section(node, 'Parameters')}
+    table = {p.name: p for p in NODE_PARAMETERS[node]}
+    said = {name for name in rows if not name.startswith('shapes.')}
+    assert sorted(said) == sorted(table)
+    assert (len(rows) > len(said)) == (node == 'shape_sequencer')  # shapes.<name>
+    for name, parameter in table.items():
+        row = rows[name]
+        assert row['description'], f'{node}.md: {name} has no description'
+        assert same_value(plain(row['default']), parameter.default), (
+            f'{node}.md: default of {name} is {parameter.default}, not {row["default"]}')
+
+
+def test_there_is_a_page_for_every_node_and_no_other_node() -> None:
+    pages = {path.stem for path in PAGES.glob('*.md')} - {'README', 'index'}
+    assert pages == set(ALL)
