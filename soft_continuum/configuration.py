@@ -24,7 +24,7 @@ SILENCE = Parameter(
     'silence_timeout', 0.5, 'age at which the state of another node counts as lost, s', 0.1, 10.0)
 PULL_LIMITS = Parameter(
     'pull_limits', (-0.06, 0.06), 'smallest and largest tendon pull, m; negative is let out',
-    -1.0, 1.0)
+    -1.0, 1.0, is_range=True)
 TENSION_LIMIT = Parameter(
     'tension_limit', 60.0, 'largest tendon tension that the model may predict, N', 0.1, 1e4,
     read_only=False)
@@ -34,7 +34,7 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         *ARM_PARAMETERS, AUTOSTART, PULL_LIMITS, TENSION_LIMIT, SILENCE,
         Parameter('tendon_driver', 'simulated', 'driver of the steppers', choices=('simulated',)),
         Parameter('tendon_rate', 50.0, 'rate of control and of tendon_states, Hz', 5.0, 500.0),
-        Parameter('speed_limit', 0.03, 'largest tendon speed, m/s', 1e-4, 1.0, read_only=False),
+        Parameter('speed_limit', 0.03, 'largest tendon speed, m/s', 1e-4, 1.0),
         Parameter('acceleration_limit', 0.3, 'largest tendon acceleration, m/s^2', 1e-3, 100.0),
         Parameter('simulated_tendons.step', 5e-6, 'pull per step of the simulated steppers, m',
                   1e-9, 1e-3),
@@ -76,7 +76,7 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('tendon_speed', 0.015, 'largest tendon speed of a planned motion, m/s',
                   1e-4, 1.0, read_only=False),
         Parameter('tendon_acceleration', 0.1, 'largest tendon acceleration of a plan, m/s^2',
-                  1e-3, 100.0, read_only=False),
+                  1e-3, 10.0, read_only=False),
         Parameter('antagonist_slack', 0.0005,
                   'slack left in the tendon that does not carry the soft segment, m', 0.0, 0.05,
                   read_only=False),
@@ -109,8 +109,7 @@ def load_description(path: str | Path, node: str = '') -> dict[str, Value]:
     values = load_parameters(path, ALL_PARAMETERS, node, prefixes=(SHAPE_PREFIX,))
     try:
         arm = arm_from_parameters(values)
-        if any(name.startswith(SHAPE_PREFIX) for name in values):
-            shapes_from_parameters(values, arm)
+        shapes_from_parameters(values, arm)
     except ParameterError as error:
         raise ParameterError(f'{path}: {error}') from None
     return values

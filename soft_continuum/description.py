@@ -31,7 +31,7 @@ ARM_PARAMETERS = (
               'width of each leaf spring, m', 1e-4, 1.0),
     Parameter('arm.youngs_modulus', 200e9,
               "Young's modulus of the leaf springs, Pa", 1e6, 1e12),
-    Parameter('arm.bending_stiffnesses', (0.0, 0.0, 0.0),
+    Parameter('arm.bending_stiffnesses', (0.0,),
               'measured E I of each soft segment, N m^2; 0: that of its leaf spring', 0.0, 1e3),
     Parameter('arm.segment_masses', (0.069, 0.05, 0.034),
               'mass of each segment between its discs, kg', 0.0, 10.0),
@@ -39,15 +39,15 @@ ARM_PARAMETERS = (
               'height of each disc, base first, m', 1e-3, 10.0),
     Parameter('arm.disc_masses', (0.06, 0.06, 0.045, 0.033),
               'mass of each disc, base first, kg', 0.0, 10.0),
-    Parameter('arm.guide_offsets', (0.0,) * 6,
+    Parameter('arm.guide_offsets', (0.0,),
               'distance of the tendon guides from the backbone at the lower and upper end of '
               'each segment, m; 0: half its outer diameter', 0.0, 10.0),
     Parameter('arm.bending_angle_limits', (pi / 3, pi / 3, pi / 3),
               'largest bending angle of each segment to either side, rad', 1e-3, 2 * pi),
-    Parameter('arm.stiffness_ratios', (0.0, 0.0, 0.0),
+    Parameter('arm.stiffness_ratios', (0.0,),
               'bending stiffness of each segment stiff over soft, K; 0: rigid when stiff',
               0.0, 1e6),
-    Parameter('arm.yield_moments', (0.0, 0.0, 0.0),
+    Parameter('arm.yield_moments', (0.0,),
               'moment that the jam of each segment bears at full vacuum, N m; 0: any', 0.0, 1e6),
     Parameter('arm.bodies_per_segment', 12,
               'rigid bodies of the chain model in each segment', 1, 1000),
@@ -83,6 +83,8 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
     """
     Build the arm from parameter values by their names in ARM_PARAMETERS.
 
+    A list of one value counts for every segment, guide or disc.
+
     Raises ParameterError when the lists do not fit together or a value is not physical.
     """
     get: dict[str, Any] = {
@@ -96,10 +98,12 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
                            ('stiffness_ratios', count), ('yield_moments', count),
                            ('guide_offsets', 2 * count),
                            ('disc_heights', count + 1), ('disc_masses', count + 1)):
+        if len(get[name]) == 1:
+            get[name] *= expected
         if len(get[name]) != expected:
             raise ParameterError(
                 f'parameter arm.{name} has {len(get[name])} values; arm.segment_lengths has '
-                f'{count}, so {expected} are needed')
+                f'{count}, so {expected} are needed, or one for all')
     segments = zip(
         lengths, get['outer_diameters'], get['leaf_thicknesses'], get['leaf_widths'],
         get['bending_stiffnesses'], get['segment_masses'], get['bending_angle_limits'],
@@ -107,6 +111,9 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
     offsets = get['guide_offsets']
     discs = zip(get['disc_heights'], get['disc_masses'], strict=True)
     modulus = get['youngs_modulus']
+    if any(0.0 < offset < 1e-4 for offset in offsets):
+        raise ParameterError(f'parameter arm.guide_offsets is {list(offsets)}; allowed: 0.0001 m '
+                             'and more, or 0 for half the outer diameter')
     try:
         return Arm(
             segments=tuple(
@@ -156,6 +163,9 @@ def shapes_from_parameters(values: Mapping[str, Any], arm: Arm) -> dict[str, tup
         if problem:
             raise ParameterError(f'parameter {key}: {problem}')
         library[str(name)] = angles  # type: ignore[assignment]
+    for key in values:
+        if key.startswith(SHAPE_PREFIX) and key.removeprefix(SHAPE_PREFIX) not in names:  # type: ignore[operator]
+            raise ParameterError(f'parameter {key}: the shape is not listed in shape_names')
     return library
 
 

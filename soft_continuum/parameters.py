@@ -7,14 +7,20 @@ A ROS 2 parameter file is YAML: node names (``/**`` for all) over ``ros__paramet
 keys.  ``load_parameters`` reads it without ROS and refuses what the tables do not know.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 import difflib
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
+import re
 from typing import Any
 
 import yaml
+
+ROS_NUMBER = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?')
+"""What ROS reads as a number; YAML 1.1 takes some of it, such as 2e2, as text."""
+MOST = 1e308
+DEEPEST = 20  # keys below one another in a parameter file
 
 Value = bool | int | float | str | tuple[float, ...] | tuple[str, ...]
 
@@ -29,7 +35,7 @@ class Parameter:
     One parameter: its name, default (whose type it has), what it means and what it may be.
 
     low, high: bounds of a number, or of every number of an array.  choices: the allowed strings.
-    read_only: cannot change while the node runs.
+    read_only: cannot change while the node runs.  is_range: two numbers, the smaller first.
     """
 
     name: str
@@ -39,15 +45,12 @@ class Parameter:
     high: float = inf
     choices: tuple[str, ...] = ()
     read_only: bool = True
+    is_range: bool = False
 
     def check(self, value: Any) -> Value:
         """Return ``value`` in this parameter's type; raise ParameterError when it does not fit."""
         if isinstance(self.default, tuple):
-            if isinstance(value, str | bool) or not hasattr(value, '__iter__'):
-                raise self._error(value, 'a list')
-            numbers = not (self.default and isinstance(self.default[0], str))
-            items = [self._number(v, value) if numbers else str(v) for v in value]
-            return tuple(items)  # type: ignore[return-value]
+            return self._list(value)
         if isinstance(self.default, bool):
             if not isinstance(value, bool):
                 raise self._error(value, 'true or false')
@@ -62,8 +65,23 @@ class Parameter:
         number = self._number(value, value)
         return int(number) if isinstance(self.default, int) else number
 
+    def _list(self, value: Any) -> Value:
+        if isinstance(value, str | bytes | Mapping | Set) or not hasattr(value, '__iter__'):
+            raise self._error(value, 'a list')
+        if self.default and isinstance(self.default[0], str):  # type: ignore[index]
+            if not all(isinstance(item, str) for item in value):
+                raise self._error(value, 'a list of texts')
+            return tuple(value)
+        numbers = tuple(self._number(item, value) for item in value)
+        if self.is_range and not (len(numbers) == 2 and numbers[0] < numbers[1]):
+            raise self._error(value, 'two numbers, the smaller first')
+        return numbers
+
     def _number(self, item: Any, given: Any) -> float:
-        if isinstance(item, bool) or not isinstance(item, int | float) or not isfinite(item):
+        if isinstance(item, str) and ROS_NUMBER.fullmatch(item):
+            item = float(item)
+        if isinstance(item, bool) or not isinstance(item, int | float) or not (
+                abs(item) <= MOST):  # also what is too large for a float, or nan
             raise self._error(given, 'finite numbers')
         if not self.low <= item <= self.high:
             raise self._error(given, f'{self.low:g} to {self.high:g}')
@@ -96,7 +114,7 @@ def load_parameters(path: str | Path, known: Sequence[Parameter], node: str = ''
                 close = difflib.get_close_matches(name, table, n=1)
                 raise ParameterError(
                     f'unknown parameter {name}'
-                    + (f'; did you mean {close[0]}?' if close else '')
+                    + (f'; did you mean {close[0]}?' if close else '.')
                     + f' Known: {", ".join(sorted(table))}')
         except ParameterError as error:
             raise ParameterError(f'{path}: {error}') from None
@@ -120,21 +138,32 @@ def read_parameter_file(path: str | Path, node: str = '') -> dict[str, Any]:
         where = f', line {mark.line + 1}, column {mark.column + 1}' if mark else ''
         raise ParameterError(
             f'{path}{where}: not valid YAML: {getattr(error, "problem", error)}') from None
+    except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
+        # What PyYAML lets through from the values it makes, and from paths that are none.
+        raise ParameterError(f'{path}: not valid YAML: {type(error).__name__} {error}') from None
     if not isinstance(document, Mapping):
         raise ParameterError(
             f'{path}: a parameter file starts with a node name, or /** for all nodes')
     flat: dict[str, Any] = {}
+    found = False
     for name, section in document.items():
         if not isinstance(section, Mapping) or 'ros__parameters' not in section:
             raise ParameterError(f'{path}: key {name}: expected ros__parameters below it')
         if str(name) in ('/**', '/*') or str(name).rsplit('/', 1)[-1] == node:
             _flatten(path, section['ros__parameters'], '', flat)
+            found = True
+    if not found:
+        raise ParameterError(
+            f'{path}: has no section for {node or "all nodes (/**)"}, only for '
+            + ', '.join(str(name) for name in document))
     return flat
 
 
 def _flatten(path: str | Path, tree: Any, prefix: str, flat: dict[str, Any]) -> None:
     if not isinstance(tree, Mapping):
         raise ParameterError(f'{path}: key {prefix or "ros__parameters"}: expected keys below it')
+    if prefix.count('.') > DEEPEST:
+        raise ParameterError(f'{path}: keys are nested too deeply: {prefix[:40]}...')
     for key, value in tree.items():
         name = f'{prefix}{key}'
         if isinstance(value, Mapping):

@@ -118,16 +118,13 @@ def test_the_shapes_are_those_of_the_paper_with_36_degrees_per_segment():
     assert list(shapes) == ['c_form', 'upright_c_form', 's_form']
 
 
-def test_what_the_description_says_is_also_the_default_of_every_parameter(arm):
-    assert arm_from_parameters({}) == pytest.approx(arm) or _nearly(arm_from_parameters({}), arm)
-
-
-def _nearly(default, arm):
-    """The limits in the file are rounded to four digits."""
-    return all(
-        a.length == b.length and a.bending_stiffness == pytest.approx(b.bending_stiffness)
-        and a.mass == b.mass for a, b in zip(default.segments, arm.segments, strict=True)
-    ) and default.discs == arm.discs
+@pytest.mark.parametrize('parameter', ALL_PARAMETERS, ids=lambda p: p.name)
+def test_what_the_description_says_is_also_the_default(parameter):
+    value = load_description(DESCRIPTION)[parameter.name]
+    if parameter.name == 'shape_names' or isinstance(value, str):
+        assert value == parameter.default
+    else:
+        assert value == pytest.approx(parameter.default, rel=1e-5)
 
 
 @pytest.mark.parametrize('node', NODE_PARAMETERS)

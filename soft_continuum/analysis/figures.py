@@ -52,7 +52,7 @@ def shapes_figure(path: str | Path, chain: RigidChain,
         arcs = constant_curvature.poses(chain.arm, bending_angles) * 1e3
         axes.plot(arcs[:, 0], arcs[:, 1], 's', markersize=8, markerfacecolor='none',
                   markeredgecolor='0.1', label='constant curvature')
-        axes.set_title(name)
+        axes.set_title(name, parse_math=False)
     panels[0].set_ylabel('z in mm')
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc='outside lower center', ncols=len(labels), frameon=False)

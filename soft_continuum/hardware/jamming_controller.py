@@ -3,7 +3,7 @@
 """Stiff or soft: what the pressures say of every segment, and when the pump runs."""
 
 from dataclasses import dataclass
-from math import isnan
+from math import isfinite
 
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, JammingReading
 
@@ -60,7 +60,7 @@ class JammingController:
             threshold = (self._settings.release_vacuum if self.stiff[i]
                          else self._settings.stiff_vacuum)
             # A segment that is being vented may already move: it is not stiff any more.
-            self.stiff[i] = reading.evacuated[i] and not isnan(value) and value >= threshold
+            self.stiff[i] = reading.evacuated[i] and isfinite(value) and value >= threshold
         evacuated = [v for v, open_ in zip(vacuum, reading.evacuated, strict=True) if open_]
         if any(not v >= self._settings.pump_start_vacuum for v in evacuated):
             if not reading.pump:

@@ -36,8 +36,9 @@ class SimulatedJamming:
         self._plant = plant
         self._time = clock()
         self._vacuum = [plant.ultimate_vacuum if initially_stiff else 0.0] * segments
-        self._evacuated = [initially_stiff] * segments
-        self._switched = [-1e9] * segments
+        self._evacuated = [initially_stiff] * segments  # as switched
+        self._position = [initially_stiff] * segments  # as the valve stands
+        self._moves_at = [self._time] * segments
         self._pump = initially_stiff
 
     def open(self) -> None:
@@ -58,7 +59,7 @@ class SimulatedJamming:
         self._advance()
         if self._evacuated[segment] != evacuated:
             self._evacuated[segment] = evacuated
-            self._switched[segment] = self._time
+            self._moves_at[segment] = self._time + self._plant.valve_delay
 
     def set_pump(self, running: bool) -> None:
         """Switch the pump."""
@@ -67,14 +68,13 @@ class SimulatedJamming:
 
     def _advance(self) -> None:
         now = self._clock()
-        step = now - self._time
-        plant = self._plant
-        for i, vacuum in enumerate(self._vacuum):
-            # A valve that is still moving leaves its segment as it was connected before.
-            open_to_pump = self._evacuated[i]
-            before = min(step, max(0.0, self._switched[i] + plant.valve_delay - self._time))
-            vacuum = self._after(vacuum, before, not open_to_pump)
-            self._vacuum[i] = self._after(vacuum, step - before, open_to_pump)
+        for i in range(len(self._vacuum)):
+            since = self._time
+            if self._position[i] != self._evacuated[i] and self._moves_at[i] <= now:
+                until = max(since, self._moves_at[i])
+                self._vacuum[i] = self._after(self._vacuum[i], until - since, self._position[i])
+                self._position[i], since = self._evacuated[i], until
+            self._vacuum[i] = self._after(self._vacuum[i], now - since, self._position[i])
         self._time = now
 
     def _after(self, vacuum: float, duration: float, open_to_pump: bool) -> float:

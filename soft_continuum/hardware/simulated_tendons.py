@@ -8,6 +8,7 @@ from math import copysign, sqrt
 from soft_continuum.hardware.protocols import TendonReading
 
 TIME_STEP = 0.001  # s
+BRAKE_EARLY = 0.8  # of the acceleration limit is planned with, so that no target is overrun
 
 
 class SimulatedTendons:
@@ -29,6 +30,7 @@ class SimulatedTendons:
         self._speeds = [0.0, 0.0]
         self._targets = [0.0, 0.0]
         self._arrival = self._time
+        self._braking = False
         self._zero = [0.0, 0.0]
 
     def open(self) -> None:
@@ -53,13 +55,12 @@ class SimulatedTendons:
         self._targets = [self._step * round(p / self._step) + z
                          for p, z in zip(pulls, self._zero, strict=True)]
         self._arrival = self._time + duration
+        self._braking = False
 
     def stop(self) -> None:
         """Brake with the acceleration limit."""
         self._advance()
-        self._targets = [p + copysign(v * v / (2 * self._acceleration), v)
-                         for p, v in zip(self._pulls, self._speeds, strict=True)]
-        self._arrival = self._time
+        self._braking = True
 
     def reference(self) -> None:
         """Take the present position as zero."""
@@ -69,22 +70,36 @@ class SimulatedTendons:
     def _advance(self) -> None:
         """Integrate the motion up to now."""
         now = self._clock()
-        while self._time < now:
+        while self._time < now and (any(self._speeds) or self._pulls != self._targets):
             step = min(TIME_STEP, now - self._time)
             self._time += step
-            for i in (0, 1):
-                self._advance_motor(i, step)
+            if self._braking:
+                self._brake(step)
+            else:
+                self._approach(step)
+        self._time = max(self._time, now)
 
-    def _advance_motor(self, i: int, step: float) -> None:
-        left = self._targets[i] - self._pulls[i]
-        # As fast as arriving on time needs, but never too fast to brake before the target.
-        wanted = min(abs(left) / max(self._arrival - self._time, step),
-                     sqrt(2 * self._acceleration * abs(left)), self._speed_limit)
-        change = copysign(wanted, left) - self._speeds[i]
+    def _brake(self, step: float) -> None:
         most = self._acceleration * step
-        self._speeds[i] += max(-most, min(most, change))
-        moved = self._speeds[i] * step
-        if abs(left) <= abs(moved) + 1e-12 and abs(self._speeds[i]) <= 2 * most:
-            self._pulls[i], self._speeds[i] = self._targets[i], 0.0
-        else:
-            self._pulls[i] += moved
+        for i, speed in enumerate(self._speeds):
+            self._speeds[i] = copysign(max(0.0, abs(speed) - most), speed) or 0.0
+            self._pulls[i] += self._speeds[i] * step
+        if not any(self._speeds):
+            self._targets = list(self._pulls)
+
+    def _approach(self, step: float) -> None:
+        """Go on towards the targets, both tendons to arrive together."""
+        left = [t - p for t, p in zip(self._targets, self._pulls, strict=True)]
+        # In time if the limits allow, and never too fast to brake before the target.
+        duration = max(self._arrival - self._time, step, *(
+            abs(d) / min(self._speed_limit, sqrt(BRAKE_EARLY * 2 * self._acceleration * abs(d)))
+            for d in left if d != 0.0))
+        most = self._acceleration * step
+        for i, distance in enumerate(left):
+            change = distance / duration - self._speeds[i]
+            self._speeds[i] += max(-most, min(most, change))
+            if abs(distance) <= abs(self._speeds[i]) * step + 1e-12 and (
+                    abs(self._speeds[i]) <= 2 * most):
+                self._pulls[i], self._speeds[i] = self._targets[i], 0.0
+            else:
+                self._pulls[i] += self._speeds[i] * step

@@ -39,7 +39,10 @@ class TendonController:
         self._driver = driver
         self.limits = limits
         self.reading = driver.read()
+        self.stopped = False
         self.stopped_because = ''
+        self._busy = False  # until the driver has come to rest after a trajectory
+        self._interval = 0.02
         self._times: Array = np.zeros(0)
         self._pulls: Array = np.zeros((0, 2))
         self._setpoint = np.array(self.reading.pulls)
@@ -50,6 +53,11 @@ class TendonController:
         """Whether a trajectory is being followed."""
         return len(self._times) > 0
 
+    @property
+    def busy(self) -> bool:
+        """Whether the tendons move, or may still move to what they were sent."""
+        return self._busy or self.reading.moving
+
     def accept(self, times: Array, pulls: Array, now: float,
                predict: Callable[[Array], None]) -> None:
         """
@@ -59,7 +67,7 @@ class TendonController:
         ``predict`` raises MotionRefusedError for pulls (k, 2) that the arm must not be given.
         Raises MotionRefusedError; then the present trajectory goes on unchanged.
         """
-        if self.stopped_because:
+        if self.stopped:
             raise MotionRefusedError(
                 f'stopped ({self.stopped_because}); call ~/resume before any motion')
         if not self.reading.referenced:
@@ -69,10 +77,14 @@ class TendonController:
         # The set-point that was sent last, then the points that are still ahead of it.
         start = max(now, self._setpoint_time) if self.following else now
         ahead = times > start
+        if not ahead.any():  # it ends before the set-point after this one: go there by then
+            ahead[-1], times = True, np.append(times[:-1], start + self._interval)
         times = np.concatenate([[start], times[ahead]])
-        pulls = np.concatenate([[self._setpoint], pulls[ahead]])
+        pulls = np.concatenate([[self._planned(start)], pulls[ahead]])
         steps = np.abs(np.diff(pulls, axis=0)).max(axis=1)
-        allowed = self.limits.speed_limit * np.diff(times) * (1 + 1e-6) + 1e-6
+        # The resolution of seconds since 1970 counts as none.
+        allowed = self.limits.speed_limit * (np.diff(times) + 2 * np.spacing(times[-1]))
+        allowed = allowed * (1 + 1e-6)
         allowed[0] += JOIN_TOLERANCE
         if np.any(steps > allowed):
             worst = int(np.argmax(steps - allowed))
@@ -82,6 +94,13 @@ class TendonController:
                 f'speed_limit: {self.limits.speed_limit:g} m/s')
         predict(pulls)
         self._times, self._pulls = times, pulls
+        self._busy = True
+
+    def _planned(self, time: float) -> Array:
+        """Return where the present trajectory is at ``time``, or the set-point without one."""
+        if not self.following:
+            return self._setpoint
+        return np.array([np.interp(time, self._times, self._pulls[:, i]) for i in (0, 1)])
 
     def _check(self, times: Array, pulls: Array, now: float) -> None:
         if not (np.all(np.isfinite(times)) and np.all(np.isfinite(pulls))):
@@ -100,19 +119,19 @@ class TendonController:
 
     def hold(self) -> None:
         """End the present trajectory: brake and hold, ready for the next one."""
-        if self.following or self.reading.moving:
-            self._driver.stop()
         self._times = np.zeros(0)
+        if self.busy:
+            self._driver.stop()
 
     def stop(self, reason: str) -> None:
         """Brake and hold; accept no motion before resume."""
-        self.stopped_because = reason
-        self._driver.stop()
+        self.stopped, self.stopped_because = True, reason
         self._times = np.zeros(0)
+        self._driver.stop()
 
     def resume(self) -> None:
         """Accept motion again, from where the tendons are."""
-        self.stopped_because = ''
+        self.stopped, self.stopped_because = False, ''
         self._setpoint = np.array(self.reading.pulls)
 
     def reference(self) -> None:
@@ -128,14 +147,16 @@ class TendonController:
 
     def update(self, now: float, interval: float) -> TendonReading:
         """Send the driver where it must be ``interval`` s from now; return where it is."""
+        self._interval = interval or self._interval
+        rested = not self.following
         if self.following:
             ahead = self._setpoint_time = now + interval
-            self._setpoint = np.array(
-                [np.interp(ahead, self._times, self._pulls[:, i]) for i in (0, 1)])
+            self._setpoint = self._planned(ahead)
             self._driver.move((float(self._setpoint[0]), float(self._setpoint[1])), interval)
             if ahead >= self._times[-1]:
                 self._times = np.zeros(0)
         self.reading = self._driver.read()
-        if not self.following and not self.reading.moving:
+        if rested and not self.reading.moving:
+            self._busy = False
             self._setpoint = np.array(self.reading.pulls)
         return self.reading

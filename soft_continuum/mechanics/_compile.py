@@ -51,4 +51,9 @@ def compiled_parallel(function: Function) -> Function:
     return compiled(function, parallel=True)
 
 
+def is_compiled() -> bool:
+    """Tell whether there is nothing left to compile."""
+    return not COMPILED or os.path.isdir(_CACHE)
+
+
 _CACHE = _cache_directory()

@@ -33,6 +33,7 @@ DIRECT_LIMIT = 2.0  # rad: a segment that turned further is followed in smaller 
 CAREFUL_LIMIT = 0.1  # rad: the same where loads can outweigh springs, so that paths may end
 SMALLEST_STEP = 1e-4  # of the way, before the path is taken to have ended
 MOST_ITERATIONS = 20000  # of Newton's method in one solve, before it is given up
+NO_TENSION = 1e-7  # N: rounding of a tension of zero
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
 
 
@@ -166,7 +167,7 @@ class Statics:
             boundary.target[tendon] = angle
             try:
                 found = self._find(start, boundary)
-                if found.tensions[tendon] >= 0.0:
+                if found.tensions[tendon] >= -NO_TENSION:
                     return self._hold(found, mask)
                 reasons.append('it would have to push')
             except StaticsError as error:
@@ -182,7 +183,10 @@ class Statics:
 
     def _hold(self, found: Equilibrium, soft: Sequence[bool]) -> Equilibrium:
         """Check that a state found by its bending angle is stable with its tendons' lengths."""
-        pulls = np.where(found.tensions > 0.0, self.commanded_pulls(found), SLACK)
+        pulls = self.commanded_pulls(found)
+        carries = found.tensions > NO_TENSION
+        if carries.any():  # where neither carries, both just taut hold the arm
+            pulls = np.where(carries, pulls, SLACK)
         boundary = self._boundary(found, soft, self.chain.straight_length - pulls)
         point = self._newton(self._start(found), boundary)
         if point.status != _newton.CONVERGED:

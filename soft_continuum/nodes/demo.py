@@ -30,7 +30,7 @@ from soft_continuum.configuration import load_arm, load_shapes
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.chain import Array, RigidChain
 from soft_continuum.nodes.conversions import poses_from_ros
-from soft_continuum.nodes.runtime import end, make_executor, node_class, NODES, stop_signals
+from soft_continuum.nodes.runtime import end, make_executor, node_class, NODES, Signals
 from soft_continuum.nodes.support import SENSOR
 from soft_continuum.nodes.up import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
@@ -133,9 +133,12 @@ def main() -> int:
     options = parser.parse_args()
     if not options.picture.resolve().parent.is_dir():
         parser.error(f'--picture {options.picture}: there is no such directory')
-    stopping = stop_signals()
-    client = _run(stopping)
-    if stopping:
+    signals = Signals()
+    try:
+        client = _run(signals)
+    except KeyboardInterrupt:
+        client = None
+    if signals.received:
         print('\ninterrupted; everything that was started has ended')
         return 130
     if client is None or client.failure or not client.ended:
@@ -147,7 +150,7 @@ def main() -> int:
     return 0
 
 
-def _run(stopping: list[int]) -> DemoClient | None:
+def _run(signals: Signals) -> DemoClient | None:
     """Start nodes and client, spin until the sequence has ended, take all down."""
     print('Starting the four nodes on a simulated rig ...', flush=True)
     # A namespace of its own keeps it apart from an arm that may be running.
@@ -165,9 +168,11 @@ def _run(stopping: list[int]) -> DemoClient | None:
             executor.add_node(node)
             node.start()
         deadline = time.monotonic() + TIMEOUT
-        while not stopping and not client.ended and time.monotonic() < deadline:
+        signals.starting = False
+        while not signals.received and not client.ended and time.monotonic() < deadline:
             executor.spin_once(timeout_sec=0.1)
     finally:
+        signals.starting = False
         end(executor, nodes)
     return client
 

@@ -17,12 +17,13 @@ from soft_continuum.configuration import NODE_PARAMETERS
 from soft_continuum.description import arm_from_parameters
 from soft_continuum.hardware.tendon_controller import TENDONS
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
-from soft_continuum.mechanics.statics import OverconstrainedError, Statics, StaticsError, warm_up
+from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.nodes.conversions import poses_to_ros
 from soft_continuum.nodes.markers import shape_markers
 from soft_continuum.nodes.support import (
     ERROR,
     LATCHED,
+    load_model,
     NodeParameters,
     OK,
     SENSOR,
@@ -54,7 +55,7 @@ class Kinematics(Node):
         self.parameters = NodeParameters(self, NODE_PARAMETERS['kinematics'])
         self.status = Status(self, 'rigid multibody model')
         self._arm = arm_from_parameters(self.parameters)
-        warm_up()
+        load_model(self)
         self._statics = Statics(self._arm)
         segments = len(self._arm.segments)
         self._stiff: list[bool | None] = [None] * segments
@@ -82,7 +83,7 @@ class Kinematics(Node):
                 Bool, f'segment_{i + 1}/stiff',
                 lambda message, i=i: self._on_stiff(i, message.data), LATCHED)
         self.create_service(Trigger, '~/reset', self._on_reset)
-        self.status.set(WARN, 'waiting for tendon_states and segment_N/stiff')
+        self.status.set(OK, 'waiting for tendon_states and segment_N/stiff')
 
     def quit(self) -> None:
         """Nothing to do: this node moves nothing."""
@@ -120,7 +121,8 @@ class Kinematics(Node):
         if self._state is None:
             self.status.set(
                 WARN, 'the shape is unknown: the tendons were pulled before this node started; '
-                'straighten the arm, call tendon_actuation/reference, then ~/reset')
+                'straighten the arm and call tendon_actuation/reference, or soften every segment; '
+                'then call ~/reset')
             return
         if not self._solve():
             return
@@ -149,12 +151,16 @@ class Kinematics(Node):
         if key == self._solved:
             return True
         soft = [not stiff for stiff in self._stiff]
+        short = self._pulls - self._state.pulls
+        if not any(soft) and short.max() > self.parameters['straight_tolerance']:
+            self.status.set(ERROR, 'the tendons do not fit the stiff arm: its shape is unknown',
+                            short_right=f'{short[RIGHT]:.6f}', short_left=f'{short[LEFT]:.6f}')
+            return False
+        # A locked arm does not yield to the last step of a stepper.
+        pulls = self._pulls if any(soft) else np.minimum(self._pulls, self._state.pulls)
         try:
-            state = self._statics.solve(self._state, self._pulls, soft,
+            state = self._statics.solve(self._state, pulls, soft,
                                         sliding=self._sliding.tolist())
-        except OverconstrainedError as error:
-            self.status.set(ERROR, f'the tendons do not fit the arm: {error}')
-            return not any(soft)  # a locked arm keeps its shape whatever the tendons do
         except StaticsError as error:
             self.status.set(ERROR, f'no shape found: {error}')
             return False
@@ -171,10 +177,21 @@ class Kinematics(Node):
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._pulls is None:
             response.message = 'no tendon_states yet; start tendon_actuation'
+        elif True not in self._stiff and None not in self._stiff:
+            # Without a stiff segment the pulls alone make the shape.
+            try:
+                self._state = self._statics.solve(
+                    self._statics.chain.straight(), self._pulls, [True] * len(self._stiff))
+            except StaticsError as error:
+                response.message = f'no shape found for these pulls: {error}'
+                return response
+            response.success = True
+            response.message = 'every segment is soft: the shape is that of the pulls'
+            self._publish()
         elif np.abs(self._pulls).max() > self.parameters['straight_tolerance']:
             response.message = (
                 f'pulls are {self._pulls[RIGHT]:.4f} and {self._pulls[LEFT]:.4f} m; straighten '
-                'the arm and call tendon_actuation/reference first')
+                'the arm and call tendon_actuation/reference first, or soften every segment')
         else:
             self._state, self._solved = self._statics.chain.straight(), ()
             response.success = True

@@ -36,12 +36,21 @@ def node_class(name: str) -> Callable[..., Any]:
     return found
 
 
-def stop_signals() -> list[int]:
-    """Take over SIGINT and SIGTERM; return a list that they are appended to."""
-    received: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: received.append(number))
-    return received
+class Signals:
+    """SIGINT and SIGTERM: they interrupt the start, and later only ask the spinning to end."""
+
+    def __init__(self) -> None:
+        """Take over both signals."""
+        self.received = False
+        self.starting = True
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, *_: Any) -> None:
+        self.received = True
+        if self.starting:
+            self.starting = False
+            raise KeyboardInterrupt
 
 
 def make_executor() -> Executor:
@@ -55,7 +64,7 @@ def run(names: Sequence[str], args: Sequence[str] | None = None) -> int:
 
     Signals end the spinning first, so that nodes can still hold the tendons and say so.
     """
-    stopping = stop_signals()
+    signals = Signals()
     arguments = list(sys.argv if args is None else args)
     nodes: list[Any] = []
     executor: Executor | None = None
@@ -64,19 +73,21 @@ def run(names: Sequence[str], args: Sequence[str] | None = None) -> int:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()
         for name in names:
-            if stopping:
-                break
             nodes.append(node_class(name)())
             executor.add_node(nodes[-1])
         for node in nodes:
             node.start()
-        while not stopping and rclpy.ok():
+        signals.starting = False
+        while not signals.received and rclpy.ok():
             executor.spin_once(timeout_sec=0.1)
     except ParameterError as error:
         print(f'{names[len(nodes)] if len(nodes) < len(names) else names[-1]}: {error}',
               file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        return 0
     finally:
+        signals.starting = False
         end(executor, nodes)
     return 0
 

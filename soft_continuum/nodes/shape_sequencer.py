@@ -25,9 +25,17 @@ from soft_continuum.description import (
 )
 from soft_continuum.hardware.tendon_controller import TENDONS
 from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.statics import warm_up
 from soft_continuum.nodes.conversions import seconds, trajectory_to_ros
-from soft_continuum.nodes.support import Age, LATCHED, NodeParameters, OK, SENSOR, Status, STREAM
+from soft_continuum.nodes.support import (
+    Age,
+    LATCHED,
+    load_model,
+    NodeParameters,
+    OK,
+    SENSOR,
+    Status,
+    STREAM,
+)
 from soft_continuum.parameters import ParameterError
 from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, Shape, ShapePlan
 from soft_continuum.sequencing.runner import (
@@ -105,7 +113,7 @@ class ShapeSequencer(Node):
         self._runner: Runner | None = None
         self._handle: Any = None  # the goal that runs
         self._next: Any = None  # the goal that waits for it to be wound down
-        warm_up()
+        load_model(self)
         self._planner = Planner(self._arm, self._plan_settings())
 
         self._trajectory = self.create_publisher(

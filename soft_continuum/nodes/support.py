@@ -4,6 +4,7 @@
 """What every node does alike: parameters, status, diagnostics and the lifecycle."""
 
 from collections.abc import Mapping, Sequence
+import time
 import traceback
 from typing import Any
 
@@ -23,6 +24,8 @@ from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.mechanics._compile import is_compiled
+from soft_continuum.mechanics.statics import warm_up
 from soft_continuum.parameters import Parameter, ParameterError
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
@@ -32,6 +35,8 @@ STREAM = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
 """Streams that we publish."""
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Streams that we subscribe to: compatible with any publisher."""
+
+LOG_PERIOD = 1.0  # s between two lines of the same severity
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -66,10 +71,14 @@ class NodeParameters(Mapping[str, Any]):
         try:
             value = self._node.declare_parameter(
                 parameter.name, default, _descriptor(parameter)).value
-        except (InvalidParameterTypeException, InvalidParameterValueException) as error:
-            hint = ' (write 5.0 rather than 5)' if isinstance(parameter.default, float) else ''
+        except InvalidParameterTypeException as error:
+            decimal = isinstance(parameter.default, float) or isinstance(default, list)
+            hint = ' (write 5.0 rather than 5)' if decimal and 'INTEGER' in str(error) else ''
             raise ParameterError(
                 f'parameter {parameter.name}: {error}{hint}; {_allowed(parameter)}') from None
+        except InvalidParameterValueException as error:
+            raise ParameterError(
+                f'parameter {parameter.name}: {error}; {_allowed(parameter)}') from None
         self._values[parameter.name] = parameter.check(value)
 
     def _on_set(self, changes: list[RosParameter]) -> SetParametersResult:
@@ -132,6 +141,7 @@ class Status:
         self._message = DiagnosticStatus(
             name=node.get_fully_qualified_name().lstrip('/'), hardware_id=hardware_id)
         self._node = node
+        self._logged = float('-inf')
         self._publisher = node.create_publisher(DiagnosticStatus, '~/status', LATCHED)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._timer = node.create_timer(
@@ -143,7 +153,10 @@ class Status:
         if (self._message.level, self._message.message, self._message.values) == (
                 level, message, pairs):
             return
-        if message and (level, message) != (self._message.level, self._message.message):
+        now = time.monotonic()
+        changed = (level, message) != (self._message.level, self._message.message)
+        if changed and (level != self._message.level or now - self._logged > LOG_PERIOD):
+            self._logged = now
             logger = self._node.get_logger()
             # Separate calls: rclpy ties a severity to the calling line.
             if level == ERROR:
@@ -160,6 +173,13 @@ class Status:
         array = DiagnosticArray(status=[self._message])
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._diagnostics.publish(array)
+
+
+def load_model(node: Node) -> None:
+    """Load the compiled model before the node goes to work, and say so if it takes its time."""
+    if not is_compiled():
+        node.get_logger().info('compiling the model, this once; it takes about half a minute')
+    warm_up()
 
 
 class Age:

@@ -23,12 +23,13 @@ from soft_continuum.hardware.tendon_controller import (
     TENDONS,
 )
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
-from soft_continuum.mechanics.statics import Statics, StaticsError, warm_up
+from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.nodes.conversions import trajectory_from_ros
 from soft_continuum.nodes.support import (
     Age,
     ERROR,
     LATCHED,
+    load_model,
     ManagedNode,
     OK,
     SENSOR,
@@ -52,7 +53,7 @@ class TendonActuation(ManagedNode):
         """Declare parameters, topics and services."""
         super().__init__('tendon_actuation', NODE_PARAMETERS['tendon_actuation'], **options)
         self._arm = arm_from_parameters(self.parameters)
-        warm_up()
+        load_model(self)
         self._statics = Statics(self._arm)
         self._controller: TendonController | None = None
         self._driver: TendonDriver | None = None
@@ -135,7 +136,9 @@ class TendonActuation(ManagedNode):
             self._controller.hold()
             return
         try:
-            self._controller.limits = self._limits()
+            obstacle = self._obstacle()
+            if obstacle:
+                raise MotionRefusedError(obstacle)
             now = self._seconds()
             times, pulls = trajectory_from_ros(message, now)
             self._controller.accept(times, pulls, now, self._predict)
@@ -165,9 +168,6 @@ class TendonActuation(ManagedNode):
 
     def _predict(self, pulls: Array) -> None:
         """Refuse pulls (k, 2) m in which the model sees too much tension, or no shape at all."""
-        obstacle = self._obstacle()
-        if obstacle:
-            raise MotionRefusedError(obstacle)
         assert self._shape is not None
         limit = self.parameters['tension_limit']
         soft = [not stiff for stiff in self._stiff]
@@ -192,11 +192,11 @@ class TendonActuation(ManagedNode):
         if controller is None:
             return
         try:
-            if controller.following:
+            if controller.busy:
                 obstacle = self._obstacle()
                 if not obstacle and self._stiff != self._stiff_at_start:
                     obstacle = 'a segment changed between soft and stiff during the motion'
-                if obstacle:
+                if obstacle and not self._ended:
                     controller.hold()
                     self._ended = f'motion ended: {obstacle}'
             reading = controller.update(self._seconds(), self._interval)
@@ -215,7 +215,7 @@ class TendonActuation(ManagedNode):
         controller = self._controller
         if controller is None:
             return
-        if controller.stopped_because:
+        if controller.stopped:
             level, text = WARN, f'stopped: {controller.stopped_because}'
         elif not controller.reading.referenced:
             level, text = WARN, 'position not referenced'
@@ -230,7 +230,8 @@ class TendonActuation(ManagedNode):
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._controller is None:
-            response.success, response.message = True, 'not connected: nothing moves'
+            self._stopped_because = '~/stop was called'
+            response.success, response.message = True, 'not connected; stopped all the same'
             return response
         try:
             self._controller.stop('~/stop was called')

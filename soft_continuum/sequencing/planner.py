@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from math import ceil, sqrt
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
+from soft_continuum.description import angles_problem
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.statics import Statics, StaticsError
@@ -99,6 +101,9 @@ class Planner:
         plans = []
         at = np.array(pulls, dtype=float)
         for shape in shapes:
+            problem = angles_problem(shape.bending_angles, self.statics.chain.arm)
+            if problem:
+                raise PlanError(f'{shape.name}: {problem}')
             moves = []
             for segment, angle in enumerate(shape.bending_angles):
                 present = self.statics.chain.bending_angles(state.joint_angles)[segment]
@@ -145,8 +150,9 @@ class Planner:
     def _with_slack(self, bent: Equilibrium) -> Array:
         """Return the pulls of a bent state with slack in the tendon that does not carry."""
         pulls = self.statics.commanded_pulls(bent)
-        carrying = RIGHT if bent.tensions[RIGHT] >= bent.tensions[LEFT] else LEFT
-        pulls[1 - carrying] -= self.settings.antagonist_slack
+        if bent.tensions.max() > 0.0:  # where neither carries, both hold the arm
+            carrying = RIGHT if bent.tensions[RIGHT] >= bent.tensions[LEFT] else LEFT
+            pulls[1 - carrying] -= self.settings.antagonist_slack
         return pulls
 
 
@@ -155,17 +161,27 @@ def timed(points: Array, speed: float, acceleration: float,
     """
     Return times (k,) s and pulls (k, 2) m of a smooth motion through ``points`` (m, 2).
 
-    The way along the points follows a minimum-jerk profile in time, slow enough that the faster
-    tendon stays within ``speed`` (m/s) and ``acceleration`` (m/s^2) along the way.
+    The way through the points is smooth in space and follows a minimum-jerk profile in time, as
+    slow as keeps each tendon within ``speed`` (m/s) and ``acceleration`` (m/s^2).
     """
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points, axis=0)).max(axis=1))])
+    keep = np.concatenate([[True], np.diff(way) > 1e-12])
+    way, points = way[keep], points[keep]
     total = way[-1]
     if total == 0.0:
         return np.array([0.0]), points[:1].copy()
+    smooth = PchipInterpolator(way, points)
     # Peak speed and acceleration of the profile: 15/8 and 10/sqrt(3) of the mean.
     duration = max(15 / 8 * total / speed, sqrt(10 / sqrt(3) * total / acceleration))
-    times = np.linspace(0.0, duration, max(2, ceil(duration / interval) + 1))
-    t = times / duration
-    done = total * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
-    pulls = np.stack([np.interp(done, way, points[:, i]) for i in (RIGHT, LEFT)], axis=1)
+    for _ in range(50):
+        times = np.linspace(0.0, duration, max(3, ceil(duration / interval) + 1))
+        t = times / duration
+        pulls: Array = smooth(total * t**3 * (10.0 - 15.0 * t + 6.0 * t**2))
+        speeds = np.diff(pulls, axis=0) / times[1]
+        jumps = np.diff(speeds, axis=0, prepend=0.0, append=0.0) / times[1]
+        too_much = max(np.abs(speeds).max() / speed, sqrt(np.abs(jumps).max() / acceleration))
+        if too_much <= 1.0:
+            break
+        duration *= max(1.01, too_much)  # bends in the way, which the profile does not know
+    pulls[0], pulls[-1] = points[0], points[-1]
     return times, pulls

@@ -138,7 +138,7 @@ class Runner:
             self._end = _EndError(code, reason)
 
     def tick(self, now: float, observation: Observation) -> None:
-        """Go on, at time ``now`` (s, steady), with what is observed."""
+        """Go on, at time ``now`` (s, on the clock of the motion), with what is observed."""
         if self.outcome is not None:
             return
         self._now, self._seen = now, observation
@@ -182,6 +182,9 @@ class Runner:
                 moves = self._plan(shape).moves
             except PlanError as error:
                 raise _EndError(Code.MODEL_FAILURE, str(error)) from None
+            except Exception as error:
+                raise _EndError(
+                    Code.MODEL_FAILURE, f'{type(error).__name__}: {error}') from error
             for number, move in enumerate(moves):
                 done = number / len(moves)
                 part = 1.0 / len(moves)
@@ -207,10 +210,12 @@ class Runner:
 
     def _all_stiff(self) -> Iterator[None]:
         """Stiffen what is not stiff; the shape may only be planned from a locked arm."""
-        for segment, stiff in enumerate(self._seen.stiff):
-            if not stiff:
-                yield from self._stiffen(segment)
+        yield from self._stiffen_all(
+            [i for i, stiff in enumerate(self._seen.stiff) if not stiff])
+        deadline = self._now + self._settings.settle_timeout
         while self._seen.moving:
+            if self._now > deadline:
+                raise _EndError(Code.TIMEOUT, 'the tendons do not come to rest')
             yield
 
     def _soften(self, segment: int) -> Iterator[None]:
@@ -222,6 +227,26 @@ class Runner:
 
     def _stiffen(self, segment: int) -> Iterator[None]:
         yield from self._switch(segment, True, lambda: self._seen.stiff[segment])
+
+    def _stiffen_all(self, segments: Sequence[int]) -> Iterator[None]:
+        """Stiffen several segments at once; every one is asked for before any is waited for."""
+        deadline = self._now + self._settings.jamming_timeout
+        asked = -np.inf
+        while segments:
+            if self._now >= asked + self._settings.retry:
+                for segment in segments:
+                    self._port.set_stiff(segment, True)
+                asked = self._now
+                yield
+                continue
+            soft = [i for i in segments if not self._seen.stiff[i]]
+            if not soft:
+                return
+            if self._now > deadline:
+                raise _EndError(
+                    Code.TIMEOUT, f'{", ".join(f"segment {i + 1}" for i in soft)} did not become '
+                    f'stiff within {self._settings.jamming_timeout:g} s')
+            yield
 
     def _switch(self, segment: int, stiff: bool, reached: Callable[[], bool]) -> Iterator[None]:
         deadline = self._now + self._settings.jamming_timeout
@@ -240,13 +265,12 @@ class Runner:
                     f'segment {segment + 1} did not become {"stiff" if stiff else "soft"} within '
                     f'{self._settings.jamming_timeout:g} s; its vacuum is '
                     f'{self._seen.vacuum[segment] / 1e3:.1f} kPa')
-            if not self._winding_down:
-                self._check_stiff(segment)
+            self._check_stiff(segment)
             yield
 
     def _move(self, move: Move, index: int, done: float, part: float) -> Iterator[None]:
         """Send the motion piece by piece, so that it ends soon when this program does."""
-        start, end, settings = self._now, 0.0, self._settings
+        start, end, sent, settings = self._now, 0.0, 0.0, self._settings
         while self._now < start + move.duration:
             # After a pause longer than what was sent ahead, go on from where that ended.
             start = max(start, self._now - end)
@@ -254,10 +278,12 @@ class Runner:
             self._check_motion(move.segment)
             end = min(elapsed + settings.horizon, move.duration)
             inside = (move.times > elapsed) & (move.times < end)
-            times = np.append(move.times[inside], end)
-            pulls = np.stack(
-                [np.interp(times, move.times, move.pulls[:, i]) for i in (0, 1)], axis=1)
-            self._port.follow(start, times, pulls)
+            if sent < move.duration:  # the end is sent once: what comes late is not too late
+                times = np.append(move.times[inside], end)
+                pulls = np.stack(
+                    [np.interp(times, move.times, move.pulls[:, i]) for i in (0, 1)], axis=1)
+                self._port.follow(start, times, pulls)
+            sent = end
             self._at(index, done + part * elapsed / move.duration)
             yield
         deadline = self._now + settings.settle_timeout
@@ -295,7 +321,8 @@ class Runner:
         yield
         while self._seen.moving and self._now < deadline:
             yield
-        for segment in range(len(self._seen.stiff)):
-            if not self._seen.stiff[segment]:
-                self.progress = replace(self.progress, segment=segment + 1, phase=STIFFENING)
-                yield from self._stiffen(segment)
+        # Also the segment that was last asked to soften, whatever has been heard of it.
+        wanted = [i for i, stiff in enumerate(self._seen.stiff)
+                  if not stiff or i + 1 == self.progress.segment]
+        self.progress = replace(self.progress, phase=STIFFENING)
+        yield from self._stiffen_all(wanted)

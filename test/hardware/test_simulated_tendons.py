@@ -213,6 +213,14 @@ def test_referencing_takes_the_present_position_as_zero_and_moves_nothing():
     assert reading.pulls == (0.0, 0.0) and reading.referenced and not reading.moving
 
 
+def test_a_reference_on_the_way_counts_from_there():
+    clock, tendons = rig()
+    tendons.move((0.02, -0.02), 2.0)
+    after(clock, tendons, 1.0)
+    tendons.reference()
+    assert tendons.read().pulls == (0.0, 0.0)
+
+
 def test_pulls_count_from_the_last_reference():
     clock, tendons = rig()
     tendons.move((0.01, -0.02), 1.0)

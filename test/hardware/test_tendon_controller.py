@@ -310,7 +310,7 @@ def test_the_same_motion_sent_piece_by_piece_is_the_same_motion():
     start = whole.clock.now
     whole.controller.accept(start + times, pulls, start, lambda _: None)
     for _ in range(100):
-        now = pieces.clock.now
+        now = pieces.clock.now - INTERVAL / 2  # between the updates
         ahead = (start + times > now) & (start + times <= now + 0.5)
         pieces.controller.accept(start + times[ahead], pulls[ahead], now, lambda _: None)
         pieces.update()
@@ -425,6 +425,16 @@ def test_the_set_point_after_resume_is_the_measured_position(rig):
     rig.accept((1.0, rest[0], rest[1]))
     rig.update()
     assert rig.driver.sent[-1] == pytest.approx(rest, abs=1e-9)
+
+
+def test_the_set_point_after_resume_is_the_measured_position_even_while_braking(rig):
+    seen = []
+    in_motion(rig).controller.stop('~/stop was called')
+    rig.update()
+    assert rig.controller.reading.moving
+    rig.controller.resume()
+    rig.accept((1.0, 0.0, 0.0), predict=seen.append)
+    assert seen[0][0] == pytest.approx(rig.controller.reading.pulls, abs=1e-12)
 
 
 def test_a_trajectory_from_where_a_stopped_one_would_have_been_is_refused(rig):

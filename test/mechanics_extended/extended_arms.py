@@ -75,9 +75,10 @@ def masks(draw, arm):
 
 
 @st.composite
-def pulls(draw, arm, state, most=0.5):
-    """Return pulls of one tendon that turn the whole arm by up to ``most`` rad a segment."""
-    reach = sum(min(s.guide_offsets) for s in arm.segments)
+def pulls(draw, arm, state, soft, most=0.5):
+    """Return pulls of one tendon that turn all soft segments by up to ``most`` rad each."""
+    moving = soft if any(soft) else (True,) * len(soft)
+    reach = sum(min(s.guide_offsets) for s, free in zip(arm.segments, moving, strict=True) if free)
     one = draw(between(-0.2, most)) * reach
     if draw(st.booleans()):
         return float(state.pulls[0]) + one, SLACK

@@ -16,7 +16,7 @@ from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam, linear, MomentCurvature
 
 BOTH_SLACK = (SLACK, SLACK)
-TABLE = MomentCurvature((0.0, 2.0, 6.0), (0.0, 50.0, 120.0))  # stiffer than any random segment
+TABLE = MomentCurvature((0.0, 2.0, 6.0), (0.0, 400.0, 800.0))  # stiffer than any random segment
 JAMS = st.sampled_from([
     Jam(), Jam(1.5), Jam(8.0), Jam(200.0), Jam(law=TABLE), Jam(8.0, yield_moment=0.02),
     Jam(law=TABLE, yield_moment=0.05), Jam(8.0, stiffness_exponent=0.5)])
@@ -38,7 +38,7 @@ def test_stiffening_at_rest_moves_nothing(arm, data):
     statics = Statics(arm)
     soft = data.draw(masks(arm))
     straight = statics.chain.straight()
-    asked = data.draw(pulls(arm, straight))
+    asked = data.draw(pulls(arm, straight, soft))
     state = statics.solve(straight, asked, soft)
     fewer = tuple(free and data.draw(st.booleans()) for free in soft)
     rigid = [not free and s.jam.rigid for free, s in zip(fewer, arm.segments, strict=True)]
@@ -103,7 +103,8 @@ def test_a_released_segment_springs_back_by_one_part_in_k(ratio, angle, discreti
 def test_weight_apart_every_released_joint_springs_back_by_one_part_in_k(arm, data):
     statics = Statics(arm.without_gravity())
     straight = statics.chain.straight()
-    bent = statics.solve(straight, data.draw(pulls(arm, straight)), (True,) * len(arm.segments))
+    soft = (True,) * len(arm.segments)
+    bent = statics.solve(straight, data.draw(pulls(arm, straight, soft)), soft)
     held = statics.solve(bent, BOTH_SLACK, (False,) * len(arm.segments))
     assert held.joint_angles == pytest.approx(6 / 7 * bent.joint_angles, abs=1e-9)
 
@@ -137,7 +138,7 @@ def test_a_segment_stiffened_straight_is_one_of_k_times_the_stiffness(arm, data)
         replace(s, bending_stiffness=s.bending_stiffness * (1.0 if free else 4.0))
         for s, free in zip(arm.segments, soft, strict=True))))
     straight = stiff.chain.straight()
-    asked = data.draw(pulls(arm, straight))
+    asked = data.draw(pulls(arm, straight, soft))
     one, other = stiff.solve(straight, asked, soft), firm.solve(
         straight, asked, (True,) * len(soft))
     assert one.joint_angles == pytest.approx(other.joint_angles, abs=1e-10)
@@ -152,7 +153,7 @@ def moved(draw, jam, steps=3):
     state = statics.chain.straight()
     for _ in range(steps):
         soft = draw(masks(arm)) if draw(st.booleans()) else (False,) * len(arm.segments)
-        asked = draw(pulls(arm, state, most=0.4))
+        asked = draw(pulls(arm, state, soft, most=0.4))
         state = statics.solve(state, asked, soft)
     return statics, asked, soft, state
 
@@ -179,22 +180,22 @@ def test_what_is_solved_again_stays_where_it_is(case):
     assert again.held_angles == pytest.approx(state.held_angles, abs=1e-9)
 
 
-def test_a_jam_that_yields_on_a_long_way_is_in_balance_at_its_end():
-    # The way turns segment 1 by more than 0.8 rad, so that it is followed in small steps, on
-    # which the jam of segment 3 yields one way and then the other.
-    statics = Statics(paper_like(3, Jam(3.0, yield_moment=0.004), gravity=9.80665,
-                                 mounting_angle=0.7))
-    state = statics.solve(statics.chain.uniform([-0.5, 0.2, 0.3]), (0.03, SLACK), only(0, 3))
+@pytest.mark.parametrize('mounting', np.linspace(-2.4, -0.6, 10))
+def test_jams_that_yield_back_and_forth_on_a_long_way_are_in_balance_at_its_end(mounting):
+    # From straight, weight and tendon turn the arm so far that it is followed in small steps.
+    statics = Statics(paper_like(2, Jam(23.0, yield_moment=0.1), bodies=2, gravity=9.80665,
+                                 mounting_angle=mounting))
+    state = statics.solve(statics.chain.straight(), (0.01, SLACK), (False, False))
     arm = Reference(statics.chain.arm, state.stiff, state.held_angles)
     assert arm.unbalanced(state.joint_angles, state.tensions) < 1e-9
 
 
 # Elastic with yield
 
-def yielding(ratio=6.0, limit=0.05, bodies=6, **changes):
-    """Return the statics of one segment with a jam that yields, and its start: bent to 0.2."""
-    statics = Statics(paper_like(1, Jam(ratio, yield_moment=limit), bodies=bodies, **changes))
-    return statics, statics.bend(statics.chain.straight(), 0, 0.2)
+def yielding(limit=0.05, angle=0.2):
+    """Return the statics of one segment with a jam of K = 6 that yields, and its start, bent."""
+    statics = Statics(paper_like(1, Jam(6.0, yield_moment=limit), bodies=6))
+    return statics, statics.bend(statics.chain.straight(), 0, angle)
 
 
 def jam_moments(statics, state, **more):
@@ -231,18 +232,18 @@ def test_no_jam_ever_bears_more_than_its_limit(case):
 
 
 def test_unloading_after_yield_is_elastic_and_the_set_remains():
-    statics, start = yielding(limit=0.02)
-    loaded = statics.solve_tensions(start, (6.0, 0.0), (False,))
+    statics, start = yielding(angle=0.05)
+    loaded = statics.solve_tensions(start, (3.4, 0.0), (False,))
     free = statics.solve(loaded, BOTH_SLACK, (False,))
     # The jam gives way back to where springs and jam balance about the crept shape.
     jam = 5.0 * statics.chain.joint_stiffness
-    set_ = loaded.joint_angles - 0.02 / jam
+    set_ = loaded.joint_angles - 0.05 / jam
     assert np.all(set_ > start.joint_angles)
-    assert np.abs(jam_moments(statics, free)).max() < 0.02  # no yield on the way back
+    assert np.abs(jam_moments(statics, free)).max() < 0.05  # no yield on the way back
     assert loaded.held_angles == pytest.approx(set_, abs=1e-12)
     assert np.array_equal(free.held_angles, loaded.held_angles)
     assert free.joint_angles == pytest.approx(5.0 / 6.0 * set_, abs=1e-10)
-    again = statics.solve_tensions(free, (6.0, 0.0), (False,))
+    again = statics.solve_tensions(free, (3.4, 0.0), (False,))
     assert again.joint_angles == pytest.approx(loaded.joint_angles, abs=1e-9)
 
 
@@ -354,7 +355,7 @@ def test_a_vacuum_of_the_wrong_size_or_range_is_refused(vacuum):
 # Softening
 
 @FEW
-@given(moved(jam=st.one_of(ELASTIC, YIELDING, st.just(Jam()))))
+@given(moved(jam=st.one_of(ELASTIC, YIELDING)))
 def test_a_softened_arm_forgets_the_shapes_it_was_held_in(case):
     statics, _, _, state = case
     all_soft = (True,) * len(statics.chain.arm.segments)
@@ -363,15 +364,16 @@ def test_a_softened_arm_forgets_the_shapes_it_was_held_in(case):
     assert free.joint_angles == pytest.approx(never.joint_angles, abs=1e-9)
 
 
-def test_softened_weightless_springs_are_straight():
-    statics = Statics(paper_like(3, Jam(4.0, yield_moment=0.01)))
+@pytest.mark.parametrize('jam', [Jam(), Jam(4.0), Jam(4.0, yield_moment=0.01)])
+def test_softened_weightless_springs_are_straight(jam):
+    statics = Statics(paper_like(3, jam))
     state = statics.solve(statics.chain.straight(), (0.02, SLACK), only(0, 3))
     state = statics.solve(state, (SLACK, 0.02), only(2, 3))
     state = statics.solve(state, BOTH_SLACK, (True,) * 3)
     assert state.joint_angles == pytest.approx(0.0, abs=1e-10)
 
 
-@pytest.mark.parametrize('jam', [Jam(), Jam(20.0), Jam(20.0, yield_moment=0.05)])
+@pytest.mark.parametrize('jam', [Jam(), Jam(20.0)])
 def test_bending_one_segment_after_another_does_not_depend_on_what_they_carried(jam):
     # The tension that held segment 1 is more than segment 3 could stand without folding up.
     statics = Statics(paper_like(3, jam, bodies=4))
@@ -379,8 +381,8 @@ def test_bending_one_segment_after_another_does_not_depend_on_what_they_carried(
     at_once = statics.bend(state, 2, 1.38609749512505)
     for angle in np.linspace(0.0, 1.38609749512505, 15)[1:]:
         state = statics.bend(state, 2, angle)
-    assert at_once.tensions == pytest.approx(state.tensions, rel=1e-4)
-    assert at_once.joint_angles == pytest.approx(state.joint_angles, abs=1e-4)
+    assert at_once.tensions == pytest.approx(state.tensions, abs=1e-8)
+    assert at_once.joint_angles == pytest.approx(state.joint_angles, abs=1e-8)
 
 
 @pytest.mark.parametrize('bodies', [2, 3, 4, 5, 12])

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from contextlib import suppress
 import os
 from pathlib import Path
+import select
 import signal
 import subprocess
 import sys
+import time
 from typing import Any
 
 from ament_index_python.packages import get_package_prefix
@@ -37,6 +39,7 @@ class NodeProcess:
     def __init__(self, command: Sequence[str], domain: int, output: Path,
                  environment: dict[str, str] | None = None) -> None:
         self._path = output
+        self._signalled = 0.0, 0.0
         with output.open('wb') as stream:
             self.process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=stream, stderr=stream,
@@ -55,7 +58,32 @@ class NodeProcess:
 
     def send(self, number: signal.Signals) -> None:
         """Send it a signal."""
+        self._signalled = time.monotonic(), self._kept_waiting()
         self.process.send_signal(number)
+
+    def _kept_waiting(self) -> float:
+        """Return the seconds for which it could run but was not given a processor."""
+        path = Path(f'/proc/{self.process.pid}/schedstat')
+        try:
+            return int(path.read_text(encoding='ascii').split()[1]) * 1e-9
+        except (OSError, IndexError):  # a kernel that does not tell
+            return 0.0
+
+    def ends_after(self, within: float = DEADLINE) -> float:
+        """
+        Wait for its end after a signal; return how long that took it, s.
+
+        What the machine gave to others meanwhile does not count.
+        """
+        then, waited = self._signalled
+        if self.running:
+            end = os.pidfd_open(self.process.pid)
+            ended, _, _ = select.select([end], [], [], within)
+            os.close(end)
+            assert ended, f'{self.process.args} still runs after {within:g} s:\n{self.output}'
+            # Not waited for yet, it is still listed.
+            return time.monotonic() - then - (self._kept_waiting() - waited)
+        return 0.0
 
     def kill(self) -> None:
         """Kill it as `kill -9` does, and clear what it leaves in the shared memory."""

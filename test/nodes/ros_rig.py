@@ -130,6 +130,7 @@ class Spinner:
     def __init__(self, executor: Executor, nodes: Sequence[Any], context: Context) -> None:
         self.failure = ''
         self.nodes = list(nodes)
+        self._names = ', '.join(node.get_name() for node in nodes)
         self._executor = executor
         self._context = context
         self._ended = False
@@ -145,12 +146,12 @@ class Spinner:
             while not self._ended and self._context.ok():
                 self._executor.spin_once(timeout_sec=0.05)
         except BaseException:
-            self.failure = traceback.format_exc()
+            self.failure = f'{self._names} died of:\n{traceback.format_exc()}'
 
     def end(self) -> None:
         self._ended = True
         self._thread.join(DEADLINE)
-        assert not self._thread.is_alive(), 'a node hangs in a callback'
+        assert not self._thread.is_alive(), f'one of {self._names} hangs in a callback'
         for node in self.nodes:
             node.quit()
         self._executor.shutdown()
@@ -161,8 +162,13 @@ class Spinner:
 class Observer(Node):
     """The node of the test."""
 
+    def __init__(self, **options: Any) -> None:
+        super().__init__('observer', **options)
+        self.action = ActionClient(self, RunShapeSequence, 'run_shape_sequence')
+
     def quit(self) -> None:
-        """Nothing to do."""
+        """Take down the action client before the node, as rclpy needs it."""
+        self.action.destroy()
 
 
 class Goal:
@@ -227,13 +233,13 @@ class Rig:
         self.namespace = namespace
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)
-        self.observer = Observer('observer', context=self.context, namespace=namespace)
+        self.observer = Observer(context=self.context, namespace=namespace)
         self._changed = threading.Condition()
         self._groups: list[Spinner] = []
         self._recordings: dict[str, Recording] = {}
         self._clients: dict[str, Any] = {}
         self._publishers: dict[str, Any] = {}
-        self.action = ActionClient(self.observer, RunShapeSequence, 'run_shape_sequence')
+        self.action = self.observer.action
         self.statuses = {
             name: self.record(DiagnosticStatus, f'{name}/status', LATCHED) for name in ALL}
         self.tendons = self.record(JointState, 'tendon_states', RELIABLE)
@@ -293,8 +299,6 @@ class Rig:
         """Take everything down; fails if a node raised anything."""
         try:
             for group in [*self._groups, self._observing]:
-                if group is self._observing:
-                    self.action.destroy()
                 group.end()
         finally:
             self.context.try_shutdown()
@@ -305,8 +309,7 @@ class Rig:
         """Fail if a node, or the observer, raised anything."""
         for group in [*self._groups, self._observing]:
             if group.failure:
-                pytest.fail(f'{", ".join(n.get_name() for n in group.nodes)} died of:\n'
-                            f'{group.failure}')
+                pytest.fail(group.failure)
 
     # Waiting.
 

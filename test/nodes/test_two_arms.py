@@ -4,6 +4,7 @@
 """Two arms on one machine."""
 
 from collections.abc import Callable
+from pathlib import Path
 import signal
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from ros_rig import ALL, Rig
 
 from soft_continuum.nodes.conversions import poses_from_ros
+from soft_continuum.nodes.up import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 
 SHAPES = {'left': (0.0, 0.4, 0.2), 'right': (0.0, -0.3, 0.5)}
@@ -54,9 +56,14 @@ def test_a_stop_of_one_arm_leaves_the_other_one_running(make_rig: Callable[..., 
 
 @pytest.mark.parametrize('namespace', ['left', '/lab/left/'])
 def test_the_four_nodes_come_up_under_a_namespace(
-        make_rig: Callable[..., Rig], processes: Processes, namespace: str) -> None:
+        make_rig: Callable[..., Rig], processes: Processes, tmp_path: Path,
+        namespace: str) -> None:
+    patient = tmp_path / 'patient.yaml'
+    patient.write_text('/**:\n  ros__parameters:\n    silence_timeout: 10.0\n')
     rig = make_rig(namespace='/' + namespace.strip('/'))
-    up = processes.start([*module_command('up'), '--namespace', namespace])
+    up = processes.start([
+        *module_command('up'), '--namespace', namespace,
+        '--params-file', str(description_file()), '--params-file', str(patient)])
     rig.wait_until_ready(*ALL)
     nodes = {f'{space.rstrip("/")}/{name}' for name, space
              in rig.observer.get_node_names_and_namespaces()}

@@ -310,6 +310,22 @@ def test_a_canceled_run_ends_at_rest_and_stiff(phase, code):
     assert check_ends(rig, code, 'changed my mind').shapes_completed == 0
 
 
+def test_a_canceled_run_brakes_at_once_and_stiffens_when_the_tendons_rest():
+    rig = running(MOVING, plan_settings=PlanSettings(), acceleration=0.12)
+    rig.go_on(0.5)
+    moved_at = []
+
+    def check(rig):
+        if rig.moving:
+            moved_at.append(rig.now)
+            assert not rig.air.read().evacuated[0]
+
+    start = rig.now
+    rig.runner.cancel(Code.CANCELED, '')
+    rig.run(check, most=10.0)
+    assert REACTION / 2 < moved_at[-1] - start < 1.5 * REACTION
+
+
 def test_a_canceled_run_counts_the_shapes_that_were_completed():
     rig = VirtualRig(SHAPES)
     rig.run(until=lambda rig: rig.runner.progress.shape == 'upright_c_form')
@@ -486,6 +502,16 @@ def test_a_later_shape_out_of_reach_ends_the_run_there():
 def observed(stiff=(True, True, True), **changes):
     seen = Observation((0.0, 0.0), False, stiff, tuple(90e3 * s for s in stiff))
     return replace(seen, **changes)
+
+
+def test_a_segment_that_is_seen_stiff_during_its_motion_ends_the_run():
+    rig = VirtualRig()
+    runner = Runner((BOW,), rig.plan, rig, RUNNER_SETTINGS)
+    seen = [observed()] + 4 * [observed((False, True, True))] + 40 * [observed()]
+    for number, observation in enumerate(seen):
+        runner.tick(0.05 * number, observation)
+    assert runner.outcome.code is Code.HARDWARE_FAULT
+    assert runner.outcome.message == 'segment 1 was stiffened during its motion'
 
 
 def test_an_unexpected_error_of_the_planner_is_no_success():

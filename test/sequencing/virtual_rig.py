@@ -55,6 +55,7 @@ class VirtualRig:
     stiff_at_start: bool = True
     settings: RunnerSettings = RUNNER_SETTINGS
     plan_settings: PlanSettings = PLAN_SETTINGS
+    acceleration: float = ACCELERATION
     now: float = 1000.0
     silent: str = ''
     stuck: bool = False
@@ -65,7 +66,7 @@ class VirtualRig:
 
     def __post_init__(self):
         segments = len(self.arm.segments)
-        self.steppers = Steppers(lambda: self.now, SPEED, ACCELERATION, 5e-6)
+        self.steppers = Steppers(lambda: self.now, SPEED, self.acceleration, 5e-6)
         self.steppers.rig = self
         self.air = SimulatedJamming(
             lambda: self.now, segments, JammingPlant(), self.stiff_at_start)

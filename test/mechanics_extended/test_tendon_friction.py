@@ -1,0 +1,254 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Friction at the guides: the Capstan formula, and what it does to the shape."""
+
+from dataclasses import replace
+from math import exp, nan, radians
+
+from energy_reference import Reference
+from extended_arms import arms, FEW, paper_like, pulls
+from hypothesis import given, strategies as st
+import numpy as np
+import pytest
+
+from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics
+from soft_continuum.mechanics.arm import Tendon
+from soft_continuum.mechanics.joints import tension_ratios
+from soft_continuum.mechanics.laws import Jam
+
+PULLED, LET_OUT, AT_REST = (1, 1), (-1, -1), (0, 0)
+
+
+def rough(segments=3, friction=0.3, stretch=np.inf, **changes):
+    return Statics(paper_like(segments, tendon=Tendon(stretch, 0.0, friction), **changes))
+
+
+def turned_by(arm, joint_angles):
+    """
+    Return the angle (2, runs), rad, that the tendons have turned by before each straight run.
+
+    The runs lead through discs and along segments in turn, through the base disc first.
+    """
+    x, z, theta, body = 0.0, 0.0, 0.0, 0
+    offset = arm.segments[0].guide_offsets[0]
+    path = [(x, z, theta, offset), (x, z + arm.discs[0].height, theta, offset)]
+    z = arm.discs[0].height
+    for s, segment in enumerate(arm.segments):
+        for _ in range(arm.bodies_per_segment):
+            theta, body = theta + joint_angles[body], body + 1
+            x += segment.length / arm.bodies_per_segment * np.sin(theta)
+            z += segment.length / arm.bodies_per_segment * np.cos(theta)
+        theta, body = theta + joint_angles[body], body + 1
+        path.append((x, z, theta, segment.guide_offsets[1]))
+        x += arm.discs[s + 1].height * np.sin(theta)
+        z += arm.discs[s + 1].height * np.cos(theta)
+        last = s + 1 == len(arm.segments)
+        offset = arm.segments[s + (0 if last else 1)].guide_offsets[1 if last else 0]
+        path.append((x, z, theta, offset))
+    path = np.array(path).T
+    turned = []
+    for side in (1.0, -1.0):
+        guides = path[:2] + side * path[3] * np.array([np.cos(path[2]), -np.sin(path[2])])
+        (ax, az), (bx, bz) = np.diff(guides)[:, :-1], np.diff(guides)[:, 1:]
+        turns = np.arctan2(np.abs(ax * bz - az * bx), ax * bx + az * bz)
+        turned.append(np.cumsum([0.0, *turns]))
+    return np.array(turned)
+
+
+def wrapped(arm, joint_angles):
+    """Return the angle (2, segments), rad, that the tendons have turned by before each span."""
+    return turned_by(arm, joint_angles)[:, 1::2]
+
+
+# Ratios
+
+@pytest.mark.parametrize('degrees', [
+    (36, 36, 36), (36, -36, 36), (-20, 50, 0), (90, 90, 90), (36,) * 6, (-60,) * 6])
+@pytest.mark.parametrize('friction', [0.05, 0.3])
+def test_an_arc_turns_the_tendon_by_half_its_angle_at_either_end(degrees, friction):
+    arm = paper_like(len(degrees), tendon=Tendon(friction=friction))
+    statics = Statics(replace(arm, segments=tuple(
+        replace(s, guide_offsets=(0.02, 0.02)) for s in arm.segments)))
+    state = statics.chain.uniform(np.radians(degrees))
+    turns = np.abs(np.radians(degrees))
+    before = np.cumsum(turns) - turns / 2  # all of the segments below, half of its own
+    for sliding, sign in ((PULLED, -1.0), (LET_OUT, 1.0)):
+        ratios = tension_ratios(statics.chain, state.joint_angles, sliding)
+        expected = np.exp(sign * friction * before)
+        assert ratios == pytest.approx(np.array([expected, expected]), rel=1e-12)
+
+
+@FEW
+@given(arms(friction=True, segments=(1, 6)), st.data())
+def test_ratios_follow_from_the_angles_at_the_guides(arm, data):
+    joints = len(arm.segments) * (arm.bodies_per_segment + 1)
+    angles = np.array([data.draw(st.integers(-30, 30)) / 50 for _ in range(joints)])
+    statics = Statics(arm)
+    ratios = tension_ratios(statics.chain, angles, (1, -1))
+    turned = wrapped(arm, angles)
+    friction = arm.tendon.friction
+    assert ratios[RIGHT] == pytest.approx(np.exp(-friction * turned[RIGHT]), rel=1e-9)
+    assert ratios[LEFT] == pytest.approx(np.exp(friction * turned[LEFT]), rel=1e-9)
+
+
+def test_a_segment_of_36_degrees_keeps_94_percent_behind_it_at_a_coefficient_of_one_tenth():
+    arm = paper_like(2, tendon=Tendon(friction=0.1))
+    statics = Statics(replace(arm, segments=arm.segments[:1] * 2))
+    state = statics.chain.uniform([radians(36), 0.0])
+    ratios = tension_ratios(statics.chain, state.joint_angles, PULLED)
+    assert ratios[RIGHT] == pytest.approx([exp(-0.1 * radians(18)), exp(-0.1 * radians(36))])
+    assert ratios[RIGHT, 1] == pytest.approx(0.939, abs=5e-4)
+
+
+def test_a_tendon_turns_in_discs_that_lead_it_inwards_as_well():
+    statics = rough(2, 0.1)  # from 25 mm off the axis to 21.25 mm, in a disc of 30 mm
+    state = statics.chain.straight()
+    inwards = np.arctan2(0.00375, 0.03)
+    ratios = tension_ratios(statics.chain, state.joint_angles, PULLED)
+    assert ratios[RIGHT] == pytest.approx([1.0, exp(-0.1 * 2 * inwards)])
+
+
+# Shapes
+
+@FEW
+@given(arms(friction=True, segments=(1, 4), jam=st.sampled_from([Jam(), Jam(5.0)])), st.data(),
+       st.sampled_from([(1, 1), (-1, -1), (1, -1), (-1, 1), (1, 0)]))
+def test_an_arm_with_friction_is_in_balance(arm, data, sliding):
+    statics = Statics(arm)
+    straight = statics.chain.straight()
+    soft = tuple(s == 0 or data.draw(st.booleans()) for s in range(len(arm.segments)))
+    asked = data.draw(pulls(arm, straight, soft, most=0.4))
+    state = statics.solve(straight, asked, soft, sliding=sliding)
+    turned = wrapped(arm, state.joint_angles)
+    ratios = np.exp(-arm.tendon.friction * np.array(sliding)[:, None] * turned)
+    reference = Reference(arm, state.stiff, state.held_angles)
+    assert reference.unbalanced(state.joint_angles, state.tensions, ratios) < 1e-9
+
+
+@pytest.mark.parametrize('gravity', [0.0, 9.80665])
+def test_both_tendons_taut_with_friction_are_in_balance(gravity):
+    statics = rough(3, 0.2, 2e3, gravity=gravity, mounting_angle=2.5)
+    sliding = (1, -1)
+    state = statics.solve(statics.chain.straight(), (0.03, -0.02), (True,) * 3, sliding=sliding)
+    assert np.all(state.tensions > 0.0)
+    turned = wrapped(statics.chain.arm, state.joint_angles)
+    ratios = np.exp(-0.2 * np.array(sliding)[:, None] * turned)
+    reference = Reference(statics.chain.arm)
+    assert reference.unbalanced(state.joint_angles, state.tensions, ratios) < 1e-9
+
+
+def test_six_segments_that_turn_the_tip_past_180_degrees_share_the_pull_evenly():
+    # The heading of a tendon jumps from 180 to -180 degrees there; its turn does not.
+    statics = rough(6, 0.1)
+    state = statics.solve(statics.chain.straight(), (0.08, SLACK), (True,) * 6, sliding=PULLED)
+    angles = statics.chain.bending_angles(state.joint_angles)
+    assert angles.sum() > radians(200)
+    ratios = tension_ratios(statics.chain, state.joint_angles, PULLED)[RIGHT]
+    assert np.all(np.diff(np.log(ratios)) > -0.1 * 1.2)
+    assert np.abs(np.diff(angles[3:])).max() < 0.15  # alike, but for the loss along the way
+
+
+@pytest.mark.parametrize('side', [RIGHT, LEFT])
+@pytest.mark.parametrize('gravity', [0.0, 9.80665])
+def test_pulled_and_let_out_arms_bracket_the_frictionless_one(side, gravity):
+    statics = rough(3, gravity=gravity, mounting_angle=np.pi)
+    asked = [SLACK, SLACK]
+    asked[side] = 0.03
+    states = [statics.solve(statics.chain.straight(), asked, (True,) * 3, sliding=sliding)
+              for sliding in (PULLED, AT_REST, LET_OUT)]
+    base, _, tip = np.abs([statics.chain.bending_angles(s.joint_angles) for s in states]).T
+    # Pulled, the tension has fallen at the tip: the base takes more of the pull, the tip less.
+    assert np.all(np.diff(base) < -0.01)
+    assert np.all(np.diff(tip) > 0.01)
+    assert np.all(np.diff([s.tensions[side] for s in states]) < -0.05)
+    assert states[0].pulls[side] == pytest.approx(states[2].pulls[side], abs=1e-12)
+
+
+def test_a_pulled_tendon_needs_more_tension_at_the_base_for_the_same_angle_of_the_tip():
+    statics = rough(2, 0.3)
+    start = statics.chain.uniform([radians(60), 0.0])
+    pull = 0.01 + start.pulls[RIGHT]
+    soft = (False, True)
+    pulled, rest, let_out = (
+        statics.solve(start, (pull, SLACK), soft, sliding=sliding)
+        for sliding in (PULLED, AT_REST, LET_OUT))
+    # One soft segment: the same length is the same shape, whatever the tension before it.
+    assert pulled.joint_angles == pytest.approx(rest.joint_angles, abs=1e-9)
+    turned = wrapped(statics.chain.arm, rest.joint_angles)[RIGHT, 1]
+    assert pulled.tensions[RIGHT] == pytest.approx(rest.tensions[RIGHT] * exp(0.3 * turned))
+    assert let_out.tensions[RIGHT] == pytest.approx(rest.tensions[RIGHT] * exp(-0.3 * turned))
+
+
+def test_without_a_coefficient_the_direction_does_not_matter():
+    statics = rough(3, 0.0)
+    states = [statics.solve(statics.chain.straight(), (0.03, SLACK), (True,) * 3, sliding=sliding)
+              for sliding in (PULLED, AT_REST, LET_OUT)]
+    for state in states[1:]:
+        assert np.array_equal(state.joint_angles, states[0].joint_angles)
+        assert np.array_equal(state.tensions, states[0].tensions)
+
+
+def test_a_tendon_at_rest_has_no_direction_and_no_loss():
+    with_, without = rough(3, 0.3), rough(3, 0.0)
+    one, other = (s.solve(s.chain.straight(), (0.03, SLACK), (True,) * 3, sliding=AT_REST)
+                  for s in (with_, without))
+    assert np.array_equal(one.joint_angles, other.joint_angles)
+
+
+def test_a_small_coefficient_is_a_small_change():
+    smooth = rough(3, 0.0)
+    apart = []
+    for friction in (1e-2, 1e-3, 1e-4):
+        statics = rough(3, friction)
+        one, other = (s.solve(s.chain.straight(), (0.03, SLACK), (True,) * 3, sliding=PULLED)
+                      for s in (statics, smooth))
+        apart.append(np.abs(one.joint_angles - other.joint_angles).max())
+    assert apart[0] / apart[1] == pytest.approx(10.0, rel=0.05)
+    assert apart[1] / apart[2] == pytest.approx(10.0, rel=0.05)
+
+
+@pytest.mark.parametrize('sliding', [PULLED, LET_OUT])
+def test_solved_again_with_the_same_friction_nothing_moves(sliding):
+    statics = rough(3, 0.5, gravity=9.80665, mounting_angle=2.0)
+    state = statics.solve(statics.chain.straight(), (0.02, SLACK), (True,) * 3, sliding=sliding)
+    again = statics.solve(state, (0.02, SLACK), (True,) * 3, sliding=sliding)
+    assert again.joint_angles == pytest.approx(state.joint_angles, abs=1e-9)
+    assert again.tensions == pytest.approx(state.tensions, abs=1e-8)
+
+
+def test_a_given_tension_is_the_one_at_the_base():
+    statics = rough(3, 0.3)
+    state = statics.solve_tensions(statics.chain.straight(), (1.5, 0.0), (True,) * 3,
+                                   sliding=PULLED)
+    ratios = np.exp(-0.3 * wrapped(statics.chain.arm, state.joint_angles))
+    reference = Reference(statics.chain.arm)
+    assert reference.unbalanced(state.joint_angles, (1.5, 0.0), ratios) < 1e-9
+
+
+def test_what_friction_takes_from_the_tension_does_not_stretch_the_tendon():
+    # T falls along the tendon, and so does its strain: each span stretches by its own tension.
+    statics = rough(3, 0.5, 500.0)
+    asked = 0.03
+    state = statics.solve(statics.chain.straight(), (asked, SLACK), (True,) * 3, sliding=PULLED)
+    arm = statics.chain.arm
+    ratios = np.exp(-0.5 * turned_by(arm, state.joint_angles))[RIGHT]
+    length = (np.dot(ratios[::2], [d.height for d in arm.discs])
+              + np.dot(ratios[1::2], [s.length for s in arm.segments]))
+    stretch = state.tensions[RIGHT] * length / 500.0
+    assert asked - state.pulls[RIGHT] == pytest.approx(stretch, rel=0.02)
+
+
+@pytest.mark.parametrize('sliding', [(1,), (1, 1, 1), (2, 0), (nan, 0), (0.5, 0), ()])
+def test_a_direction_that_is_none_is_refused(sliding):
+    statics = rough(2, 0.1)
+    with pytest.raises(ValueError, match='sliding'):
+        statics.solve(statics.chain.straight(), (0.01, SLACK), (True, True), sliding=sliding)
+
+
+def test_the_other_tendon_of_a_mirrored_arm_has_the_mirrored_friction():
+    statics = rough(3, 0.4, gravity=9.80665, mounting_angle=2.0)
+    mirrored = Statics(replace(statics.chain.arm, mounting_angle=-2.0))
+    one = statics.solve(statics.chain.straight(), (0.02, SLACK), (True,) * 3, sliding=(1, 0))
+    other = mirrored.solve(mirrored.chain.straight(), (SLACK, 0.02), (True,) * 3, sliding=(0, 1))
+    assert other.joint_angles == pytest.approx(-one.joint_angles, abs=1e-10)
+    assert other.tensions == pytest.approx(one.tensions[::-1], abs=1e-8)
