@@ -162,8 +162,9 @@ def of_segments(count):
     changes = {}
     for parameter in ARM_PARAMETERS:
         if isinstance(parameter.default, tuple):
-            extra = {3: 0, 4: 1, 6: count}[len(parameter.default)]
-            changes[parameter.name] = [parameter.default[0]] * (count + extra)
+            if len(parameter.default) == 1:
+                continue  # one value for all
+            changes[parameter.name] = [parameter.default[0]] * (count + len(parameter.default) - 3)
     return changes
 
 
@@ -262,11 +263,12 @@ def test_a_value_where_a_list_belongs_is_refused(changed, name, value):
 @pytest.mark.parametrize('change', [-1, 1])
 def test_a_list_that_does_not_fit_the_others_is_refused(changed, name, change):
     default, = (p.default for p in LISTS if p.name == name)
-    value = [*default, default[-1]] if change > 0 else list(default[:-1])
+    needed = {1: 6 if name == 'arm.guide_offsets' else 3}.get(len(default), len(default))
+    value = [default[0]] * (needed + change)
     message = refusal(changed({name: value}), 'values; arm.segment_lengths has')
     if name != 'arm.segment_lengths':
         assert f'parameter {name} has {len(value)} values' in message
-        assert f'so {len(default)} are needed' in message
+        assert f'so {needed} are needed' in message
 
 
 @pytest.mark.parametrize('name', [p.name for p in LISTS])

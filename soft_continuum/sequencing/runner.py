@@ -271,10 +271,12 @@ class Runner:
     def _move(self, move: Move, index: int, done: float, part: float) -> Iterator[None]:
         """Send the motion piece by piece, so that it ends soon when this program does."""
         start, end, sent, settings = self._now, 0.0, 0.0, self._settings
-        while self._now < start + move.duration:
+        while True:
             # After a pause longer than what was sent ahead, go on from where that ended.
-            start = max(start, self._now - end)
-            elapsed = self._now - start
+            elapsed = min(self._now - start, end)
+            start = self._now - elapsed
+            if elapsed >= move.duration:
+                break
             self._check_motion(move.segment)
             end = min(elapsed + settings.horizon, move.duration)
             inside = (move.times > elapsed) & (move.times < end)

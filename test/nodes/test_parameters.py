@@ -235,8 +235,8 @@ def test_four_nodes_in_one_process_refuse_as_one(processes: Processes, tmp_path:
 
 
 @pytest.mark.parametrize(('node', 'name', 'value', 'reason'), [
-    ('tendon_actuation', 'speed_limit', 5.0, '1.0'),
-    ('tendon_actuation', 'speed_limit', -0.01, '0.0001'),
+    ('tendon_actuation', 'tension_limit', 1e6, '10000'),
+    ('tendon_actuation', 'tension_limit', -1.0, '0.1'),
     ('tendon_actuation', 'tension_limit', float('nan'), 'nan'),
     ('tendon_actuation', 'tension_limit', 'much', 'DOUBLE'),
     ('tendon_actuation', 'tension_limit', 60, 'DOUBLE'),

@@ -136,11 +136,6 @@ def test_a_trajectory_that_would_need_too_much_tension_is_refused(tendons: Rig) 
     arrives(tendons, (0.004, -0.005))
 
 
-def test_a_limit_that_is_lowered_holds_for_the_next_trajectory(tendons: Rig) -> None:
-    assert tendons.set_parameter('tendon_actuation', 'speed_limit', 0.01).successful
-    refused(tendons, PULL, 'speed_limit: 0.01 m/s')
-
-
 def test_a_bad_trajectory_leaves_the_running_one_alone(tendons: Rig) -> None:
     send(tendons, trajectory([(2.0, (0.004, -0.005))]))
     wait_for_pull(tendons)

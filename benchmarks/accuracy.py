@@ -1,0 +1,134 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Error and cost of the models of section III of the paper, against the elastica."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+import time
+
+import numpy as np
+
+from benchmarks import paper
+from benchmarks.tables import machine, number, Section, table
+from benchmarks.timing import interleave, progress, Sampler, sampler
+from soft_continuum.mechanics import Arm, constant_curvature, RIGHT, Statics
+from soft_continuum.mechanics.arm import PAPER, SECOND_ORDER
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.elastica import Elastica
+
+FINE = 200  # bodies per segment of the chain in which the elastica's stiff segments are held
+CHAINS = ((PAPER, 12), (SECOND_ORDER, 4), (SECOND_ORDER, 6), (SECOND_ORDER, 12))
+NAMES = {PAPER: 'chain of the paper', SECOND_ORDER: 'second-order chain'}
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One shape: what is pulled, and where the elastica's calculation points are, (points, 3)."""
+
+    name: str
+    arm: Arm
+    steps: list[paper.Step]
+    true: Array
+    uncertainty: float
+
+    def error(self, points: Array) -> float:
+        """Return the largest distance of points from the elastica's, % of the arm's length."""
+        return _percent(self.arm, points, self.true)
+
+
+def run(quick: bool) -> Section:
+    """Compare the models and return the tables."""
+    shapes, samplers = [], {}
+    for gravity in (False, True):
+        for form, signs in paper.FORMS.items():
+            progress(f'{form}{", gravity" if gravity else ""}')
+            arm = paper.arm(gravity)
+            steps = paper.steps_of(Statics(arm), signs)
+            name = f'{form}{", gravity" if gravity else ""}'
+            true, coarse = _elastica(arm, steps, FINE), _elastica(arm, steps, FINE // 2)
+            shapes.append(Shape(name, arm, steps, true, _percent(arm, coarse, true)))
+    models = _models()
+    errors = {name: [shape.error(model(shape.arm)(shape.steps)) for shape in shapes]
+              for name, model in models.items()}
+    for name, model in models.items():
+        call = model(shapes[0].arm)
+        samplers[name] = sampler(lambda c=call: c(shapes[0].steps))  # type: ignore[misc]
+    samplers['elastica'] = _elastica_sampler(shapes[0])
+    times = interleave(samplers, 7 if quick else 31, 0.5 if quick else 4.0)
+    rows = [[name, *(number(e, 2) for e in each), number(times[name].median * 1e6)]
+            for name, each in errors.items()]
+    rows.append(['elastica', *(f'({number(s.uncertainty, 1)})' for s in shapes),
+                 number(times['elastica'].median * 1e6)])
+    head = ['error, % of the arm', *(s.name for s in shapes), 'time of the C-form, µs']
+    pulls = [[s.name, *(f'{_side(step)} {step.change * 1e3:.3f}' for step in s.steps)]
+             for s in shapes]
+    return Section('accuracy.md', 'accuracy', '\n'.join([
+        machine(), '', table(head, rows), '', 'Pulls of the three steps, mm:', '',
+        table(['shape', 'segment 1', 'segment 2', 'segment 3'], pulls)]))
+
+
+Solver = Callable[[list[paper.Step]], Array]
+
+
+def _models() -> dict[str, Callable[[Arm], Solver]]:
+    """Return the models by name: from an arm to a function from steps to calculation points."""
+    models: dict[str, Callable[[Arm], Solver]] = {'constant curvature': _constant_curvature}
+    for discretisation, bodies in CHAINS:
+        models[f'{NAMES[discretisation]}, n = {bodies}'] = _chain(discretisation, bodies)
+    return models
+
+
+def _constant_curvature(arm: Arm) -> Solver:
+    def solve(steps: list[paper.Step]) -> Array:
+        angles = [0.0] * len(arm.segments)
+        for step in steps:
+            side = 1.0 if step.tendon == RIGHT else -1.0
+            angles[step.segment] = side * constant_curvature.bending_angle(
+                arm.segments[step.segment], step.change)
+        return constant_curvature.poses(arm, angles)
+
+    return solve
+
+
+def _chain(discretisation: str, bodies: int) -> Callable[[Arm], Solver]:
+    def prepare(arm: Arm) -> Solver:
+        statics = Statics(replace(arm, discretisation=discretisation, bodies_per_segment=bodies))
+
+        def solve(steps: list[paper.Step]) -> Array:
+            return statics.chain.points(paper.walk(statics, steps)[-1].joint_angles)
+
+        return solve
+
+    return prepare
+
+
+def _elastica(arm: Arm, steps: list[paper.Step], bodies: int) -> Array:
+    """Return the calculation points of the last step; the stiff segments are a fine polyline."""
+    fine = replace(arm, discretisation=SECOND_ORDER, bodies_per_segment=bodies)
+    rods, statics = Elastica(fine), Statics(fine)
+    before = [statics.chain.straight(), *paper.walk(statics, steps)[:-1]]
+    last = steps[-1]
+    return rods.solve(before[-1], paper.pulls_of(last, before[-1]), paper.only(last.segment)).points
+
+
+def _elastica_sampler(shape: Shape) -> Sampler:
+    """Return a sampler of the three boundary value problems, without the chain in between."""
+    fine = replace(shape.arm, discretisation=SECOND_ORDER, bodies_per_segment=FINE)
+    rods, statics = Elastica(fine), Statics(fine)
+    before = [statics.chain.straight(), *paper.walk(statics, shape.steps)[:-1]]
+
+    def run() -> float:
+        begin = time.thread_time()
+        for step, state in zip(shape.steps, before, strict=True):
+            rods.solve(state, paper.pulls_of(step, state), paper.only(step.segment))
+        return time.thread_time() - begin
+
+    return run
+
+
+def _percent(arm: Arm, points: Array, true: Array) -> float:
+    return 100.0 * float(np.linalg.norm((points - true)[:, :2], axis=1).max()) / arm.length
+
+
+def _side(step: paper.Step) -> str:
+    return 'right' if step.tendon == RIGHT else 'left'

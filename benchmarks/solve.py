@@ -1,0 +1,188 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""One equilibrium of the paper's arm, found in every way there is."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchmarks import paper, slsqp
+from benchmarks.kernel import Kernel, repeated
+from benchmarks.plain import mechanics_without_numba
+from benchmarks.reference import FLAGS, MissingCompilerError, Reference
+from benchmarks.tables import machine, number, Section, table
+from benchmarks.timing import interleave, progress, Sampler, sampler, Timing
+from soft_continuum.mechanics import Arm, RigidChain, SLACK, Statics
+from soft_continuum.mechanics.chain import Array
+
+C = 'C, called in a loop in C'
+C_REPEATS = 200
+TOLERANCES = {'0.02 mm': 2e-5, '1 nm': 1e-9}  # within which MuJoCo has settled
+INSTALL = 'MuJoCo is not installed: `./run exec python -m pip install -r requirements/test.txt`'
+
+
+@dataclass(frozen=True)
+class Contender:
+    """One way to solve a task: its sampler, and how far (m) its shape is off that of Statics."""
+
+    sampler: Sampler
+    off: float
+
+
+def run(quick: bool) -> Section:
+    """Time the tasks and return the tables."""
+    statics = Statics(paper.arm())
+    tip_pull = paper.pull_for_tip_segment(statics, paper.ANGLE)
+    tasks = {
+        f'All segments soft, right tendon {pull * 1e3:.3f} mm shorter': paper.cold_and_warm(
+            statics, pull) for pull in (paper.ALL_PULLS, tip_pull)}
+    residuals: list[float] = []
+    notes: set[str] = set()
+    contenders: dict[tuple[str, str, str], Contender] = {}
+    for title, pair in tasks.items():
+        for kind, task in zip(('cold', 'warm'), pair, strict=True):
+            for name, contender in _contenders(statics, task, residuals, notes).items():
+                contenders[title, name, kind] = contender
+    c_form = 'C-form, one segment soft at a time'
+    for name, contender in _c_form(statics).items():
+        contenders[c_form, name, 'cold'] = contender
+    progress(f'timing {len(contenders)} contenders in turn')
+    names = {'/'.join(key): key for key in contenders}
+    timings = interleave({name: contenders[key].sampler for name, key in names.items()},
+                         7 if quick else 61, 0.5 if quick else 4.0)
+    results = {key: timings[name] for name, key in names.items()}
+    lines = [machine(), '']
+    for title, (cold, _) in tasks.items():
+        state = statics.solve(cold.start, cold.pulls, paper.ALL_SOFT)
+        angles = ', '.join(f'{np.degrees(a):.1f}' for a in statics.chain.bending_angles(
+            state.joint_angles))
+        lines += [f'**{title}** (from straight to {angles} degrees)', '',
+                  _table(title, contenders, results), '']
+    lines += [f'**{c_form}** (from straight to 36, 36, 36 degrees in three solves)', '',
+              _table(c_form, contenders, results), '']
+    notes.add(f'Statics and C leave at most {max(residuals):.0e} N m unbalanced.  '
+              f'C: `cc {" ".join(FLAGS)}`.')
+    lines += sorted(notes)
+    return Section('performance.md', 'solve', '\n'.join(lines).rstrip())
+
+
+def _table(title: str, contenders: dict[tuple[str, str, str], Contender],
+           results: dict[tuple[str, str, str], Timing]) -> str:
+    kinds = [kind for kind in ('cold', 'warm') if (title, _first(title, contenders), kind)
+             in contenders]
+    head = ['way']
+    for kind in kinds:
+        head += [f'{kind}, µs', 'least, µs', 'over C']
+    rows = []
+    for name in dict.fromkeys(n for t, n, _ in contenders if t == title):
+        row, offs = [name], []
+        for kind in kinds:
+            timing, contender = results[title, name, kind], contenders[title, name, kind]
+            base = results.get((title, C, kind))
+            row += [number(timing.median * 1e6), number(timing.best * 1e6),
+                    number(timing.median / base.median, 2) if base else '']
+            offs.append(contender.off)
+        rows.append([*row, f'{max(offs):.0e}'])
+    return table([*head, 'off, m'], rows)
+
+
+def _first(title: str, contenders: dict[tuple[str, str, str], Contender]) -> str:
+    return next(name for t, name, _ in contenders if t == title)
+
+
+def _contenders(statics: Statics, task: paper.Task, residuals: list[float],
+                notes: set[str]) -> dict[str, Contender]:
+    """Return every way to solve one task."""
+    chain, start = statics.chain, task.start
+    state = statics.solve(start, task.pulls, paper.ALL_SOFT)
+    residuals.append(state.residual)
+    begin = np.cumsum(start.joint_angles)
+    tension = float(start.tensions[0])
+
+    def off(joint_angles: Array) -> float:
+        return paper.apart(statics, joint_angles, state.joint_angles)
+
+    found: dict[str, Contender] = {}
+    try:
+        reference = Reference(chain)
+        shape = np.diff(reference.solve(begin, tension, task.pull), prepend=0.0)
+        residuals.append(reference.residual)
+        found[C] = Contender(
+            lambda: reference.seconds_per_solve(start, task.pull, C_REPEATS), off(shape))
+        found['C, called from Python'] = Contender(
+            sampler(lambda: reference.solve(begin, tension, task.pull)), off(shape))
+    except MissingCompilerError as error:
+        notes.add(f'C is left out: {error}.')
+    kernel = Kernel(statics, start, task.pulls, paper.ALL_SOFT)
+    found['compiled solver, called directly'] = Contender(
+        sampler(kernel.run), off(kernel.joint_angles))
+    found['Statics.solve'] = Contender(
+        sampler(lambda: statics.solve(start, task.pulls, paper.ALL_SOFT)), 0.0)
+    found |= _in_mujoco(statics, task, notes)
+    plain = mechanics_without_numba().Statics(chain.arm)
+    found['Statics.solve without numba'] = Contender(
+        sampler(lambda: plain.solve(start, task.pulls, paper.ALL_SOFT)),
+        off(plain.solve(start, task.pulls, paper.ALL_SOFT).joint_angles))
+    for gradient in (True, False):
+        minimum = slsqp.solver(chain, start.joint_angles, task.pull, gradient)
+        name = f'scipy SLSQP {"with" if gradient else "without"} gradient'
+        found[name] = Contender(sampler(minimum), off(minimum()))
+    return found
+
+
+def _in_mujoco(statics: Statics, task: paper.Task, notes: set[str]) -> dict[str, Contender]:
+    """Return MuJoCo's ways; none, and a note, where it is not installed."""
+    try:
+        from benchmarks import mujoco_chain
+    except ImportError:
+        notes.add(INSTALL)
+        return {}
+    found = {}
+    for name, settings in mujoco_chain.SETTINGS.items():
+        arm = mujoco_chain.MujocoArm(statics, settings)
+        for tolerance, value in TOLERANCES.items():
+            steps, rest, pull = arm.settle(task, value)
+            state = statics.solve(task.start, (pull, SLACK), paper.ALL_SOFT)
+            found[f'{name}, to {tolerance}'] = Contender(
+                arm.sampler(task, steps), paper.apart(statics, rest, state.joint_angles))
+    return found
+
+
+def _c_form(statics: Statics) -> dict[str, Contender]:
+    """Return the ways to set the C-form: three solves, each of one soft segment."""
+    steps = paper.steps_of(statics, paper.FORMS['C'])
+    states = paper.walk(statics, steps)
+    starts = [statics.chain.straight(), *states[:-1]]
+    last = states[-1].joint_angles.reshape(statics.chain.segments, -1)
+    kernels = [Kernel(statics, start, paper.pulls_of(step, start), paper.only(step.segment))
+               for step, start in zip(steps, starts, strict=True)]
+    found: dict[str, Contender] = {}
+    try:
+        alone = [_Alone(statics.chain.arm, step, last[step.segment]) for step in steps]
+        found[C] = Contender(lambda: sum(one.seconds() for one in alone),
+                             max(one.off for one in alone))
+    except MissingCompilerError:
+        pass
+    found['compiled solver, called directly'] = Contender(
+        sampler(repeated(kernels)),
+        paper.apart(statics, kernels[-1].joint_angles, states[-1].joint_angles))
+    found['Statics.solve'] = Contender(sampler(lambda: paper.walk(statics, steps)), 0.0)
+    return found
+
+
+class _Alone:
+    """One segment of an arm without the rest, for C: what is locked does not matter to it."""
+
+    def __init__(self, arm: Arm, step: paper.Step, joint_angles: Array) -> None:
+        single = replace(arm, segments=arm.segments[step.segment:step.segment + 1],
+                         discs=arm.discs[step.segment:step.segment + 2])
+        self._statics = Statics(single)
+        self._reference = Reference(RigidChain(single))
+        self._start = self._statics.chain.straight()
+        self._pull = step.change
+        theta = self._reference.solve(np.cumsum(self._start.joint_angles), 0.0, self._pull)
+        self.off = paper.apart(self._statics, np.diff(theta, prepend=0.0), joint_angles)
+
+    def seconds(self) -> float:
+        """Return the time of one solve, s."""
+        return self._reference.seconds_per_solve(self._start, self._pull, C_REPEATS)

@@ -1,0 +1,56 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""How long the mechanics take before the first solve, in processes of their own."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+
+from benchmarks.tables import machine, number, Section, table
+from benchmarks.timing import progress
+
+SCRIPT = """
+import sys, time
+if 'without' in sys.argv:
+    sys.modules['numba'] = None
+begin = time.perf_counter()
+import numpy, scipy.linalg
+if 'without' not in sys.argv:
+    import numba
+packages = time.perf_counter()
+import soft_continuum.mechanics
+imported = time.perf_counter()
+from soft_continuum.mechanics.statics import warm_up
+warm_up()
+import json
+print(json.dumps([packages - begin, imported - packages, time.perf_counter() - imported]))
+"""
+
+
+def run(quick: bool) -> Section:
+    """Time imports and warm-up and return the table."""
+    times: dict[str, list[list[float]]] = {}
+    with tempfile.TemporaryDirectory() as cache:
+        for name, arguments, fresh in (
+                ('first start ever, with numba', [], True),
+                ('every later start, with numba', [], False),
+                ('without numba', ['without'], False)):
+            progress(name)
+            repetitions = 1 if fresh else 3 if quick else 11
+            times[name] = [_start(cache, arguments) for _ in range(repetitions)]
+    rows = [[name, *(number(v) for v in np.median(samples, axis=0)),
+             number(float(np.median(np.sum(samples, axis=1))))] for name, samples in times.items()]
+    head = ['s', 'numpy, scipy, numba', 'import of the mechanics', 'warm_up', 'together']
+    return Section('performance.md', 'startup', '\n'.join([machine(), '', table(head, rows)]))
+
+
+def _start(cache: str, arguments: list[str]) -> list[float]:
+    """Return the times (s) of one start, with numba's compiled code kept in ``cache``."""
+    done = subprocess.run(
+        [sys.executable, '-c', SCRIPT, *arguments], env={**os.environ, 'XDG_CACHE_HOME': cache},
+        capture_output=True, text=True, check=True)
+    return list(json.loads(done.stdout))

@@ -1,0 +1,241 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Derivatives of an equilibrium against central differences of equilibria."""
+
+from dataclasses import replace
+from math import inf
+
+from energy_reference import Reference
+from extended_arms import arms, FEW, masks, paper_like, pulls
+from hypothesis import assume, given, strategies as st
+import numpy as np
+import pytest
+
+from soft_continuum.mechanics import SLACK, Statics
+from soft_continuum.mechanics.arm import Tendon
+from soft_continuum.mechanics.joints import tension_ratios
+from soft_continuum.mechanics.laws import Jam, MomentCurvature
+from soft_continuum.mechanics.sensitivity import Linearisation
+
+SOFT_TABLE = MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.08, 0.15))
+STIFF_TABLE = MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.28, 0.65))
+JAMS = st.sampled_from([Jam(), Jam(3.0), Jam(20.0), Jam(5.0, yield_moment=1e3)])
+
+
+def numbers(statics, state):
+    """Return joint angles, tensions and tip pose in one row."""
+    tip = statics.chain.points(state.joint_angles)[-1]
+    return np.concatenate([state.joint_angles, state.tensions, tip])
+
+
+def column(sensitivity, k):
+    return np.concatenate([sensitivity.joint_angles[:, k], sensitivity.tensions[:, k],
+                           sensitivity.tip[:, k]])
+
+
+def difference(solve, step):
+    """Return the fourth-order central difference of solve(0)."""
+    low, high, lower, higher = (solve(s * step) for s in (-1, 1, -2, 2))
+    return (8.0 * (high - low) - (higher - lower)) / (12.0 * step)
+
+
+def close(ours, expected):
+    return ours == pytest.approx(expected, rel=1e-5, abs=1e-5 * max(1.0, np.abs(expected).max()))
+
+
+@st.composite
+def linearised(draw, stretch=True, jam=JAMS, segments=(1, 6)):
+    """Return (statics, start, pulls, soft, equilibrium) away from where a tendon gets slack."""
+    arm = draw(arms(jam=jam, stretch=stretch, segments=segments, bodies=(1, 4)))
+    statics = Statics(arm)
+    start = statics.chain.straight()
+    before = draw(masks(arm))
+    start = statics.solve(start, draw(pulls(arm, start, before, most=0.3)), before)
+    soft = draw(masks(arm))
+    asked = draw(pulls(arm, start, soft, most=0.3))
+    state = statics.solve(start, asked, soft)
+    if draw(st.booleans()):  # the other tendon is there as well: slack, or taut if it can stretch
+        other = 1 if asked[0] > SLACK else 0
+        both = list(asked)
+        both[other] = float(state.pulls[other]) - 1e-3
+        if arm.tendon.axial_stiffness < inf and draw(st.booleans()):
+            both[other] += 1.2e-3
+        asked = tuple(both)
+        state = statics.solve(start, asked, soft)
+    assume(not state.jumped)
+    for tension, slack in zip(state.tensions, state.slack, strict=True):
+        assume(tension > 1e-2 or slack > 1e-4)
+    return statics, start, np.array(asked), soft, state
+
+
+@FEW
+@given(linearised())
+def test_derivatives_by_the_pulls(case):
+    statics, _, asked, soft, state = case
+    found = Linearisation(statics, state).pulls()
+    for t in (0, 1):
+        def solve(change, t=t):
+            moved = asked.copy()
+            moved[t] += change
+            return numbers(statics, statics.solve(state, moved, soft))
+
+        if state.tensions[t] > 0.0:
+            expected = difference(solve, 1e-6)
+            assert close(column(found, t), expected)
+        else:
+            assert np.all(column(found, t) == 0.0)
+
+
+@FEW
+@given(linearised(), st.data())
+def test_derivatives_by_the_bending_stiffness(case, data):
+    statics, start, asked, soft, state = case
+    arm = statics.chain.arm
+    s = data.draw(st.integers(0, len(arm.segments) - 1))
+    stiffness = arm.segments[s].bending_stiffness
+
+    def solve(change):
+        other = Statics(arm.with_bending_stiffness(s, stiffness * (1.0 + change)))
+        return numbers(statics, other.solve(start, asked, soft))
+
+    expected = difference(solve, 1e-4)
+    found = Linearisation(statics, state).bending_stiffness()
+    assert close(stiffness * column(found, s), expected)
+
+
+def with_ratio(arm, segment, ratio):
+    jam = replace(arm.segments[segment].jam, ratio=ratio)
+    return replace(arm, segments=tuple(
+        replace(g, jam=jam) if i == segment else g for i, g in enumerate(arm.segments)))
+
+
+@FEW
+@given(linearised(jam=st.sampled_from([Jam(3.0), Jam(20.0)])), st.data())
+def test_derivatives_by_the_ratio_k(case, data):
+    statics, start, asked, soft, state = case
+    arm = statics.chain.arm
+    s = data.draw(st.integers(0, len(arm.segments) - 1))
+    ratio = arm.segments[s].jam.ratio
+
+    def solve(change):
+        return numbers(statics, Statics(with_ratio(arm, s, ratio * (1.0 + change))).solve(
+            start, asked, soft))
+
+    expected = difference(solve, 1e-4)
+    assert close(ratio * column(Linearisation(statics, state).stiffness_ratio(), s), expected)
+
+
+def test_rigid_and_soft_segments_have_no_ratio_to_depend_on():
+    for jam, soft in ((Jam(), (True, False)), (Jam(5.0), (True, True))):
+        statics = Statics(paper_like(2, jam))
+        state = statics.solve(statics.chain.straight(), (0.01, SLACK), soft)
+        found = Linearisation(statics, state).stiffness_ratio()
+        assert np.all(found.joint_angles == 0.0)
+        assert np.all(found.tensions == 0.0)
+
+
+def held(jam, soft_law=None, segments=1):
+    """Return the statics of an arm stiffened bent, that state, and the one pulled further."""
+    statics = Statics(paper_like(segments, jam, soft_law))
+    start = statics.solve(statics.chain.straight(), (0.006, SLACK), (True,) * segments)
+    soft = (False,) + (True,) * (segments - 1)
+    return statics, start, soft, statics.solve(start, (0.012, SLACK), soft)
+
+
+def test_the_ratio_k_of_a_table():
+    statics, start, soft, state = held(Jam(4.0), SOFT_TABLE)
+
+    def solve(change):
+        other = Statics(with_ratio(statics.chain.arm, 0, 4.0 + change))
+        return numbers(statics, other.solve(start, (0.012, SLACK), soft))
+
+    expected = difference(solve, 1e-4)
+    assert close(column(Linearisation(statics, state).stiffness_ratio(), 0), expected)
+
+
+@pytest.mark.parametrize('jam', [Jam(law=STIFF_TABLE), Jam(5.0)])
+def test_bending_stiffness_below_a_jam(jam):
+    # The law of a stiff segment is that of jam and spring together: it stays as it was measured.
+    statics, start, soft, state = held(jam, segments=2)
+    arm = statics.chain.arm
+
+    def solve(change):
+        other = Statics(arm.with_bending_stiffness(0, 0.0265 * (1.0 + change)))
+        return numbers(statics, other.solve(start, (0.012, SLACK), soft))
+
+    expected = difference(solve, 1e-4)
+    found = Linearisation(statics, state).bending_stiffness()
+    assert close(0.0265 * column(found, 0), expected)
+
+
+def test_a_segment_with_a_table_has_no_bending_stiffness_to_derive_by():
+    statics, _, _, state = held(Jam(4.0), SOFT_TABLE)
+    with pytest.raises(ValueError, match='table'):
+        Linearisation(statics, state).bending_stiffness()
+
+
+@pytest.mark.parametrize('vacuum', [0.1, 0.5, 1.0])
+def test_derivatives_are_those_under_the_vacuum_of_the_state(vacuum):
+    statics = Statics(paper_like(2, Jam(5.0)))
+    soft, under = (True, False), (vacuum, vacuum)
+    state = statics.solve(statics.chain.straight(), (0.01, SLACK), soft, vacuum=under)
+
+    def solve(change):
+        return numbers(statics, statics.solve(
+            state, (0.01 + change, SLACK), soft, vacuum=under))
+
+    assert close(column(Linearisation(statics, state).pulls(), 0), difference(solve, 1e-6))
+
+
+def test_a_rigid_arm_does_not_move():
+    statics = Statics(paper_like(2))
+    state = statics.solve(statics.chain.uniform([0.3, -0.2]), (-0.1, -0.1), (False, False))
+    found = Linearisation(statics, state)
+    for sensitivity in (found.pulls(), found.bending_stiffness(), found.stiffness_ratio()):
+        assert np.all(sensitivity.joint_angles == 0.0)
+        assert np.all(sensitivity.tip == 0.0)
+
+
+@FEW
+@given(linearised(stretch=False))
+def test_the_work_of_a_pull_is_its_tension(case):
+    # Castigliano: dE/dpull = T, so the Jacobian turns the springs' and loads' moments into it.
+    statics, _, _, _, state = case
+    arm = Reference(statics.chain.arm, state.stiff, state.held_angles)
+    slope = arm.gradient(state.joint_angles) @ Linearisation(statics, state).pulls().joint_angles
+    assert slope == pytest.approx(state.tensions, rel=1e-7, abs=1e-7)
+
+
+# Friction: the share of the tension that arrives at each span is taken as constant
+
+def frozen(statics, state, sliding):
+    """Return the derivative of joint angles and tension by the right pull, shares constant."""
+    arm = Reference(statics.chain.arm)
+    ratios = tension_ratios(statics.chain, state.joint_angles, sliding)
+    hessian = arm.hessian(state.joint_angles, state.tensions, ratios)
+    gradients = arm.span_gradients(state.joint_angles)
+    force, reach = (gradients * ratios).sum(axis=2)[:, 0], gradients.sum(axis=2)[:, 0]
+    matrix = np.block([[hessian.T, force[:, None]], [reach, -statics.compliance[0]]])
+    return np.linalg.solve(matrix, np.append(np.zeros(arm.joints), -1.0))
+
+
+@pytest.mark.parametrize('sliding', [(1, 0), (-1, 0)])
+@pytest.mark.parametrize('stretch', [inf, 1e3])
+def test_with_friction_the_derivative_is_that_at_constant_shares_of_the_tension(sliding, stretch):
+    statics = Statics(paper_like(3, tendon=Tendon(stretch, 0.0, 0.3)))
+    soft = (True,) * 3
+    state = statics.solve(statics.chain.straight(), (0.02, SLACK), soft, sliding=sliding)
+    found = Linearisation(statics, state, sliding).pulls()
+    expected = frozen(statics, state, sliding)
+    assert np.append(found.joint_angles[:, 0], found.tensions[0, 0]) == pytest.approx(
+        expected, rel=1e-5, abs=1e-4)
+
+    # It is nearer to the true one than with friction left out, but not it.
+    def solve(change):
+        return statics.solve(
+            state, (0.02 + change, SLACK), soft, sliding=sliding).joint_angles
+
+    true = difference(solve, 1e-5)
+    without = Linearisation(statics, state).pulls().joint_angles[:, 0]
+    apart = np.abs(found.joint_angles[:, 0] - true).max()
+    assert 0.01 * np.abs(true).max() < apart < 0.5 * np.abs(without - true).max()
