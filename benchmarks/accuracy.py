@@ -108,7 +108,8 @@ def _elastica(arm: Arm, steps: list[paper.Step], bodies: int) -> Array:
     rods, statics = Elastica(fine), Statics(fine)
     before = [statics.chain.straight(), *paper.walk(statics, steps)[:-1]]
     last = steps[-1]
-    return rods.solve(before[-1], paper.pulls_of(last, before[-1]), paper.only(last.segment)).points
+    rod = rods.solve(before[-1], paper.pulls_of(last, before[-1]), paper.only(last.segment))
+    return rod.points
 
 
 def _elastica_sampler(shape: Shape) -> Sampler:

@@ -39,9 +39,9 @@ class Reference:
         self._tension = ctypes.c_double()
         self._iterations, self._residual = ctypes.c_int(), ctypes.c_double()
         self._theta = np.empty(chain.joints)
-        self._solve.argtypes = [ctypes.c_void_p, ctypes.c_double] + 4 * [ctypes.c_void_p]
-        self._time.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_double,
-                               ctypes.c_int]
+        pointer, double = ctypes.c_void_p, ctypes.c_double
+        self._solve.argtypes = [pointer, double, pointer, pointer, pointer, pointer]
+        self._time.argtypes = [pointer, double, pointer, double, ctypes.c_int]
         self._pointers = (
             self._theta.ctypes.data, ctypes.addressof(self._tension),
             ctypes.addressof(self._iterations), ctypes.addressof(self._residual))

@@ -17,17 +17,17 @@ SCRIPT = """
 import sys, time
 if 'without' in sys.argv:
     sys.modules['numba'] = None
-begin = time.perf_counter()
+begin = time.process_time()
 import numpy, scipy.linalg
 if 'without' not in sys.argv:
     import numba
-packages = time.perf_counter()
+packages = time.process_time()
 import soft_continuum.mechanics
-imported = time.perf_counter()
+imported = time.process_time()
 from soft_continuum.mechanics.statics import warm_up
 warm_up()
 import json
-print(json.dumps([packages - begin, imported - packages, time.perf_counter() - imported]))
+print(json.dumps([packages - begin, imported - packages, time.process_time() - imported]))
 """
 
 
@@ -49,7 +49,7 @@ def run(quick: bool) -> Section:
 
 
 def _start(cache: str, arguments: list[str]) -> list[float]:
-    """Return the times (s) of one start, with numba's compiled code kept in ``cache``."""
+    """Return the processor times (s) of a start; ``cache`` keeps numba's compiled code."""
     done = subprocess.run(
         [sys.executable, '-c', SCRIPT, *arguments], env={**os.environ, 'XDG_CACHE_HOME': cache},
         capture_output=True, text=True, check=True)

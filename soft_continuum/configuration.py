@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every parameter of every node, and the description file that all of them share."""
 
+from collections.abc import Mapping
+from dataclasses import fields
 from math import radians
 from pathlib import Path
+from typing import Any
 
 from soft_continuum.description import (
     arm_from_parameters,
@@ -12,8 +15,9 @@ from soft_continuum.description import (
     SHAPE_PREFIX,
     shapes_from_parameters,
 )
+from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.parameters import load_parameters, Parameter, ParameterError, Value
+from soft_continuum.parameters import given_parameters, Parameter, ParameterError, Value
 
 AUTOSTART = Parameter(
     'autostart', True, 'configure and activate the node by itself when it starts')
@@ -28,10 +32,14 @@ PULL_LIMITS = Parameter(
 TENSION_LIMIT = Parameter(
     'tension_limit', 60.0, 'largest tendon tension that the model may predict, N', 0.1, 1e4,
     read_only=False)
+CO_CONTRACTION_LIMIT = Parameter(
+    'co_contraction_limit', 5.0,
+    'largest tension that the model may predict in both tendons at once, N', 0.01, 1e4,
+    read_only=False)
 
 NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     'tendon_actuation': (
-        *ARM_PARAMETERS, AUTOSTART, PULL_LIMITS, TENSION_LIMIT, SILENCE,
+        *ARM_PARAMETERS, AUTOSTART, PULL_LIMITS, TENSION_LIMIT, CO_CONTRACTION_LIMIT, SILENCE,
         Parameter('tendon_driver', 'simulated', 'driver of the steppers', choices=('simulated',)),
         Parameter('tendon_rate', 50.0, 'rate of control and of tendon_states, Hz', 5.0, 500.0),
         Parameter('speed_limit', 0.03, 'largest tendon speed, m/s', 1e-4, 1.0),
@@ -68,7 +76,8 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     'kinematics': (
         *ARM_PARAMETERS, FRAME,
         Parameter('straight_tolerance', 0.0005,
-                  'pulls up to which a stiff arm found at start-up is taken to be straight, m',
+                  'pulls up to which an arm found at start-up is taken to be straight, and by '
+                  'which the tendons may be too short for a stiff arm, m',
                   0.0, 0.1),
     ),
     'shape_sequencer': (
@@ -99,20 +108,35 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
 ALL_PARAMETERS = tuple({p.name: p for table in NODE_PARAMETERS.values() for p in table}.values())
 
 
-def load_description(path: str | Path, node: str = '') -> dict[str, Value]:
+# What every ROS node takes besides its own.
+FREE = (SHAPE_PREFIX, 'use_sim_time', 'qos_overrides.', 'start_type_description_service')
+
+
+def load_description(*paths: str | Path, node: str = '') -> dict[str, Value]:
     """
-    Read a description file as ``node`` (or the library, without one) sees it.
+    Read description files as ``node`` (or the library, without one) sees them; later ones win.
 
     Raises ParameterError naming the file and the key: also for keys that no node has, lists that
-    do not fit together, and shapes outside the limits.
+    do not fit together, shapes outside the limits, and thresholds in the wrong order.
     """
-    values = load_parameters(path, ALL_PARAMETERS, node, prefixes=(SHAPE_PREFIX,))
+    values: dict[str, Value] = {p.name: p.default for p in ALL_PARAMETERS}
+    for path in paths:
+        values |= given_parameters(path, ALL_PARAMETERS, node, prefixes=FREE)
     try:
         arm = arm_from_parameters(values)
         shapes_from_parameters(values, arm)
+        jamming_settings(values)
     except ParameterError as error:
-        raise ParameterError(f'{path}: {error}') from None
+        raise ParameterError(f'{", ".join(str(path) for path in paths)}: {error}') from None
     return values
+
+
+def jamming_settings(values: Mapping[str, Any]) -> JammingSettings:
+    """Return the thresholds of jamming_valves; raises ParameterError when out of order."""
+    try:
+        return JammingSettings(**{f.name: values[f.name] for f in fields(JammingSettings)})
+    except ValueError as error:
+        raise ParameterError(str(error)) from None
 
 
 def load_arm(path: str | Path) -> Arm:

@@ -149,6 +149,8 @@ def shapes_from_parameters(values: Mapping[str, Any], arm: Arm) -> dict[str, tup
     """
     names = SHAPE_PARAMETERS[0].check(values.get('shape_names', SHAPE_PARAMETERS[0].default))
     library: dict[str, tuple[float, ...]] = {}
+    if len(set(names)) < len(names):  # type: ignore[arg-type]
+        raise ParameterError(f'shape_names lists a shape twice: {list(names)}')  # type: ignore[arg-type]
     for name in names:  # type: ignore[union-attr]
         key = f'{SHAPE_PREFIX}{name}'
         given = values.get(key)

@@ -97,13 +97,24 @@ def load_parameters(path: str | Path, known: Sequence[Parameter], node: str = ''
     """
     Return the parameters of ``node`` from a ROS 2 parameter file, flattened to dotted names.
 
-    Values that the file leaves out have their defaults; names that start with one of ``prefixes``
-    are free (a library of shapes).  Raises ParameterError naming the file and the key when the
-    file cannot be read, is malformed, or has a key or value that is not allowed.
+    Values that the file leaves out have their defaults.  Arguments and errors are those of
+    ``given_parameters``.
+    """
+    return {p.name: p.default for p in known} | given_parameters(path, known, node, prefixes)
+
+
+def given_parameters(path: str | Path, known: Sequence[Parameter], node: str = '',
+                     prefixes: Sequence[str] = ()) -> dict[str, Value]:
+    """
+    Return what a ROS 2 parameter file says for ``node``, checked, flattened to dotted names.
+
+    Names that start with one of ``prefixes`` are free (a library of shapes).  Raises
+    ParameterError naming the file and the key when the file cannot be read, is malformed, or has
+    a key or value that is not allowed.
     """
     given = read_parameter_file(path, node)
     table = {p.name: p for p in known}
-    values: dict[str, Value] = {p.name: p.default for p in known}
+    values: dict[str, Value] = {}
     for name, value in given.items():
         try:
             if name in table:
@@ -145,17 +156,11 @@ def read_parameter_file(path: str | Path, node: str = '') -> dict[str, Any]:
         raise ParameterError(
             f'{path}: a parameter file starts with a node name, or /** for all nodes')
     flat: dict[str, Any] = {}
-    found = False
     for name, section in document.items():
         if not isinstance(section, Mapping) or 'ros__parameters' not in section:
             raise ParameterError(f'{path}: key {name}: expected ros__parameters below it')
         if str(name) in ('/**', '/*') or str(name).rsplit('/', 1)[-1] == node:
             _flatten(path, section['ros__parameters'], '', flat)
-            found = True
-    if not found:
-        raise ParameterError(
-            f'{path}: has no section for {node or "all nodes (/**)"}, only for '
-            + ', '.join(str(name) for name in document))
     return flat
 
 

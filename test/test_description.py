@@ -129,7 +129,7 @@ def test_what_the_description_says_is_also_the_default(parameter):
 
 @pytest.mark.parametrize('node', NODE_PARAMETERS)
 def test_every_node_finds_all_its_parameters_in_the_description(node):
-    values = load_description(DESCRIPTION, node)
+    values = load_description(DESCRIPTION, node=node)
     for parameter in NODE_PARAMETERS[node]:
         parameter.check(values[parameter.name])
 

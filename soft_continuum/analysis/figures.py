@@ -55,6 +55,6 @@ def shapes_figure(path: str | Path, chain: RigidChain,
         axes.set_title(name, parse_math=False)
     panels[0].set_ylabel('z in mm')
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside lower center', ncols=min(len(labels), 2 * len(shapes) - 1),
-                  frameon=False)
+    figure.legend(handles, labels, loc='outside lower center', frameon=False,
+                  ncols=min(len(labels), 2 * len(shapes) - 1))
     figure.savefig(path, dpi=120)

@@ -9,9 +9,9 @@ from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-from soft_continuum.configuration import NODE_PARAMETERS
+from soft_continuum.configuration import jamming_settings, NODE_PARAMETERS
 from soft_continuum.description import arm_from_parameters
-from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
+from soft_continuum.hardware.jamming_controller import JammingController
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 from soft_continuum.nodes.support import ERROR, LATCHED, ManagedNode, OK, STREAM
@@ -30,10 +30,7 @@ class JammingValves(ManagedNode):
         """Declare parameters, topics and services."""
         super().__init__('jamming_valves', NODE_PARAMETERS['jamming_valves'], **options)
         self._segments = len(arm_from_parameters(self.parameters).segments)
-        self._settings = JammingSettings(**{
-            name: self.parameters[name] for name in (
-                'ambient_pressure', 'stiff_vacuum', 'release_vacuum', 'pump_start_vacuum',
-                'pump_stop_vacuum')})
+        self._settings = jamming_settings(self.parameters)
         self._controller: JammingController | None = None
         self._driver: JammingDriver | None = None
         self._said: list[bool | None] = [None] * self._segments

@@ -10,17 +10,21 @@ import sys
 from typing import Any
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from soft_continuum.configuration import load_description
-from soft_continuum.parameters import ParameterError
+from soft_continuum.configuration import ALL_PARAMETERS, load_description
+from soft_continuum.parameters import Parameter, ParameterError, read_parameter_file
 
 try:
     from rclpy.experimental import EventsExecutor as BestExecutor
 except ImportError:  # before rclpy 7.1.4
     from rclpy.executors import SingleThreadedExecutor as BestExecutor
+
+ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
 
 NODES = {
     'tendon_actuation': 'TendonActuation',
@@ -69,7 +73,7 @@ def run(names: Sequence[str], args: Sequence[str] | None = None) -> int:
     nodes: list[Any] = []
     executor: Executor | None = None
     try:
-        check_parameter_files(arguments)
+        check_parameter_files(arguments, names)
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()
         for name in names:
@@ -83,6 +87,10 @@ def run(names: Sequence[str], args: Sequence[str] | None = None) -> int:
     except ParameterError as error:
         print(f'{names[len(nodes)] if len(nodes) < len(names) else names[-1]}: {error}',
               file=sys.stderr)
+        return 2
+    except ROS_ARGUMENT_ERRORS as error:
+        print(f'{names[0]}: ROS does not take these arguments: {" ".join(arguments[1:])}: '
+              f'{str(error).splitlines()[0]}', file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 0
@@ -107,12 +115,30 @@ def _destroy(node: Node) -> None:
     node.destroy_node()
 
 
-def check_parameter_files(arguments: Sequence[str]) -> None:
+def check_parameter_files(arguments: Sequence[str], names: Sequence[str]) -> None:
     """
-    Read every ``--params-file`` in the arguments before rclpy does.
+    Read every ``--params-file`` in the arguments as the nodes will, before rclpy does.
 
     Raises ParameterError naming the file and the key; rclpy would only abort.
     """
-    for before, path in zip(arguments, arguments[1:], strict=False):
-        if before == '--params-file':
-            load_description(path)
+    paths = [path for before, path in zip(arguments, arguments[1:], strict=False)
+             if before == '--params-file']
+    table = {p.name: p for p in ALL_PARAMETERS}
+    for name in names:
+        if paths:
+            load_description(*paths, node=name)
+        for path in paths:
+            for key, value in read_parameter_file(path, name).items():
+                _refuse_whole_numbers(path, key, value, table)
+
+
+def _refuse_whole_numbers(path: str, key: str, value: Any, table: dict[str, Parameter]) -> None:
+    """Refuse integers where ROS, other than the library, insists on a decimal point."""
+    default = table[key].default if key in table else (0.0,) if key.startswith('shapes.') else 0
+    items = value if isinstance(value, list) else [value]
+    measure = isinstance(default, float | tuple)
+    whole = [item for item in items if isinstance(item, int) and not isinstance(item, bool)]
+    if measure and whole:
+        raise ParameterError(
+            f'{path}: parameter {key} is {value}; ROS wants a decimal point: '
+            f'write {float(whole[0])} rather than {whole[0]}')

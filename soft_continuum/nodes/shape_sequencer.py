@@ -3,6 +3,7 @@
 
 """The node that runs sequences of shapes, by the topics and services of the other three."""
 
+from math import isfinite
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -137,7 +138,9 @@ class ShapeSequencer(Node):
             goal_callback=self._on_goal, cancel_callback=self._on_cancel,
             handle_accepted_callback=self._on_accepted, result_timeout=RESULT_TIMEOUT)
         self._timer = self.create_timer(TICK, self._tick)
-        self.status.set(OK, 'idle')
+        self._rejected = ''  # why the newest goal was, as long as none is accepted
+        self._last: dict[str, str] = {}
+        self._say('idle')
 
     def start(self) -> None:
         """Nothing to do: the node waits for goals."""
@@ -160,7 +163,8 @@ class ShapeSequencer(Node):
             self._tendon_age.refresh()
 
     def _on_shape(self, message: JointState) -> None:
-        if len(message.position) == self._planner.statics.chain.joints:
+        if (len(message.position) == self._planner.statics.chain.joints
+                and all(isfinite(angle) for angle in message.position)):
             self._shape = self._planner.statics.chain.state(message.position)
             self._shape_age.refresh()
 
@@ -235,8 +239,10 @@ class ShapeSequencer(Node):
                 self._plan(shapes)  # a goal out of reach is refused before anything moves
         except (PlanError, ParameterError) as error:
             self.get_logger().error(f'goal rejected: {error}')
-            self.status.set(OK, self._activity(), rejected=str(error))
+            self._rejected = str(error)
+            self._say(self._activity())
             return GoalResponse.REJECT
+        self._rejected = ''
         return GoalResponse.ACCEPT
 
     def _shapes(self, goal: RunShapeSequence.Goal) -> list[Shape]:
@@ -317,7 +323,7 @@ class ShapeSequencer(Node):
             shape_index=progress.shape_index, shape=progress.shape,
             segment=progress.segment, phase=progress.phase, progress=progress.fraction))
         if outcome is None:
-            self.status.set(OK, self._activity(), phase=progress.phase, segment=progress.segment)
+            self._say(self._activity(), phase=progress.phase, segment=progress.segment)
             return
         self._runner = None
         self._server.finish(self._handle, outcome)
@@ -325,7 +331,12 @@ class ShapeSequencer(Node):
             self.get_logger().info(f'sequence done, {outcome.shapes_completed} shapes')
         else:
             self.get_logger().warning(f'sequence ended: {outcome.code.name}: {outcome.message}')
-        self.status.set(OK, 'idle', last=outcome.code.name, reason=outcome.message)
+        self._last = {'last': outcome.code.name, 'reason': outcome.message}
+        self._say('idle')
+
+    def _say(self, text: str, **values: object) -> None:
+        rejected = {'rejected': self._rejected} if self._rejected else {}
+        self.status.set(OK, text, **values, **self._last, **rejected)
 
     def _activity(self) -> str:
         return f'running {self._runner.progress.shape}' if self._runner else 'idle'

@@ -123,7 +123,8 @@ class TendonActuation(ManagedNode):
         self._jamming_age.refresh()
 
     def _on_shape(self, message: JointState) -> None:
-        if len(message.position) != self._statics.chain.joints:
+        if (len(message.position) != self._statics.chain.joints
+                or not np.all(np.isfinite(message.position))):
             return
         self._shape = self._statics.chain.state(message.position)
         self._shape_age.refresh()
@@ -170,6 +171,7 @@ class TendonActuation(ManagedNode):
         """Refuse pulls (k, 2) m in which the model sees too much tension, or no shape at all."""
         assert self._shape is not None
         limit = self.parameters['tension_limit']
+        both_limit = self.parameters['co_contraction_limit']
         soft = [not stiff for stiff in self._stiff]
         state = self._shape
         try:
@@ -178,12 +180,13 @@ class TendonActuation(ManagedNode):
                 for part in np.arange(1, steps + 1) / steps:
                     wanted = before + part * (after - before)
                     state = self._statics.solve(state, wanted, soft)
-                    if state.tensions.max() > limit:
-                        right, left = state.tensions
+                    right, left = state.tensions
+                    if max(right, left) > limit or min(right, left) > both_limit:
                         raise MotionRefusedError(
                             f'at pulls of right {wanted[RIGHT] * 1e3:.2f} mm, left '
                             f'{wanted[LEFT] * 1e3:.2f} mm the tension would be {right:.1f} and '
-                            f'{left:.1f} N; tension_limit: {limit:g} N')
+                            f'{left:.1f} N; tension_limit: {limit:g} N, co_contraction_limit '
+                            f'(both at once): {both_limit:g} N')
         except StaticsError as error:
             raise MotionRefusedError(str(error)) from None
 
@@ -214,6 +217,8 @@ class TendonActuation(ManagedNode):
     def _say(self) -> None:
         controller = self._controller
         if controller is None:
+            self.status.set(OK, 'not connected', stopped=self._stopped_because,
+                            refused=self._refused)
             return
         if controller.stopped:
             level, text = WARN, f'stopped: {controller.stopped_because}'

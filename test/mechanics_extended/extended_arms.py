@@ -4,10 +4,11 @@
 
 from math import inf, pi
 
-from hypothesis import HealthCheck, settings, strategies as st
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
 
 from soft_continuum.mechanics import SLACK
-from soft_continuum.mechanics.arm import Arm, Disc, PAPER, Segment, SECOND_ORDER, Tendon
+from soft_continuum.mechanics.arm import Arm, Disc, PAPER, SECOND_ORDER, Segment, Tendon
 from soft_continuum.mechanics.laws import Jam
 
 FEW = settings(deadline=None, derandomize=True, max_examples=25, database=None,

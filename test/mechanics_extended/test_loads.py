@@ -7,7 +7,8 @@ from math import cos, pi, sin
 
 from energy_reference import Reference
 from extended_arms import arms, between, FEW, masks, paper_like, pulls
-from hypothesis import given, strategies as st
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 

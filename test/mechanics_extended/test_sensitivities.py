@@ -7,7 +7,8 @@ from math import inf
 
 from energy_reference import Reference
 from extended_arms import arms, FEW, masks, paper_like, pulls
-from hypothesis import assume, given, strategies as st
+from hypothesis import assume, given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 

@@ -7,7 +7,8 @@ from math import exp, nan, radians
 
 from energy_reference import Reference
 from extended_arms import arms, FEW, paper_like, pulls
-from hypothesis import given, strategies as st
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 

@@ -160,16 +160,18 @@ def test_motions_are_sent_no_further_ahead_than_the_horizon(undisturbed):
             assert start + times[-1] <= now + RUNNER_SETTINGS.horizon + 1e-9
 
 
-def test_the_pieces_of_a_motion_lie_on_the_planned_one(undisturbed):
-    plan = undisturbed.planner.plan(
-        undisturbed.statics.chain.straight(), (0.0, 0.0), [C_FORM])[0].moves[0]
-    first = [c for c in undisturbed.commands if c[1] == 'follow'][0][2]
-    for _, name, *arguments in undisturbed.commands:
-        if name == 'follow' and arguments[0] == first:
-            _, times, pulls = arguments
-            for side in (0, 1):
-                expected = np.interp(times, plan.times, plan.pulls[:, side])
-                assert pulls[:, side] == pytest.approx(expected, abs=1e-9)
+def test_the_pieces_of_a_motion_lie_on_the_planned_one():
+    rig = VirtualRig((C_FORM,), plan_settings=PlanSettings())
+    move = rig.plan(C_FORM).moves[0]
+    rig.run(until=reaches(STIFFENING))
+    pieces = [command[2:] for command in rig.commands if command[1] == 'follow']
+    assert len(pieces) > 10
+    for start, times, pulls in pieces:
+        assert start == pytest.approx(pieces[0][0], abs=1e-6)
+        for side in (0, 1):
+            expected = np.interp(times, move.times, move.pulls[:, side])
+            assert pulls[:, side] == pytest.approx(expected, abs=1e-8)
+    assert times[-1] == pytest.approx(move.duration)
 
 
 def test_a_shape_is_held_for_its_time():

@@ -1,0 +1,190 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many arms solved at once are the same arms solved one by one."""
+
+from dataclasses import replace
+
+from extended_arms import arms, between, FEW, masks, paper_like
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from soft_continuum.mechanics import SLACK, Statics, StaticsError
+from soft_continuum.mechanics.arm import Tendon
+from soft_continuum.mechanics.batch import solve_batch
+from soft_continuum.mechanics.laws import Jam, MomentCurvature
+
+
+def assert_as_one_by_one(batch, models, start, asked, soft):
+    """Check every row of a batch against Statics.solve, to 1e-12."""
+    for i, pulls in enumerate(asked):
+        try:
+            state = models[i % len(models)].solve(start, pulls, soft)
+        except StaticsError:
+            assert not batch.found[i]
+            for rows in (batch.joint_angles, batch.tensions, batch.pulls, batch.residual):
+                assert np.all(np.isnan(rows[i]))
+            assert not batch.jumped[i]
+            continue
+        assert batch.found[i]
+        assert batch.joint_angles[i] == pytest.approx(state.joint_angles, abs=1e-12)
+        assert batch.tensions[i] == pytest.approx(state.tensions, abs=1e-12, rel=1e-12)
+        assert batch.pulls[i] == pytest.approx(state.pulls, abs=1e-12)
+        assert batch.jumped[i] == state.jumped
+        assert batch.residual[i] <= 1e-10
+
+
+@FEW
+@given(arms(stretch=True, jam=st.sampled_from([Jam(), Jam(5.0), Jam(5.0, yield_moment=0.02)])),
+       st.data())
+def test_one_arm_under_many_pulls(arm, data):
+    statics = Statics(arm)
+    soft = data.draw(masks(arm))
+    start = statics.chain.straight()
+    reach = sum(min(s.guide_offsets) for s, free in zip(arm.segments, soft, strict=True) if free)
+    right = [data.draw(between(-0.3, 0.6)) * reach for _ in range(6)]
+    left = [data.draw(st.sampled_from([SLACK, -1.2 * abs(p) - 1e-3])) for p in right]
+    asked = np.array([right, left]).T
+    asked[::2] = asked[::2, ::-1]
+    batch = solve_batch(statics, start, asked, soft)
+    assert batch.joint_angles.shape == (6, statics.chain.joints)
+    assert_as_one_by_one(batch, [statics], start, asked, soft)
+
+
+@FEW
+@given(st.lists(st.tuples(between(0.5, 2.0), between(0.0, 3.0), between(0.0, 0.02)),
+                min_size=2, max_size=8), st.sampled_from([Jam(), Jam(4.0)]))
+def test_many_arms_under_their_own_pulls(kinds, jam):
+    base = paper_like(2, jam, gravity=9.80665)
+    models = [Statics(replace(
+        base, mounting_angle=mounting, payload=0.01 * stiffness, segments=tuple(
+            replace(s, bending_stiffness=stiffness * s.bending_stiffness)
+            for s in base.segments))) for stiffness, mounting, _ in kinds]
+    asked = np.array([(pull, SLACK) for _, _, pull in kinds])
+    start = models[0].chain.straight()
+    batch = solve_batch(models, start, asked, (True, False))
+    assert_as_one_by_one(batch, models, start, asked, (True, False))
+
+
+def test_many_arms_under_the_same_pulls():
+    models = [Statics(paper_like(2, gravity=9.80665, mounting_angle=m)) for m in (1.0, 2.0, 3.0)]
+    start = models[0].chain.straight()
+    batch = solve_batch(models, start, (0.01, SLACK), (True, True))
+    assert_as_one_by_one(batch, models, start, [(0.01, SLACK)] * 3, (True, True))
+
+
+@pytest.mark.parametrize('gravity', [0.0, 9.80665])
+def test_rows_that_a_full_step_does_not_reach_are_followed_in_small_ones(gravity):
+    statics = Statics(paper_like(3, gravity=gravity, mounting_angle=1.0))
+    start, soft = statics.chain.straight(), (True,) * 3
+    asked = np.array([(p, SLACK) for p in np.linspace(-0.01, 0.09, 11)])
+    batch = solve_batch(statics, start, asked, soft)
+    turned = np.abs(batch.joint_angles.reshape(11, 3, -1).sum(axis=2)).max(axis=1)
+    assert np.any(turned[batch.found] > 0.9)  # more than a full step is trusted with
+    assert_as_one_by_one(batch, [statics], start, asked, soft)
+
+
+def test_rows_that_fall_over_say_that_they_jumped():
+    light, heavy = (Statics(paper_like(2, gravity=9.80665, payload=p)) for p in (0.0, 0.3))
+    start = light.chain.straight()
+    asked = np.array([(SLACK, SLACK)] * 4)
+    batch = solve_batch([light, heavy, light, heavy], start, asked, (True, True))
+    assert batch.jumped.tolist() == [False, True, False, True]
+    assert np.all(batch.found)
+    assert_as_one_by_one(batch, [light, heavy], start, asked, (True, True))
+
+
+def test_rows_without_an_equilibrium_are_nan_and_do_not_touch_the_others():
+    statics = Statics(paper_like(2))
+    start, soft = statics.chain.straight(), (True, True)
+    asked = np.array([(0.01, SLACK), (0.05, 0.05), (SLACK, 0.02), (0.5, SLACK)])
+    batch = solve_batch(statics, start, asked, soft)
+    assert batch.found.tolist() == [True, False, True, False]
+    assert_as_one_by_one(batch, [statics], start, asked, soft)
+
+
+def test_a_single_problem_is_a_batch_of_one():
+    statics = Statics(paper_like(2))
+    start = statics.chain.straight()
+    batch = solve_batch(statics, start, (0.01, SLACK), (True, True))
+    assert batch.joint_angles.shape == (1, statics.chain.joints)
+    assert_as_one_by_one(batch, [statics], start, [(0.01, SLACK)], (True, True))
+
+
+def test_the_order_of_the_problems_does_not_matter():
+    statics = Statics(paper_like(3, tendon=Tendon(1e4)))
+    start, soft = statics.chain.straight(), (True, False, True)
+    asked = np.array([(p, SLACK) for p in np.linspace(0.0, 0.03, 40)])
+    forth = solve_batch(statics, start, asked, soft)
+    back = solve_batch(statics, start, asked[::-1], soft)
+    assert np.array_equal(forth.joint_angles, back.joint_angles[::-1])
+    assert np.array_equal(forth.tensions, back.tensions[::-1])
+
+
+def test_a_batch_starts_from_a_bent_shape_and_keeps_what_is_stiff():
+    statics = Statics(paper_like(3, Jam(6.0), gravity=9.80665, mounting_angle=2.0))
+    start = statics.solve(statics.chain.straight(), (0.02, SLACK), (True,) * 3)
+    soft = (False, True, False)
+    asked = np.array([(p, SLACK) for p in (0.015, 0.02, 0.025)])
+    assert_as_one_by_one(
+        solve_batch(statics, start, asked, soft), [statics], start, asked, soft)
+
+
+def test_arms_of_which_some_are_rigid_where_others_are_elastic_are_not_mixed_up():
+    rigid, elastic = Statics(paper_like(2)), Statics(paper_like(2, Jam(5.0)))
+    start, soft = rigid.chain.straight(), (True, False)
+    asked = np.array([(0.01, SLACK)] * 2)
+    for models in ([rigid, elastic], [elastic, rigid]):
+        try:
+            batch = solve_batch(models, start, asked, soft)
+        except ValueError:
+            continue  # refused is as good as solved
+        assert_as_one_by_one(batch, models, start, asked, soft)
+
+
+def test_soft_and_very_stiff_arms_do_not_share_their_tolerances():
+    base = paper_like(1, gravity=9.80665, mounting_angle=1.0)
+    models = [Statics(replace(base, segments=(replace(
+        base.segments[0], bending_stiffness=stiffness),))) for stiffness in (900.0, 0.0265)]
+    start, asked = models[0].chain.straight(), np.array([(1e-4, SLACK), (0.01, SLACK)])
+    batch = solve_batch(models, start, asked, (True,))
+    alone = models[1].solve(start, asked[1], (True,))
+    assert batch.joint_angles[1] == pytest.approx(alone.joint_angles, abs=1e-12)
+
+
+@pytest.mark.parametrize('asked', [
+    (), (0.01,), (0.01, 0.0, 0.0), [[0.01], [0.02]], [[np.nan, 0.0]], [[[0.01, 0.0]]],
+    [[np.inf, 0.0]], np.zeros((0, 2))])
+def test_pulls_that_are_not_pairs_are_refused(asked):
+    statics = Statics(paper_like(2))
+    with pytest.raises(ValueError):
+        solve_batch(statics, statics.chain.straight(), asked, (True, True))
+
+
+def test_arms_and_pulls_that_do_not_go_together_are_refused():
+    one, short, coarse = (Statics(a) for a in (
+        paper_like(2), paper_like(1), paper_like(2, bodies=3)))
+    start = one.chain.straight()
+    with pytest.raises(ValueError, match='3 arms and 2 pairs'):
+        solve_batch([one] * 3, start, [(0.01, SLACK)] * 2, (True, True))
+    for other in (short, coarse):
+        with pytest.raises(ValueError, match='same number'):
+            solve_batch([one, other], start, [(0.01, SLACK)] * 2, (True, True))
+    with pytest.raises(ValueError):
+        solve_batch([], start, (0.01, SLACK), (True, True))
+    with pytest.raises(ValueError, match='soft'):
+        solve_batch(one, start, (0.01, SLACK), (True,))
+    with pytest.raises(ValueError):
+        solve_batch(one, short.chain.straight(), (0.01, SLACK), (True, True))
+    with pytest.raises(ValueError, match='stiff'):
+        solve_batch(one, start, (0.01, SLACK), (False, False))
+
+
+@pytest.mark.parametrize('changes', [
+    {'soft_law': MomentCurvature((0.0, 1.0, 3.0), (0.0, 0.02, 0.05))},
+    {'jam': Jam(law=MomentCurvature((0.0, 1.0, 3.0), (0.0, 0.1, 0.3)))}])
+def test_tables_are_refused(changes):
+    statics = Statics(paper_like(1, **changes))
+    with pytest.raises(ValueError, match='linear'):
+        solve_batch(statics, statics.chain.straight(), (0.01, SLACK), (True,))

@@ -1,0 +1,299 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""From angles to pulls, from a tip to angles, and what the arm reaches."""
+
+from dataclasses import replace
+from itertools import permutations
+from math import nan, pi, radians
+
+from extended_arms import arms, between, FEW, masks, paper_like, pulls
+from hypothesis import assume, given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics, StaticsError
+from soft_continuum.mechanics.arm import Tendon
+from soft_continuum.mechanics.inverse import (
+    angles_for_tip,
+    pulls_for_angles,
+    set_shape,
+    workspace,
+)
+
+
+def angles(statics, state):
+    return statics.chain.bending_angles(state.joint_angles)
+
+
+def tip_of(statics, state):
+    return statics.chain.points(state.joint_angles)[-1]
+
+
+# Pulls for angles
+
+@FEW
+@given(arms(segments=(1, 3), bodies=(1, 4), stretch=True), st.data())
+def test_the_pull_is_found_that_gave_the_angles(arm, data):
+    statics = Statics(arm)
+    soft = data.draw(masks(arm))
+    start = statics.chain.straight()
+    asked = data.draw(pulls(arm, start, soft))
+    there = statics.solve(start, asked, soft)
+    assume(there.tensions.max() > 1e-3)
+    wanted = np.where(soft, angles(statics, there), nan)
+    fit = pulls_for_angles(statics, start, wanted, soft)
+    assert np.nanmax(np.abs(fit.error)) < 1e-7
+    assert np.array_equal(np.isnan(fit.error), np.isnan(wanted))
+    again = statics.solve(start, fit.pulls, soft)
+    assert again.joint_angles == pytest.approx(fit.state.joint_angles, abs=1e-10)
+    assert angles(statics, again)[list(soft)] == pytest.approx(wanted[list(soft)], abs=1e-7)
+
+
+@pytest.mark.parametrize('angle', [-0.9, -0.2, 0.0, 0.4, 1.1])
+@pytest.mark.parametrize('mounting', [0.0, pi / 2, pi])
+@pytest.mark.parametrize('segment', [0, 2])
+def test_one_segment_takes_its_angle_under_gravity(angle, mounting, segment):
+    statics = Statics(paper_like(3, gravity=9.80665, mounting_angle=mounting))
+    start = statics.chain.uniform([0.2, -0.3, 0.1])
+    soft = tuple(i == segment for i in range(3))
+    wanted = np.full(3, nan)
+    wanted[segment] = angle
+    fit = pulls_for_angles(statics, start, wanted, soft)
+    assert angles(statics, fit.state)[segment] == pytest.approx(angle, abs=1e-8)
+    assert np.count_nonzero(fit.pulls == SLACK) == 1
+
+
+def test_an_angle_that_is_wanted_of_a_stiff_segment_is_none_of_the_pulls_business():
+    statics = Statics(paper_like(2))
+    fit = pulls_for_angles(statics, statics.chain.straight(), (0.4, 9.9), (True, False))
+    assert angles(statics, fit.state) == pytest.approx([0.4, 0.0], abs=1e-9)
+    assert np.isnan(fit.error[1])
+
+
+def test_of_several_segments_one_may_take_any_angle():
+    statics = Statics(paper_like(3))
+    fit = pulls_for_angles(statics, statics.chain.straight(), (nan, 0.5, nan), (True,) * 3)
+    assert angles(statics, fit.state)[1] == pytest.approx(0.5, abs=1e-9)
+    assert np.all(angles(statics, fit.state)[[0, 2]] > 0.05)
+
+
+@pytest.mark.parametrize('wanted', [
+    (0.6, 0.6, 0.6), (0.2, 0.8, 0.1), (-1.16, -0.82, 1.19), (-1.14, 0.81, nan), (0.9, -0.7, 0.2)])
+@pytest.mark.parametrize('mounting', [None, 2.1, -2.8])
+def test_no_other_pull_comes_closer_to_angles_that_cannot_all_be_had(wanted, mounting):
+    gravity = 0.0 if mounting is None else 9.80665
+    statics = Statics(paper_like(3, bodies=3, gravity=gravity, mounting_angle=mounting or 0.0))
+    start, soft = statics.chain.straight(), (True,) * 3
+    fit = pulls_for_angles(statics, start, wanted, soft)
+    best = np.nansum(fit.error**2)
+    for tendon in (RIGHT, LEFT):
+        for pull in np.linspace(-0.03, 0.06, 46):
+            asked = [SLACK, SLACK]
+            asked[tendon] = pull
+            try:
+                state = statics.solve(start, asked, soft)
+            except StaticsError:
+                continue
+            error = np.nansum((angles(statics, state) - wanted)**2)
+            assert error > 0.999 * best - 1e-6
+
+
+@pytest.mark.parametrize(('wanted', 'soft'), [
+    ((nan, nan), (True, True)), ((0.1,), (True, True)), ((0.1, nan), (False, True)),
+    ((0.1, 0.1, 0.1), (True, True)), ((0.1, 0.1), (True,))])
+def test_angles_that_do_not_fit_the_arm_are_refused(wanted, soft):
+    statics = Statics(paper_like(2))
+    with pytest.raises(ValueError):
+        pulls_for_angles(statics, statics.chain.straight(), wanted, soft)
+
+
+# Shapes
+
+@FEW
+@given(arms(segments=(1, 4)), st.data())
+def test_a_shape_is_set_in_any_order(arm, data):
+    statics = Statics(arm)
+    wanted = [data.draw(between(-0.8, 0.8)) for _ in arm.segments]
+    order = data.draw(st.permutations(range(len(arm.segments))))
+    state = set_shape(statics, wanted, order=order)
+    assert angles(statics, state) == pytest.approx(wanted, abs=1e-9)
+    assert state.stiff == tuple(i != order[-1] for i in range(len(wanted))) or 0.0 in wanted
+
+
+def test_weightless_the_order_does_not_matter():
+    statics = Statics(paper_like(3))
+    shapes = [set_shape(statics, (0.6, -0.4, 0.5), order=order).joint_angles
+              for order in permutations(range(3))]
+    for shape in shapes[1:]:
+        assert shape == pytest.approx(shapes[0], abs=1e-9)
+
+
+def test_a_segment_that_has_its_angle_is_left_alone():
+    statics = Statics(paper_like(3, gravity=9.80665))
+    start = set_shape(statics, (0.5, 0.4, 0.3))
+    state = set_shape(statics, (0.5, -0.4, 0.3), start)
+    joints = statics.chain.joints_per_segment
+    assert np.array_equal(state.joint_angles[:joints], start.joint_angles[:joints])
+    assert np.array_equal(state.joint_angles[2 * joints:], start.joint_angles[2 * joints:])
+
+
+# Tips
+
+def limited(limit=1.2, gravity=0.0, bodies=3):
+    arm = paper_like(3, bodies=bodies, gravity=gravity)
+    return Statics(replace(arm, segments=tuple(
+        replace(s, bending_angle_limit=limit) for s in arm.segments)))
+
+
+TIPS = [((0.7, 0.4, -0.5), 0.0), ((-0.9, 0.9, 0.9), 0.0), ((0.3, 0.3, 0.3), 9.80665),
+        ((-0.5, 1.1, 0.2), 9.80665)]
+
+
+@pytest.mark.parametrize(('shape', 'gravity'), TIPS)
+@pytest.mark.parametrize('posed', [False, True])
+def test_a_tip_that_the_arm_had_is_reached_again(shape, gravity, posed):
+    statics = limited(gravity=gravity)
+    tip = tip_of(statics, set_shape(statics, shape))
+    fit = angles_for_tip(statics, tip[0], tip[1], tip[2] if posed else None)
+    assert fit.reached
+    assert fit.distance < 1e-6
+    assert fit.tip[:2] == pytest.approx(tip[:2], abs=1e-6)
+    if posed:
+        assert fit.tip[2] == pytest.approx(tip[2], abs=1e-4)
+    assert np.all(np.abs(fit.bending_angles) <= 1.2 + 1e-9)
+    assert angles(statics, fit.state) == pytest.approx(fit.bending_angles, abs=1e-8)
+    assert tip_of(statics, set_shape(statics, fit.bending_angles)) == pytest.approx(
+        fit.tip, abs=1e-8)
+
+
+@pytest.mark.parametrize('segment', [0, 1, 2])
+@pytest.mark.parametrize('angle', [-1.1, -0.02, 0.6])
+@pytest.mark.parametrize('posed', [False, True])
+def test_a_tip_that_one_segment_reaches_softens_only_one(segment, angle, posed):
+    statics = limited(gravity=9.80665)
+    shape = [0.0] * 3
+    shape[segment] = angle
+    tip = tip_of(statics, set_shape(statics, shape))
+    fit = angles_for_tip(statics, tip[0], tip[1], tip[2] if posed else None)
+    assert fit.reached
+    assert len(fit.softened) == 1
+    if posed:
+        assert fit.softened == (segment,)
+        assert fit.bending_angles == pytest.approx(shape, abs=1e-5)
+
+
+@pytest.mark.parametrize('pair', [(0, 1), (0, 2), (1, 2)])
+@pytest.mark.parametrize('bend', [(0.8, 0.5), (-1.0, 0.9)])
+def test_a_pose_that_two_segments_reach_softens_no_third(pair, bend):
+    statics = limited()
+    shape = np.zeros(3)
+    shape[list(pair)] = bend
+    tip = tip_of(statics, set_shape(statics, shape))
+    fit = angles_for_tip(statics, *tip)
+    assert fit.reached
+    assert fit.softened == pair
+
+
+def test_a_tip_where_it_is_already_softens_nothing():
+    statics = limited()
+    start = set_shape(statics, (0.5, -0.3, 0.2))
+    tip = tip_of(statics, start)
+    fit = angles_for_tip(statics, tip[0], tip[1], start=start)
+    assert fit.softened == ()
+    assert fit.state is start or np.array_equal(fit.state.joint_angles, start.joint_angles)
+
+
+def test_from_another_shape_the_segments_that_stay_keep_their_angles():
+    statics = limited()
+    start = set_shape(statics, (0.5, -0.3, 0.2))
+    tip = tip_of(statics, set_shape(statics, (0.5, 0.7, 0.2), start))
+    fit = angles_for_tip(statics, *tip, start=start)
+    assert fit.softened == (1,)
+    assert fit.bending_angles == pytest.approx([0.5, 0.7, 0.2], abs=1e-5)
+
+
+@pytest.fixture(scope='module', params=[0.0, 9.80665], ids=['weightless', 'upright'])
+def sampled(request):
+    """Return the statics of an arm limited to 1 rad, and a dense sample of its tips."""
+    statics = limited(1.0, request.param, bodies=2)
+    tips, shapes = workspace(statics, 9)
+    return statics, tips, shapes
+
+
+@pytest.mark.parametrize(('x', 'z'), [
+    (0.0, 0.5), (0.4, 0.2), (-0.3, 0.05), (0.0, 0.05), (0.05, 0.2), (0.9, 0.9)])
+def test_out_of_reach_no_sampled_tip_is_nearer(sampled, x, z):
+    statics, tips, _ = sampled
+    fit = angles_for_tip(statics, x, z)
+    nearest = np.hypot(tips[:, 0] - x, tips[:, 1] - z).min()
+    assert fit.distance <= nearest + 1e-6
+    assert fit.distance == pytest.approx(np.hypot(fit.tip[0] - x, fit.tip[1] - z))
+    assert np.all(np.abs(fit.bending_angles) <= 1.0 + 1e-9)
+    assert not fit.reached
+
+
+@pytest.mark.parametrize(('x', 'z', 'tangent'), [
+    (0.254, 0.354, 1.654), (-0.119, 0.081, 2.241), (0.021, 0.438, 0.838), (0.0, 0.5, 0.5)])
+def test_out_of_reach_no_sampled_pose_is_nearer_with_0_1_m_per_rad(sampled, x, z, tangent):
+    statics, tips, _ = sampled
+    fit = angles_for_tip(statics, x, z, tangent)
+    weights = np.array([1.0, 1.0, 0.1])
+    away = np.linalg.norm((tips - [x, z, tangent]) * weights, axis=1).min()
+    assert np.linalg.norm((fit.tip - [x, z, tangent]) * weights) <= away + 1e-6
+
+
+def test_straight_above_the_nearest_tip_is_that_of_the_straight_arm():
+    statics = limited()
+    fit = angles_for_tip(statics, 0.0, 1.0)
+    assert fit.distance == pytest.approx(1.0 - statics.chain.arm.length, abs=1e-6)
+    assert fit.bending_angles == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize('tip', [(nan, 0.1), (0.1, np.inf), (0.1, 0.2, nan)])
+def test_a_tip_that_is_no_number_is_refused(tip):
+    with pytest.raises(ValueError, match='tip'):
+        angles_for_tip(limited(), *tip)
+
+
+# Workspace
+
+def test_all_tips_lie_within_the_length_of_the_arm_and_all_angles_within_the_limits(sampled):
+    statics, tips, shapes = sampled
+    assert tips.shape == (9**3, 3)
+    assert shapes.shape == (9**3, 3)
+    assert np.abs(shapes).max() == pytest.approx(1.0, abs=1e-8)
+    above = np.hypot(tips[:, 0], tips[:, 1] - 0.03)
+    assert above.max() <= statics.chain.arm.length - 0.03 + 1e-12
+    assert tips[:, 2] == pytest.approx(shapes.sum(axis=1), abs=1e-9)
+
+
+def test_the_workspace_of_an_upright_arm_is_symmetric(sampled):
+    _, tips, shapes = sampled
+    order, mirrored = (np.lexsort(np.round(a, 6).T) for a in (shapes, -shapes))
+    assert shapes[order] == pytest.approx(-shapes[mirrored], abs=1e-9)
+    assert tips[order] == pytest.approx(tips[mirrored] * [-1.0, 1.0, -1.0], abs=1e-8)
+
+
+def test_tips_of_the_workspace_are_those_of_the_shapes_set_one_after_the_other(sampled):
+    statics, tips, shapes = sampled
+    for i in (0, 100, 364, 500, 728):
+        state = set_shape(statics, shapes[i])
+        assert tip_of(statics, state) == pytest.approx(tips[i], abs=1e-6)
+
+
+def test_shapes_that_no_tendon_holds_are_left_out():
+    # So heavy that it falls over before it is bent far.
+    arm = paper_like(1, gravity=9.80665, payload=3.0, bodies=3)
+    statics = Statics(replace(arm, tendon=Tendon(50.0)))
+    tips, shapes = workspace(statics, 9)
+    assert len(tips) == len(shapes) < 9
+    assert tips.shape[1:] == (3,)
+    assert shapes.shape[1:] == (1,)
+
+
+@pytest.mark.parametrize('count', [-1, 0, 1])
+def test_fewer_than_two_values_a_segment_are_refused(count):
+    with pytest.raises(ValueError, match='at least 2'):
+        workspace(limited(), count)
+    assert radians(90) == pi / 2
