@@ -74,7 +74,7 @@ class Parameter:
             return tuple(value)
         numbers = tuple(self._number(item, value) for item in value)
         if self.is_range and not (len(numbers) == 2 and numbers[0] < numbers[1]):
-            raise self._error(value, 'two numbers, the smaller first')
+            raise self._error(value, '2 numbers, the smaller first')
         return numbers
 
     def _number(self, item: Any, given: Any) -> float:
@@ -156,11 +156,16 @@ def read_parameter_file(path: str | Path, node: str = '') -> dict[str, Any]:
         raise ParameterError(
             f'{path}: a parameter file starts with a node name, or /** for all nodes')
     flat: dict[str, Any] = {}
+    applies = bool(node)  # a file for other nodes says nothing to this one
     for name, section in document.items():
         if not isinstance(section, Mapping) or 'ros__parameters' not in section:
             raise ParameterError(f'{path}: key {name}: expected ros__parameters below it')
         if str(name) in ('/**', '/*') or str(name).rsplit('/', 1)[-1] == node:
             _flatten(path, section['ros__parameters'], '', flat)
+            applies = True
+    if not applies:
+        raise ParameterError(f'{path}: has no section for all nodes (/**), only for '
+                             + ', '.join(str(name) for name in document))
     return flat
 
 

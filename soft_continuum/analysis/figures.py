@@ -56,5 +56,5 @@ def shapes_figure(path: str | Path, chain: RigidChain,
     panels[0].set_ylabel('z in mm')
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc='outside lower center', frameon=False,
-                  ncols=min(len(labels), 2 * len(shapes) - 1))
+                  ncols=2 if len(shapes) == 1 else len(labels))
     figure.savefig(path, dpi=120)

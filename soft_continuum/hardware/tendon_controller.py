@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from soft_continuum.hardware.protocols import TendonDriver, TendonReading
+from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
 from soft_continuum.mechanics.chain import Array
 
 JOIN_TOLERANCE = 2e-4
@@ -152,7 +152,11 @@ class TendonController:
         if self.following:
             ahead = self._setpoint_time = now + interval
             self._setpoint = self._planned(ahead)
-            self._driver.move((float(self._setpoint[0]), float(self._setpoint[1])), interval)
+            try:
+                self._driver.move((float(self._setpoint[0]), float(self._setpoint[1])), interval)
+            except HardwareError:
+                self._times = np.zeros(0)  # nothing goes on by itself when the device is back
+                raise
             if ahead >= self._times[-1]:
                 self._times = np.zeros(0)
         self.reading = self._driver.read()

@@ -38,6 +38,7 @@ from soft_continuum.nodes.support import (
 )
 
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
+TAKEN_UP = 1e-4  # m that rope and guides take up; the model's tendons would buckle the arm at once
 
 
 class TendonActuation(ManagedNode):
@@ -179,7 +180,7 @@ class TendonActuation(ManagedNode):
                 steps = int(np.ceil(np.abs(after - before).max() / PREDICTION_STEP)) or 1
                 for part in np.arange(1, steps + 1) / steps:
                     wanted = before + part * (after - before)
-                    state = self._statics.solve(state, wanted, soft)
+                    state = self._statics.solve(state, wanted - TAKEN_UP, soft)
                     right, left = state.tensions
                     if max(right, left) > limit or min(right, left) > both_limit:
                         raise MotionRefusedError(

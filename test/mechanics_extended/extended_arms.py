@@ -14,11 +14,12 @@ from soft_continuum.mechanics.laws import Jam
 FEW = settings(deadline=None, derandomize=True, max_examples=25, database=None,
                suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much])
 
+RIGID = Jam()
 STIFFNESS = (0.0265, 0.0091, 0.0033)  # N m^2, E I of the paper's segments
 DIAMETER = (0.050, 0.0425, 0.035)  # m
 
 
-def paper_like(segments=3, jam=Jam(), soft_law=None, bodies=5, gravity=0.0, **changes):
+def paper_like(segments=3, jam=RIGID, soft_law=None, bodies=5, gravity=0.0, **changes):
     """Return an arm with the paper's proportions and 1 to 6 segments, weightless by default."""
     kinds = [min(i, 2) for i in range(segments)]
     return Arm(
@@ -34,7 +35,7 @@ def between(low, high):
 
 
 @st.composite
-def arms(draw, jam=Jam(), segments=(1, 4), bodies=(1, 5), load=(0.0, 1.0), stretch=False,
+def arms(draw, jam=RIGID, segments=(1, 4), bodies=(1, 5), load=(0.0, 1.0), stretch=False,
          friction=False):
     """
     Return a random arm that stands by itself with all segments soft.

@@ -95,7 +95,8 @@ def test_a_force_on_the_base_does_nothing():
 def test_forces_on_one_disc_add_up():
     arm = paper_like(2)
     parts = (PointForce(2, 0.05, 0.0), PointForce(2, 0.02, -0.1), PointForce(2, 0.0, 0.03))
-    split, whole = (Statics(replace(arm, forces=f)) for f in (parts, (PointForce(2, 0.07, -0.07),)))
+    at_once = (PointForce(2, 0.07, -0.07),)
+    split, whole = (Statics(replace(arm, forces=f)) for f in (parts, at_once))
     one, other = (s.solve(s.chain.straight(), BOTH_SLACK, (True, True)) for s in (split, whole))
     assert one.joint_angles == pytest.approx(other.joint_angles, abs=1e-12)
 

@@ -115,7 +115,7 @@ BAD_DESCRIPTIONS = {
         (LENGTHS, 'segment_lengths: [1, 0.07, 0.07]', ['arm.segment_lengths']),
     'whole number for a measure': ('gravity: 9.80665', 'gravity: 10', ['arm.gravity', '10.0']),
     'one limit of two': ('pull_limits: [-0.060, 0.060]', 'pull_limits: [0.060]',
-                         ['pull_limits', '2']),
+                         ['pull_limits', 'two numbers']),
     'limits the wrong way round': ('pull_limits: [-0.060, 0.060]', 'pull_limits: [0.060, -0.060]',
                                    ['pull_limits']),
     'thresholds in the wrong order':
