@@ -74,7 +74,7 @@ class Parameter:
             return tuple(value)
         numbers = tuple(self._number(item, value) for item in value)
         if self.is_range and not (len(numbers) == 2 and numbers[0] < numbers[1]):
-            raise self._error(value, '2 numbers, the smaller first')
+            raise self._error(value, 'two numbers, the smaller first')
         return numbers
 
     def _number(self, item: Any, given: Any) -> float:
