@@ -153,7 +153,8 @@ def tension_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int
     guides = chain.guide_points(joint_angles)
     runs = np.diff(guides, axis=1)  # through discs and spans in turn, base disc first
     heading = np.arctan2(runs[:, :, 0], runs[:, :, 1])
-    turn = np.abs(np.diff(heading, axis=1))  # at the guides, from the top of the base disc
+    # At the guides, from the top of the base disc; headings come back after a full turn.
+    turn = np.abs((np.diff(heading, axis=1) + np.pi) % (2.0 * np.pi) - np.pi)
     passed = np.cumsum(turn, axis=1)[:, 0::2]  # before each span
     direction = np.asarray(sliding, dtype=float)[:, None]
     ratios: Array = np.exp(-chain.arm.tendon.friction * direction * passed)

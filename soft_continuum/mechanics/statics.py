@@ -260,6 +260,9 @@ class Statics:
 
     def _find(self, start: Equilibrium, boundary: _Boundary,
               sliding: Sequence[int] = (0, 0)) -> Equilibrium:
+        if len(sliding) != 2 or any(s not in (-1, 0, 1) for s in sliding):
+            raise ValueError('sliding must be 1, 0 or -1 for each of the two tendons; '
+                             f'given: {list(sliding)}')
         point = self._start(start)
         end, jumped = self._step(point, boundary)
         if self.chain.arm.tendon.friction > 0.0 and any(sliding):
