@@ -17,7 +17,11 @@ class Kernel:
 
     def __init__(self, statics: Statics, start: Equilibrium, pulls: tuple[float, float],
                  soft: Sequence[bool]) -> None:
-        """Take over the arguments of the first call that ``statics`` makes for a solve."""
+        """
+        Take over the arguments of the first call that is made for a solve.
+
+        A new Statics has not prepared anything yet that would go round that call.
+        """
         calls: list[tuple[Any, ...]] = []
 
         def record(*arguments: Any) -> Any:
@@ -27,7 +31,7 @@ class Kernel:
 
         compiled = _newton.newton
         with patch.object(_newton, 'newton', record):
-            statics.solve(start, pulls, soft)
+            Statics(statics.chain.arm).solve(start, pulls, soft)
         theta, tension, *self._rest = calls[0]
         self._begin = theta.copy(), tension.copy()
         self._state = theta, tension

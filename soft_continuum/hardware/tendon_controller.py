@@ -16,6 +16,8 @@ from soft_continuum.mechanics.chain import Array
 
 JOIN_TOLERANCE = 2e-4
 """m between a set-point and a trajectory that replaces the present one; the driver smooths it."""
+LATE = 0.2
+"""s by which a trajectory may arrive late and still be joined."""
 TENDONS = ('right_tendon', 'left_tendon')
 
 
@@ -59,13 +61,15 @@ class TendonController:
         return self._busy or self.reading.moving
 
     def accept(self, times: Array, pulls: Array, now: float,
-               predict: Callable[[Array], None]) -> None:
+               predict: Callable[[Array], None], begin: float | None = None) -> None:
         """
         Replace the present trajectory from ``now`` on.
 
         times: (points,) s on the clock of ``now``; pulls: (points, 2) m, right and left.
-        ``predict`` raises MotionRefusedError for pulls (k, 2) that the arm must not be given.
-        Raises MotionRefusedError; then the present trajectory goes on unchanged.
+        begin: when the trajectory was to start, on the same clock; a late one may catch up as far
+        as the driver's own limits let it.  ``predict`` raises MotionRefusedError for pulls (k, 2)
+        that the arm must not be given.  Raises MotionRefusedError; then the present trajectory
+        goes on unchanged.
         """
         if self.stopped:
             raise MotionRefusedError(
@@ -85,7 +89,8 @@ class TendonController:
         # The resolution of seconds since 1970 counts as none.
         allowed = self.limits.speed_limit * (np.diff(times) + 2 * np.spacing(times[-1]))
         allowed = allowed * (1 + 1e-6)
-        allowed[0] += JOIN_TOLERANCE
+        late = 0.0 if begin is None else min(max(0.0, start - begin), LATE)
+        allowed[0] += JOIN_TOLERANCE + self.limits.speed_limit * late
         if np.any(steps > allowed):
             worst = int(np.argmax(steps - allowed))
             speed = steps[worst] / np.diff(times)[worst]

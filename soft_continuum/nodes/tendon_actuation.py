@@ -24,7 +24,7 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.statics import Statics, StaticsError
-from soft_continuum.nodes.conversions import trajectory_from_ros
+from soft_continuum.nodes.conversions import seconds, trajectory_from_ros
 from soft_continuum.nodes.support import (
     Age,
     ERROR,
@@ -143,7 +143,8 @@ class TendonActuation(ManagedNode):
                 raise MotionRefusedError(obstacle)
             now = self._seconds()
             times, pulls = trajectory_from_ros(message, now)
-            self._controller.accept(times, pulls, now, self._predict)
+            begin = seconds(message.header.stamp) or now
+            self._controller.accept(times, pulls, now, self._predict, begin)
             self._refused = self._ended = ''
             self._stiff_at_start = list(self._stiff)
         except MotionRefusedError as error:

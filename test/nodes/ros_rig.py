@@ -180,6 +180,11 @@ class Goal:
         self._future = rig.action.send_goal_async(
             RunShapeSequence.Goal(shapes=list(shapes)), feedback_callback=self._on_feedback)
         self._result: Any = None
+        self.ended_time = 0  # ns, on the clock of Heard.time
+
+    def _on_end(self, _: Any) -> None:
+        self.ended_time = time.time_ns()
+        self._rig.changed()
 
     def _on_feedback(self, message: Any) -> None:
         self.feedback.append((time.monotonic(), message.feedback))
@@ -191,6 +196,7 @@ class Goal:
         handle = self._rig.wait_future(self._future, 'an answer to the goal')
         if handle.accepted and self._result is None:
             self._result = handle.get_result_async()
+            self._result.add_done_callback(self._on_end)
         return bool(handle.accepted)
 
     def result(self, within: float = DEADLINE) -> tuple[str, Any]:
@@ -472,10 +478,15 @@ class Rig:
         assert not any(any(s.velocity) for s in states), 'a tendon moves'
         assert len({tuple(s.position) for s in states}) == 1, 'a tendon changes its pull'
 
-    def assert_rests_stiff(self) -> None:
-        """Claim that the arm has come to rest with every segment stiff."""
-        assert self.all_stiff, f'soft: {self.soft_segments()}'
+    def assert_rests_stiff(self, goal: Goal | None = None) -> None:
+        """Claim that the arm rests with every segment stiff, at the latest when a goal ended."""
         self.assert_rests()
+        self.assert_stiff_since(goal)
+
+    def assert_stiff_since(self, goal: Goal | None = None) -> None:
+        """Claim that every segment is stiff, at the latest since a goal ended."""
+        # The last of the flags may still be on its way to the observer.
+        self.wait_for(lambda: self.all_stiff, 'a stiff arm', within=5.0)
 
     def assert_only_one_was_soft(self) -> None:
         """Claim that at no time more than one segment was soft, by flag and by pressure."""

@@ -43,7 +43,7 @@ def test_the_three_shapes_of_the_paper_are_reached_by_name(arm: Rig) -> None:
         status, result = goal.result()
         assert (status, result.error_code, result.error_string, result.shapes_completed) == (
             'SUCCEEDED', RunShapeSequence.Result.SUCCESSFUL, '', 1)
-        assert arm.all_stiff
+        arm.assert_stiff_since(goal)
         assert_reached(arm, LIBRARY[name], points)
 
 

@@ -46,7 +46,7 @@ def test_cancel_leaves_the_arm_at_rest_with_every_segment_stiff(rig: Rig, phase:
     assert (status, result.error_code) == ('CANCELED', Result.CANCELED)
     assert 'canceled' in result.error_string
     assert result.shapes_completed == 0
-    rig.assert_rests_stiff()
+    rig.assert_rests_stiff(goal)
     rig.assert_only_one_was_soft()
 
 
@@ -56,7 +56,7 @@ def test_cancel_in_mid_motion_stops_short_and_the_next_goal_goes_on_from_there(r
     rig.wait_for(lambda: rig.tendons.last and rig.tendons.last.position[0] > 0.001, 'a pull')
     goal.cancel()
     assert goal.result()[0] == 'CANCELED'
-    rig.assert_rests_stiff()
+    rig.assert_rests_stiff(goal)
     assert 0.0 < rig.pulls[0] < 0.006  # on the way to some 7 mm
     assert rig.set_parameter('shape_sequencer', 'tendon_speed', 0.3).successful
     assert rig.goal(BEND).result()[0] == 'SUCCEEDED'
@@ -71,7 +71,7 @@ def test_cancel_while_the_arm_is_made_ready_ends_stiff(rig: Rig) -> None:
     goal.wait_for_phase('preparing')
     goal.cancel()
     assert goal.result()[0] == 'CANCELED'
-    rig.assert_rests_stiff()
+    rig.assert_rests_stiff(goal)
 
 
 @pytest.mark.parametrize('phase', PHASES)
@@ -210,7 +210,7 @@ def test_a_disturbance_in_mid_motion_ends_the_goal_with_its_name(
     assert (status, result.error_code) == ('ABORTED', Result.HARDWARE_FAULT)
     assert named in result.error_string
     if disturb in (stiffen, soften_another):
-        rig.assert_rests_stiff()  # as after every end but a stop
+        rig.assert_rests_stiff(goal)  # as after every end but a stop
     if disturb is not deactivate_tendons:
         rig.assert_rests()
 
@@ -239,8 +239,9 @@ def test_a_segment_that_does_not_become_stiff_ends_the_goal_with_its_vacuum(rig:
 
 def test_a_segment_that_does_not_become_soft_ends_the_goal_stiff(rig: Rig) -> None:
     rig.start_arm(simulated_jamming__venting_time=60.0, jamming_timeout=1.0)
-    status, result = rig.goal(BEND).result()
+    goal = rig.goal(BEND)
+    status, result = goal.result()
     assert (status, result.error_code) == ('ABORTED', Result.TIMEOUT)
     assert 'segment 3 did not become soft within 1 s; its vacuum is' in result.error_string
-    rig.assert_rests_stiff()
+    rig.assert_rests_stiff(goal)
     assert rig.pulls == (0.0, 0.0)

@@ -82,7 +82,7 @@ def test_when_the_tendon_actuation_is_killed_the_goal_is_aborted_and_the_arm_sti
     process, goal = moving_arm(rig, processes, 'tendon_actuation')
     process.kill()
     assert_aborted(goal, 'tendon_actuation')
-    assert rig.all_stiff
+    rig.assert_stiff_since(goal)
 
     heard = len(rig.tendons)
     start_again(rig, processes, 'tendon_actuation')
@@ -117,7 +117,7 @@ def test_when_kinematics_is_killed_the_goal_is_aborted_and_its_successor_knows_n
     process, goal = moving_arm(rig, processes, 'kinematics')
     process.kill()
     assert_aborted(goal, 'kinematics')
-    rig.assert_rests_stiff()
+    rig.assert_rests_stiff(goal)
     assert_rests_short(rig)
 
     heard = len(rig.joints)
