@@ -93,9 +93,10 @@ def _constant_curvature(arm: Arm) -> Solver:
 def _chain(discretisation: str, bodies: int) -> Callable[[Arm], Solver]:
     def prepare(arm: Arm) -> Solver:
         statics = Statics(replace(arm, discretisation=discretisation, bodies_per_segment=bodies))
+        straight = statics.chain.straight()
 
         def solve(steps: list[paper.Step]) -> Array:
-            return statics.chain.points(paper.walk(statics, steps)[-1].joint_angles)
+            return statics.chain.points(paper.walk(statics, steps, straight)[-1].joint_angles)
 
         return solve
 

@@ -88,9 +88,10 @@ def pulls_of(step: Step, state: Equilibrium) -> tuple[float, float]:
     return pulls[RIGHT], pulls[LEFT]
 
 
-def walk(statics: Statics, steps: list[Step]) -> list[Equilibrium]:
+def walk(statics: Statics, steps: list[Step], straight: Equilibrium | None = None
+         ) -> list[Equilibrium]:
     """Return the state after each step, from straight."""
-    state, states = statics.chain.straight(), []
+    state, states = straight or statics.chain.straight(), []
     for step in steps:
         state = statics.solve(
             state, pulls_of(step, state), only(step.segment, statics.chain.segments))

@@ -166,7 +166,7 @@ def _c_form(statics: Statics) -> dict[str, Contender]:
     found['compiled solver, called directly'] = Contender(
         sampler(repeated(kernels)),
         paper.apart(statics, kernels[-1].joint_angles, states[-1].joint_angles))
-    found['Statics.solve'] = Contender(sampler(lambda: paper.walk(statics, steps)), 0.0)
+    found['Statics.solve'] = Contender(sampler(lambda: paper.walk(statics, steps, starts[0])), 0.0)
     return found
 
 
