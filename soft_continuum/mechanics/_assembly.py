@@ -15,7 +15,7 @@ from soft_continuum.mechanics._compile import compiled
 
 
 @compiled
-def joint_law(q, joint, tables):  # type: ignore[no-untyped-def]
+def joint_law(q, joint, tables, secant):  # type: ignore[no-untyped-def]
     """
     Return moment (N m) and tangent (N m/rad) of one joint at relative angle q (rad).
 
@@ -45,6 +45,8 @@ def joint_law(q, joint, tables):  # type: ignore[no-untyped-def]
         elif jam < -joint[5]:
             jam = -joint[5]
             jam_tangent = 0.0
+        if secant and offset != 0.0:
+            jam_tangent = max(jam_tangent, jam / offset)
         moment += jam
         tangent += jam_tangent
     return moment, tangent
@@ -149,14 +151,14 @@ def add_tendon(t, tension, ratios, cosine, sine, bodies, guides, spans, group,  
 
 
 @compiled
-def balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off):  # type: ignore[no-untyped-def]
+def balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off, secant):  # type: ignore[no-untyped-def]
     """Add springs and loads to the moment balance of every group and to its tridiagonal part."""
     for i in range(theta.shape[0]):
         k = group[i]
         j = group[i - 1] if i > 0 else -1
         if k != j:
             moment, tangent = joint_law(
-                theta[i] - (theta[i - 1] if i > 0 else 0.0), joints[i], tables)
+                theta[i] - (theta[i - 1] if i > 0 else 0.0), joints[i], tables, secant)
             gradient[k] += moment
             diagonal[k] += tangent
             if j >= 0:
@@ -181,7 +183,7 @@ def moment_balance(theta, tension, bodies, joints, tables, guides, ratios, group
     cosine = np.cos(theta)
     sine = np.sin(theta)
     tendon_geometry(cosine, sine, bodies, guides, spans, np.empty(2))
-    balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off)
+    balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off, False)
     for t in range(2):
         if tension[t] != 0.0:
             add_tendon(t, tension[t], ratios, cosine, sine, bodies, guides, spans, group,
@@ -208,7 +210,7 @@ def dense_system(theta, tension, bodies, joints, tables, guides, ratios, group, 
     cosine = np.cos(theta)
     sine = np.sin(theta)
     tendon_geometry(cosine, sine, bodies, guides, spans, np.empty(2))
-    balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off)
+    balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off, False)
     force = np.empty((groups, 2))
     reach = np.empty((groups, 2))
     hessian = np.zeros((groups, groups))

@@ -33,7 +33,7 @@ JUST_TAUT = 1e-9  # m of slack that counts as none
 SHORT = 1e-13  # m by which a tendon may be too long after a step
 SLIGHT = 1e-7  # N of tension that counts as none
 STEP_LIMIT = 0.7  # rad, the largest change of an angle in one iteration
-MAX_ITERATIONS = 40
+MAX_ITERATIONS = 60
 
 
 @compiled
@@ -229,7 +229,11 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
         diagonal[:] = damping
         for k in range(groups):
             gradient[k] += damping * offset[k]
-        balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off)
+        # Newton's steps may go back and forth about a jam that yields; those with its secant,
+        # a majorant of the energy, do not.
+        secant = iteration % 16 >= 8
+        balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off,
+                secant)
         used = 1
         error = 0.0
         for t in range(2):
@@ -329,4 +333,5 @@ def newton_batch(theta, tension, bodies, joints, tables, guides, group, groups, 
             theta[i], tension[i], bodies[i % bodies.shape[0]], joints[i % joints.shape[0]],
             tables, guides[i % guides.shape[0]], np.ones((2, guides.shape[1])), group[g],
             np.zeros(2, dtype=np.int64), target[i], compliance[i % compliance.shape[0]],
-            np.zeros(2, dtype=np.int64), np.zeros(groups[g]), 0.0, tolerance, lengths[i])
+            np.zeros(2, dtype=np.int64), np.zeros(groups[g]), 0.0,
+            tolerance[i % tolerance.shape[0]], lengths[i])

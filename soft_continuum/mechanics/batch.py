@@ -48,7 +48,8 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium, pulls: Ar
         raise ValueError('pulls must have shape (m, 2): right and left in m, without nan')
     if len(models) not in (1, count) or len(target) not in (1, count):
         raise ValueError(f'{len(models)} arms and {len(target)} pairs of pulls do not go together')
-    shapes = {(m.chain.segments, m.chain.joints) for m in models}
+    shapes = {(m.chain.segments, m.chain.joints,
+               tuple(s.jam.rigid for s in m.chain.arm.segments)) for m in models}
     if len(shapes) != 1 or any(len(m.laws.tables) > 1 or np.any(m.laws.tables) for m in models):
         raise ValueError('the arms of a batch need the same number of segments and bodies, and '
                          'linear stiffness laws')
@@ -67,9 +68,10 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium, pulls: Ar
         np.array([b.joints for b in boundaries]), models[0].laws.tables,
         np.array([m.chain.guides for m in models]), boundaries[0].group[None, :],
         np.array([boundaries[0].groups]), straight - target,
-        np.array([m.compliance for m in models]), models[0].tolerance, lengths, status, residual)
-    last = models[0].chain.last_joint
-    turned = np.diff((theta - begin)[:, last], axis=1, prepend=0.0)
+        np.array([m.compliance for m in models]), np.array([m.tolerance for m in models]),
+        lengths, status, residual)
+    turned = np.abs(np.diff(theta - begin, axis=1, prepend=0.0)).reshape(
+        count, models[0].chain.segments, -1).sum(axis=2)
     near = np.array([b.direct_limit for b in boundaries])
     found = (status == _newton.CONVERGED) & (np.abs(turned).max(axis=1) <= near)
     batch = Batch(np.diff(theta, axis=1, prepend=0.0), tension, straight - lengths, found,

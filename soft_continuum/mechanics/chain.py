@@ -30,7 +30,7 @@ class Equilibrium:
     residual: largest unbalanced moment, N m.  jumped: the equilibrium followed from the start
     ceased to exist on the way and the arm went over to the next stable one.  stiff: which
     segments were stiff.  held_angles: (joints,) rad, the shape that the jam of each stiff segment
-    holds.
+    holds.  vacuum: of each segment, 0 to 1; empty for full.
     """
 
     joint_angles: Array
@@ -42,6 +42,7 @@ class Equilibrium:
     stiff: tuple[bool, ...]
     held_angles: Array
     jumped: bool = False
+    vacuum: tuple[float, ...] = ()
 
     @property
     def taut(self) -> tuple[bool, bool]:
@@ -180,7 +181,13 @@ class RigidChain:
         """Return the elastic and potential energy, J, of all segments soft (zero: straight up)."""
         theta = np.cumsum(joint_angles)
         wx, wz = self.load_coefficients.T
-        return float(0.5 * self.joint_stiffness @ joint_angles**2
+        elastic = 0.5 * self.joint_stiffness * joint_angles**2
+        for s, segment in enumerate(self.arm.segments):
+            if segment.soft_law is not None:
+                for i in range(s * self.joints_per_segment, (s + 1) * self.joints_per_segment):
+                    length = self.joint_lengths[i]
+                    elastic[i] = length * segment.soft_law.work(joint_angles[i] / length)
+        return float(elastic.sum()
                      + wx @ np.sin(theta) + wz @ (np.cos(theta) - 1.0))
 
 

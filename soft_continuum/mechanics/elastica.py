@@ -64,6 +64,10 @@ class Elastica:
 
     def __init__(self, arm: Arm) -> None:
         """Prepare the rigid chain of ``arm`` that gives the first guess."""
+        if arm.tendon.axial_stiffness < np.inf:
+            raise ValueError('the tendons of the rods do not stretch')
+        if any(s.soft_law is not None for s in arm.segments):
+            raise ValueError('a rod is linear: a segment with a moment-curvature law has none')
         self.chain = RigidChain(arm)
         self._statics = Statics(arm)
 
@@ -122,7 +126,11 @@ class _Problem:
         down = np.array([[np.sin(arm.mounting_angle)], [-np.cos(arm.mounting_angle)]])
         weight = arm.gravity * self.flexibility * down
         above = np.cumsum(chain.body_masses[::-1])[::-1][top]
-        self.own_weight, self.end_weight = weight * mass, weight * above
+        self.own_weight = weight * mass
+        self.end_weight = weight * (above + arm.payload)
+        for force in arm.forces:
+            beyond = force.disc > np.flatnonzero(soft)
+            self.end_weight += beyond * self.flexibility * np.array([[force.x], [force.z]])
 
         # Between a rod and the next: a disc, and stiff segments with their discs.  They turn with
         # the rod's upper end, so that all their load coefficients add up to two.

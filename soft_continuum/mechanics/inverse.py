@@ -20,6 +20,7 @@ from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
 
+METRES_PER_RADIAN = 0.1  # what a tangent that is wanted as well counts
 REACHED = 1e-6  # m: a tip this close is where it was wanted
 
 
@@ -85,15 +86,32 @@ def _fit_pull(statics: Statics, start: Equilibrium, wanted: Array, chosen: NDArr
         rows: Array = angles.reshape(-1, per_segment).sum(axis=1)[chosen][:, None]
         return rows
 
-    try:
-        fit = least_squares(error, [guess], jac=slope, xtol=1e-14, ftol=1e-14, gtol=1e-14,
-                            x_scale=0.01)
-        state = statics.solve(start, both(fit.x), soft)
-    except StaticsError as failure:
-        return failure
+    # A slack tendon has no slope to follow: one of the guesses bends each segment its way.
+    side = 1.0 if tendon == RIGHT else -1.0
+    fits, failed = [], None
+    for begin in {guess, *(_single(statics, start, s, side * abs(wanted[s]), tendon)
+                           for s in chosen)}:
+        try:
+            fits.append(least_squares(error, [begin], jac=slope, xtol=1e-14, ftol=1e-14,
+                                      gtol=1e-14, x_scale=0.01))
+        except StaticsError as failure:
+            failed = failure
+    if not fits:
+        assert failed is not None
+        return failed
+    fit = min(fits, key=lambda one: float(one.cost))
+    state = statics.solve(start, both(fit.x), soft)
     rest = np.full(statics.chain.segments, np.nan)
     rest[chosen] = error(fit.x)
     return AngleFit(state, both(fit.x), rest)
+
+
+def _single(statics: Statics, start: Equilibrium, segment: int, angle: float, tendon: int
+            ) -> float:
+    """Return the pull by constant curvature that bends one segment from ``start`` on."""
+    angles = statics.chain.bending_angles(start.joint_angles)
+    angles[segment] = angle
+    return constant_curvature.pulls(statics.chain.arm, angles.tolist())[tendon]
 
 
 def set_shape(statics: Statics, bending_angles: Sequence[float],
@@ -152,13 +170,18 @@ def angles_for_tip(statics: Statics, x: float, z: float, tangent: float | None =
     for count in range(statics.chain.segments + 1):
         for segments in combinations(range(statics.chain.segments), count):
             fit = _fit_tip(statics, begin, present, segments, (x, z, tangent))
-            if fit is not None and (best is None or fit.distance < best.distance - REACHED):
+            if fit is not None and (
+                    best is None or _miss(fit, tangent) < _miss(best, tangent) - REACHED):
                 best = fit
         if best is not None and best.reached and _turned(best, tangent) < 1e-4:
             break
     if best is None:
         raise StaticsError('no tendon holds the segments on the way to that tip', begin)
     return best
+
+
+def _miss(fit: TipFit, tangent: float | None) -> float:
+    return float(np.hypot(fit.distance, METRES_PER_RADIAN * _turned(fit, tangent)))
 
 
 def _turned(fit: TipFit, tangent: float | None) -> float:
@@ -178,7 +201,7 @@ def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tup
     def miss(tip: Array) -> Array:
         away = [tip[0] - wanted[0], tip[1] - wanted[1]]
         if wanted[2] is not None:
-            away.append(0.1 * (tip[2] - wanted[2]))
+            away.append(METRES_PER_RADIAN * (tip[2] - wanted[2]))
         return np.array(away)
 
     def arc_miss(some: Array) -> Array:
@@ -186,7 +209,7 @@ def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tup
         return miss(tip)
 
     def chain_miss(some: Array) -> Array:
-        state = set_shape(statics, all_angles(some).tolist(), begin)
+        state = set_shape(statics, all_angles(some).tolist(), begin, segments)
         return miss(statics.chain.points(state.joint_angles)[-1])
 
     some = np.zeros(0)
@@ -200,7 +223,7 @@ def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tup
                                  bounds=(-limits, limits), xtol=1e-12, ftol=1e-14,
                                  gtol=1e-14, diff_step=1e-5).x
         angles = all_angles(some)
-        state = set_shape(statics, angles.tolist(), begin)
+        state = set_shape(statics, angles.tolist(), begin, segments)
     except StaticsError:
         return None
     tip = statics.chain.points(state.joint_angles)[-1]

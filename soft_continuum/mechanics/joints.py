@@ -55,7 +55,7 @@ class JointLaws:
         for k, table in enumerate(tables):
             curvatures = list(table.curvatures)
             while len(curvatures) < rows_needed:
-                curvatures.append(2.0 * curvatures[-1])
+                curvatures.append(2.0 * curvatures[-1] - curvatures[-2])
             self.tables[k] = curvatures, [table.moment(c) for c in curvatures]
 
     def _least(self, segment: int, chain: RigidChain) -> Array:
@@ -92,10 +92,28 @@ class JointLaws:
             rows = self._rows(s)
             joints[rows, JAM:JAM_TABLE + 1] = self._jam[rows]
             joints[rows, JAM] *= part**segment.jam.stiffness_exponent
-            joints[rows, YIELD] = segment.jam.yield_moment * part
-            held = start.held_angles if start.stiff[s] else start.joint_angles
-            joints[rows, HELD] = held[rows]
+            if segment.jam.yield_moment < np.inf:
+                joints[rows, YIELD] = segment.jam.yield_moment * part
+            if not start.stiff[s]:
+                joints[rows, HELD] = start.joint_angles[rows]
+                continue
+            joints[rows, HELD] = start.held_angles[rows]
+            before = start.vacuum[s] if start.vacuum else 1.0
+            if before < part:  # what is added holds the present shape: no moment changes
+                share = (before / part)**segment.jam.stiffness_exponent
+                for i in range(rows.start, rows.stop):
+                    offset = start.joint_angles[i] - start.held_angles[i]
+                    joints[i, HELD] = start.joint_angles[i] - self._rescaled(
+                        joints[i], offset, share)
         return joints
+
+    def _rescaled(self, row: Array, offset: float, share: float) -> float:
+        """Return the offset (rad) at which the jam bears ``share`` of what it bears at one."""
+        if row[JAM_TABLE] < 0:
+            return share * offset
+        curvatures, moments = self.tables[int(row[JAM_TABLE])]
+        moment = share * np.interp(abs(offset) / row[LENGTH], curvatures, moments)
+        return float(np.sign(offset) * np.interp(moment, moments, curvatures) * row[LENGTH])
 
     def held(self, angles: Array, joints: Array, stiff: Sequence[bool]) -> Array:
         """Return the angles (joints,) rad that the jams hold, after creep; others as they are."""
@@ -150,12 +168,31 @@ def tension_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int
     A tendon loses exp(-mu beta) at every guide where it turns by beta, seen in the direction in
     which it slides: 1 towards the base (it is pulled), -1 towards the tip, 0 without friction.
     """
+    ratios: Array = _run_ratios(chain, joint_angles, sliding)[:, 1::2]
+    return ratios
+
+
+def compliances(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
+    """Return by how much (2,) m each tendon stretches per N at the base, friction included."""
+    tendon = chain.arm.tendon
+    if not np.isfinite(tendon.axial_stiffness):
+        return np.zeros(2)
+    runs = np.empty(2 * chain.segments + 1)  # of the straight arm, through discs along the axis
+    runs[0::2] = [d.height for d in chain.arm.discs]
+    runs[1::2] = np.hypot([s.length for s in chain.arm.segments], np.diff(chain.guides)[:, 0])
+    carried = _run_ratios(chain, joint_angles, sliding) @ runs
+    stretches: Array = (tendon.free_length + carried) / tendon.axial_stiffness
+    return stretches
+
+
+def _run_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
+    """Return the tension over that at the base through discs and spans in turn, base first."""
     guides = chain.guide_points(joint_angles)
-    runs = np.diff(guides, axis=1)  # through discs and spans in turn, base disc first
+    runs = np.diff(guides, axis=1)
     heading = np.arctan2(runs[:, :, 0], runs[:, :, 1])
     # At the guides, from the top of the base disc; headings come back after a full turn.
     turn = np.abs((np.diff(heading, axis=1) + np.pi) % (2.0 * np.pi) - np.pi)
-    passed = np.cumsum(turn, axis=1)[:, 0::2]  # before each span
+    passed = np.cumsum(np.insert(turn, 0, 0.0, axis=1), axis=1)
     direction = np.asarray(sliding, dtype=float)[:, None]
     ratios: Array = np.exp(-chain.arm.tendon.friction * direction * passed)
     return ratios

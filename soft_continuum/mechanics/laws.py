@@ -55,11 +55,24 @@ class MomentCurvature:
             value += (m[-1] - m[-2]) / (k[-1] - k[-2]) * (size - k[-1])
         return value if curvature >= 0 else -value
 
+    def work(self, curvature: float) -> float:
+        """Return the work per length in J/m up to a curvature in 1/m."""
+        size = abs(curvature)
+        k = [*(x for x in self.curvatures if x < size), size]
+        m = [self.moment(x) for x in k]
+        return float(np.trapezoid(m, k))
+
     def minus(self, other: 'MomentCurvature') -> 'MomentCurvature':
         """Return the law that, beside ``other``, makes up this one."""
         k = np.union1d(self.curvatures, other.curvatures)
-        return MomentCurvature(
-            tuple(k.tolist()), tuple(self.moment(x) - other.moment(x) for x in k))
+        moments = [self.moment(x) - other.moment(x) for x in k]
+        for low, high, less, more in zip(k, k[1:], moments, moments[1:], strict=False):
+            if more <= less:
+                row = min(int(np.searchsorted(self.curvatures, high)), len(self.curvatures) - 1)
+                raise LawError(
+                    f'row {row + 1} of the stiff law: from {low:g} to {high:g} 1/m its moment '
+                    'grows no more than that of the soft segment')
+        return MomentCurvature(tuple(k.tolist()), tuple(moments))
 
 
 def linear(bending_stiffness: float) -> MomentCurvature:

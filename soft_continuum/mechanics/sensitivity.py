@@ -14,7 +14,14 @@ import numpy as np
 
 from soft_continuum.mechanics import _assembly
 from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.joints import JAM, JAM_TABLE, SOFT, SOFT_TABLE, tension_ratios
+from soft_continuum.mechanics.joints import (
+    compliances,
+    JAM,
+    JAM_TABLE,
+    SOFT,
+    SOFT_TABLE,
+    tension_ratios,
+)
 from soft_continuum.mechanics.statics import Statics
 
 
@@ -46,21 +53,24 @@ class Linearisation:
         self._chain = chain = statics.chain
         self._state = state
         self._boundary = boundary = statics._boundary(
-            state, [not s for s in state.stiff], np.zeros(2))
+            state, [not s for s in state.stiff], np.zeros(2), state.vacuum or None)
+        self._tables = statics.laws.tables
         self.theta = np.cumsum(state.joint_angles)
         ratios = tension_ratios(chain, state.joint_angles, sliding)
+        compliance = compliances(chain, state.joint_angles, sliding)
         self.tensions = np.nan_to_num(state.tensions)
         self.hessian, self._force, self._reach = _assembly.dense_system(
             self.theta, self.tensions, statics._bodies, boundary.joints, statics.laws.tables,
             chain.guides, ratios, boundary.group, boundary.groups)
-        self._taut = [t for t in (0, 1) if self.tensions[t] > 0.0]
+        self._taut = [t for t in (0, 1) if self.tensions[t] > 0.0
+                      and (compliance[t] > 0.0 or self._reach[:, t].any())]
         groups, size = boundary.groups, boundary.groups + len(self._taut)
         self._matrix = np.zeros((size, size))
         self._matrix[:groups, :groups] = self.hessian
         for row, t in enumerate(self._taut, start=groups):
             self._matrix[:groups, row] = self._force[:, t]
             self._matrix[row, :groups] = self._reach[:, t]
-            self._matrix[row, row] = -statics.compliance[t]
+            self._matrix[row, row] = -compliance[t]
 
     def pulls(self) -> Sensitivity:
         """Return the derivatives with respect to the pulls (right, left), per m."""
@@ -79,20 +89,32 @@ class Linearisation:
         # Joint stiffness is proportional to E I, and a jam's, K - 1 times it, as well.
         jam = np.clip(joints[:, JAM] * (self._state.joint_angles - joints[:, 4]),
                       -joints[:, 5], joints[:, 5])
-        jam[joints[:, JAM_TABLE] >= 0] = 0.0
-        jam[np.abs(jam) >= joints[:, 5]] = 0.0
+        # A jam's table is a whole stiff segment's less the soft one's.
+        table = joints[:, JAM_TABLE] >= 0
+        offset = self._state.joint_angles - joints[:, 4]
+        jam[table] = -(joints[:, JAM] * self._chain.joint_stiffness * offset)[table]
+        jam[np.abs(self._jam_moments()) >= joints[:, 5]] = 0.0
         stiffness = [s.bending_stiffness for s in self._chain.arm.segments]
         return self._solve(self._by_segment((moments + jam), stiffness))
 
     def stiffness_ratio(self) -> Sensitivity:
         """Return the derivatives with respect to the ratio K of every stiff segment."""
         joints = self._boundary.joints
-        offset = self._state.joint_angles - joints[:, 4]
-        elastic = np.abs(joints[:, JAM] * offset) < joints[:, 5]
+        moments = self._jam_moments()
+        elastic = np.abs(moments) < joints[:, 5]
         ratios = np.array([s.jam.ratio for s in self._chain.arm.segments])
-        moments = np.where(elastic, joints[:, JAM] * offset, 0.0)
+        moments = np.where(elastic, moments, 0.0)
         return self._solve(self._by_segment(moments, np.where(
             np.isinf(ratios), np.inf, ratios - 1.0)))
+
+    def _jam_moments(self) -> Array:
+        """Return what the jams would bear without a limit, (joints,), N m."""
+        joints = self._boundary.joints
+        moments: Array = self._state.joint_angles - joints[:, 4]
+        for i in np.flatnonzero(joints[:, JAM_TABLE] >= 0):
+            moments[i] = _assembly.table_law(
+                moments[i], joints[i, 6], self._tables[int(joints[i, JAM_TABLE])])[0]
+        return moments * joints[:, JAM]
 
     def _by_segment(self, moments: Array, parameters: Sequence[float] | Array) -> Array:
         """Return minus the change of the moment balance per parameter of each segment."""
@@ -110,7 +132,9 @@ class Linearisation:
     def _solve(self, right_side: Array) -> Sensitivity:
         chain, boundary = self._chain, self._boundary
         solution = np.linalg.solve(self._matrix, right_side)
-        moved = np.where((boundary.group >= 0)[:, None], solution[boundary.group], 0.0)
+        moved = np.zeros((chain.joints, right_side.shape[1]))
+        free = boundary.group >= 0
+        moved[free] = solution[boundary.group[free]]
         tensions = np.zeros((2, right_side.shape[1]))
         tensions[self._taut] = solution[boundary.groups:]
         lengths, theta = chain.body_lengths[:, None], self.theta[:, None]

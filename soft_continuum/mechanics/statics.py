@@ -24,7 +24,7 @@ from scipy.linalg import eigvalsh_tridiagonal
 from soft_continuum.mechanics import _assembly, _newton
 from soft_continuum.mechanics.arm import Arm, Disc, Segment
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain
-from soft_continuum.mechanics.joints import JointLaws, tension_ratios
+from soft_continuum.mechanics.joints import compliances, JointLaws, tension_ratios
 
 SLACK = -np.inf
 """A pull that leaves the tendon slack in every shape."""
@@ -64,10 +64,12 @@ class _Boundary:
     locked_angles: Array
     joints: Array
     ratios: Array
+    compliance: Array
     mode: NDArray[np.int64]
     target: Array
     driven: NDArray[np.int64]
     stiff: tuple[bool, ...]
+    vacuum: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class Statics:
         self._bodies = np.column_stack([self.chain.body_lengths, self.chain.load_coefficients])
         rope = (self.chain.straight_length + sum(d.height for d in arm.discs)
                 + arm.tendon.free_length)
-        self.compliance = np.full(2, rope / arm.tendon.axial_stiffness)
+        self.compliance = compliances(self.chain, np.zeros(self.chain.joints), (0, 0))
         # 1e-11 N m and 1e-13 m, or what rounding allows for very stiff or very long arms.
         stiffest = float(self.chain.joint_stiffness.max())
         self.tolerance = np.array([max(1e-11, 1e-14 * stiffest), max(1e-10, 1e-13 * stiffest),
@@ -142,7 +144,8 @@ class Statics:
         boundary = self._boundary(start, soft, target, vacuum)
         boundary.mode[:] = _newton.TENSION
         if boundary.groups == 0:
-            return replace(start, tensions=target)
+            return Equilibrium(start.joint_angles, target, start.pulls, np.zeros(2), 0.0, 0,
+                               boundary.stiff, start.joint_angles)
         return self._find(start, boundary, sliding)
 
     def bend(self, start: Equilibrium, segment: int, angle: float,
@@ -160,6 +163,8 @@ class Statics:
         if not np.isfinite(angle):
             raise ValueError(f'the bending angle must be a finite number in rad; given: {angle}')
         reasons = []
+        # What the tendons carried before may be far too much for the segment that is soft now.
+        start = replace(start, tensions=np.zeros(2))
         for tendon in (RIGHT, LEFT):
             boundary = self._boundary(start, mask, np.full(2, np.inf))
             boundary.mode[tendon] = _newton.ANGLE
@@ -176,9 +181,10 @@ class Statics:
             f'no tendon holds segment {segment + 1} at {np.degrees(angle):.1f} degrees '
             f'(right: {reasons[RIGHT]}; left: {reasons[LEFT]})', start)
 
-    def commanded_pulls(self, state: Equilibrium) -> Array:
+    def commanded_pulls(self, state: Equilibrium, sliding: Sequence[int] = (0, 0)) -> Array:
         """Return the pulls (2,) m at the steppers that give a state: its paths and stretch."""
-        pulls: Array = state.pulls + self.compliance * np.nan_to_num(state.tensions)
+        compliance = compliances(self.chain, state.joint_angles, sliding)
+        pulls: Array = state.pulls + compliance * np.nan_to_num(state.tensions)
         return pulls
 
     def _hold(self, found: Equilibrium, soft: Sequence[bool]) -> Equilibrium:
@@ -208,8 +214,8 @@ class Statics:
         return _Boundary(
             group, groups, direct_limit, start.joint_angles,
             self.laws.joints(start, stiff, vacuum),
-            np.ones((2, self.chain.segments)), np.zeros(2, dtype=np.int64), target,
-            np.zeros(2, dtype=np.int64), stiff)
+            np.ones((2, self.chain.segments)), self.compliance, np.zeros(2, dtype=np.int64),
+            target, np.zeros(2, dtype=np.int64), stiff, () if vacuum is None else tuple(vacuum))
 
     def _find_groups(self, stiff: tuple[bool, ...]) -> tuple[NDArray[np.int64], int, float]:
         """
@@ -243,7 +249,7 @@ class Statics:
         status, iterations, residual = _newton.newton(
             theta, tension, self._bodies, boundary.joints, self.laws.tables, self.chain.guides,
             boundary.ratios, boundary.group, boundary.mode,
-            boundary.target if target is None else target, self.compliance, boundary.driven,
+            boundary.target if target is None else target, boundary.compliance, boundary.driven,
             np.zeros(boundary.groups) if bias is None else bias, damping, self.tolerance, lengths)
         return _Point(theta, tension, lengths, status, residual, iterations)
 
@@ -251,12 +257,10 @@ class Statics:
         """Whether a solve converged to a minimum that is plausibly the next one on the path."""
         if end.status != _newton.CONVERGED:
             return False
-        below = 0.0
-        for turned in (end.theta - start.theta)[self.chain.last_joint].tolist():
-            if abs(turned - below) > limit:
-                return False
-            below = turned
-        return True
+        # All turning counts: a segment that folds up inside may end as it began.
+        turned = end.theta - start.theta
+        turned[1:] -= turned[:-1]
+        return float(np.abs(turned).reshape(self.chain.segments, -1).sum(axis=1).max()) <= limit
 
     def _find(self, start: Equilibrium, boundary: _Boundary,
               sliding: Sequence[int] = (0, 0)) -> Equilibrium:
@@ -264,17 +268,17 @@ class Statics:
             raise ValueError('sliding must be 1, 0 or -1 for each of the two tendons; '
                              f'given: {list(sliding)}')
         point = self._start(start)
-        end, jumped = self._step(point, boundary)
+        end, boundary, jumped = self._step(point, boundary)
         if self.chain.arm.tendon.friction > 0.0 and any(sliding):
             end, boundary, also = self._with_friction(end, boundary, sliding)
             jumped = jumped or also
         return self._result(end, boundary, jumped=jumped)
 
-    def _step(self, point: _Point, boundary: _Boundary) -> tuple[_Point, bool]:
+    def _step(self, point: _Point, boundary: _Boundary) -> tuple[_Point, _Boundary, bool]:
         """Go to the boundary's state in one step, or else in small ones; and whether it jumped."""
         end = self._newton(point, boundary)
         if self._near(point, end, boundary.direct_limit):
-            return end, False
+            return end, boundary, False
         return self._follow(point, boundary)
 
     def _with_friction(self, point: _Point, boundary: _Boundary, sliding: Sequence[int]
@@ -282,17 +286,19 @@ class Statics:
         """Iterate the loss of tension at the guides, which depends on the shape it leads to."""
         jumped = False
         for _ in range(100):
-            ratios = tension_ratios(self.chain, np.diff(point.theta, prepend=0.0), sliding)
+            angles = np.diff(point.theta, prepend=0.0)
+            ratios = tension_ratios(self.chain, angles, sliding)
             change = np.abs(ratios - boundary.ratios).max()
-            boundary = replace(boundary, ratios=ratios)
-            point, also = self._step(point, boundary)
+            boundary = replace(boundary, ratios=ratios,
+                               compliance=compliances(self.chain, angles, sliding))
+            point, boundary, also = self._step(point, boundary)
             jumped = jumped or also
             if change < 1e-13:
                 return point, boundary, jumped
         raise StaticsError('the friction at the guides did not settle',
                            self._result(point, boundary))
 
-    def _follow(self, point: _Point, boundary: _Boundary) -> tuple[_Point, bool]:
+    def _follow(self, point: _Point, boundary: _Boundary) -> tuple[_Point, _Boundary, bool]:
         """
         Follow the equilibrium from the start in small steps.
 
@@ -325,7 +331,7 @@ class Statics:
                 raise StaticsError(f'not settled after {iterations} iterations',
                                    self._result(point, boundary))
             boundary = self._crept(point, boundary)
-        return replace(point, iterations=iterations), jumped
+        return replace(point, iterations=iterations), boundary, jumped
 
     def _crept(self, point: _Point, boundary: _Boundary) -> _Boundary:
         held = self.laws.crept(np.diff(point.theta, prepend=0.0), boundary.joints)
@@ -344,7 +350,7 @@ class Statics:
             elif boundary.mode[t] == _newton.TENSION:
                 gap[t] = tension[t] - boundary.target[t]
             elif np.isfinite(boundary.target[t]):
-                over = (point.lengths[t] - self.compliance[t] * tension[t]
+                over = (point.lengths[t] - boundary.compliance[t] * tension[t]
                         - boundary.target[t])
                 gap[t] = over if tension[t] > 0.0 else max(over, 0.0)
         return gap
@@ -403,6 +409,10 @@ class Statics:
         """Return the state of an arm without a soft segment: only the slack can change."""
         lengths = self.chain.straight_length - start.pulls
         over = lengths - target
+        if self.compliance.any():  # stretch takes up what the shape cannot
+            return Equilibrium(start.joint_angles, np.maximum(over, 0.0) / self.compliance,
+                               start.pulls, np.maximum(-over, 0.0), 0.0, 0, stiff,
+                               start.joint_angles)
         if np.any(over > LOCKED_TOLERANCE):
             raise OverconstrainedError(
                 f'every segment is stiff and tendons right, left would have to be '
@@ -426,7 +436,7 @@ class Statics:
         return Equilibrium(
             angles, point.tension, self.chain.straight_length - point.lengths, slack,
             point.residual, point.iterations, boundary.stiff,
-            self.laws.held(angles, boundary.joints, boundary.stiff), jumped)
+            self.laws.held(angles, boundary.joints, boundary.stiff), jumped, boundary.vacuum)
 
 
 def warm_up() -> None:
