@@ -15,40 +15,30 @@ from soft_continuum.mechanics._compile import compiled
 
 
 @compiled
-def joint_law(q, joint, tables, secant):  # type: ignore[no-untyped-def]
+def jam_law(q, joint, tables, secant):  # type: ignore[no-untyped-def]
     """
-    Return moment (N m) and tangent (N m/rad) of one joint at relative angle q (rad).
+    Return moment (N m) and tangent (N m/rad) of the jam of one joint at relative angle q (rad).
 
     ``joint`` = (soft stiffness, soft table, jam stiffness, jam table, held angle, yield moment,
     length): the leaf spring acts about its natural shape, the jam about the held one and at most
     up to its yield moment.  A table index below zero means linear.
     """
-    if joint[1] < 0.0:
-        moment = joint[0] * q
-        tangent = joint[0]
+    offset = q - joint[4]
+    if joint[3] < 0.0:
+        moment = joint[2] * offset
+        tangent = joint[2]
     else:
-        moment, tangent = table_law(q, joint[6], tables[int(joint[1])])
-        moment *= joint[0]
-        tangent *= joint[0]
-    if joint[2] > 0.0:
-        offset = q - joint[4]
-        if joint[3] < 0.0:
-            jam = joint[2] * offset
-            jam_tangent = joint[2]
-        else:
-            jam, jam_tangent = table_law(offset, joint[6], tables[int(joint[3])])
-            jam *= joint[2]
-            jam_tangent *= joint[2]
-        if jam > joint[5]:
-            jam = joint[5]
-            jam_tangent = 0.0
-        elif jam < -joint[5]:
-            jam = -joint[5]
-            jam_tangent = 0.0
-        if secant and offset != 0.0:
-            jam_tangent = max(jam_tangent, jam / offset)
-        moment += jam
-        tangent += jam_tangent
+        moment, tangent = table_law(offset, joint[6], tables[int(joint[3])])
+        moment *= joint[2]
+        tangent *= joint[2]
+    if moment > joint[5]:
+        moment = joint[5]
+        tangent = 0.0
+    elif moment < -joint[5]:
+        moment = -joint[5]
+        tangent = 0.0
+    if secant and offset != 0.0:
+        tangent = max(tangent, moment / offset)
     return moment, tangent
 
 
@@ -157,8 +147,18 @@ def balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagon
         k = group[i]
         j = group[i - 1] if i > 0 else -1
         if k != j:
-            moment, tangent = joint_law(
-                theta[i] - (theta[i - 1] if i > 0 else 0.0), joints[i], tables, secant)
+            q = theta[i] - (theta[i - 1] if i > 0 else 0.0)
+            if joints[i, 1] < 0.0:
+                moment = joints[i, 0] * q
+                tangent = joints[i, 0]
+            else:
+                moment, tangent = table_law(q, joints[i, 6], tables[int(joints[i, 1])])
+                moment *= joints[i, 0]
+                tangent *= joints[i, 0]
+            if joints[i, 2] > 0.0:
+                jam, jam_tangent = jam_law(q, joints[i], tables, secant)
+                moment += jam
+                tangent += jam_tangent
             gradient[k] += moment
             diagonal[k] += tangent
             if j >= 0:

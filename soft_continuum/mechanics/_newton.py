@@ -32,19 +32,27 @@ FAILED = 2
 JUST_TAUT = 1e-9  # m of slack that counts as none
 SHORT = 1e-13  # m by which a tendon may be too long after a step
 SLIGHT = 1e-7  # N of tension that counts as none
+SINGULAR = 1e-12  # of the largest entry of a column: a pivot that counts as none
 STEP_LIMIT = 0.7  # rad, the largest change of an angle in one iteration
 MAX_ITERATIONS = 60
 
 
 @compiled
 def small_solve(matrix, rhs, size):  # type: ignore[no-untyped-def]
-    """Solve a small dense system in place by elimination with partial pivoting."""
+    """
+    Solve a small dense system in place by elimination with partial pivoting.
+
+    Returns False where it is singular but for rounding: two tendons that ask for the same.
+    """
     for column in range(size):
+        least = 0.0
+        for row in range(size):
+            least = max(least, SINGULAR * abs(matrix[row, column]))
         pivot = column
         for row in range(column + 1, size):
             if abs(matrix[row, column]) > abs(matrix[pivot, column]):
                 pivot = row
-        if matrix[pivot, column] == 0.0:
+        if not abs(matrix[pivot, column]) > least:
             return False
         if pivot != column:
             for k in range(size):
@@ -73,27 +81,30 @@ def negative_eigenvalues(matrix):  # type: ignore[no-untyped-def]
 
 @compiled
 def tridiagonal_solve(diagonal, off, columns, used):  # type: ignore[no-untyped-def]
-    """Solve for all columns at once, in place; return the number of negative pivots."""
+    """
+    Solve for all columns at once, in place; return the number of negative pivots.
+
+    ``diagonal`` is left with the inverse pivots.
+    """
     groups = diagonal.shape[0]
     negatives = 0
+    inverse = 0.0
     for k in range(groups):
         if k > 0:
-            factor = off[k - 1] / diagonal[k - 1]
+            factor = off[k - 1] * inverse
             diagonal[k] -= factor * off[k - 1]
             for c in range(used):
                 columns[k, c] -= factor * columns[k - 1, c]
-        if diagonal[k] == 0.0:
-            diagonal[k] = 1e-30
-        if diagonal[k] < 0.0:
+        pivot = diagonal[k] if diagonal[k] != 0.0 else 1e-30
+        if pivot < 0.0:
             negatives += 1
-    for k in range(groups - 1, -1, -1):
-        inverse = 1.0 / diagonal[k]
-        if k < groups - 1:
-            for c in range(used):
-                columns[k, c] = (columns[k, c] - off[k] * columns[k + 1, c]) * inverse
-        else:
-            for c in range(used):
-                columns[k, c] *= inverse
+        inverse = 1.0 / pivot
+        diagonal[k] = inverse
+    for c in range(used):
+        columns[groups - 1, c] *= inverse
+    for k in range(groups - 2, -1, -1):
+        for c in range(used):
+            columns[k, c] = (columns[k, c] - off[k] * columns[k + 1, c]) * diagonal[k]
     return negatives
 
 
@@ -179,6 +190,23 @@ def curvature_sign(products, used, column, held, compliance, tridiagonal_negativ
 
 
 @compiled
+def most_turned(offset, group, segments):  # type: ignore[no-untyped-def]
+    """Return the largest sum over the joints of a segment of how far they turned, rad."""
+    per_segment = group.shape[0] // segments
+    most = 0.0
+    below = 0.0
+    for s in range(segments):
+        total = 0.0
+        for i in range(s * per_segment, (s + 1) * per_segment):
+            k = group[i]
+            turned = offset[k] if k >= 0 else 0.0
+            total += abs(turned - below)
+            below = turned
+        most = max(most, total)
+    return most
+
+
+@compiled
 def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, target,  # type: ignore[no-untyped-def]
            compliance, driven, bias, damping, tolerance, lengths):
     """
@@ -186,10 +214,10 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
 
     Changes ``theta`` (bodies,) rad and ``tension`` (2,) N in place and fills ``lengths`` (2,) m,
     the paths of the two tendons through the segments.  Returns (status, iterations, residual in
-    N m).
+    N m, the most that the joints of one segment turned by in all, rad).
 
     bodies (n, 3): length m, load coefficients wx, wz N m of the energy wx sin + wz cos; joints
-    (n, 7): see joint_law; guides (segments, 2): offset of the lower and upper guide of each span,
+    (n, 7): see balance; guides (segments, 2): offset of the lower and upper guide of each span,
     m; ratios (2, segments): tension of a span over that at the base; group (n,): rigid group of
     each body, -1 for the base; mode, target, compliance (m/N), driven (2,): per tendon, the last
     being the segment whose bending angle drives it in ANGLE mode; bias (groups,): dead moments,
@@ -265,16 +293,19 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
             if taut[t]:
                 error = max(error, abs(gap[t]))
         residual = 0.0
+        total = 0.0  # becomes nan when any is, which max passes over
         for k in range(groups):
             residual = max(residual, abs(gradient[k]))
-        if not residual < 1e30:
-            return FAILED, iteration, residual
+            total += gradient[k]
+        if not (residual < 1e30 and abs(total) < 1e30):
+            return FAILED, iteration, residual, 0.0
         # Where rounding keeps the residual up, it is accepted below the limit once it stagnates.
         balanced = residual <= tolerance[0] or (
             residual <= tolerance[1] and largest < 1e-9 and residual >= 0.5 * best)
         best = min(best, residual)
         if balanced and error <= tolerance[2] and iteration > 0 and largest < 1e-4:
-            return (CONVERGED if negatives == 0 else UNSTABLE), iteration, residual
+            return ((CONVERGED if negatives == 0 else UNSTABLE), iteration, residual,
+                    most_turned(offset, group, segments))
 
         for k in range(groups):
             columns[k, 0] = -gradient[k]
@@ -288,7 +319,7 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
                         products[r, c] += value * columns[k, c]
         if used > 1 and not tension_step(products, used, column, taut, gap, tension, mode,
                                          compliance, step):
-            return FAILED, iteration, residual
+            return FAILED, iteration, residual, 0.0
         # One tendon that is just taut leaves a way out to its slack side; of two, each holds the
         # side that the other leaves, and their rows say the same.
         pair = (column[0] > 0 and column[1] > 0 and mode[0] == LENGTH and mode[1] == LENGTH
@@ -299,10 +330,12 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
         if mode[0] != ANGLE and mode[1] != ANGLE:  # otherwise it says nothing about stability
             negatives = curvature_sign(products, used, column, held, compliance, pivots)
 
+        for c in range(1, used):
+            change = step[c - 1]
+            for k in range(groups):
+                columns[k, 0] -= columns[k, c] * change
         largest = 0.0
         for k in range(groups):
-            for c in range(1, used):
-                columns[k, 0] -= columns[k, c] * step[c - 1]
             largest = max(largest, abs(columns[k, 0]))
         fraction = 1.0 if largest <= STEP_LIMIT else STEP_LIMIT / largest
         for i in range(count):
@@ -315,21 +348,22 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
                 tension[t] += fraction * step[column[t] - 1]
                 if mode[t] == LENGTH and not taut[t] and fraction == 1.0:
                     tension[t] = 0.0
-    return FAILED, MAX_ITERATIONS, residual
+    return FAILED, MAX_ITERATIONS, residual, 0.0
 
 
 @compiled_parallel
 def newton_batch(theta, tension, bodies, joints, tables, guides, group, groups, target,  # type: ignore[no-untyped-def]
-                 compliance, tolerance, lengths, status, residual):
+                 compliance, tolerance, lengths, status, residual, turned):
     """
     Find many equilibria at once, as ``newton`` in LENGTH mode without friction, on all cores.
 
-    The first axis of theta, tension, target, lengths, status and residual is the problem; that of
-    bodies, joints, guides, group, groups and compliance the same, or of length one when shared.
+    The first axis of theta, tension, target, lengths, status, residual and turned is the problem;
+    that of bodies, joints, guides, group, groups, compliance and tolerance the same, or of length
+    one when shared.
     """
     for i in prange(theta.shape[0]):
         g = i % groups.shape[0]
-        status[i], _, residual[i] = newton(
+        status[i], _, residual[i], turned[i] = newton(
             theta[i], tension[i], bodies[i % bodies.shape[0]], joints[i % joints.shape[0]],
             tables, guides[i % guides.shape[0]], np.ones((2, guides.shape[1])), group[g],
             np.zeros(2, dtype=np.int64), target[i], compliance[i % compliance.shape[0]],

@@ -58,10 +58,9 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium, pulls: Ar
     boundaries = [m._boundary(start, soft, np.zeros(2)) for m in models]
     if boundaries[0].groups == 0:
         raise ValueError('every segment is stiff; a batch needs a soft one')
-    begin = np.cumsum(start.joint_angles)
-    theta = np.tile(begin, (count, 1))
+    theta = np.tile(np.cumsum(start.joint_angles), (count, 1))
     tension = np.tile(np.nan_to_num(start.tensions), (count, 1))
-    lengths, residual = np.empty((count, 2)), np.empty(count)
+    lengths, residual, turned = np.empty((count, 2)), np.empty(count), np.empty(count)
     status = np.empty(count, dtype=np.int64)
     _newton.newton_batch(
         theta, tension, np.array([m._bodies for m in models]),
@@ -69,11 +68,9 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium, pulls: Ar
         np.array([m.chain.guides for m in models]), boundaries[0].group[None, :],
         np.array([boundaries[0].groups]), straight - target,
         np.array([m.compliance for m in models]), np.array([m.tolerance for m in models]),
-        lengths, status, residual)
-    turned = np.abs(np.diff(theta - begin, axis=1, prepend=0.0)).reshape(
-        count, models[0].chain.segments, -1).sum(axis=2)
+        lengths, status, residual, turned)
     near = np.array([b.direct_limit for b in boundaries])
-    found = (status == _newton.CONVERGED) & (np.abs(turned).max(axis=1) <= near)
+    found = (status == _newton.CONVERGED) & (turned <= near)
     batch = Batch(np.diff(theta, axis=1, prepend=0.0), tension, straight - lengths, found,
                   np.zeros(count, dtype=bool), residual)
     for i in np.flatnonzero(~found):

@@ -3,7 +3,7 @@
 """
 What acts in the joints: springs, jams and the shape these hold; and friction at the guides.
 
-Columns of the joints array, which _newton.joint_law reads: soft stiffness, soft table, jam
+Columns of the joints array, which _assembly.balance reads: soft stiffness, soft table, jam
 stiffness, jam table, held angle, yield moment, length of spring.
 """
 

@@ -74,7 +74,12 @@ class _Boundary:
 
 @dataclass(frozen=True)
 class _Point:
-    """A state on the way: absolute angles, tensions, and how the solve for it ended."""
+    """
+    A state on the way: absolute angles, tensions, and how the solve for it ended.
+
+    turned: rad, all turning of the joints of a segment, the most of any: what folds up inside a
+    segment may end as it began.
+    """
 
     theta: Array
     tension: Array
@@ -82,6 +87,7 @@ class _Point:
     status: int = _newton.FAILED
     residual: float = np.inf
     iterations: int = 0
+    turned: float = 0.0
 
 
 class Statics:
@@ -105,6 +111,7 @@ class Statics:
         stiffest = float(self.chain.joint_stiffness.max())
         self.tolerance = np.array([max(1e-11, 1e-14 * stiffest), max(1e-10, 1e-13 * stiffest),
                                    max(1e-13, 1e-15 * rope)])
+        self._no_friction = np.ones((2, self.chain.segments))
         self._groups = cache(self._find_groups)
 
     def solve(self, start: Equilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
@@ -122,7 +129,7 @@ class Statics:
         equilibrium was found, ValueError for input of the wrong size or nan.
         """
         target = np.array(pulls, dtype=float)
-        if target.shape != (2,) or np.isnan(target).any() or (target == np.inf).any():
+        if target.shape != (2,) or not all(pull < np.inf for pull in target.tolist()):
             raise ValueError(f'pulls must be two numbers in m (right, left); given: {pulls!r}')
         boundary = self._boundary(start, soft, self.chain.straight_length - target, vacuum)
         if boundary.groups == 0:
@@ -214,7 +221,7 @@ class Statics:
         return _Boundary(
             group, groups, direct_limit, start.joint_angles,
             self.laws.joints(start, stiff, vacuum),
-            np.ones((2, self.chain.segments)), self.compliance, np.zeros(2, dtype=np.int64),
+            self._no_friction, self.compliance, np.zeros(2, dtype=np.int64),
             target, np.zeros(2, dtype=np.int64), stiff, () if vacuum is None else tuple(vacuum))
 
     def _find_groups(self, stiff: tuple[bool, ...]) -> tuple[NDArray[np.int64], int, float]:
@@ -240,27 +247,20 @@ class Statics:
         theta = start.joint_angles.cumsum()
         if not isfinite(theta[-1]):  # as the last is when any is not
             raise ValueError('the joint angles of the start must be finite numbers')
-        tension = np.array([t if t == t else 0.0 for t in start.tensions.tolist()])
+        tension = start.tensions
+        if not isfinite(tension[0] + tension[1]):
+            tension = np.nan_to_num(tension)
         return _Point(theta, tension, self.chain.straight_length - start.pulls)
 
     def _newton(self, start: _Point, boundary: _Boundary, target: Array | None = None,
                 bias: Array | None = None, damping: float = 0.0) -> _Point:
         theta, tension, lengths = start.theta.copy(), start.tension.copy(), np.empty(2)
-        status, iterations, residual = _newton.newton(
+        status, iterations, residual, turned = _newton.newton(
             theta, tension, self._bodies, boundary.joints, self.laws.tables, self.chain.guides,
             boundary.ratios, boundary.group, boundary.mode,
             boundary.target if target is None else target, boundary.compliance, boundary.driven,
             np.zeros(boundary.groups) if bias is None else bias, damping, self.tolerance, lengths)
-        return _Point(theta, tension, lengths, status, residual, iterations)
-
-    def _near(self, start: _Point, end: _Point, limit: float) -> bool:
-        """Whether a solve converged to a minimum that is plausibly the next one on the path."""
-        if end.status != _newton.CONVERGED:
-            return False
-        # All turning counts: a segment that folds up inside may end as it began.
-        turned = end.theta - start.theta
-        turned[1:] -= turned[:-1]
-        return float(np.abs(turned).reshape(self.chain.segments, -1).sum(axis=1).max()) <= limit
+        return _Point(theta, tension, lengths, status, residual, iterations, turned)
 
     def _find(self, start: Equilibrium, boundary: _Boundary,
               sliding: Sequence[int] = (0, 0)) -> Equilibrium:
@@ -277,7 +277,7 @@ class Statics:
     def _step(self, point: _Point, boundary: _Boundary) -> tuple[_Point, _Boundary, bool]:
         """Go to the boundary's state in one step, or else in small ones; and whether it jumped."""
         end = self._newton(point, boundary)
-        if self._near(point, end, boundary.direct_limit):
+        if end.status == _newton.CONVERGED and end.turned <= boundary.direct_limit:
             return end, boundary, False
         return self._follow(point, boundary)
 
@@ -318,7 +318,7 @@ class Statics:
             target = boundary.target + (1.0 - reached) * gap
             end = self._newton(point, boundary, target, (1.0 - reached) * unbalanced)
             iterations += end.iterations
-            if self._near(point, end, boundary.direct_limit):
+            if end.status == _newton.CONVERGED and end.turned <= boundary.direct_limit:
                 point, done, step = end, reached, 2.0 * step
             elif step > SMALLEST_STEP:
                 step *= 0.5
