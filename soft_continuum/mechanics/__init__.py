@@ -1,22 +1,70 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mechanics of a planar tendon-driven continuum arm with segments that jamming locks."""
+"""
+Mechanics of a planar tendon-driven continuum arm with segments that jamming locks.
 
-from soft_continuum.mechanics.arm import Arm, ArmError, Disc, Segment
+``Statics(arm)`` solves for the equilibrium shape; ``set_shape`` and its neighbours go the other
+way, from shapes and tips to pulls.  docs/mechanics.md derives the method.
+"""
+
+from soft_continuum.mechanics import constant_curvature, stiffness
+from soft_continuum.mechanics.arm import (
+    Arm,
+    ArmError,
+    Disc,
+    PAPER,
+    PointForce,
+    SECOND_ORDER,
+    Segment,
+    Tendon,
+)
+from soft_continuum.mechanics.batch import Batch, solve_batch
 from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, RigidChain
+from soft_continuum.mechanics.elastica import Elastica, Rod
+from soft_continuum.mechanics.inverse import (
+    AngleFit,
+    angles_for_tip,
+    pulls_for_angles,
+    set_shape,
+    TipFit,
+    workspace,
+)
+from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
+from soft_continuum.mechanics.sensitivity import Linearisation, Sensitivity
 from soft_continuum.mechanics.statics import OverconstrainedError, SLACK, Statics, StaticsError
 
 __all__ = [
     'LEFT',
+    'PAPER',
     'RIGHT',
+    'SECOND_ORDER',
     'SLACK',
+    'AngleFit',
     'Arm',
     'ArmError',
+    'Batch',
     'Disc',
+    'Elastica',
     'Equilibrium',
+    'Jam',
+    'LawError',
+    'Linearisation',
+    'MomentCurvature',
     'OverconstrainedError',
+    'PointForce',
     'RigidChain',
+    'Rod',
     'Segment',
+    'Sensitivity',
     'Statics',
     'StaticsError',
+    'Tendon',
+    'TipFit',
+    'angles_for_tip',
+    'constant_curvature',
+    'pulls_for_angles',
+    'set_shape',
+    'solve_batch',
+    'stiffness',
+    'workspace',
 ]

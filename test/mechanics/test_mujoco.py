@@ -18,7 +18,7 @@ import numpy as np
 import paper_arm as paper
 import pytest
 
-from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics
+from soft_continuum.mechanics import Jam, LEFT, PointForce, RIGHT, SLACK, Statics
 
 TOLERANCE = 2e-5  # m, on every calculation point
 TIME_STEP = 0.002
@@ -31,8 +31,19 @@ def log_elsewhere(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
 
 
+def movable(arm, soft):
+    """Return which segments have joints that move: soft ones and elastic jams."""
+    return [flag or not segment.jam.rigid
+            for flag, segment in zip(soft, arm.segments, strict=True)]
+
+
 def model_xml(arm, start, soft, limits):
-    """Return the arm as MJCF, stiff segments in their shape; limits are lengths in m or inf."""
+    """
+    Return the arm as MJCF; limits are lengths in m or inf.
+
+    Stiff segments are rigid in their shape or, where their jam is elastic, have its springs about
+    that shape beside the leaf spring's.
+    """
     n = arm.bodies_per_segment
     lines, closing = [], []
     guides = [[], []]
@@ -44,6 +55,7 @@ def model_xml(arm, start, soft, limits):
     first = arm.segments[0].guide_offsets[0]
     top = arm.discs[0].height
     lines += [site('r0', RIGHT, first, top), site('l0', LEFT, -first, top)]
+    moves = movable(arm, soft)
     below, joint = top, 0
     for k, segment in enumerate(arm.segments):
         stiffness = (n + 1) * segment.bending_stiffness / segment.length
@@ -52,11 +64,13 @@ def model_xml(arm, start, soft, limits):
             length = arm.discs[k + 1].height if disc else segment.length / n
             mass = arm.discs[k + 1].mass if disc else segment.mass / n
             angle = float(start[joint])
-            turned = f' euler="0 {angle!r} 0"' if not soft[k] else ''
+            turned = f' euler="0 {angle!r} 0"' if not moves[k] else ''
             lines.append(f'<body name="b{joint}" pos="0 0 {below!r}"{turned}>')
-            if soft[k]:
+            if moves[k]:
+                ratio = 1.0 if soft[k] else segment.jam.ratio
                 lines.append(
-                    f'<joint name="j{joint}" type="hinge" axis="0 1 0" stiffness="{stiffness!r}" '
+                    f'<joint name="j{joint}" type="hinge" axis="0 1 0" '
+                    f'stiffness="{ratio * stiffness!r}" springref="{(1 - 1 / ratio) * angle!r}" '
                     'damping="0.2" armature="1e-5"/>')
             lines.append(f'<inertial pos="0 0 {length / 2!r}" mass="{mass!r}" '
                          'diaginertia="1e-6 1e-6 1e-6"/>')
@@ -68,6 +82,10 @@ def model_xml(arm, start, soft, limits):
                     lower = arm.segments[k + 1].guide_offsets[0]
                     lines += [site(f'rl{k}', RIGHT, lower, length),
                               site(f'll{k}', LEFT, -lower, length)]
+                if last and arm.payload:
+                    lines.append(
+                        f'<body pos="0 0 {length!r}"><inertial pos="0 0 0" '
+                        f'mass="{arm.payload!r}" diaginertia="1e-9 1e-9 1e-9"/></body>')
             closing.append('</body>')
             below, joint = length, joint + 1
     tendons = []
@@ -108,7 +126,10 @@ def settle(statics, start, asked, soft, steps=40000):
     model = mujoco.MjModel.from_xml_string(
         model_xml(arm, start.joint_angles, soft, rest - np.asarray(asked)))
     data = mujoco.MjData(model)
-    free = np.repeat(soft, statics.chain.joints_per_segment)
+    for force in arm.forces:  # MuJoCo applies it in the disc's centre of mass
+        disc = force.disc * statics.chain.joints_per_segment - 1
+        data.xfrc_applied[model.body(f'b{disc}').id, :3] = force.x, 0.0, force.z
+    free = np.repeat(movable(arm, soft), statics.chain.joints_per_segment)
     data.qpos[:] = start.joint_angles[free]
     for _ in range(steps // 100):
         mujoco.mj_step(model, data, 100)
@@ -208,3 +229,30 @@ def test_an_arm_that_leans_falls_to_the_same_side(tip):
     statics = Statics(paper.build())
     leaning = statics.chain.uniform(np.radians([0.0, 0.0, tip]))
     check(statics, leaning, (SLACK, SLACK), (True, True, False))
+
+
+@pytest.mark.parametrize('mounting', [0.0, pi / 2, pi])
+@pytest.mark.parametrize('soft', [(True, True, True), (False, True, False)])
+@pytest.mark.parametrize('asked', [(0.012, SLACK), (-0.012, 0.008)])
+def test_a_payload_at_the_tip(mounting, soft, asked):
+    arm = replace(paper.build(0.5, mounting_angle=mounting), payload=0.03)
+    statics = Statics(arm)
+    check(statics, statics.chain.uniform((0.1, 0.1, 0.1)), asked, soft)
+
+
+@pytest.mark.parametrize('disc', [1, 2, 3])
+def test_a_force_on_a_disc(disc):
+    arm = replace(paper.build(0.5), forces=(PointForce(disc, -0.2, 0.1),))
+    statics = Statics(arm)
+    check(statics, statics.chain.straight(), (0.015, SLACK), (True, True, True))
+
+
+@pytest.mark.parametrize('ratio', [4.0, 20.0])
+@pytest.mark.parametrize('soft', [(False, True, False), (False, False, False)])
+def test_stiff_segments_that_give_way_a_little(ratio, soft):
+    arm = paper.build()
+    arm = replace(arm, segments=tuple(replace(s, jam=Jam(ratio)) for s in arm.segments))
+    statics = Statics(arm)
+    start = statics.chain.uniform((0.4, -0.2, 0.3))
+    state = check(statics, start, (0.004, -0.012), soft)
+    assert abs(statics.chain.bending_angles(state.joint_angles)[0] - 0.4) > 0.002
