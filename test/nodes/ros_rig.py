@@ -55,13 +55,13 @@ QUICK = {
     'simulated_jamming.venting_time': 0.03,
     'simulated_jamming.valve_delay': 0.0,
     'jamming_rate': 50.0,
-    'tendon_speed': 0.3,
-    'tendon_acceleration': 10.0,
-    'speed_limit': 0.6,
-    'acceleration_limit': 50.0,
+    'tendon_speed': 0.1,
+    'tendon_acceleration': 5.0,
+    'speed_limit': 1.0,  # so far above that a message may come late
+    'acceleration_limit': 100.0,
     'silence_timeout': 10.0,
 }
-"""An arm that sets a segment in a quarter of a second, and nodes that wait for a busy machine."""
+"""An arm that sets a segment in half a second, and nodes that wait for a busy machine."""
 STREAM = QoSProfile(depth=5000, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE,
@@ -203,6 +203,7 @@ class Goal:
         """Return the status and the result, once the goal has ended."""
         assert self.accepted, f'the goal was rejected: {self._rig.rejected()}'
         response = self._rig.wait_future(self._result, 'the result of the goal', within)
+        self._rig.wait_for(lambda: self.ended_time, 'the end of the goal to be noted')
         return STATUS_NAMES.get(response.status, str(response.status)), response.result
 
     @property
@@ -446,6 +447,18 @@ class Rig:
             assert 'nothing heard' in self.rejected()
             return None
         return self.wait_for(accepted, 'an accepted goal')  # type: ignore[no-any-return]
+
+    def goal_in_motion(self, *shapes: str | Sequence[float] | Shape) -> Goal:
+        """Return an accepted goal once it moves the tendons, of nodes that may just be starting."""
+        def moving() -> Goal | None:
+            goal = self.goal_when_heard(*shapes)
+            self.wait_for(lambda: goal.ended or (self.moving and abs(self.pulls[0]) > 1e-4),
+                          'a motion')
+            if not goal.ended:
+                return goal
+            assert 'nothing heard' in goal.result()[1].error_string
+            return None
+        return self.wait_for(moving, 'a moving arm')  # type: ignore[no-any-return]
 
     def rejected(self) -> str:
         """Return why the last goal was rejected, as the sequencer's status says."""

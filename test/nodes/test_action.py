@@ -15,7 +15,7 @@ from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum_interfaces.action import RunShapeSequence
 
 LIBRARY = load_shapes(description_file())
-QUICK_PLAN = PlanSettings(speed=0.3, acceleration=10.0)
+QUICK_PLAN = PlanSettings(speed=0.1, acceleration=5.0)
 
 
 def planned_points(*shapes: tuple[float, ...]) -> list[Array]:
@@ -58,7 +58,7 @@ def test_a_sequence_keeps_every_promise_about_motion_and_stiffness(arm: Rig) -> 
     speeds = np.array([m.velocity for m in arm.tendons])
     assert np.ptp(pulls, axis=0).min() > 5e-3  # it did move
     assert np.abs(pulls).max() <= 0.06
-    assert np.abs(speeds).max() <= 0.6
+    assert np.abs(speeds).max() <= 1.0
     assert_reached(arm, LIBRARY['s_form'], planned_points(*(
         LIBRARY[name] for name in ('c_form', 'upright_c_form', 's_form')))[-1])
 
@@ -91,11 +91,14 @@ def test_a_shape_is_held_stiff_for_its_hold_time(arm: Rig) -> None:
     goal = arm.goal((0.0, 0.0, 0.3), (0.0, 0.0, -0.3), hold=0.6)
     status, result = goal.result()
     assert (status, result.shapes_completed) == ('SUCCEEDED', 2)
-    for index in (0, 1):
-        held = [t for t, f in goal.feedback
-                if f.shape_index == index and f.phase == RunShapeSequence.Feedback.HOLDING]
-        assert held[-1] - held[0] >= 0.5
-    arm.assert_rests_stiff()
+    assert {f.shape_index for _, f in goal.feedback
+            if f.phase == RunShapeSequence.Feedback.HOLDING} == {0, 1}
+    arm.assert_rests_stiff(goal)
+    first, soft, stiff, soft_again, last = arm.stiff[2].heard
+    assert [h.message.data for h in (first, soft, stiff, soft_again, last)] == [
+        True, False, True, False, True]
+    assert soft_again.time - stiff.time >= 0.6e9
+    assert goal.ended_time - last.time >= 0.6e9
 
 
 def test_feedback_names_every_phase_in_order_and_counts_up(arm: Rig) -> None:

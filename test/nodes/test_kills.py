@@ -21,10 +21,7 @@ def moving_arm(rig: Rig, processes: Processes, victim: str) -> tuple[NodeProcess
     rig.start(*(name for name in ALL if name != victim), **SLOW)
     process = start_again(rig, processes, victim)
     rig.wait_until_ready(*ALL)
-    goal = rig.goal_when_heard(BEND)
-    goal.wait_for_phase('moving')
-    rig.wait_for(lambda: rig.moving and rig.pulls[0] > 1e-4, 'motion')
-    return process, goal
+    return process, rig.goal_in_motion(BEND)
 
 
 def start_again(rig: Rig, processes: Processes, name: str) -> NodeProcess:
@@ -69,8 +66,7 @@ def test_a_sequencer_that_was_killed_runs_the_next_goal_from_where_the_arm_is(
     process.kill()
     assert_rests_short(rig)
     start_again(rig, processes, 'shape_sequencer')
-    goal = rig.goal_when_heard(BEND)
-    assert goal.result()[0] == 'SUCCEEDED'
+    assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
     joints = np.array(rig.joints.last.position).reshape(3, -1)
     assert joints.sum(axis=1) == pytest.approx(BEND, abs=np.radians(0.1))
     rig.assert_rests_stiff()

@@ -67,9 +67,7 @@ def test_a_node_ends_in_peace_in_the_middle_of_a_sequence(
     rig.start(*(n for n in ALL if n != name), **slow)
     node = processes.node(name, parameters=slow)
     rig.wait_until_ready(*ALL)
-    goal = rig.goal_when_heard((0.0, 0.0, 0.5))
-    goal.wait_for_phase('moving')
-    rig.wait_for(lambda: rig.moving, 'motion')
+    goal = rig.goal_in_motion((0.0, 0.0, 0.5))
     node.send(number)
     assert_ended_in_peace(node)
     if name == 'shape_sequencer':

@@ -57,7 +57,8 @@ def refused(rig: Rig, message: JointTrajectory, *reasons: str) -> None:
 
 
 def test_both_tendons_go_where_a_trajectory_leads_them(tendons: Rig) -> None:
-    send(tendons, trajectory([(0.2, (0.004, -0.005)), (0.4, (0.002, -0.003))]))
+    send(tendons, trajectory([
+        (0.3, (0.004, -0.005)), (1.5, (0.004, -0.005)), (1.8, (0.002, -0.003))]))
     arrives(tendons, (0.002, -0.003))
     assert max(m.position[0] for m in tendons.tendons) == pytest.approx(0.004, abs=2e-4)
     assert list(tendons.tendons.last.name) == ['right_tendon', 'left_tendon']
@@ -101,9 +102,9 @@ BAD_TRAJECTORIES = {
     'beyond the travel': (points((0.061, -0.06)), ['0.061', 'pull_limits: -0.06 to 0.06 m']),
     'millimetres instead of metres': (points((4.0, -5.0)), ['pull_limits: -0.06 to 0.06 m']),
     'let out beyond the travel': (points((0.0, -0.061)), ['-0.061', 'pull_limits']),
-    'too fast': (trajectory([(0.01, (0.02, -0.02))]), ['m/s', 'speed_limit: 0.6 m/s']),
+    'too fast': (trajectory([(0.01, (0.03, -0.03))]), ['m/s', 'speed_limit: 1 m/s']),
     'too fast at a later point':
-        (trajectory([(0.3, (0.001, -0.002)), (0.301, (0.004, -0.005))]), ['speed_limit']),
+        (trajectory([(0.3, (0.001, -0.002)), (0.301, (0.006, -0.007))]), ['speed_limit']),
     'times that do not increase':
         (trajectory([(0.3, (0.001, -0.002)), (0.3, (0.002, -0.003))]), ['time_from_start']),
     'times that decrease':
