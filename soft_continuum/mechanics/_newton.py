@@ -136,7 +136,12 @@ def tension_step(products, used, column, taut, gap, tension, mode, compliance, s
                 matrix[r, r] = 1.0
                 step[r] = 0.0 if mode[t] == TENSION else -tension[t]
         if not small_solve(matrix, step, size):
-            return False
+            # Two just-taut tendons ask for the same: the one that carries less is let go.
+            t = 0 if tension[0] < tension[1] else 1
+            if not (taut[0] and taut[1] and mode[t] == LENGTH and gap[t] <= JUST_TAUT):
+                return False
+            taut[t] = False
+            continue
         changed = False
         for t in range(2):
             r = column[t] - 1
