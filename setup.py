@@ -41,7 +41,8 @@ setup(
     entry_points={
         'console_scripts': [
             f'{name} = {PACKAGE}.executables:{name}'
-            for name in ('jamming_valves', 'kinematics', 'shape_sequencer', 'tendon_actuation')
+            for name in ('grbl_emulator', 'jamming_valves', 'kinematics', 'modbus_emulator',
+                         'shape_sequencer', 'tendon_actuation')
         ],
     },
 )

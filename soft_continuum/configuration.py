@@ -15,6 +15,12 @@ from soft_continuum.description import (
     SHAPE_PREFIX,
     shapes_from_parameters,
 )
+from soft_continuum.hardware.drivers import (
+    driver_names,
+    driver_parameters,
+    JAMMING_DRIVERS,
+    TENDON_DRIVERS,
+)
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters import given_parameters, Parameter, ParameterError, Value
@@ -40,17 +46,17 @@ CO_CONTRACTION_LIMIT = Parameter(
 NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     'tendon_actuation': (
         *ARM_PARAMETERS, AUTOSTART, PULL_LIMITS, TENSION_LIMIT, CO_CONTRACTION_LIMIT, SILENCE,
-        Parameter('tendon_driver', 'simulated', 'driver of the steppers', choices=('simulated',)),
+        Parameter('tendon_driver', 'simulated', 'driver of the steppers',
+                  choices=driver_names(TENDON_DRIVERS)),
         Parameter('tendon_rate', 50.0, 'rate of control and of tendon_states, Hz', 5.0, 500.0),
         Parameter('speed_limit', 0.03, 'largest tendon speed, m/s', 1e-4, 1.0),
         Parameter('acceleration_limit', 0.3, 'largest tendon acceleration, m/s^2', 1e-3, 100.0),
-        Parameter('simulated_tendons.step', 5e-6, 'pull per step of the simulated steppers, m',
-                  1e-9, 1e-3),
+        *driver_parameters(TENDON_DRIVERS),
     ),
     'jamming_valves': (
         *ARM_PARAMETERS, AUTOSTART, AMBIENT,
         Parameter('jamming_driver', 'simulated', 'driver of pump, valves and pressure sensors',
-                  choices=('simulated',)),
+                  choices=driver_names(JAMMING_DRIVERS)),
         Parameter('jamming_rate', 20.0, 'rate of control and of the pressures, Hz', 5.0, 100.0),
         Parameter('stiff_vacuum', 50e3, 'vacuum below ambient from which a segment is stiff, Pa',
                   1e3, 101e3),
@@ -60,18 +66,7 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
                   'the pump starts when an evacuated segment has less vacuum, Pa', 1e3, 101e3),
         Parameter('pump_stop_vacuum', 80e3,
                   'the pump rests when every evacuated segment has more vacuum, Pa', 1e3, 101e3),
-        Parameter('simulated_jamming.ultimate_vacuum', 94e3,
-                  'vacuum the simulated pump reaches below ambient, Pa', 1e3, 101e3),
-        Parameter('simulated_jamming.evacuation_time', 0.4,
-                  'time constant of evacuating a simulated segment, s', 0.01, 100.0),
-        Parameter('simulated_jamming.venting_time', 0.6,
-                  'time constant of venting a simulated segment, s', 0.01, 100.0),
-        Parameter('simulated_jamming.valve_delay', 0.03, 'delay of a simulated valve, s',
-                  0.0, 10.0),
-        Parameter('simulated_jamming.leak_rate', 500.0,
-                  'vacuum a simulated segment loses while the pump rests, Pa/s', 0.0, 1e5),
-        Parameter('simulated_jamming.initially_stiff', True,
-                  'the simulated rig starts with the pump on and all segments evacuated'),
+        *driver_parameters(JAMMING_DRIVERS),
     ),
     'kinematics': (
         *ARM_PARAMETERS, FRAME,

@@ -43,6 +43,16 @@ def shape_sequencer() -> None:
     _call('soft_continuum.nodes.runtime', 'run', ['shape_sequencer'])
 
 
+def grbl_emulator() -> None:
+    """Run an emulated GRBL stepper controller on a pseudo-terminal."""
+    _call('soft_continuum.emulators.grbl', 'main')
+
+
+def modbus_emulator() -> None:
+    """Run emulated Modbus valves, pump and sensors on a pseudo-terminal."""
+    _call('soft_continuum.emulators.modbus', 'main')
+
+
 def up() -> None:
     """Run the four nodes in one process."""
     _call('soft_continuum.nodes.up', 'main')

@@ -2,10 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stiff or soft: what the pressures say of every segment, and when the pump runs."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
+from time import monotonic
 
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, JammingReading
+
+RESPONSE_TIME = 10.0
+"""s after which the pressure of a segment must have followed its valve."""
 
 
 @dataclass(frozen=True)
@@ -34,15 +39,63 @@ class JammingSettings:
                     f'({getattr(self, high):g} Pa)')
 
 
-class JammingController:
-    """Switches segments and knows from the pressure which of them are stiff."""
+class PressureWatch:
+    """Notices the segments whose pressure does not follow their valve."""
 
-    def __init__(self, driver: JammingDriver, segments: int, settings: JammingSettings) -> None:
-        """Use an opened ``driver``."""
+    def __init__(self, segments: int, settings: JammingSettings) -> None:
+        """Watch from the first reading on."""
+        self._settings = settings
+        self._driven: list[tuple[bool, bool] | None] = [None] * segments
+        self._since = [0.0] * segments
+        self._distrusted = [False] * segments
+
+    def faults(self, reading: JammingReading, now: float) -> tuple[str, ...]:
+        """Return what is wrong with each segment, empty for nothing; now: s, never set back."""
+        return tuple(self._fault(i, reading, now) for i in range(len(self._driven)))
+
+    def _fault(self, i: int, reading: JammingReading, now: float) -> str:
+        evacuated = reading.evacuated[i]
+        driven = (evacuated, evacuated and reading.pump)
+        if driven != self._driven[i]:
+            self._driven[i], self._since[i] = driven, now
+        overdue = now - self._since[i] >= RESPONSE_TIME
+        vacuum = self._settings.ambient_pressure - reading.pressures[i]
+        name, kilopascals = f'segment {i + 1}', f'{vacuum / 1e3:.1f} kPa of vacuum'
+        if not isfinite(vacuum):
+            return f'{name}: no pressure; check the wire and the supply of its pressure sensor'
+        # A sensor that did not notice the venting is believed again when it shows it.
+        if vacuum < self._settings.release_vacuum:
+            self._distrusted[i] = False
+        elif overdue and not evacuated:
+            self._distrusted[i] = True
+        if self._distrusted[i]:
+            return (f'{name}: has {kilopascals} though it was vented for {RESPONSE_TIME:g} s; '
+                    'its pressure sensor or its valve is stuck, or its vent is blocked')
+        if overdue and driven == (True, True) and vacuum < self._settings.stiff_vacuum:
+            return (f'{name}: has only {kilopascals} after {RESPONSE_TIME:g} s with the pump '
+                    'running; it leaks, its valve or its pressure sensor is stuck, or the pump '
+                    'is too weak')
+        return ''
+
+
+class JammingController:
+    """
+    Switches segments and knows from the pressure which of them are stiff.
+
+    stiff: per segment; False also when that is not known.  faults: per segment, what is wrong
+    with its pressure in words, empty for nothing.
+    """
+
+    def __init__(self, driver: JammingDriver, segments: int, settings: JammingSettings,
+                 clock: Callable[[], float] = monotonic) -> None:
+        """Use an opened ``driver``; clock: s, never set back."""
         self._driver = driver
         self._settings = settings
+        self._clock = clock
+        self._watch = PressureWatch(segments, settings)
         self._reading: JammingReading | None = None
         self.stiff = [False] * segments
+        self.faults = ('',) * segments
 
     @property
     def reading(self) -> JammingReading:
@@ -52,15 +105,26 @@ class JammingController:
         return self._reading
 
     def update(self) -> JammingReading:
-        """Read the pressures, decide which segments are stiff, switch the pump if needed."""
-        reading = self._driver.read()
+        """
+        Read the pressures, decide which segments are stiff, switch the pump if needed.
+
+        Raises HardwareError when the driver does; then no segment counts as stiff, because a
+        valve that lost its power may vent it unseen.
+        """
+        try:
+            reading = self._driver.read()
+        except HardwareError:
+            self.stiff = [False] * len(self.stiff)
+            raise
         self._reading = reading
+        self.faults = self._watch.faults(reading, self._clock())
         vacuum = [self._settings.ambient_pressure - p for p in reading.pressures]
         for i, value in enumerate(vacuum):
             threshold = (self._settings.release_vacuum if self.stiff[i]
                          else self._settings.stiff_vacuum)
             # A segment that is being vented may already move: it is not stiff any more.
-            self.stiff[i] = reading.evacuated[i] and isfinite(value) and value >= threshold
+            self.stiff[i] = (reading.evacuated[i] and not self.faults[i] and isfinite(value)
+                             and value >= threshold)
         evacuated = [v for v, open_ in zip(vacuum, reading.evacuated, strict=True) if open_]
         if any(not v >= self._settings.pump_start_vacuum for v in evacuated):
             if not reading.pump:
@@ -71,6 +135,6 @@ class JammingController:
 
     def set_stiff(self, segment: int, stiff: bool) -> None:
         """Evacuate or vent a segment (0-based); ``stiff`` follows when the pressure says so."""
-        self._driver.set_evacuated(segment, stiff)
-        if not stiff:
+        if not stiff:  # at once, as a command that fails may have been carried out
             self.stiff[segment] = False
+        self._driver.set_evacuated(segment, stiff)

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A simulated vacuum pump with one valve and one pressure sensor per segment."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import exp
+from typing import Any, ClassVar, Self
 
 from soft_continuum.hardware.protocols import JammingReading
+from soft_continuum.parameters import Parameter
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,30 @@ class JammingPlant:
 
 class SimulatedJamming:
     """Simulated pump and valves; they start with every segment evacuated, or all soft."""
+
+    PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
+        Parameter('simulated_jamming.ultimate_vacuum', 94e3,
+                  'vacuum the simulated pump reaches below ambient, Pa', 1e3, 101e3),
+        Parameter('simulated_jamming.evacuation_time', 0.4,
+                  'time constant of evacuating a simulated segment, s', 0.01, 100.0),
+        Parameter('simulated_jamming.venting_time', 0.6,
+                  'time constant of venting a simulated segment, s', 0.01, 100.0),
+        Parameter('simulated_jamming.valve_delay', 0.03, 'delay of a simulated valve, s',
+                  0.0, 10.0),
+        Parameter('simulated_jamming.leak_rate', 500.0,
+                  'vacuum a simulated segment loses while the pump rests, Pa/s', 0.0, 1e5),
+        Parameter('simulated_jamming.initially_stiff', True,
+                  'the simulated rig starts with the pump on and all segments evacuated'),
+    )
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:
+        """Return what the parameters of the node describe."""
+        plant = JammingPlant(values['ambient_pressure'], **{
+            name: values[f'simulated_jamming.{name}'] for name in (
+                'ultimate_vacuum', 'evacuation_time', 'venting_time', 'valve_delay', 'leak_rate')})
+        return cls(clock, len(values['arm.segment_lengths']), plant,
+                   values['simulated_jamming.initially_stiff'])
 
     def __init__(self, clock: Callable[[], float], segments: int, plant: JammingPlant,
                  initially_stiff: bool) -> None:

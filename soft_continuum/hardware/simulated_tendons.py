@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated steppers: finite speed and acceleration, whole steps."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import copysign, sqrt
+from typing import Any, ClassVar, Self
 
 from soft_continuum.hardware.protocols import TendonReading
+from soft_continuum.parameters import Parameter
 
 TIME_STEP = 0.001  # s
 BRAKE_EARLY = 0.8  # of the acceleration limit is planned with, so that no target is overrun
@@ -13,6 +15,17 @@ BRAKE_EARLY = 0.8  # of the acceleration limit is planned with, so that no targe
 
 class SimulatedTendons:
     """Two simulated steppers that start at zero pull, referenced and at rest."""
+
+    PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
+        Parameter('simulated_tendons.step', 5e-6, 'pull per step of the simulated steppers, m',
+                  1e-9, 1e-3),
+    )
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:
+        """Return what the parameters of the node describe."""
+        return cls(clock, values['speed_limit'], values['acceleration_limit'],
+                   values['simulated_tendons.step'])
 
     def __init__(self, clock: Callable[[], float], speed_limit: float,
                  acceleration_limit: float, step: float) -> None:

@@ -11,10 +11,20 @@ from std_srvs.srv import SetBool
 
 from soft_continuum.configuration import jamming_settings, NODE_PARAMETERS
 from soft_continuum.description import arm_from_parameters
+from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
 from soft_continuum.hardware.jamming_controller import JammingController
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver
-from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
-from soft_continuum.nodes.support import ERROR, LATCHED, ManagedNode, OK, STREAM
+from soft_continuum.nodes.support import (
+    Age,
+    EmergencyStop,
+    ERROR,
+    LATCHED,
+    ManagedNode,
+    OK,
+    STREAM,
+)
+
+RECONNECT = 2.0  # s between attempts to connect to a device that does not answer
 
 
 class JammingValves(ManagedNode):
@@ -22,8 +32,11 @@ class JammingValves(ManagedNode):
     Switches segments soft or stiff and says, from the pressure, which they are.
 
     Publishes segment_N/stiff (std_msgs/Bool, latched), segment_N/pressure
-    (sensor_msgs/FluidPressure), ~/status and /diagnostics.  Serves ~/segment_N/set_stiff and
-    ~/set_all_stiff (std_srvs/SetBool).  N counts from 1 at the base.
+    (sensor_msgs/FluidPressure), ~/status and /diagnostics.  Subscribes to emergency_stop.  Serves
+    ~/segment_N/set_stiff and ~/set_all_stiff (std_srvs/SetBool).  N counts from 1 at the base.
+
+    While a device does not answer nothing is published but ~/status and /diagnostics: whether
+    its segments are stiff is then not known to anybody.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -47,6 +60,8 @@ class JammingValves(ManagedNode):
             SetBool, '~/set_all_stiff',
             lambda request, response: self._set_stiff(
                 list(range(self._segments)), request, response))
+        self._emergency = EmergencyStop(self)
+        self._connect_age = Age()  # since the last attempt to connect again
         self._timer = self.create_timer(1.0 / self.parameters['jamming_rate'], self._update)
 
     def hardware_id(self) -> str:
@@ -55,16 +70,11 @@ class JammingValves(ManagedNode):
 
     def configure(self) -> None:
         """Connect and read; switch nothing."""
-        plant = JammingPlant(
-            ambient_pressure=self.parameters['ambient_pressure'],
-            **{name: self.parameters[f'simulated_jamming.{name}'] for name in (
-                'ultimate_vacuum', 'evacuation_time', 'venting_time', 'valve_delay',
-                'leak_rate')})
-        self._driver = SimulatedJamming(
-            self._seconds, self._segments, plant,
-            self.parameters['simulated_jamming.initially_stiff'])
-        self._driver.open()
-        self._controller = JammingController(self._driver, self._segments, self._settings)
+        driver: JammingDriver = make_driver(
+            JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, self._seconds)
+        driver.open()
+        self._driver = driver
+        self._controller = JammingController(driver, self._segments, self._settings)
         self.status.set(OK, 'connected')
 
     def deactivate(self) -> None:
@@ -87,6 +97,7 @@ class JammingValves(ManagedNode):
             reading = self._controller.update()
         except HardwareError as error:
             self.status.set(ERROR, str(error))
+            self._connect_again()
             return
         stamp = self.get_clock().now().to_msg()
         for i in range(self._segments):
@@ -95,8 +106,22 @@ class JammingValves(ManagedNode):
             message.header.frame_id = f'segment_{i + 1}'
             self._pressure[i].publish(message)
         self._say_stiff()
-        self.status.set(OK, 'working', pump='on' if reading.pump else 'off',
+        faults = '; '.join(fault for fault in self._controller.faults if fault)
+        self.status.set(ERROR if faults else OK, faults or 'working',
+                        pump='on' if reading.pump else 'off',
                         stiff=' '.join(str(s).lower() for s in self._controller.stiff))
+
+    def _connect_again(self) -> None:
+        """Open a lost port again, now and then; what it finds is read and nothing is switched."""
+        assert self._driver is not None
+        if self._connect_age.seconds < RECONNECT:
+            return
+        try:
+            self._driver.close()
+            self._driver.open()
+        except HardwareError as error:
+            self.status.set(ERROR, str(error))
+        self._connect_age.refresh()
 
     def _say_stiff(self) -> None:
         assert self._controller is not None
@@ -110,6 +135,10 @@ class JammingValves(ManagedNode):
         names = ', '.join(f'segment {i + 1}' for i in segments)
         if not self.active or self._controller is None:
             response.message = f'{names}: not switched: the node is not active'
+            return response
+        if self._emergency.on:
+            response.message = (f'{names}: not switched: emergency_stop is on; valves stay as '
+                                'they are until it is published as false')
             return response
         try:
             for i in segments:

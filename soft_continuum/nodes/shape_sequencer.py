@@ -3,7 +3,7 @@
 
 """The node that runs sequences of shapes, by the topics and services of the other three."""
 
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -29,6 +29,8 @@ from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.nodes.conversions import seconds, trajectory_to_ros
 from soft_continuum.nodes.support import (
     Age,
+    EmergencyStop,
+    ERROR,
     LATCHED,
     load_model,
     NodeParameters,
@@ -85,9 +87,9 @@ class ShapeSequencer(Node):
     Sets shapes one segment at a time.
 
     Serves the action run_shape_sequence (soft_continuum_interfaces/RunShapeSequence).  Subscribes
-    to tendon_states, joint_states, segment_N/stiff, segment_N/pressure and
-    tendon_actuation/status; publishes tendon_actuation/joint_trajectory, ~/status and
-    /diagnostics; calls jamming_valves/segment_N/set_stiff.
+    to tendon_states, joint_states, segment_N/stiff, segment_N/pressure, tendon_actuation/status,
+    jamming_valves/status and emergency_stop; publishes tendon_actuation/joint_trajectory, ~/status
+    and /diagnostics; calls jamming_valves/segment_N/set_stiff.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -109,6 +111,7 @@ class ShapeSequencer(Node):
                       'kinematics (joint_states)': Age()}
         self._tendon_age, self._jamming_age, self._shape_age = self._ages.values()
         self._tendon_status: dict[str, str] = {}
+        self._errors: dict[str, tuple[str, Age]] = {}  # by node: what it says, and for how long
         self._sent: set[str] = set()
         self._failed = ''
         self._runner: Runner | None = None
@@ -125,7 +128,11 @@ class ShapeSequencer(Node):
         self.create_subscription(JointState, 'tendon_states', self._on_tendons, SENSOR)
         self.create_subscription(JointState, 'joint_states', self._on_shape, SENSOR)
         self.create_subscription(
-            DiagnosticStatus, 'tendon_actuation/status', self._on_status, LATCHED)
+            DiagnosticStatus, 'tendon_actuation/status', self._on_tendon_status, LATCHED)
+        self.create_subscription(
+            DiagnosticStatus, 'jamming_valves/status',
+            lambda message: self._on_status('jamming_valves', message), LATCHED)
+        self._emergency = EmergencyStop(self)
         for i in range(segments):
             self.create_subscription(
                 Bool, f'segment_{i + 1}/stiff',
@@ -175,8 +182,29 @@ class ShapeSequencer(Node):
         self._vacuum[segment] = self.parameters['ambient_pressure'] - pressure
         self._jamming_age.refresh()
 
-    def _on_status(self, message: DiagnosticStatus) -> None:
+    def _on_tendon_status(self, message: DiagnosticStatus) -> None:
         self._tendon_status = {pair.key: pair.value for pair in message.values}
+        self._on_status('tendon_actuation', message)
+
+    def _on_status(self, node: str, message: DiagnosticStatus) -> None:
+        if message.level != ERROR:
+            self._errors.pop(node, None)
+            return
+        _, age = self._errors.get(node, ('', Age()))
+        if age.seconds == inf:
+            age.refresh()
+        self._errors[node] = message.message, age
+
+    def _error(self) -> str:
+        """Say which error lasts; a device may miss one answer."""
+        timeout = self.parameters['silence_timeout']
+        return '; '.join(f'{node}: {message}' for node, (message, age) in self._errors.items()
+                         if age.seconds > timeout)
+
+    def _stopped(self) -> str:
+        if self._emergency.on:
+            return 'emergency_stop is on'
+        return self._tendon_status.get('stopped', '')
 
     def _silent(self) -> str:
         """Say which node is not heard; empty when all are."""
@@ -196,8 +224,8 @@ class ShapeSequencer(Node):
         return Observation(
             pulls=pulls, moving=bool(tendons and any(tendons.velocity)),
             stiff=tuple(bool(s) for s in self._stiff), vacuum=tuple(self._vacuum),
-            stopped=self._tendon_status.get('stopped', ''),
-            fault=self._silent() or self._failed, refused=refused)
+            stopped=self._stopped(),
+            fault=self._error() or self._silent() or self._failed, refused=refused)
 
     # How the runner acts on the arm (ArmPort).
 
@@ -229,9 +257,9 @@ class ShapeSequencer(Node):
     def _on_goal(self, goal: RunShapeSequence.Goal) -> GoalResponse:
         try:
             shapes = self._shapes(goal)
-            problem = self._silent()
-            if not problem and self._tendon_status.get('stopped'):
-                problem = (f'tendon motion is stopped ({self._tendon_status["stopped"]}); '
+            problem = self._error() or self._silent()
+            if not problem and self._stopped():
+                problem = (f'tendon motion is stopped ({self._stopped()}); '
                            'call tendon_actuation/resume first')
             if problem:
                 raise PlanError(problem)

@@ -3,7 +3,7 @@
 
 """What every node does alike: parameters, status, diagnostics and the lifecycle."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import time
 import traceback
 from typing import Any
@@ -22,6 +22,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Bool
 
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.mechanics._compile import is_compiled
@@ -198,6 +199,27 @@ class Age:
     def seconds(self) -> float:
         """Seconds since it was heard; infinite before the first time."""
         return self._clock.now().nanoseconds * 1e-9 - self._heard
+
+
+class EmergencyStop:
+    """
+    Hears emergency_stop (std_msgs/Bool): true stops the arm, false allows to resume.
+
+    Subscribed in three ways, so that whoever publishes is heard: latched, which nodes that start
+    later hear too; not latched; and not even reliable.
+    """
+
+    def __init__(self, node: Node, on_change: Callable[[bool], None] = lambda on: None) -> None:
+        """Call ``on_change`` whenever it goes on or off."""
+        self.on = False
+        self._on_change = on_change
+        for profile in (LATCHED, STREAM, SENSOR):
+            node.create_subscription(Bool, 'emergency_stop', self._on_message, profile)
+
+    def _on_message(self, message: Bool) -> None:
+        if message.data != self.on:
+            self.on = message.data
+            self._on_change(self.on)
 
 
 class ManagedNode(LifecycleNode):

@@ -14,8 +14,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.configuration import NODE_PARAMETERS
 from soft_continuum.description import arm_from_parameters
+from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver
-from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
     TendonController,
@@ -27,6 +27,7 @@ from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.nodes.conversions import seconds, trajectory_from_ros
 from soft_continuum.nodes.support import (
     Age,
+    EmergencyStop,
     ERROR,
     LATCHED,
     load_model,
@@ -38,6 +39,7 @@ from soft_continuum.nodes.support import (
 )
 
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
+RECONNECT = 2.0  # s between attempts to connect to a lost device
 TAKEN_UP = 1e-4  # m that rope and guides take up; the model's tendons would buckle the arm at once
 
 
@@ -46,8 +48,12 @@ class TendonActuation(ManagedNode):
     Moves both tendons along trajectories, as far as the arm may be moved.
 
     Subscribes to ~/joint_trajectory (trajectory_msgs/JointTrajectory), segment_N/stiff,
-    segment_N/pressure and joint_states.  Publishes tendon_states (sensor_msgs/JointState),
-    ~/status and /diagnostics.  Serves ~/stop, ~/resume and ~/reference (std_srvs/Trigger).
+    segment_N/pressure, joint_states and emergency_stop (std_msgs/Bool).  Publishes tendon_states
+    (sensor_msgs/JointState), ~/status and /diagnostics.  Serves ~/stop, ~/resume and ~/reference
+    (std_srvs/Trigger).
+
+    A device that fails counts as lost: it is connected to again as soon as it answers, and then
+    nothing moves before ~/resume.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -58,7 +64,9 @@ class TendonActuation(ManagedNode):
         self._statics = Statics(self._arm)
         self._controller: TendonController | None = None
         self._driver: TendonDriver | None = None
-        self._stopped_because = ''
+        self._stopped_because = ''  # while there is no controller to keep it
+        self._lost = ''  # why the device was lost
+        self._connect_age = Age()  # since the last attempt to connect to it again
         self._refused = ''
         self._refused_stamp = Time()
         self._ended = ''
@@ -77,6 +85,7 @@ class TendonActuation(ManagedNode):
                 lambda message, i=i: self._on_stiff(i, message.data), LATCHED)
         self.create_subscription(
             FluidPressure, 'segment_1/pressure', lambda _: self._jamming_age.refresh(), SENSOR)
+        self._emergency = EmergencyStop(self, self._on_emergency)
         self.create_service(Trigger, '~/stop', self._on_stop)
         self.create_service(Trigger, '~/resume', self._on_resume)
         self.create_service(Trigger, '~/reference', self._on_reference)
@@ -89,11 +98,11 @@ class TendonActuation(ManagedNode):
 
     def configure(self) -> None:
         """Connect and read; move nothing."""
-        self._driver = SimulatedTendons(
-            self._seconds, self.parameters['speed_limit'], self.parameters['acceleration_limit'],
-            self.parameters['simulated_tendons.step'])
-        self._driver.open()
-        self._controller = TendonController(self._driver, self._limits())
+        driver: TendonDriver = make_driver(
+            TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, self._seconds)
+        driver.open()
+        self._driver, self._controller = driver, TendonController(driver, self._limits())
+        self._lost = ''
         if self._stopped_because:  # a stop outlasts a reconnection
             self._controller.stop(self._stopped_because)
         self.status.set(OK, 'connected')
@@ -101,16 +110,43 @@ class TendonActuation(ManagedNode):
     def deactivate(self) -> None:
         """Brake and hold."""
         if self._controller is not None:
-            self._controller.hold()
+            try:
+                self._controller.hold()
+            except HardwareError as error:
+                self._lose(error)
+                return
         self.status.set(OK, 'inactive')
 
     def clean_up(self) -> None:
         """Hold and disconnect."""
+        self._disconnect()
+        self._lost = ''
+
+    def _disconnect(self) -> None:
         if self._controller is not None:
             self._stopped_because = self._controller.stopped_because
         if self._driver is not None:
             self._driver.close()
         self._driver = self._controller = None
+
+    def _lose(self, error: HardwareError) -> None:
+        """Disconnect from a device that failed; nothing moves before it is back and ~/resume."""
+        self._disconnect()
+        self._lost = str(error)
+        self._stopped_because = self._stopped_because or f'the device failed: {error}'
+        self._connect_age.refresh()
+        self._say()
+
+    def _connect_again(self) -> None:
+        if self._connect_age.seconds < RECONNECT:
+            return
+        try:
+            self.configure()
+            self._say()
+        except (HardwareError, ValueError) as error:
+            self._lost = str(error)
+            self._say()
+        self._connect_age.refresh()
 
     def _limits(self) -> TendonLimits:
         low, high = self.parameters['pull_limits']
@@ -132,12 +168,12 @@ class TendonActuation(ManagedNode):
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         if not self.active or self._controller is None:
-            self._refuse(message, 'the node is not active')
-            return
-        if not message.points:
-            self._controller.hold()
+            self._refuse(message, self._lost or 'the node is not active')
             return
         try:
+            if not message.points:
+                self._controller.hold()
+                return
             obstacle = self._obstacle()
             if obstacle:
                 raise MotionRefusedError(obstacle)
@@ -149,6 +185,8 @@ class TendonActuation(ManagedNode):
             self._stiff_at_start = list(self._stiff)
         except MotionRefusedError as error:
             self._refuse(message, str(error))
+        except HardwareError as error:
+            self._lose(error)
 
     def _refuse(self, message: JointTrajectory, reason: str) -> None:
         self._refused, self._refused_stamp = reason, message.header.stamp
@@ -195,6 +233,8 @@ class TendonActuation(ManagedNode):
     def _update(self) -> None:
         controller = self._controller
         if controller is None:
+            if self._lost:
+                self._connect_again()
             return
         try:
             if controller.busy:
@@ -206,7 +246,7 @@ class TendonActuation(ManagedNode):
                     self._ended = f'motion ended: {obstacle}'
             reading = controller.update(self._seconds(), self._interval)
         except HardwareError as error:
-            self.status.set(ERROR, str(error))
+            self._lose(error)
             return
         if not self.active:
             return
@@ -219,8 +259,8 @@ class TendonActuation(ManagedNode):
     def _say(self) -> None:
         controller = self._controller
         if controller is None:
-            self.status.set(OK, 'not connected', stopped=self._stopped_because,
-                            refused=self._refused)
+            self.status.set(ERROR if self._lost else OK, self._lost or 'not connected',
+                            stopped=self._stopped_because, refused=self._refused)
             return
         if controller.stopped:
             level, text = WARN, f'stopped: {controller.stopped_because}'
@@ -236,24 +276,37 @@ class TendonActuation(ManagedNode):
             refused_stamp=f'{self._refused_stamp.sec}.{self._refused_stamp.nanosec:09d}')
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._controller is None:
-            self._stopped_because = '~/stop was called'
-            response.success, response.message = True, 'not connected; stopped all the same'
-            return response
-        try:
-            self._controller.stop('~/stop was called')
-        except HardwareError as error:
-            response.message = f'the stop did not reach the device: {error}'
-            self.status.set(ERROR, response.message)
-            return response
-        self._say()
-        response.success = True
-        response.message = 'stopped, holding tension; nothing moves before ~/resume'
+        response.success, response.message = self._stop('~/stop was called')
         return response
 
+    def _on_emergency(self, on: bool) -> None:
+        if on:
+            self._stop('emergency_stop is on')
+        else:
+            self.get_logger().warning('emergency_stop is off; nothing moves before ~/resume')
+
+    def _stop(self, reason: str) -> tuple[bool, str]:
+        """Stop all motion; return whether the device was reached, and what to say."""
+        if self._controller is None:
+            self._stopped_because = reason
+            self._say()
+            if self._lost:
+                return False, f'the stop did not reach the device: {self._lost}'
+            return True, 'not connected; stopped all the same'
+        try:
+            self._controller.stop(reason)
+        except HardwareError as error:
+            self._lose(error)
+            return False, f'the stop did not reach the device: {error}'
+        self._say()
+        return True, 'stopped, holding tension; nothing moves before ~/resume'
+
     def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._emergency.on:
+            response.message = 'emergency_stop is on; it has to be published as false first'
+            return response
         if not self.active or self._controller is None:
-            response.message = 'the node is not active'
+            response.message = self._lost or 'the node is not active'
             return response
         self._controller.resume()
         self._ended = ''
@@ -264,11 +317,15 @@ class TendonActuation(ManagedNode):
 
     def _on_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self.active or self._controller is None:
-            response.message = 'the node is not active'
+            response.message = self._lost or 'the node is not active'
             return response
         try:
             self._controller.reference()
-        except (MotionRefusedError, HardwareError) as error:
+        except MotionRefusedError as error:
+            response.message = str(error)
+            return response
+        except HardwareError as error:
+            self._lose(error)
             response.message = str(error)
             return response
         self._say()

@@ -8,7 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
+from soft_continuum.hardware.jamming_controller import (
+    JammingController,
+    JammingSettings,
+    RESPONSE_TIME,
+)
 from soft_continuum.hardware.protocols import HardwareError, JammingReading
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 
@@ -59,6 +63,19 @@ class ScriptedJamming:
 def scripted(*vacuum, pump=False):
     driver = ScriptedJamming(*vacuum, pump=pump)
     return driver, JammingController(driver, len(vacuum), SETTINGS)
+
+
+def timed(*vacuum):
+    """A scripted driver and its controller, on a clock that goes on only when told."""
+    driver, clock = ScriptedJamming(*vacuum), Clock()
+    return clock, driver, JammingController(driver, len(vacuum), SETTINGS, clock)
+
+
+def after(clock, controller, seconds):
+    """The faults after some time."""
+    clock.now += seconds
+    controller.update()
+    return controller.faults
 
 
 def simulated(initially_stiff, segments=3, plant=None):
@@ -244,6 +261,110 @@ def test_a_lost_device_is_reported_and_nothing_becomes_stiff():
     with pytest.raises(HardwareError, match='unplugged'):
         controller.update()
     assert controller.stiff == [False]
+
+
+def test_while_the_device_is_lost_nothing_counts_as_stiff():
+    driver, controller = scripted(90e3, 90e3)
+    controller.update()
+    assert controller.stiff == [True, True]
+    read = driver.read
+
+    def lost():
+        raise HardwareError('unplugged')
+
+    driver.read = lost
+    with pytest.raises(HardwareError, match='unplugged'):
+        controller.update()
+    assert controller.stiff == [False, False]
+    driver.read = read
+    controller.update()
+    assert controller.stiff == [True, True]
+
+
+def test_a_segment_is_not_stiff_after_a_venting_that_failed_half_way():
+    driver, controller = scripted(90e3, 90e3)
+    controller.update()
+
+    def unanswered(segment, evacuated):
+        raise HardwareError('no answer')  # though the valve may have moved
+
+    driver.set_evacuated = unanswered
+    with pytest.raises(HardwareError, match='no answer'):
+        controller.set_stiff(1, False)
+    assert controller.stiff == [True, False]
+
+
+# Pressures that do not follow.
+
+
+def test_a_segment_that_keeps_its_vacuum_though_vented_is_a_fault():
+    clock, driver, controller = timed(90e3, 90e3)
+    controller.set_stiff(1, False)
+    controller.update()
+    assert after(clock, controller, 0.99 * RESPONSE_TIME) == ('', '')
+    faults = after(clock, controller, 0.02 * RESPONSE_TIME)
+    assert faults[0] == '' and 'segment 2' in faults[1] and '90.0 kPa' in faults[1]
+    assert 'sensor' in faults[1] and 'valve' in faults[1]
+
+
+def test_a_sensor_that_missed_a_venting_is_not_believed_before_it_showed_one():
+    clock, driver, controller = timed(90e3)
+    controller.set_stiff(0, False)
+    controller.update()
+    after(clock, controller, RESPONSE_TIME)
+    controller.set_stiff(0, True)
+    for _ in range(3):
+        assert after(clock, controller, RESPONSE_TIME) != ('',)
+        assert controller.stiff == [False]
+    driver.vacuum[0] = RELEASE - 1.0
+    assert after(clock, controller, 0.1) == ('',)
+    assert controller.stiff == [False]
+    driver.vacuum[0] = 90e3
+    assert after(clock, controller, 0.1) == ('',)
+    assert controller.stiff == [True]
+
+
+def test_a_segment_that_gets_no_vacuum_from_the_running_pump_is_a_fault():
+    clock, driver, controller = timed(90e3, 20e3)
+    for _ in range(2):
+        controller.update()
+    assert driver.pump
+    assert after(clock, controller, 0.99 * RESPONSE_TIME) == ('', '')
+    faults = after(clock, controller, 0.02 * RESPONSE_TIME)
+    assert faults[0] == '' and 'segment 2' in faults[1] and '20.0 kPa' in faults[1]
+    assert all(word in faults[1] for word in ('leaks', 'valve', 'sensor', 'pump'))
+    driver.vacuum[1] = 90e3
+    assert after(clock, controller, 0.1) == ('', '')
+    assert controller.stiff == [True, True]
+
+
+def test_the_time_to_follow_starts_again_with_every_switching():
+    clock, _, controller = timed(0.0)
+    controller.set_stiff(0, True)
+    controller.update()
+    for _ in range(5):
+        assert after(clock, controller, 0.6 * RESPONSE_TIME) == ('',)
+        controller.set_stiff(0, False)
+        assert after(clock, controller, 0.6 * RESPONSE_TIME) == ('',)
+        controller.set_stiff(0, True)
+        controller.update()
+
+
+def test_a_broken_sensor_is_a_fault_at_once_and_for_its_segment_alone():
+    clock, driver, controller = timed(90e3, nan)
+    faults = after(clock, controller, 0.0)
+    assert faults[0] == '' and 'segment 2' in faults[1] and 'wire' in faults[1]
+    driver.vacuum[1] = 90e3
+    assert after(clock, controller, 0.1) == ('', '')
+
+
+def test_a_rig_that_works_has_no_faults_in_an_hour_of_switching():
+    clock, driver, _ = simulated(initially_stiff=True)
+    controller = JammingController(driver, 3, SETTINGS, clock)
+    for turn in range(360):
+        controller.set_stiff(turn % 3, turn % 2 == 0)
+        for _ in range(20):
+            assert after(clock, controller, 0.5) == ('',) * 3
 
 
 thresholds = st.lists(st.floats(1e3, 101e3), min_size=4, max_size=4)

@@ -449,7 +449,7 @@ class Rig:
         return self.wait_for(accepted, 'an accepted goal')  # type: ignore[no-any-return]
 
     def goal_in_motion(self, *shapes: str | Sequence[float] | Shape) -> Goal:
-        """Return an accepted goal once it moves the tendons, of nodes that may just be starting."""
+        """Return an accepted goal once it moves the tendons, of nodes that may only start."""
         def moving() -> Goal | None:
             goal = self.goal_when_heard(*shapes)
             self.wait_for(lambda: goal.ended or (self.moving and abs(self.pulls[0]) > 1e-4),

@@ -1,0 +1,199 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""An emulated GRBL 1.1 board on a pseudo-terminal, with its motors and its faults."""
+
+from collections.abc import Mapping
+import os
+from pathlib import Path
+import random
+import select
+import threading
+from time import monotonic, sleep
+import tty
+from types import TracebackType
+from typing import Self
+
+from soft_continuum.emulators.grbl_firmware import GrblFirmware
+from soft_continuum.emulators.grbl_planner import Steps
+
+TICK = 0.002  # s
+
+
+class GrblEmulator:
+    """
+    A controller at ``port``; use it in a ``with`` statement.
+
+    Faults, to be set while it runs: ``hang`` (answers nothing, motors go on), ``drop_ok`` (this
+    many acknowledgements are lost), ``late_ok`` (s that they take), ``garble`` (share of lines
+    that arrive damaged), ``firmware.race`` (the next jog runs as a program).  Others are methods.
+    ``lock`` holds time still.
+    """
+
+    def __init__(self, link: str = '', time_factor: float = 1.0,
+                 settings: Mapping[int, float] | None = None) -> None:
+        """
+        Switch the board on; ``link``: a path at which its port can always be found.
+
+        time_factor: emulated per real time.  settings: ``$`` numbers that are not as usual.
+        """
+        self.hang = False
+        self.drop_ok = 0
+        self.late_ok = 0.0
+        self.garble = 0.0
+        self.lock = threading.RLock()
+        self.random = random.Random(1)
+        self._late: list[tuple[float, str]] = []
+        self._link = Path(link) if link else None
+        self._factor = time_factor
+        self._master = self._slave = -1
+        self.firmware = GrblFirmware(settings or {}, self.say, self._acknowledge)
+        self._time = monotonic()
+        self._closing = False
+        self._thread = threading.Thread(target=self._run, name='grbl_emulator', daemon=True)
+        self.plug()
+
+    def __enter__(self) -> Self:
+        """Begin to answer."""
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 traceback: TracebackType | None) -> None:
+        """Take the port away."""
+        self._closing = True
+        self._thread.join()
+        self.unplug()
+
+    # The truth, whatever the firmware reports
+
+    @property
+    def motors(self) -> Steps:
+        """Steps that the motors have made since the beginning."""
+        with self.lock:
+            self._advance()
+            return self.firmware.made
+
+    @property
+    def moving(self) -> bool:
+        """Whether the motors move."""
+        with self.lock:
+            self._advance()
+            return not self.firmware.planner.standing
+
+    @property
+    def energised(self) -> bool:
+        """Whether the motors hold their load."""
+        with self.lock:
+            self._advance()
+            return self.firmware.energised
+
+    @property
+    def time(self) -> float:
+        """Emulated time, s."""
+        with self.lock:
+            self._advance()
+            return self.firmware.time
+
+    def remaining_time(self) -> float:
+        """Return for how long (s) the motors would move if no more came."""
+        with self.lock:
+            self._advance()
+            return self.firmware.planner.remaining_time()
+
+    # Faults
+
+    def reset(self, banner: bool = True) -> None:
+        """Reset at the board: power, button, or DTR when a computer opens the port."""
+        with self.lock:
+            self._advance()
+            self._late.clear()
+            self.firmware.reset(banner)
+
+    def alarm(self, number: int) -> None:
+        """Stop at once and lock; 1 and 2 answer nothing before a soft reset."""
+        with self.lock:
+            self._advance()
+            self.firmware.alarm(number)
+
+    def hold(self) -> None:
+        """Press the feed hold button at the board for a moment."""
+        with self.lock:
+            self.firmware.hold()
+
+    def door(self) -> None:
+        """Open the safety door."""
+        with self.lock:
+            self.firmware.door()
+
+    def unplug(self) -> None:
+        """Pull out the cable; the motors go on."""
+        with self.lock:
+            for descriptor in (self._master, self._slave):
+                if descriptor >= 0:
+                    os.close(descriptor)
+            self._master = self._slave = -1
+            if self._link is not None and self._link.is_symlink():
+                self._link.unlink()
+
+    def plug(self) -> None:
+        """Put the cable back; nothing is reset."""
+        with self.lock:
+            self.unplug()
+            self._master, self._slave = os.openpty()
+            tty.setraw(self._slave)
+            os.set_blocking(self._master, False)
+            self.port = os.ttyname(self._slave)
+            if self._link is not None:
+                self._link.symlink_to(self.port)
+                self.port = str(self._link)
+
+    # Time and bytes
+
+    def _run(self) -> None:
+        while not self._closing:
+            master = self._master
+            try:
+                if master >= 0:
+                    select.select([master], [], [], TICK)
+                else:
+                    sleep(TICK)
+                with self.lock:
+                    self._advance()
+                    if self._master == master >= 0:
+                        data = os.read(master, 4096)
+                        if not self.hang:
+                            self.firmware.take(data)
+            except (BlockingIOError, ValueError):
+                continue
+            except OSError:  # unplugged meanwhile
+                continue
+
+    def _advance(self) -> None:
+        """Let the emulated time catch up."""
+        now = monotonic()
+        elapsed, self._time = (now - self._time) * self._factor, now
+        while elapsed > 0.0:
+            self.firmware.advance(min(elapsed, TICK))
+            elapsed -= TICK
+        while self._late and self._late[0][0] <= now:
+            self.say(self._late.pop(0)[1])
+
+    def _acknowledge(self, text: str) -> None:
+        if self.drop_ok > 0:
+            self.drop_ok -= 1
+        elif self.late_ok > 0.0:
+            self._late.append((monotonic() + self.late_ok, text))
+        else:
+            self.say(text)
+
+    def say(self, line: str) -> None:
+        """Send a line, as far as faults let it through."""
+        if self.hang or self._master < 0:
+            return
+        data = bytearray(line.encode('ascii') + b'\r\n')
+        if self.garble and self.random.random() < self.garble:
+            data[self.random.randrange(len(data))] = self.random.randrange(256)
+        try:
+            os.write(self._master, data)
+        except OSError:
+            return  # nobody reads: lost, as on a wire

@@ -1,0 +1,166 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command line of the emulated Modbus rig: faults are typed while it runs."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import nan
+import random
+import sys
+import threading
+
+from soft_continuum.emulators.modbus_rig import (
+    ANALOG_UNIT,
+    FULL_SCALE,
+    ModbusEmulator,
+    RELAY_UNIT,
+)
+
+CONFIGURATION = """\
+Put this into the parameter file of jamming_valves (or leave out what is the default):
+/**:
+  ros__parameters:
+    jamming_driver: modbus
+    modbus:
+      port: {port}
+      relay_unit: {relay_unit}
+      pump_coil: 0
+      valve_coils: {valves}
+      energised_valve_evacuates: true
+      analog_unit: {analog_unit}
+      pressure_registers: {registers}
+      vacuum_at_4_ma: 0.0
+      vacuum_at_20_ma: {full_scale}
+Type a fault, or help.
+"""
+
+
+@dataclass(frozen=True)
+class Command:
+    """
+    A line that may be typed: the names of its numbers, what it does in words, and its function.
+
+    The function takes the emulator and the numbers, and may return what to print.
+    """
+
+    arguments: str
+    help: str
+    run: Callable[..., object]
+
+
+def set_to(name: str) -> Callable[[ModbusEmulator, float], None]:
+    """Return the function of a command that sets one attribute."""
+    return lambda emulator, value: setattr(emulator, name, value)
+
+
+def break_wire(emulator: ModbusEmulator, segment: float) -> None:
+    """Take the current from the transmitter of a segment, counted from 1."""
+    emulator.segments[int(segment) - 1].broken_wire = True
+
+
+def describe(emulator: ModbusEmulator) -> str:
+    """Return the state of the rig in words."""
+    pump, *valves = ('on' if on else 'off' for on in emulator.coils)
+    return '\n'.join([f'{emulator.port}: pump {pump}', *(
+        f'segment {i + 1}: valve {valve}, vacuum {emulator.vacuum(i) / 1e3:.1f} kPa, '
+        f'{emulator.segments[i].current()} uA' for i, valve in enumerate(valves))])
+
+
+COMMANDS = {
+    'unplug': Command('', 'pull out the adapter', ModbusEmulator.unplug),
+    'plug': Command('', 'put it back', ModbusEmulator.plug),
+    'hang': Command('', 'answer nothing', lambda e: setattr(e, 'hang', True)),
+    'late': Command('SECONDS', 'answer everything late', set_to('late')),
+    'drop': Command('SHARE', 'lose this share of the replies', set_to('drop')),
+    'garble': Command('SHARE', 'damage this share of the replies', set_to('garble')),
+    'refuse': Command('CODE', 'answer everything by a Modbus exception; 0: no longer',
+                      lambda e, code: setattr(e, 'refuse', int(code))),
+    'noise': Command('BYTES', 'send what nobody asked for',
+                     lambda e, count: e.send(random.randbytes(int(count)))),
+    'power-cycle': Command('', 'let every relay fall off, as when the board loses power',
+                           ModbusEmulator.power_cycle),
+    'stuck-coil': Command('COIL', 'a relay no longer follows; 0 is the pump',
+                          lambda e, coil: e.stuck.add(int(coil))),
+    'broken-wire': Command('SEGMENT', 'a transmitter gives no current; 1 is at the base',
+                           break_wire),
+    'stuck-sensor': Command('SEGMENT', 'a transmitter goes on saying what it says now',
+                            lambda e, segment: e.stick_sensor(int(segment) - 1)),
+    'leak': Command('SEGMENT RATE', 'a segment loses RATE Pa/s',
+                    lambda e, segment, rate: e.segments[int(segment) - 1].set_leak(rate)),
+    'repair': Command('', 'end every fault but a pulled plug', ModbusEmulator.repair),
+    'state': Command('', 'print relays, vacuum and currents', describe),
+}
+
+
+def obey(emulator: ModbusEmulator, line: str) -> str:
+    """Carry out a typed line; return what to print. Raises ValueError for one that is wrong."""
+    if line.strip() == 'help':
+        return '\n'.join([*(f'{name + " " + c.arguments:<20} {c.help}'
+                            for name, c in COMMANDS.items()), f'{"quit":<20} end'])
+    name, *words = line.split()
+    if name not in COMMANDS:
+        raise ValueError(f'{name} is no command; type help')
+    ranges: dict[str, tuple[float, float]] = {
+        'SECONDS': (0, 3600), 'SHARE': (0, 1), 'RATE': (0, 1e6), 'CODE': (0, 255),
+        'BYTES': (1, 4096), 'COIL': (0, len(emulator.segments)),
+        'SEGMENT': (1, len(emulator.segments))}
+    arguments = COMMANDS[name].arguments.split()
+    if len(words) != len(arguments):
+        raise ValueError(f'{name} takes: {" ".join(arguments) or "nothing more"}')
+    values = []
+    for argument, word in zip(arguments, words, strict=True):
+        low, high = ranges[argument]
+        try:
+            values.append(float(word))
+        except ValueError:
+            values.append(nan)
+        whole = argument not in ('SECONDS', 'SHARE', 'RATE')
+        if not low <= values[-1] <= high or (whole and not values[-1].is_integer()):
+            raise ValueError(f'{argument} is {word}; allowed: {low:g} to {high:g}'
+                             + (', whole numbers' if whole else ''))
+    done = COMMANDS[name].run(emulator, *values)
+    return done if isinstance(done, str) else 'done'
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Serve an emulated rig until ``quit`` or Ctrl-C; faults are typed on the standard input."""
+    parser = argparse.ArgumentParser(
+        prog='modbus_emulator', description='A jamming rig on an emulated Modbus RTU line.')
+    parser.add_argument('--segments', type=int, default=3, choices=range(1, 65), metavar='N',
+                        help='number of segments, 1 to 64 (default: 3)')
+    parser.add_argument('--link', metavar='PATH',
+                        help='a symbolic link to make, as a port name that stays the same')
+    parser.add_argument('--stiff', action='store_true',
+                        help='start with the pump on and every segment evacuated')
+    parser.add_argument('--baud-rate', type=int, default=9600, metavar='RATE',
+                        help='answer as slowly as this line would; 0: at once (default: 9600)')
+    arguments = parser.parse_args(argv)
+    numbers = range(arguments.segments)
+    try:
+        emulator = ModbusEmulator(
+            arguments.segments, initially_stiff=arguments.stiff, link=arguments.link,
+            baud_rate=arguments.baud_rate)
+        with emulator:
+            print(CONFIGURATION.format(
+                port=arguments.link or emulator.port, relay_unit=RELAY_UNIT,
+                valves=[float(n + 1) for n in numbers], analog_unit=ANALOG_UNIT,
+                registers=[float(n) for n in numbers], full_scale=FULL_SCALE), flush=True)
+            for line in sys.stdin:
+                if line.strip() == 'quit':
+                    return 0
+                try:
+                    print(obey(emulator, line) if line.strip() else '', flush=True)
+                except ValueError as error:
+                    print(error, flush=True)
+            threading.Event().wait()  # no terminal: serve until Ctrl-C
+    except OSError as error:
+        print(f'modbus_emulator: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        pass
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,321 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Two Modbus RTU boards and the vacuum rig behind them, on a pseudo-terminal.
+
+A relay board (coil 0 is the pump, coil N the valve of segment N, which evacuates when on) and an
+analog board (input register N - 1 is the current of the transmitter of segment N in uA, 4 mA at
+ambient pressure and 20 mA at 100 kPa below).  It shares no code with the driver, so that each
+checks the other.  Every fault that a rig can have is a switch.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from math import inf
+import os
+from pathlib import Path
+import random
+import select
+import struct
+import threading
+from time import monotonic
+import tty
+from typing import Self
+
+from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
+
+RELAY_UNIT, ANALOG_UNIT = 1, 2
+ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
+FULL_SCALE = 100e3  # Pa of vacuum at 20 mA
+SILENCE = 0.005  # s without a byte that end a frame
+BITS_PER_CHARACTER = 10
+
+
+def crc(data: bytes) -> bytes:
+    """Return the checksum of a frame as it is sent, the low byte first."""
+    remainder = 0xFFFF
+    for byte in data:
+        remainder ^= byte
+        for _ in range(8):
+            remainder = remainder >> 1 ^ (0xA001 if remainder & 1 else 0)
+    return struct.pack('<H', remainder)
+
+
+class Segment(SimulatedJamming):
+    """One segment with the pump to itself, which may have a hole."""
+
+    def __init__(self, initially_stiff: bool) -> None:
+        """Start evacuated or soft."""
+        super().__init__(monotonic, 1, JammingPlant(), initially_stiff)
+        self.broken_wire = False
+        self.stuck_at: int | None = None  # uA
+
+    def set_leak(self, rate: float) -> None:
+        """Lose ``rate`` Pa/s more than a tight segment."""
+        self._advance()
+        tight = JammingPlant()
+        self._plant = replace(
+            tight, leak_rate=tight.leak_rate + rate,
+            ultimate_vacuum=max(0.0, tight.ultimate_vacuum - rate * tight.evacuation_time))
+
+    def current(self) -> int:
+        """Return what the transmitter gives, uA."""
+        if self.broken_wire:
+            return 0
+        if self.stuck_at is not None:
+            return self.stuck_at
+        vacuum = self._plant.ambient_pressure - self.read().pressures[0]
+        return round(4000 + 16000 * vacuum / FULL_SCALE)
+
+
+class Refusal(Exception):
+    """A request that is answered by an exception; the argument is its code."""
+
+
+class ModbusEmulator:
+    """
+    The boards, served by a thread between ``with`` and its end; faults may be set at any time.
+
+    Segments count from 0 here.  hang: answer nothing.  late: s by which every reply is late.
+    drop, garble: share of replies that are lost or damaged.  refuse: exception code that answers
+    everything, 0 for none.  transform: what goes on the line instead of a reply.  stuck: coils
+    that do not follow.  A reply says what was so when its request came, however late it is.
+    """
+
+    def __init__(self, segments: int = 3, *, initially_stiff: bool = False,
+                 link: str | Path | None = None, baud_rate: int = 0, seed: int = 0) -> None:
+        """Make the rig; link: path of a symbolic link to the port; baud_rate: 0 for no delay."""
+        self.link = None if link is None else Path(link)
+        self.hang = False
+        self.late = 0.0
+        self.drop = 0.0
+        self.garble = 0.0
+        self.refuse = 0
+        self.transform: Callable[[bytes], bytes] | None = None
+        self.stuck: set[int] = set()
+        self.requests: list[bytes] = []
+        """Every request to one of the boards, as received."""
+        self.port = ''
+        self.segments = [Segment(initially_stiff) for _ in range(segments)]
+        self._coils = [initially_stiff] * (segments + 1)
+        self._baud_rate = baud_rate
+        self._random = random.Random(seed)
+        self._lock = threading.RLock()
+        self._end = threading.Event()
+        self._outgoing: list[tuple[float, bytes]] = []  # when, what
+        self._last_due = {RELAY_UNIT: 0.0, ANALOG_UNIT: 0.0}
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._master = self._slave = -1
+
+    def __enter__(self) -> Self:
+        """Plug in and serve."""
+        self.plug()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Unplug and end."""
+        self._end.set()
+        self._thread.join()
+        self.unplug()
+
+    @property
+    def coils(self) -> tuple[bool, ...]:
+        """How the relays stand: the pump, then the valves."""
+        with self._lock:
+            return tuple(self._coils)
+
+    def vacuum(self, segment: int) -> float:
+        """Return the true vacuum of a segment, Pa below ambient."""
+        with self._lock:
+            return JammingPlant().ambient_pressure - self.segments[segment].read().pressures[0]
+
+    def plug(self) -> None:
+        """Connect the adapter: the port appears, under a new name as a real one might."""
+        with self._lock:
+            if self._master >= 0:
+                return
+            # An open slave side keeps the line alive while no program has opened the port.
+            self._master, self._slave = os.openpty()
+            tty.setraw(self._slave)
+            os.set_blocking(self._master, False)
+            self.port = os.ttyname(self._slave)
+            if self.link is not None:
+                with suppress(FileNotFoundError):
+                    if self.link.is_symlink():
+                        self.link.unlink()
+                self.link.symlink_to(self.port)
+
+    def unplug(self) -> None:
+        """Pull out the adapter: the port is gone; pump and valves stay as they are."""
+        with self._lock:
+            if self._master < 0:
+                return
+            os.close(self._master)
+            os.close(self._slave)
+            self._master = self._slave = -1
+            if self.link is not None:
+                self.link.unlink(missing_ok=True)
+
+    def send(self, data: bytes) -> None:
+        """Put bytes on the line that nobody asked for."""
+        with self._lock, suppress(BlockingIOError):  # nobody reads: it is lost
+            if self._master >= 0:
+                os.write(self._master, data)
+
+    def power_cycle(self) -> None:
+        """Take the power from the relay board for a moment: every relay falls off."""
+        for coil in range(len(self._coils)):
+            self._set_coil(coil, False)
+
+    def stick_sensor(self, segment: int) -> None:
+        """Let a transmitter go on saying what it says now."""
+        with self._lock:
+            self.segments[segment].stuck_at = self.segments[segment].current()
+
+    def repair(self) -> None:
+        """End every fault but a pulled plug."""
+        with self._lock:
+            self.hang, self.late, self.drop, self.garble, self.refuse = False, 0.0, 0.0, 0.0, 0
+            self.transform = None
+            self.stuck.clear()
+            for segment in self.segments:
+                segment.broken_wire, segment.stuck_at = False, None
+                segment.set_leak(0.0)
+
+    # The line.
+
+    def _serve(self) -> None:
+        received, received_at = b'', 0.0
+        while not self._end.is_set():
+            self._deliver()
+            master = self._master
+            if master < 0:
+                received = b''
+                self._end.wait(SILENCE)
+                continue
+            try:
+                if select.select([master], [], [], self._patience())[0]:
+                    with self._lock:  # the plug may have been pulled since
+                        received += os.read(self._master, 4096)
+                    received_at = monotonic()
+            except (OSError, ValueError):
+                received = b''
+                continue
+            received = self._answer_all(received, monotonic() - received_at > SILENCE)
+
+    def _deliver(self) -> None:
+        """Send what is due."""
+        while self._outgoing and self._outgoing[0][0] <= monotonic():
+            self.send(self._outgoing.pop(0)[1])
+
+    def _patience(self) -> float:
+        """Return how long there is nothing to send, s."""
+        due = self._outgoing[0][0] if self._outgoing else inf
+        return max(0.0, min(SILENCE, due - monotonic()))
+
+    def _answer_all(self, received: bytes, silent: bool) -> bytes:
+        """Answer the whole frames in ``received``; return the rest, which silence discards."""
+        while len(received) >= 4:
+            size = 8
+            if received[1] == 0x0F and len(received) > 6:
+                size = 9 + received[6]
+            elif received[1] not in (1, 4, 5):
+                size = len(received) if silent else len(received) + 1
+            if len(received) < size:
+                break
+            frame, received = received[:size], received[size:]
+            if crc(frame[:-2]) != frame[-2:]:
+                return b''
+            self._answer(frame)
+        return b'' if silent else received
+
+    def _answer(self, request: bytes) -> None:
+        if request[0] not in (RELAY_UNIT, ANALOG_UNIT):
+            return
+        with self._lock:
+            self.requests.append(request)
+            if self.hang:
+                return
+            reply = self._reply(request)
+            if self.transform is not None:
+                reply = self.transform(reply)
+            if self._random.random() < self.drop:
+                return
+            if reply and self._random.random() < self.garble:
+                damaged = self._random.randrange(len(reply))
+                flipped = reply[damaged] ^ 1 << self._random.randrange(8)
+                reply = reply[:damaged] + bytes([flipped]) + reply[damaged + 1:]
+            late = self.late
+        if self._baud_rate:
+            # Request, reply and the silence of 3.5 characters between them.
+            characters = len(request) + len(reply) + 3.5
+            late += characters * BITS_PER_CHARACTER / self._baud_rate
+        # What a board says comes in the order in which it was asked, but may overtake the other's.
+        due = self._last_due[request[0]] = max(self._last_due[request[0]], monotonic() + late)
+        self._outgoing.append((due, reply))
+        self._outgoing.sort(key=lambda each: each[0])
+
+    # The boards.
+
+    def _reply(self, request: bytes) -> bytes:
+        unit, function = request[:2]
+        try:
+            if self.refuse:
+                raise Refusal(self.refuse)
+            answer = (self._relay_board if unit == RELAY_UNIT else self._analog_board)(
+                function, request[2:-2])
+            reply = bytes([unit, function]) + answer
+        except Refusal as refusal:
+            reply = bytes([unit, function | 0x80, *refusal.args])
+        return reply + crc(reply)
+
+    def _relay_board(self, function: int, data: bytes) -> bytes:
+        if function not in (1, 5, 0x0F):
+            raise Refusal(ILLEGAL_FUNCTION)
+        first, value = struct.unpack('>HH', data[:4])
+        if function == 5:
+            if value not in (0, 0xFF00):
+                raise Refusal(ILLEGAL_VALUE)
+            self._check(first, 1, len(self._coils))
+            self._set_coil(first, value != 0)
+            return data
+        if not 1 <= value <= 2000:
+            raise Refusal(ILLEGAL_VALUE)
+        self._check(first, value, len(self._coils))
+        if function == 1:
+            bits = sum(on << i for i, on in enumerate(self._coils[first:first + value]))
+            return bytes([(value + 7) // 8]) + bits.to_bytes((value + 7) // 8, 'little')
+        if data[4] != (value + 7) // 8 or len(data) != 5 + data[4]:
+            raise Refusal(ILLEGAL_VALUE)
+        bits = int.from_bytes(data[5:], 'little')
+        for i in range(value):
+            self._set_coil(first + i, bool(bits >> i & 1))
+        return data[:4]
+
+    def _analog_board(self, function: int, data: bytes) -> bytes:
+        if function != 4:
+            raise Refusal(ILLEGAL_FUNCTION)
+        first, count = struct.unpack('>HH', data)
+        if not 1 <= count <= 125:
+            raise Refusal(ILLEGAL_VALUE)
+        self._check(first, count, len(self.segments))
+        currents = [segment.current() for segment in self.segments[first:first + count]]
+        return struct.pack(f'>B{count}H', 2 * count, *currents)
+
+    @staticmethod
+    def _check(first: int, count: int, size: int) -> None:
+        if first + count > size:
+            raise Refusal(ILLEGAL_ADDRESS)
+
+    def _set_coil(self, coil: int, on: bool) -> None:
+        with self._lock:
+            if coil in self.stuck:
+                return
+            self._coils[coil] = on
+            if coil > 0:
+                self.segments[coil - 1].set_evacuated(0, on)
+            else:
+                for segment in self.segments:
+                    segment.set_pump(on)

@@ -1,0 +1,74 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The drivers that can be chosen by name: our own, and those that other packages register.
+
+A driver is a class that does what TendonDriver or JammingDriver asks for and has, besides,
+``PARAMETERS``, a tuple of Parameter, and ``from_parameters(values, clock)``, which returns one for
+the checked parameters of its node (its own, and all that the node has without it) and the node's
+clock in s.  Another package adds one by an entry point in the group TENDON_DRIVERS or
+JAMMING_DRIVERS; docs/drivers.md shows how.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.metadata import entry_points, EntryPoint
+from typing import Any
+
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.parameters import Parameter
+
+TENDON_DRIVERS = 'soft_continuum.tendon_drivers'
+JAMMING_DRIVERS = 'soft_continuum.jamming_drivers'
+_HERE = 'soft_continuum.hardware'
+_OWN = {
+    TENDON_DRIVERS: {'simulated': f'{_HERE}.simulated_tendons:SimulatedTendons',
+                     'grbl': f'{_HERE}.grbl_tendons:GrblTendons'},
+    JAMMING_DRIVERS: {'simulated': f'{_HERE}.simulated_jamming:SimulatedJamming',
+                      'modbus': f'{_HERE}.modbus_jamming:ModbusJamming'},
+}
+
+
+@cache
+def _available(group: str) -> dict[str, EntryPoint]:
+    own = {name: EntryPoint(name, value, group) for name, value in _OWN[group].items()}
+    return {entry.name: entry for entry in entry_points(group=group)} | own
+
+
+def driver_names(group: str) -> tuple[str, ...]:
+    """Return the names of all drivers of a group, our own first."""
+    return (*_OWN[group], *sorted(_available(group).keys() - _OWN[group].keys()))
+
+
+@cache
+def driver_parameters(group: str) -> tuple[Parameter, ...]:
+    """Return the parameters of all drivers of a group; one that cannot be loaded has none."""
+    found: dict[str, Parameter] = {}
+    for name in driver_names(group):
+        try:
+            parameters = _load(group, name).PARAMETERS
+        except HardwareError:
+            continue  # said by make_driver when it is chosen
+        for parameter in parameters:
+            found.setdefault(parameter.name, parameter)
+    return tuple(found.values())
+
+
+def make_driver(group: str, name: str, values: Mapping[str, Any],
+                clock: Callable[[], float]) -> Any:
+    """
+    Return the driver of that name, not opened yet.
+
+    Raises HardwareError when its package cannot be loaded, ParameterError for its parameters.
+    """
+    return _load(group, name).from_parameters(values, clock)
+
+
+def _load(group: str, name: str) -> Any:
+    entry = _available(group)[name]
+    try:
+        return entry.load()
+    except Exception as error:  # whatever goes wrong in somebody's package
+        raise HardwareError(
+            f'the driver {name} ({entry.value}) cannot be loaded: '
+            f'{type(error).__name__}: {error}; check the package it comes with') from error

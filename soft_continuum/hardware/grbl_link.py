@@ -1,0 +1,218 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The serial line to a GRBL 1.1 controller: bytes in, messages out, one line at a time.
+
+Every line that is sent is answered by exactly one Acknowledgement; all other messages come when
+the controller likes.  Lengths are mm and speeds mm/min, as on the wire.
+"""
+
+from collections.abc import Callable
+import contextlib
+from dataclasses import dataclass
+import os
+import re
+import select
+import time
+
+import serial
+
+from soft_continuum.hardware.protocols import HardwareError
+
+STATUS_QUERY = b'?'
+FEED_HOLD = b'!'
+SOFT_RESET = b'\x18'
+JOG_CANCEL = b'\x85'
+LONGEST_LINE = 79  # characters; a longer one is answered by error:11
+LONGEST_ANSWER = 1000  # bytes without an end of line are no answer, but noise
+
+NUMBER = r'[-+]?\d{1,9}(?:\.\d{0,9})?'
+BANNER = re.compile(r'(Grbl|GrblHAL|grblHAL) (\d\S*) \[.*')
+ACKNOWLEDGEMENT = re.compile(r'ok|error:(\d{1,3})')
+ALARM = re.compile(r'ALARM:(\d{1,3})')
+SETTING = re.compile(rf'\$(\d{{1,3}})=({NUMBER})(?: .*)?')
+STATUS = re.compile(r'<([A-Z][a-z]+)(?::(\d{1,2}))?((?:\|[^|<>]*)*)>')
+COORDINATES = re.compile(rf'({NUMBER}),({NUMBER}),({NUMBER})(?:,{NUMBER})*')
+
+Coordinates = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Banner:
+    """What a controller says after a reset of any kind."""
+
+    firmware: str
+
+
+@dataclass(frozen=True)
+class Acknowledgement:
+    """The answer to one line; error 0 is ``ok``."""
+
+    error: int
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """The controller has locked itself."""
+
+    number: int
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One line of the answer to ``$$``."""
+
+    number: int
+    value: float
+
+
+@dataclass(frozen=True)
+class Status:
+    """
+    The answer to ``?``; position and work_offset are mm in machine coordinates.
+
+    position: None when the controller reports work positions instead.  work_offset: comes only
+    now and then.  pins: letters of the inputs at the board that are active.
+    """
+
+    state: str
+    substate: str
+    position: Coordinates | None
+    work_offset: Coordinates | None
+    pins: str = ''
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """Any line in brackets, without them."""
+
+    text: str
+
+
+Message = Banner | Acknowledgement | Alarm | Setting | Status | Feedback
+
+
+def parse(line: str) -> Message | None:
+    """Return what one line (without its end) says; None when that is not understood."""
+    if found := ACKNOWLEDGEMENT.fullmatch(line):
+        return Acknowledgement(int(found[1] or 0))
+    if found := STATUS.fullmatch(line):
+        fields = dict(f.split(':', 1) for f in found[3].split('|') if ':' in f)
+        position = _coordinates(fields.get('MPos', ''))
+        if position is None and _coordinates(fields.get('WPos', '')) is None:
+            return None  # damaged on the way
+        return Status(found[1], found[2] or '', position, _coordinates(fields.get('WCO', '')),
+                      fields.get('Pn', ''))
+    if found := SETTING.fullmatch(line):
+        return Setting(int(found[1]), float(found[2]))
+    if found := ALARM.fullmatch(line):
+        return Alarm(int(found[1]))
+    if found := BANNER.fullmatch(line):
+        return Banner(f'{found[1]} {found[2]}')
+    if line.startswith('[') and line.endswith(']'):
+        return Feedback(line[1:-1])
+    return None
+
+
+def _coordinates(text: str) -> Coordinates | None:
+    found = COORDINATES.fullmatch(text)
+    return (float(found[1]), float(found[2]), float(found[3])) if found else None
+
+
+def jog_line(x: float, y: float, feed: float) -> str:
+    """
+    Return the command to jog to x, y (mm, machine coordinates) with ``feed`` (mm/min).
+
+    A line that was cut off before its end, and then completed by another program, moves nothing
+    without its feed, or moves slower with a part of it.
+    """
+    return f'$J=G21G90G53X{x:.5f}Y{y:.5f}F{max(feed, 1.0):.1f}'
+
+
+class MessageReader:
+    """Cuts received bytes into lines and the lines into messages."""
+
+    def __init__(self) -> None:
+        """Begin with nothing received."""
+        self._rest = b''
+
+    def feed(self, data: bytes) -> list[Message]:
+        """Return the messages that ``data`` completes; noise is left out."""
+        *lines, rest = re.split(b'[\r\n]+', self._rest + data)
+        self._rest = rest if len(rest) <= LONGEST_ANSWER else b''
+        parsed = (parse(line.decode('ascii', 'replace')) for line in lines)
+        return [message for message in parsed if message is not None]
+
+
+class GrblLink:
+    """An open serial port with a controller behind it, for one thread (``wake`` for any)."""
+
+    def __init__(self, port: serial.Serial, clock: Callable[[], float] = time.monotonic) -> None:
+        """Use an open ``port``; ``clock`` is steady, s."""
+        self._port = port
+        self._clock = clock
+        self._reader = MessageReader()
+        self._wake_read, self._wake_write = os.pipe()
+        os.set_blocking(self._wake_read, False)
+        os.set_blocking(self._wake_write, False)
+        self.unanswered = ''
+        """The line that waits for its acknowledgement."""
+        self.sent_at = 0.0
+        """When that line was sent, s."""
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._port.close()
+        os.close(self._wake_read)
+        os.close(self._wake_write)
+
+    def write(self, data: bytes) -> None:
+        """Send bytes that act at once and are not acknowledged."""
+        try:
+            self._port.write(data)
+        except (OSError, TypeError) as error:  # TypeError: pyserial on a port that is closed
+            raise self._lost(error) from None
+
+    def send(self, line: str) -> None:
+        """Send one line; only after the one before has been acknowledged."""
+        assert not self.unanswered and len(line) <= LONGEST_LINE, line
+        self.unanswered, self.sent_at = line, self._clock()
+        self.write(line.encode('ascii') + b'\n')
+
+    def wait(self, timeout: float) -> bool:
+        """Return whether something has come, after ``timeout`` (s), or earlier when woken."""
+        try:
+            ready, _, _ = select.select(
+                [self._port.fileno(), self._wake_read], [], [], max(0.0, timeout))
+        except (OSError, ValueError) as error:
+            raise self._lost(error) from None
+        if self._wake_read in ready:
+            os.read(self._wake_read, 4096)
+        return self._port.fileno() in ready
+
+    def receive(self, timeout: float = 0.0) -> list[Message]:
+        """Return what has come, if need be after a wait (s)."""
+        if not self.wait(timeout):
+            return []
+        try:
+            data = os.read(self._port.fileno(), 4096)
+        except OSError as error:
+            raise self._lost(error) from None
+        if not data:
+            raise self._lost('hung up')
+        return self._reader.feed(data)
+
+    def wake(self) -> None:
+        """Let ``receive`` return at once; from any thread."""
+        with contextlib.suppress(BlockingIOError):  # it is going to wake up anyway
+            os.write(self._wake_write, b'w')
+
+    def answered(self) -> str:
+        """Take note that the line was acknowledged, or never will be; return it."""
+        line, self.unanswered = self.unanswered, ''
+        return line
+
+    def _lost(self, reason: object) -> HardwareError:
+        return HardwareError(
+            f'the connection to the GRBL controller on {self._port.port} is lost ({reason}); '
+            'check the cable and the power, then configure the node again')

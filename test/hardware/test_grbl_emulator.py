@@ -1,0 +1,287 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The emulated GRBL board answers and moves as GRBL 1.1 does."""
+
+import os
+import subprocess
+import sys
+import time
+
+from grbl_rig import board, driver, until
+import pytest
+import serial
+
+from soft_continuum.emulators.grbl import COMMANDS, main, obey
+from soft_continuum.emulators.grbl_firmware import RECEIVE_BUFFER
+from soft_continuum.hardware.protocols import HardwareError
+
+
+class Terminal:
+    """A person at a terminal."""
+
+    def __init__(self, emulator):
+        self.port = serial.Serial(emulator.port, 115200, timeout=0.05)
+
+    def send(self, text):
+        self.port.write(text)
+
+    def read(self, end):
+        """Lines up to one that ends so."""
+        lines = []
+        deadline = time.monotonic() + 20.0
+        while not (lines and lines[-1].endswith(end)):
+            assert time.monotonic() < deadline, (end, lines)
+            line = self.port.readline().decode().strip()
+            if line:
+                lines.append(line)
+        return lines
+
+    def ask(self, line):
+        """Answer to one line: the last is its acknowledgement."""
+        self.send(line.encode() + b'\n')
+        lines = []
+        deadline = time.monotonic() + 20.0
+        while not (lines and (lines[-1] == 'ok' or lines[-1].startswith('error'))):
+            assert time.monotonic() < deadline, lines
+            text = self.port.readline().decode().strip()
+            if text:
+                lines.append(text)
+        return lines
+
+    def status(self):
+        self.send(b'?')
+        return self.read('>')[-1]
+
+
+@pytest.fixture
+def at_terminal():
+    with board() as emulator:
+        terminal = Terminal(emulator)
+        yield emulator, terminal
+        terminal.port.close()
+
+
+def test_status_settings_and_offsets_are_reported(at_terminal):
+    _, terminal = at_terminal
+    assert terminal.status() == '<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>'
+    assert {'$1=255', '$10=1', '$100=200.000', 'ok'} <= set(terminal.ask('$$'))
+    assert '[TLO:0.000]' in terminal.ask('$#')
+    assert terminal.ask('$I')[0].startswith('[VER:1.1')
+
+
+@pytest.mark.parametrize(('line', 'answer'), [
+    ('', 'ok'), ('$J=G91X1', 'error:22'), ('$J=X', 'error:2'), ('$J=G2X1F1', 'error:16'),
+    ('$', 'ok'), ('$H', 'error:5'), ('$20=1', 'error:10'), ('$Q', 'error:3'), ('M3', 'error:20'),
+    ('=', 'error:1'), ('G1X1', 'error:22'), ('x' * 90, 'error:11'), ('$120=400', 'ok'),
+    ('$X', 'ok'), (' g53 g0 x 0 ', 'ok')])
+def test_every_line_is_answered_once(at_terminal, line, answer):
+    _, terminal = at_terminal
+    assert terminal.ask(line)[-1] == answer
+    assert terminal.ask('$X')[-1] == 'ok'
+
+
+@pytest.mark.parametrize(('line', 'end'), [
+    ('$J=G91X5F1000', (1000, 0, 0)), ('$J=G20X1F100', (5080, 0, 0)),
+    ('G0X1Y-2', (200, -400, 0)), ('G91G1X1Z1F600', (200, 0, 200)),
+    ('$J=G53G90X2Y3F2000', (400, 600, 0))])
+def test_a_motion_ends_on_its_step(at_terminal, line, end):
+    emulator, terminal = at_terminal
+    assert terminal.ask(line) == ['ok']
+    until(lambda: terminal.status().startswith('<Idle'))
+    assert emulator.motors == end
+
+
+def test_work_offsets_shift_what_g90_means_but_not_the_machine(at_terminal):
+    emulator, terminal = at_terminal
+    terminal.ask('G92X5')
+    terminal.ask('$J=G90X6F1000')
+    until(lambda: emulator.motors == (200, 0, 0) and not emulator.moving)
+    terminal.ask('$10=0')
+    assert 'WPos:6.000,' in terminal.status()
+
+
+def test_a_motion_takes_the_time_that_speed_and_acceleration_need(at_terminal):
+    emulator, terminal = at_terminal
+    begin = emulator.time
+    terminal.ask('$J=G91X30F1800')  # 1 s at 30 mm/s, and 0.06 s for the ramps at 500 mm/s^2
+    until(lambda: terminal.status().startswith('<Idle'))
+    assert emulator.firmware.stood_since - begin == pytest.approx(1.06, abs=0.1)
+
+
+def test_a_hold_in_a_program_waits_and_goes_on_only_when_told(at_terminal):
+    emulator, terminal = at_terminal
+    terminal.ask('G91G1X10F1200')
+    until(lambda: emulator.motors[0] > 200)
+    terminal.send(b'!')
+    until(lambda: terminal.status().startswith('<Hold:0'))
+    assert 200 < emulator.motors[0] < 2000
+    terminal.send(b'~')
+    until(lambda: emulator.motors[0] == 2000)
+
+
+@pytest.mark.parametrize('byte', [b'!', b'\x85'])
+def test_a_jog_is_cancelled_and_forgotten(at_terminal, byte):
+    emulator, terminal = at_terminal
+    terminal.ask('$J=G91X10F1200')
+    until(lambda: emulator.motors[0] > 200)
+    terminal.send(byte)
+    until(lambda: terminal.status().startswith('<Idle'))
+    where = emulator.motors[0]
+    assert 200 < where < 2000
+    terminal.ask('$J=G91X1F1200')
+    until(lambda: emulator.motors[0] == where + 200)
+
+
+def test_a_feed_hold_at_rest_stays_pending(at_terminal):
+    emulator, terminal = at_terminal
+    terminal.send(b'!')
+    assert terminal.status().startswith('<Hold:0')
+    terminal.send(b'\x18')
+    terminal.read('help]')
+    assert emulator.energised
+
+
+def test_a_soft_reset_in_motion_drops_the_load_and_locks(at_terminal):
+    emulator, terminal = at_terminal
+    terminal.ask('$J=G91X10F1200')
+    until(lambda: emulator.motors[0] > 200)
+    terminal.send(b'\x18')
+    assert 'ALARM:3' in terminal.read('unlock]')
+    assert not emulator.energised
+    where = emulator.motors[0]
+    assert terminal.ask('$J=G91X1F100')[-1] == 'error:8'
+    assert terminal.ask('G0X0')[-1] == 'error:9'
+    assert f'MPos:{where / 200:.3f},' in terminal.status()
+    assert terminal.ask('$X')[-1] == 'ok'
+    assert terminal.status().startswith('<Idle')
+    until(lambda: emulator.energised)
+
+
+def test_a_reset_at_the_board_says_zero_wherever_the_motors_are(at_terminal):
+    emulator, terminal = at_terminal
+    terminal.ask('$J=G91X1F1200')
+    until(lambda: emulator.motors[0] == 200)
+    emulator.reset()
+    assert terminal.status().startswith('<Idle|MPos:0.000,')
+    assert emulator.motors[0] == 200
+
+
+@pytest.mark.parametrize('number', [1, 2])
+def test_a_critical_alarm_is_silent_until_a_soft_reset(at_terminal, number):
+    emulator, terminal = at_terminal
+    emulator.alarm(number)
+    terminal.read('continue]')
+    terminal.send(b'?$X\n')
+    assert terminal.port.read(10) == b''
+    terminal.send(b'\x18')
+    terminal.read('unlock]')
+    assert terminal.ask('$X')[-1] == 'ok'
+
+
+def test_homing_is_silent_and_soft_limits_follow(at_terminal):
+    emulator, terminal = at_terminal
+    terminal.ask('$22=1')
+    terminal.ask('$20=1')
+    terminal.send(b'$H\n?')
+    assert terminal.read('ok') == ['ok']
+    assert terminal.ask('$J=G53X1F100') == ['error:15']
+    assert 'ALARM:2' in terminal.ask('G53G0X1')
+
+
+def test_fifteen_motions_are_planned_and_what_no_buffer_holds_is_lost(at_terminal):
+    emulator, terminal = at_terminal
+    for _ in range(40):
+        terminal.send(b'$J=G91X0.5F60\n')
+    until(lambda: len(emulator.firmware.received) >= 16)
+    terminal.status()
+    assert len(emulator.firmware.planner.blocks) == 15
+    line = len('$J=G91X0.5F60\n')
+    assert RECEIVE_BUFFER - line <= len(emulator.firmware.buffer) <= RECEIVE_BUFFER
+    assert len(emulator.firmware.received) < 20
+
+
+def test_a_junction_is_passed_without_stopping_and_a_corner_is_not():
+    times = []
+    for second in ('X5', 'X-5'):
+        with board() as emulator:
+            terminal = Terminal(emulator)
+            begin = emulator.time
+            terminal.send(f'$J=G91X5F1800\n$J=G91{second}F1800\n'.encode())
+            terminal.read('ok')
+            until(lambda e=emulator: e.firmware.state == 'Idle' and len(e.firmware.received) == 2)
+            times.append(emulator.firmware.stood_since - begin)
+            terminal.port.close()
+    assert times[1] - times[0] == pytest.approx(0.06, abs=0.03)
+
+
+def test_the_port_is_found_again_under_its_link(tmp_path):
+    link = tmp_path / 'port'
+    with board(link=str(link)) as emulator:
+        assert emulator.port == str(link) and link.exists()
+        emulator.unplug()
+        assert not os.path.lexists(link)
+        emulator.plug()
+        terminal = Terminal(emulator)
+        assert terminal.status().startswith('<Idle')
+        terminal.port.close()
+    assert not os.path.lexists(link)
+
+
+def test_time_can_pass_faster():
+    with board(time_factor=20.0) as emulator:
+        terminal = Terminal(emulator)
+        begin, real = emulator.time, time.monotonic()
+        terminal.ask('$J=G91X30F600')
+        until(lambda: emulator.motors[0] == 6000)
+        assert emulator.time - begin > 2.9
+        assert time.monotonic() - real < 2.9
+        terminal.port.close()
+
+
+def test_every_command_does_something():
+    with board() as emulator:
+        for name, command in COMMANDS.items():
+            number = ' 1' if command.low <= command.high else ''
+            assert obey(emulator, name + number)
+            assert name in obey(emulator, 'help')
+
+
+@pytest.mark.parametrize('line', ['dance', 'alarm', 'alarm 0', 'alarm 1.5', 'late-ok nan',
+                                  'garble 2', 'reset 1', 'drop-ok -1', 'drop-ok 1 2'])
+def test_a_command_that_is_wrong_says_what_is_right(line):
+    with board() as emulator, pytest.raises(ValueError, match='type help|takes'):
+        obey(emulator, line)
+
+
+def test_the_emulator_runs_as_a_program(tmp_path):
+    link = tmp_path / 'port'
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'soft_continuum.emulators.grbl', '--link', str(link)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    try:
+        until(link.exists)
+        tendons = driver(link)
+        tendons.open()
+        process.stdin.write('unplug\n')
+        process.stdin.flush()
+
+        def lost():
+            try:
+                tendons.read()
+            except HardwareError:
+                return True
+            return False
+        until(lost)
+        tendons.close()
+        output, _ = process.communicate('nonsense\nstate\nquit\n', timeout=20)
+        assert process.returncode == 0
+        assert f'port: {link}' in output
+        assert 'nonsense is no command' in output and 'holding' in output
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_a_link_that_cannot_be_made_is_an_error_not_a_traceback(tmp_path, capsys):
+    assert main(['--link', str(tmp_path / 'missing' / 'port')]) == 1
+    assert 'grbl_emulator:' in capsys.readouterr().err

@@ -1,0 +1,319 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever fails on a GRBL board or its line, motion ends and no wrong position is believed."""
+
+import random
+import threading
+import time
+
+from grbl_rig import at_rest, board, driver, failed, in_motion, rig, standing, STEP, steps, until
+import pytest
+
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.hardware.serial_ports import open_serial
+
+QUEUE = 0.2 * 0.03 / STEP  # steps that may still be made
+
+
+def unreferenced(tendons):
+    until(lambda: not tendons.read().referenced, 'the reference is lost')
+    with pytest.raises(HardwareError, match='call reference'):
+        tendons.move((0.0, 0.0), 1.0)
+    return at_rest(tendons)
+
+
+def test_a_cable_pulled_out_at_rest_is_reported():
+    with rig() as (emulator, tendons):
+        emulator.unplug()
+        assert 'lost' in failed(tendons)
+
+
+def test_a_cable_pulled_out_in_motion_leaves_only_the_queue_to_run():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        before = emulator.motors
+        emulator.unplug()
+        assert 'lost' in failed(tendons)
+        after = standing(emulator)
+        assert all(abs(b - a) <= QUEUE for a, b in zip(before, after, strict=True))
+
+
+def test_a_cable_put_back_moves_nothing_before_open_and_the_position_is_known(tmp_path):
+    with board(link=str(tmp_path / 'port')) as emulator:
+        tendons = driver(emulator.port)
+        tendons.open()
+        tendons.reference()
+        in_motion(emulator, tendons)
+        emulator.unplug()
+        failed(tendons)
+        where = standing(emulator)
+        emulator.plug()
+        time.sleep(0.2)
+        assert emulator.motors == where
+        failed(tendons)
+        tendons.close()
+        tendons.open()
+        reading = tendons.read()
+        assert reading.referenced and steps(reading.pulls) == where[:2]
+        time.sleep(0.2)
+        assert emulator.motors == where
+        tendons.close()
+
+
+def test_a_board_that_lost_power_while_unplugged_is_not_believed(tmp_path):
+    with board(link=str(tmp_path / 'port')) as emulator:
+        tendons = driver(emulator.port)
+        tendons.open()
+        tendons.reference()
+        in_motion(emulator, tendons)
+        emulator.unplug()
+        failed(tendons)
+        emulator.reset()
+        emulator.plug()
+        tendons.close()
+        tendons.open()
+        assert not tendons.read().referenced
+        tendons.close()
+
+
+@pytest.mark.parametrize('moving', [False, True])
+def test_a_reset_at_the_board_loses_the_reference(moving):
+    with rig() as (emulator, tendons):
+        if moving:
+            in_motion(emulator, tendons)
+        emulator.reset()
+        where = emulator.motors
+        unreferenced(tendons)
+        time.sleep(0.1)
+        assert emulator.motors == where
+        tendons.reference()
+        tendons.move((0.001, 0.002), 0.1)
+        assert at_rest(tendons).pulls == pytest.approx((0.001, 0.002), abs=1e-9)
+        assert emulator.motors[:2] == (where[0] + 200, where[1] + 400)
+
+
+@pytest.mark.parametrize('moving', [False, True])
+def test_a_reset_whose_banner_is_lost_shows_in_the_position(moving):
+    with rig() as (emulator, tendons):
+        tendons.move((0.005, 0.005), 0.3)
+        at_rest(tendons)
+        if moving:
+            in_motion(emulator, tendons)
+        emulator.reset(banner=False)
+        where = emulator.motors
+        unreferenced(tendons)
+        after = standing(emulator)
+        # A jog that was on its way starts from a position that is wrong until it is noticed.
+        assert all(abs(b - a) <= 2 * QUEUE * moving for a, b in zip(where, after, strict=True))
+
+
+def test_firmware_that_hangs_at_rest_is_reported():
+    with rig() as (emulator, tendons):
+        emulator.hang = True
+        assert 'has not answered' in failed(tendons)
+
+
+def test_firmware_that_hangs_in_motion_is_reported_and_goes_on_by_the_queue_at_most():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        with emulator.lock:
+            emulator.hang, before = True, emulator.motors
+        failed(tendons)
+        after = standing(emulator)
+        assert all(abs(b - a) <= QUEUE for a, b in zip(before, after, strict=True))
+        emulator.hang = False
+        time.sleep(0.2)
+        assert emulator.motors == after
+        failed(tendons)
+
+
+def test_an_acknowledgement_that_is_lost_ends_the_motion():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        emulator.drop_ok = 1
+        assert 'did not acknowledge' in failed(tendons)
+        after = standing(emulator)
+        time.sleep(0.1)
+        assert emulator.motors == after
+        tendons.close()
+        tendons.open()
+        reading = tendons.read()
+        assert reading.referenced and steps(reading.pulls) == after[:2]
+
+
+def test_acknowledgements_that_are_a_little_late_make_motion_slower_not_wrong():
+    with rig() as (emulator, tendons):
+        emulator.late_ok = 0.1
+        tendons.move((0.004, -0.002), 0.2)
+        at_rest(tendons)
+        assert emulator.motors[:2] == steps((0.004, -0.002))
+
+
+def test_an_acknowledgement_that_is_too_late_ends_the_motion():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        emulator.late_ok = 3.0
+        assert 'did not acknowledge' in failed(tendons)
+
+
+def test_an_acknowledgement_that_nothing_waits_for_is_ignored():
+    with rig() as (emulator, tendons):
+        until(lambda: not tendons._setup_lines and not tendons._link.unanswered)
+        with emulator.lock:
+            emulator.say('ok')
+            emulator.say('error:9')
+        tendons.move((0.001, 0.001), 0.1)
+        at_rest(tendons)
+        assert emulator.motors[:2] == steps((0.001, 0.001))
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_a_noisy_line_may_end_a_motion_but_no_position_is_wrong(seed):
+    with rig() as (emulator, tendons):
+        until(lambda: not tendons._setup_lines and not tendons._link.unanswered)
+        emulator.random = random.Random(seed)
+        emulator.garble = 0.1
+        try:
+            tendons.move((0.01, -0.01), 0.5)
+            reading = at_rest(tendons)
+        except HardwareError:
+            standing(emulator)
+        else:
+            if reading.referenced:
+                until(lambda: steps(tendons.read().pulls) == emulator.motors[:2])
+        emulator.garble = 0.0
+
+
+@pytest.mark.parametrize('number', [1, 2, 3])
+@pytest.mark.parametrize('moving', [False, True])
+def test_an_alarm_is_reported_with_its_meaning_and_never_unlocked(number, moving, monkeypatch):
+    monkeypatch.setattr('soft_continuum.hardware.grbl_setup.FIND_TIME', 1.0)
+    with rig() as (emulator, tendons):
+        if moving:
+            in_motion(emulator, tendons)
+        emulator.alarm(number)
+        where = emulator.motors
+        assert f'ALARM:{number}' in failed(tendons)
+        tendons.close()
+        with pytest.raises(HardwareError, match='X in a terminal'):
+            tendons.open()
+        assert emulator.firmware.state == 'Alarm' and emulator.motors == where
+        assert '$X' not in emulator.firmware.received and '$H' not in emulator.firmware.received
+
+
+@pytest.mark.parametrize('press', ['hold', 'door'])
+@pytest.mark.parametrize('moving', [False, True])
+def test_a_button_at_the_board_ends_the_motion_for_good(press, moving):
+    with rig() as (emulator, tendons):
+        if moving:
+            in_motion(emulator, tendons)
+        getattr(emulator, press)()
+        failed(tendons)
+        where = standing(emulator)
+        time.sleep(0.2)
+        assert emulator.motors == where
+
+
+def test_a_jog_that_runs_as_a_program_does_not_stop_the_motion_short():
+    with rig() as (emulator, tendons):
+        emulator.firmware.race = True
+        tendons.move((0.006, -0.003), 0.3)
+        at_rest(tendons)
+        assert emulator.motors[:2] == steps((0.006, -0.003))
+        assert emulator.energised and tendons.read().referenced
+
+
+@pytest.mark.parametrize('delay', [0.0, 0.05, 0.1])
+def test_a_jog_that_runs_as_a_program_can_be_stopped(delay):
+    with rig() as (emulator, tendons):
+        emulator.firmware.race = True
+        tendons.move((0.03, -0.03), 0.5)
+        until(lambda: emulator.firmware.state == 'Run')
+        time.sleep(delay)
+        asked = emulator.time
+        tendons.stop()
+        reading = at_rest(tendons)
+        assert steps(reading.pulls) == emulator.motors[:2]
+        assert emulator.firmware.stood_since - asked < 0.3
+        assert emulator.energised and reading.referenced and emulator.firmware.state == 'Idle'
+
+
+def test_a_stop_that_was_left_half_done_is_finished_and_not_resumed():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        tendons.close()
+        where = emulator.motors
+        emulator.hold()
+        tendons.open()
+        assert emulator.firmware.state == 'Idle'
+        time.sleep(0.1)
+        assert emulator.motors == where
+        assert not tendons.read().referenced  # a soft reset forgets what would prove it
+
+
+def test_a_position_moved_by_somebody_else_is_not_believed():
+    with rig() as (emulator, tendons):
+        until(lambda: not tendons._setup_lines and not tendons._link.unanswered)
+        with emulator.lock:
+            assert emulator.firmware._do('$J=G21G91X1F600') == 0
+        unreferenced(tendons)
+
+
+def test_a_refused_line_is_reported_with_its_meaning():
+    with rig(settings={130: 1, 131: 1}) as (emulator, tendons):
+        emulator.firmware.settings[20] = 1
+        tendons.move((0.01, 0.0), 0.1)
+        assert 'error:15 (beyond its travel' in failed(tendons)
+
+
+def test_a_second_program_cannot_open_the_port():
+    with rig() as (emulator, tendons):
+        with pytest.raises(HardwareError, match='in use by another program'):
+            driver(emulator.port).open()
+        assert tendons.read().referenced
+
+
+def test_a_missing_port_is_named_and_what_there_is_listed(tmp_path):
+    with pytest.raises(HardwareError, match='nowhere: does not exist; .*port'):
+        driver(tmp_path / 'nowhere').open()
+
+
+def test_a_port_is_asked_for_when_none_is_configured():
+    with pytest.raises(HardwareError, match='no serial port is configured'):
+        driver('').open()
+
+
+def test_a_file_that_is_no_serial_port_is_refused(tmp_path):
+    (tmp_path / 'file').touch()
+    with pytest.raises(HardwareError, match='cannot be opened'):
+        driver(tmp_path / 'file').open()
+
+
+def test_silence_at_the_other_end_is_reported(monkeypatch):
+    monkeypatch.setattr('soft_continuum.hardware.grbl_setup.FIND_TIME', 0.5)
+    with board() as emulator:
+        emulator.hang = True
+        with pytest.raises(HardwareError, match='nothing that speaks GRBL'):
+            driver(emulator.port).open()
+
+
+def test_a_board_that_is_reset_by_opening_its_port_is_waited_for():
+    with board() as emulator:
+        emulator.hang = True
+        tendons = driver(emulator.port)
+
+        def boot():
+            time.sleep(1.0)
+            emulator.hang = False
+            emulator.reset()
+        threading.Thread(target=boot).start()
+        tendons.open()
+        assert not tendons.read().referenced
+        tendons.close()
+
+
+def test_a_port_is_free_again_after_a_failed_open():
+    with board(settings={1: 25}) as emulator:
+        with pytest.raises(HardwareError):
+            driver(emulator.port).open()
+        open_serial(emulator.port, 115200).close()

@@ -1,0 +1,307 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Tendons on a GRBL controller go where they are sent, exactly, and stop when told."""
+
+import math
+import random
+import time
+
+from grbl_rig import (
+    at_rest,
+    board,
+    driver,
+    failed,
+    in_motion,
+    rig,
+    SPEED,
+    standing,
+    STEP,
+    steps,
+    STEPS_PER_MM,
+    until,
+)
+import pytest
+
+from soft_continuum.hardware.grbl_tendons import GrblTendons
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.parameters import ParameterError
+
+INTERVAL = 0.02  # s between set-points
+QUEUE_LIMIT = 0.2  # s of motion in the controller
+
+
+def follow(tendons, path, duration, watch=lambda: None):
+    """Send set-points as the node does."""
+    start = time.monotonic()
+    ahead = 0.0
+    while ahead < duration:
+        ahead = min(time.monotonic() - start + INTERVAL, duration)
+        tendons.move(path(ahead), INTERVAL)
+        tendons.read()
+        watch()
+        time.sleep(INTERVAL)
+
+
+def test_opening_moves_nothing_and_believes_no_position():
+    with rig(referenced=False) as (emulator, tendons):
+        reading = tendons.read()
+        assert not reading.referenced and not reading.moving
+        assert emulator.motors == (0, 0, 0)
+        assert not any(line.startswith('$J') for line in emulator.firmware.received)
+
+
+def test_nothing_moves_before_the_tendons_are_referenced():
+    with rig(referenced=False) as (emulator, tendons):
+        with pytest.raises(HardwareError, match='call reference'):
+            tendons.move((0.01, 0.0), 1.0)
+        assert emulator.motors == (0, 0, 0)
+
+
+def test_both_tendons_arrive_exactly_on_the_step():
+    with rig() as (emulator, tendons):
+        tendons.move((0.0123, -0.0071), 0.5)
+        assert tendons.read().moving
+        reading = at_rest(tendons)
+        assert reading.pulls == pytest.approx((0.0123, -0.0071), abs=1e-9)
+        assert emulator.motors[:2] == steps((0.0123, -0.0071))
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_commanded_reported_and_real_position_agree_after_any_trajectory(seed):
+    chance = random.Random(seed)
+    with rig() as (emulator, tendons):
+        now = (0.0, 0.0)
+        for _ in range(4):
+            goal = tuple(chance.uniform(-0.01, 0.01) for _ in range(2))
+            duration = chance.uniform(0.1, 0.8)
+            follow(tendons, lambda t, a=now, b=goal, d=duration: tuple(
+                p + (q - p) * t / d for p, q in zip(a, b, strict=True)), duration)
+            now = goal
+        reading = at_rest(tendons)
+        assert emulator.motors[:2] == steps(now) == steps(reading.pulls)
+
+
+def test_both_tendons_are_always_equally_far_on_their_way():
+    with rig() as (emulator, tendons):
+        tendons.move((0.01, -0.005), 1.0)
+        while tendons.read().moving:
+            x, y, _ = emulator.motors
+            assert abs(y + x / 2) <= 0.1 * STEPS_PER_MM
+            time.sleep(0.005)
+
+
+@pytest.mark.parametrize('braking', [300.0, 1000.0])
+def test_never_more_than_200_ms_of_motion_wait_in_the_controller(braking):
+    with rig(settings={120: braking, 121: braking}) as (emulator, tendons):
+        queued = []
+        follow(tendons, lambda t: (0.01 * (1 - math.cos(4 * t)), 0.01 * math.sin(4 * t)), 1.5,
+               lambda: queued.append(emulator.remaining_time()))
+        tendons.move((-0.03, 0.03), 0.1)
+        while tendons.read().moving:
+            queued.append(emulator.remaining_time())
+            time.sleep(0.02)
+        assert 0.0 < max(queued) <= QUEUE_LIMIT
+
+
+def test_a_driver_that_dies_leaves_at_most_the_queue_to_run():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        with tendons._lock:  # as if the process had ended here
+            before = emulator.motors
+            standing(emulator)
+        most = SPEED * QUEUE_LIMIT / STEP
+        assert all(abs(b - a) <= most for a, b in zip(before, emulator.motors, strict=True))
+
+
+def test_no_tendon_is_faster_than_its_limit():
+    with rig() as (emulator, tendons):
+        samples = []
+        tendons.move((0.02, -0.01), 0.0)
+        while tendons.read().moving:
+            with emulator.lock:
+                samples.append((emulator.motors[0], emulator.firmware.time))
+            time.sleep(0.01)
+        for (a, t), (b, u) in zip(samples, samples[10:], strict=False):
+            assert abs(b - a) * STEP <= SPEED * (u - t) * 1.001 + 2 * STEP
+
+
+@pytest.mark.parametrize('signs', [(1.0, -1.0), (-1.0, 1.0)])
+def test_the_signs_say_which_way_a_motor_pulls(signs):
+    with rig(signs=signs) as (emulator, tendons):
+        tendons.move((0.002, 0.001), 0.2)
+        assert at_rest(tendons).pulls == pytest.approx((0.002, 0.001), abs=1e-9)
+        assert emulator.motors[:2] == steps((0.002 * signs[0], 0.001 * signs[1]))
+
+
+@pytest.mark.parametrize(('pulls', 'duration'), [
+    ((math.nan, 0.0), 1.0), ((0.0, math.inf), 1.0), ((0.0, 0.0), math.nan), ((0.0, 0.0), -1.0),
+    ((0.0601, 0.0), 1.0), ((0.0, -0.0601), 1.0)])
+def test_what_is_no_motion_or_beyond_the_travel_is_refused(pulls, duration):
+    with rig() as (emulator, tendons):
+        with pytest.raises(HardwareError, match='pulls'):
+            tendons.move(pulls, duration)
+        assert not tendons.read().moving
+        assert emulator.motors == (0, 0, 0)
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_a_stop_at_any_moment_takes_less_than_300_ms_and_loses_no_step(seed):
+    with rig() as (emulator, tendons):
+        start = time.monotonic()
+        in_motion(emulator, tendons)
+        until(lambda: time.monotonic() > start + random.Random(seed).uniform(0.0, 0.8))
+        asked = emulator.time
+        tendons.stop()
+        reading = at_rest(tendons)
+        assert steps(reading.pulls) == emulator.motors[:2]
+        assert reading.referenced and emulator.energised
+        assert emulator.firmware.stood_since - asked < 0.3
+
+
+def test_after_a_stop_tendons_go_on_only_to_a_new_goal():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        tendons.stop()
+        where = steps(at_rest(tendons).pulls)
+        time.sleep(0.3)
+        assert emulator.motors[:2] == where
+        tendons.move((0.001, 0.0), 0.5)
+        at_rest(tendons)
+        assert emulator.motors[:2] == steps((0.001, 0.0))
+
+
+def test_a_motion_that_is_wanted_during_a_stop_begins_after_it():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        tendons.stop()
+        tendons.move((-0.002, 0.003), 0.5)
+        at_rest(tendons)
+        assert emulator.motors[:2] == steps((-0.002, 0.003))
+
+
+def test_a_stop_at_rest_leaves_nothing_pending():
+    with rig() as (emulator, tendons):
+        tendons.stop()
+        tendons.move((0.001, 0.001), 0.1)
+        at_rest(tendons)
+        assert emulator.motors[:2] == steps((0.001, 0.001))
+        assert emulator.firmware.state == 'Idle'
+
+
+def test_the_present_position_becomes_zero_by_reference():
+    with rig() as (emulator, tendons):
+        tendons.move((0.004, -0.002), 0.3)
+        at_rest(tendons)
+        tendons.reference()
+        assert tendons.read().pulls == (0.0, 0.0)
+        tendons.move((0.001, 0.0), 0.1)
+        at_rest(tendons)
+        assert emulator.motors[:2] == steps((0.005, -0.002))
+
+
+def test_tendons_cannot_be_referenced_while_they_move():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        with pytest.raises(HardwareError, match='moving'):
+            tendons.reference()
+
+
+def test_closing_in_motion_stops_and_holds():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        tendons.close()
+        where = standing(emulator)
+        assert abs(where[0]) < steps((0.04, 0.0))[0]
+        assert emulator.energised
+        assert 'configure' in failed(tendons)
+
+
+def test_a_restarted_driver_knows_the_position_if_the_board_was_not_reset():
+    with rig() as (emulator, tendons):
+        tendons.move((0.003, -0.001), 0.2)
+        at_rest(tendons)
+        tendons.close()
+        tendons.open()
+        reading = tendons.read()
+        assert reading.referenced
+        assert reading.pulls == pytest.approx((0.003, -0.001), abs=1e-9)
+
+
+def test_a_restarted_driver_does_not_believe_a_board_that_was_reset():
+    with rig() as (emulator, tendons):
+        tendons.move((0.003, -0.001), 0.2)
+        at_rest(tendons)
+        tendons.close()
+        emulator.reset()
+        tendons.open()
+        assert not tendons.read().referenced
+
+
+def test_a_restarted_driver_knows_the_position_after_a_stop():
+    with rig() as (emulator, tendons):
+        emulator.firmware.race = True  # the stop of a program needs a soft reset, which forgets offsets
+        in_motion(emulator, tendons)
+        tendons.stop()
+        at_rest(tendons)
+        tendons.move((0.002, 0.002), 0.1)
+        at_rest(tendons)
+        tendons.close()
+        tendons.open()
+        assert tendons.read().pulls == pytest.approx((0.002, 0.002), abs=1e-9)
+
+
+def test_a_program_that_died_in_the_middle_of_a_line_leaves_no_motion_behind():
+    with board() as emulator:
+        first = driver(emulator.port)
+        first.open()
+        first.reference()
+        until(lambda: not first._setup_lines and not first._link.unanswered)
+        first._link.write(b'$J=G21G90G53X30.0000')
+        first.close()
+        first.open()
+        time.sleep(0.2)
+        assert emulator.motors == (0, 0, 0)
+        first.close()
+
+
+@pytest.mark.parametrize(('setting', 'value'), [
+    (1, 25), (10, 0), (13, 1), (22, 1), (100, 250), (101, 199), (110, 1000), (111, 1799),
+    (120, 299), (121, 10)])
+def test_settings_that_contradict_the_configuration_are_named(setting, value):
+    settings = {setting: value}
+    with board(settings=settings) as emulator:
+        if setting == 22:
+            emulator.firmware.state = 'Idle'  # unlocked by hand
+        with pytest.raises(HardwareError, match='contradict') as error:
+            driver(emulator.port).open()
+        assert str(error.value).count('needed: ') == 1
+        assert f'needed: ${setting}=' in str(error.value)
+
+
+def test_a_setting_that_was_refused_fits_after_the_command_that_the_error_names():
+    with board(settings={100: 160, 120: 50}) as emulator:
+        with pytest.raises(HardwareError) as error:
+            driver(emulator.port).open()
+        for part in str(error.value).split('needed: ')[1:]:
+            assert emulator.firmware._do(part.split(' ')[0]) == 0
+        tendons = driver(emulator.port)
+        tendons.open()
+        tendons.close()
+
+
+def test_the_node_makes_a_driver_from_its_parameters():
+    values = {p.name: p.default for p in GrblTendons.PARAMETERS}
+    values |= {'speed_limit': SPEED, 'acceleration_limit': 0.3, 'pull_limits': (-0.06, 0.06)}
+    with board() as emulator:
+        tendons = GrblTendons.from_parameters(
+            {**values, 'grbl.port': emulator.port}, time.monotonic)
+        tendons.open()
+        assert tendons.read().pulls == (0.0, 0.0)
+        tendons.close()
+
+
+@pytest.mark.parametrize('change', [
+    {'signs': (1.0, 0.5)}, {'signs': (1.0,)}, {'steps_per_mm': (200.0,)}])
+def test_parameters_that_make_no_sense_are_refused(change):
+    with pytest.raises(ParameterError, match=f'grbl.{next(iter(change))}'):
+        driver('/dev/null', **change)

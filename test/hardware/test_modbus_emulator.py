@@ -1,0 +1,227 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The emulated Modbus boards speak the protocol as it is written, and fail as they are told."""
+
+import os
+import subprocess
+import sys
+import tty
+
+from modbus_line import eventually
+import pytest
+
+from soft_continuum.emulators.modbus import COMMANDS, main, obey
+from soft_continuum.emulators.modbus_rig import crc, ModbusEmulator
+from soft_continuum.hardware.serial_ports import open_serial
+
+SOON = 0.1  # s within which no answer counts as silence; it may only be too short, never too long
+
+
+@pytest.fixture
+def emulator():
+    with ModbusEmulator() as rig:
+        yield rig
+
+
+def ask(emulator, request, size, patience=20.0):
+    """Send the bytes of a request (hex, without checksum); return ``size`` bytes of the answer."""
+    return ask_raw(emulator, sealed(request), size, patience)
+
+
+def sealed(request):
+    data = bytes.fromhex(request)
+    return data + crc(data)
+
+
+def ask_raw(emulator, data, size, patience=20.0):
+    with open_serial(emulator.port, 9600, timeout=patience) as line:
+        line.write(data)
+        reply = line.read(size)
+    if len(reply) < 4:
+        return reply.hex(' ')
+    assert crc(reply[:-2]) == reply[-2:]
+    return reply[:-2].hex(' ')
+
+
+def test_the_checksum_is_that_of_the_standard():
+    # The check value of CRC-16/MODBUS.
+    assert crc(b'123456789') == bytes([0x37, 0x4B])
+
+
+def test_coils_are_written_one_by_one_and_read_together(emulator):
+    assert ask(emulator, '01 05 0002 FF00', 8) == '01 05 00 02 ff 00'
+    assert ask(emulator, '01 05 0000 FF00', 8) == '01 05 00 00 ff 00'
+    assert ask(emulator, '01 01 0000 0004', 6) == '01 01 01 05'
+    assert ask(emulator, '01 01 0002 0001', 6) == '01 01 01 01'
+    assert ask(emulator, '01 05 0000 0000', 8) == '01 05 00 00 00 00'
+    assert emulator.coils == (False, False, True, False)
+
+
+def test_coils_are_written_together(emulator):
+    assert ask(emulator, '01 0F 0001 0003 01 05', 8) == '01 0f 00 01 00 03'
+    assert emulator.coils == (False, True, False, True)
+
+
+def test_more_than_eight_coils_are_read_in_the_order_of_the_standard():
+    with ModbusEmulator(12) as emulator:
+        assert ask(emulator, '01 0F 0000 000A 02 01 02', 8) == '01 0f 00 00 00 0a'
+        assert ask(emulator, '01 01 0000 000D', 7) == '01 01 02 01 02'
+
+
+def test_currents_are_read_in_microamperes(emulator):
+    emulator.segments[1].stuck_at = 20000
+    assert ask(emulator, '02 04 0000 0003', 11) == '02 04 06 0f a0 4e 20 0f a0'
+    assert ask(emulator, '02 04 0001 0001', 7) == '02 04 02 4e 20'
+
+
+@pytest.mark.parametrize('request_, code', [
+    ('01 03 0000 0001', '83 01'), ('01 04 0000 0001', '84 01'), ('01 08 0000 1234', '88 01'),
+    ('01 01 0000 0005', '81 02'), ('01 01 FFFF 0001', '81 02'), ('01 05 0004 FF00', '85 02'),
+    ('01 01 0000 0000', '81 03'), ('01 01 0000 07D1', '81 03'), ('01 05 0000 0001', '85 03'),
+    ('01 0F 0000 0003 02 0505', '8f 03'), ('01 0F 0003 0002 01 03', '8f 02'),
+    ('02 01 0000 0001', '81 01'), ('02 04 0003 0001', '84 02'), ('02 04 0000 007E', '84 03')])
+def test_what_the_boards_cannot_do_is_answered_by_the_exception_of_the_standard(
+        emulator, request_, code):
+    assert ask(emulator, request_, 5) == f'{request_[:2]} {code}'
+    assert emulator.coils == (False,) * 4
+
+
+@pytest.mark.parametrize('data', [
+    sealed('03 01 0000 0001'), sealed('01 05 0001 FF00')[:-1] + b'\0', b'\x01', b'\0' * 50])
+def test_other_units_and_damaged_requests_are_met_with_silence(emulator, data):
+    assert ask_raw(emulator, data, 5, SOON) == ''
+    assert emulator.coils == (False,) * 4
+    assert ask(emulator, '01 01 0000 0004', 6) == '01 01 01 00'
+
+
+def test_requests_that_wait_are_answered_in_their_order(emulator):
+    both = sealed('01 05 0001 FF00') + sealed('01 01 0000 0004')
+    with open_serial(emulator.port, 9600, timeout=20.0) as line:
+        line.write(both)
+        assert line.read(14) == sealed('01 05 0001 FF00') + sealed('01 01 01 02')
+
+
+def test_the_rig_evacuates_and_vents_as_its_relays_say(emulator):
+    ask(emulator, '01 0F 0000 0004 01 05', 8)  # the pump and the valve of segment 2
+    eventually(lambda: emulator.vacuum(1), lambda vacuum: vacuum > 93e3)
+    assert emulator.vacuum(0) == emulator.vacuum(2) == 0.0
+    ask(emulator, '01 05 0002 0000', 8)
+    eventually(lambda: emulator.vacuum(1), lambda vacuum: vacuum < 1e3)
+
+
+def test_a_leak_keeps_a_segment_from_its_vacuum():
+    with ModbusEmulator(initially_stiff=True) as emulator:
+        obey(emulator, 'leak 2 100000')
+        eventually(lambda: emulator.vacuum(1), lambda vacuum: vacuum < 60e3)
+        assert emulator.vacuum(0) > 93e3
+        obey(emulator, 'repair')
+        eventually(lambda: emulator.vacuum(1), lambda vacuum: vacuum > 93e3)
+
+
+def test_the_link_is_there_while_the_adapter_is_plugged_in(tmp_path):
+    link = tmp_path / 'rig'
+    with ModbusEmulator(link=link) as emulator:
+        assert os.path.realpath(link) == emulator.port
+        obey(emulator, 'unplug')
+        assert not link.is_symlink()
+        obey(emulator, 'plug')
+        assert os.path.realpath(link) == emulator.port
+        assert ask(emulator, '01 01 0000 0004', 6) == '01 01 01 00'
+    assert not link.is_symlink()
+
+
+def test_a_link_never_replaces_a_file(tmp_path):
+    path = tmp_path / 'rig'
+    path.write_text('precious')
+    with pytest.raises(FileExistsError):
+        ModbusEmulator(link=path).plug()
+    assert main(['--link', str(path)]) == 1
+    assert path.read_text() == 'precious'
+
+
+FAULTS = {
+    'hang': lambda e: e.hang, 'late 0.5': lambda e: e.late == 0.5,
+    'drop 0.1': lambda e: e.drop == 0.1, 'garble 1': lambda e: e.garble == 1.0,
+    'refuse 6': lambda e: e.refuse == 6, 'stuck-coil 2': lambda e: e.stuck == {2},
+    'broken-wire 1': lambda e: e.segments[0].current() == 0,
+    'stuck-sensor 3': lambda e: e.segments[2].stuck_at == 4000,
+}
+
+
+@pytest.mark.parametrize('line, present', FAULTS.items(), ids=FAULTS)
+def test_every_fault_is_there_when_typed_and_gone_when_repaired(emulator, line, present):
+    assert not present(emulator)
+    assert obey(emulator, line) == 'done'
+    assert present(emulator)
+    obey(emulator, 'repair')
+    assert not present(emulator)
+
+
+def test_a_hung_board_says_nothing(emulator):
+    obey(emulator, 'hang')
+    assert ask(emulator, '01 01 0000 0004', 6, SOON) == ''
+
+
+def test_noise_is_as_long_as_typed(emulator):
+    with open_serial(emulator.port, 9600, timeout=20.0) as line:
+        obey(emulator, 'noise 5')
+        assert len(line.read(5)) == 5
+
+
+def test_a_relay_board_that_loses_power_drops_every_relay():
+    with ModbusEmulator(initially_stiff=True) as emulator:
+        obey(emulator, 'power-cycle')
+        assert emulator.coils == (False,) * 4
+
+
+def test_the_state_says_all_there_is_to_see():
+    with ModbusEmulator(2, initially_stiff=True) as emulator:
+        state = obey(emulator, 'state')
+    assert 'pump on' in state and 'segment 2: valve on, vacuum 94.0 kPa, 19040 uA' in state
+
+
+def test_help_lists_every_command(emulator):
+    words = obey(emulator, 'help')
+    assert all(name in words for name in COMMANDS)
+
+
+@pytest.mark.parametrize('line, words', [
+    ('explode', 'no command; type help'), ('late', 'takes: SECONDS'),
+    ('hang now', 'takes: nothing more'), ('drop 2', 'allowed: 0 to 1'),
+    ('drop nan', 'allowed: 0 to 1'), ('late x', 'SECONDS is x'),
+    ('stuck-coil 4', 'allowed: 0 to 3'), ('broken-wire 0', 'allowed: 1 to 3'),
+    ('leak 1.5 10', 'whole numbers'), ('refuse 1e999', 'CODE is 1e999')])
+def test_a_line_that_is_wrong_is_explained_and_changes_nothing(emulator, line, words):
+    with pytest.raises(ValueError, match=words):
+        obey(emulator, line)
+    assert ask(emulator, '01 01 0000 0004', 6) == '01 01 01 00'
+
+
+def test_the_command_line_serves_the_port_that_it_says(tmp_path):
+    link = tmp_path / 'rig'
+    with subprocess.Popen(
+            [sys.executable, '-m', 'soft_continuum.emulators.modbus', '--link', str(link),
+             '--stiff', '--segments', '2', '--baud-rate', '0'],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        printed = ''
+        while 'Type a fault' not in printed:
+            printed += process.stdout.readline()
+        assert f'port: {link}' in printed and 'valve_coils: [1.0, 2.0]' in printed
+        with open_serial(str(link), 9600, timeout=20.0) as line:
+            line.write(sealed('01 01 0000 0003'))
+            assert line.read(6) == sealed('01 01 01 07')
+        rest, _ = process.communicate('explode\nstate\nquit\n', timeout=30)
+        assert 'explode is no command' in rest and 'segment 2' in rest
+        assert process.returncode == 0
+    assert not link.is_symlink()
+
+
+def test_nobody_reading_the_line_does_not_block_the_boards(emulator):
+    line = os.open(emulator.port, os.O_RDWR | os.O_NOCTTY)
+    tty.setraw(line)
+    for _ in range(2000):
+        emulator.send(b'\xff' * 100)
+    os.close(line)
+    with open_serial(emulator.port, 9600, timeout=20.0) as fresh:
+        fresh.reset_input_buffer()
+    assert emulator.coils == (False,) * 4

@@ -1,0 +1,249 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The four nodes on emulated GRBL and Modbus devices on real pseudo-terminals, under faults."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import pytest
+from rclpy.qos import QoSProfile
+from ros_rig import LATCHED, RELIABLE, Rig, STREAM
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
+
+from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum_interfaces.action import RunShapeSequence
+
+Result = RunShapeSequence.Result
+STEP = 5e-6  # m: 200 steps per mm
+BEND = (0.0, 0.0, 0.3)
+BEND_MORE = (0.0, 0.0, -0.3)
+
+
+@dataclass
+class Bench:
+    """The nodes, and the devices that they drive."""
+
+    rig: Rig
+    grbl: GrblEmulator
+    modbus: ModbusEmulator
+    ports: Path
+
+    def parameters(self) -> dict[str, Any]:
+        return {
+            'tendon_driver': 'grbl', 'grbl.port': str(self.ports / 'grbl'),
+            'jamming_driver': 'modbus', 'modbus.port': str(self.ports / 'modbus'),
+            'tendon_speed': 0.01, 'tendon_acceleration': 0.1, 'speed_limit': 0.02,
+            'acceleration_limit': 0.3, 'jamming_rate': 20.0, 'silence_timeout': 2.0,
+        }
+
+    def start(self, **changes: Any) -> None:
+        self.rig.start_arm(**{**self.parameters(), **changes})
+
+    def prepare(self) -> None:
+        """Say that the arm is straight, and make it stiff."""
+        assert self.rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
+        self.rig.wait_for(lambda: self.rig.all_stiff, 'a stiff arm')
+        assert self.rig.trigger('tendon_actuation/reference').success
+        self.rig.wait_for(lambda: len(self.rig.joints), 'joint_states')
+
+    def assert_steps_agree(self) -> None:
+        """Claim that the motors have made the steps that the node reports as pulls."""
+        self.rig.assert_rests()
+        for pull, steps in zip(self.rig.pulls, self.grbl.motors, strict=False):
+            assert pull == pytest.approx(steps * STEP, abs=1e-9)
+
+
+@pytest.fixture
+def boards(tmp_path: Path) -> Iterator[tuple[GrblEmulator, ModbusEmulator]]:
+    """Return both devices, switched on."""
+    with (GrblEmulator(str(tmp_path / 'grbl')) as grbl,
+          ModbusEmulator(link=tmp_path / 'modbus') as modbus):
+        yield grbl, modbus
+
+
+@pytest.fixture
+def devices(boards: tuple[GrblEmulator, ModbusEmulator], rig: Rig, tmp_path: Path) -> Bench:
+    """Return the devices with no node started yet; nodes end before their devices do."""
+    return Bench(rig, *boards, tmp_path)
+
+
+@pytest.fixture
+def bench(devices: Bench) -> Bench:
+    """Return the four nodes on their devices, stiff, straight and referenced."""
+    devices.start()
+    devices.prepare()
+    return devices
+
+
+def error_in_diagnostics(rig: Rig, node: str) -> str:
+    """Return what /diagnostics says of a node, once that is an error."""
+    heard = rig.record(DiagnosticArray, '/diagnostics', QoSProfile(depth=50))
+
+    def error() -> str:
+        return next((s.message for m in list(heard) for s in m.status
+                     if s.name.endswith(node) and s.level == DiagnosticStatus.ERROR), '')
+    return str(rig.wait_for(error, f'an error of {node} in /diagnostics'))
+
+
+def test_a_shape_is_set_and_the_motors_have_made_the_steps_reported(bench: Bench) -> None:
+    goal = bench.rig.goal_when_heard(BEND, BEND_MORE)
+    assert goal.result()[0] == 'SUCCEEDED'
+    bench.rig.assert_stiff_since(goal)
+    bench.assert_steps_agree()
+    assert abs(bench.rig.pulls[0]) > 1e-3
+    bench.rig.assert_stiff_only_by_pressure()
+
+
+def test_nothing_moves_before_somebody_says_that_the_arm_is_straight(devices: Bench) -> None:
+    devices.start()
+    assert devices.rig.statuses['tendon_actuation'].last.message == 'position not referenced'
+    devices.rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True)
+    devices.rig.wait_for(lambda: devices.rig.all_stiff, 'a stiff arm')
+    goal = devices.rig.goal_when_heard(BEND)
+    status, result = goal.result()
+    assert status == 'ABORTED'
+    assert 'not referenced' in result.error_string
+    assert devices.grbl.motors[:2] == (0, 0)
+
+
+def test_a_board_unplugged_in_motion_ends_the_goal_and_moves_only_after_resume(
+        bench: Bench) -> None:
+    rig = bench.rig
+    goal = rig.goal_in_motion(BEND)
+    bench.grbl.unplug()
+    status, result = goal.result()
+    assert status == 'ABORTED'
+    assert 'the device failed' in result.error_string
+    assert error_in_diagnostics(rig, 'tendon_actuation')
+    bench.grbl.plug()
+    rig.wait_for_status('tendon_actuation', 'stopped', 'the device failed')
+    rig.wait_for(lambda: rig.statuses['tendon_actuation'].last.level == DiagnosticStatus.WARN,
+                 'a reconnection')
+    rests_at = bench.grbl.motors
+    rig.assert_rests()
+    assert bench.grbl.motors == rests_at
+    assert not rig.goal(BEND).accepted
+    assert 'the device failed' in rig.rejected()
+    assert rig.trigger('tendon_actuation/resume').success
+
+
+def test_a_reset_of_the_board_in_motion_loses_the_reference(bench: Bench) -> None:
+    goal = bench.rig.goal_in_motion(BEND)
+    bench.grbl.reset()
+    rig = bench.rig
+    assert goal.result()[0] == 'ABORTED'
+    rig.wait_for_status('tendon_actuation', 'stopped', 'the controller was reset')
+    rests_at = bench.grbl.motors
+    rig.wait_for(lambda: rig.trigger('tendon_actuation/resume').success, 'a resume')
+    rig.wait_for(lambda: not rig.goal(BEND).accepted or 'not referenced' in rig.status_value(
+        'tendon_actuation', 'refused'), 'a refusal')
+    assert bench.grbl.motors == rests_at
+
+
+def test_a_stop_in_motion_rests_at_the_reported_step_and_resume_goes_on(bench: Bench) -> None:
+    rig = bench.rig
+    goal = rig.goal_in_motion(BEND)
+    assert rig.trigger('tendon_actuation/stop').success
+    assert goal.result()[1].error_code == Result.STOPPED
+    rig.wait_for(lambda: not rig.moving, 'rest')
+    bench.assert_steps_agree()
+    assert rig.trigger('tendon_actuation/resume').success
+    assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
+    bench.assert_steps_agree()
+
+
+def test_valves_unplugged_in_motion_end_the_goal_and_switch_nothing_when_back(
+        bench: Bench) -> None:
+    rig = bench.rig
+    goal = rig.goal_in_motion(BEND)
+    coils = bench.modbus.coils
+    bench.modbus.unplug()
+    status, result = goal.result()
+    assert status == 'ABORTED'
+    assert 'jamming_valves' in result.error_string
+    assert error_in_diagnostics(rig, 'jamming_valves')
+    rig.wait_for(lambda: not rig.moving, 'rest')
+    bench.modbus.plug()
+    rig.wait_for(lambda: rig.statuses['jamming_valves'].last.level == DiagnosticStatus.OK,
+                 'the valves back')
+    assert bench.modbus.coils == coils
+
+
+def test_a_valve_that_does_not_follow_is_named(bench: Bench) -> None:
+    bench.modbus.stuck = {3}
+    answer = bench.rig.call(SetBool, 'jamming_valves/segment_3/set_stiff', data=False)
+    assert not answer.success
+    assert 'coil 3 (valve of segment 3)' in answer.message
+    bench.modbus.stuck = set()
+    bench.rig.soften(3)
+
+
+def test_a_broken_sensor_wire_is_not_a_stiff_segment(bench: Bench) -> None:
+    bench.modbus.segments[1].broken_wire = True
+    bench.rig.wait_for(lambda: bench.rig.soft_segments() == [2], 'segment 2 no longer stiff')
+    assert 'segment 2' in error_in_diagnostics(bench.rig, 'jamming_valves')
+
+
+def test_settings_that_contradict_are_named_and_mended_without_a_restart(devices: Bench) -> None:
+    devices.grbl.firmware.settings[1] = 25.0
+    rig = devices.rig
+    parameters = devices.parameters()
+    rig.start('tendon_actuation', ready=False, **parameters)
+    rig.wait_for(lambda: rig.statuses['tendon_actuation'].last, 'a status')
+    said = rig.wait_for(lambda: rig.statuses['tendon_actuation'].last.message, 'words')
+    assert '$1=255' in said
+    assert rig.lifecycle_state('tendon_actuation') == 'unconfigured'
+    devices.grbl.firmware.settings[1] = 255.0
+    assert rig.transition('tendon_actuation', 'configure')
+    assert rig.transition('tendon_actuation', 'activate')
+    rig.wait_for(lambda: len(rig.tendons), 'tendon_states')
+
+
+def test_a_port_that_is_not_there_is_named_and_the_node_waits(rig: Rig) -> None:
+    rig.start('tendon_actuation', ready=False,
+              **{'tendon_driver': 'grbl', 'grbl.port': '/dev/no_such_port'})
+    said = rig.wait_for(lambda: rig.statuses['tendon_actuation'].last, 'a status').message
+    assert '/dev/no_such_port' in said
+    assert rig.lifecycle_state('tendon_actuation') == 'unconfigured'
+
+
+@pytest.mark.parametrize(('profile', 'fit'), [(LATCHED, 3), (RELIABLE, 2), (STREAM, 1)],
+                         ids=['latched', 'reliable', 'best effort'])
+def test_an_emergency_stop_ends_the_motion_until_it_is_off_and_resumed(
+        arm: Rig, profile: QoSProfile, fit: int) -> None:
+    button = arm.publisher(Bool, 'emergency_stop', profile)
+    arm.wait_for(lambda: button.get_subscription_count() >= 3 * fit, 'all nodes to listen')
+    goal = arm.goal((0.0, 0.0, 0.6), (0.0, 0.0, -0.6), hold=0.5)
+    arm.wait_for(lambda: arm.moving, 'a motion')
+    button.publish(Bool(data=True))
+    status, result = goal.result()
+    assert (status, result.error_code) == ('ABORTED', Result.STOPPED)
+    assert 'emergency_stop' in result.error_string
+    arm.wait_for(lambda: not arm.moving, 'rest')
+    arm.assert_rests()
+    soft = arm.soft_segments()
+    assert not arm.trigger('tendon_actuation/resume').success
+    refused = arm.call(SetBool, 'jamming_valves/set_all_stiff', data=True)
+    assert 'emergency_stop' in refused.message
+    assert not arm.goal(BEND).accepted
+    button.publish(Bool(data=False))
+    arm.wait_for(lambda: arm.trigger('tendon_actuation/resume').success, 'a resume')
+    arm.assert_rests()
+    assert arm.soft_segments() == soft
+    arm.wait_for(lambda: arm.call(
+        SetBool, 'jamming_valves/set_all_stiff', data=True).success, 'valves that obey')
+    arm.wait_for(lambda: arm.all_stiff, 'a stiff arm')
+    assert arm.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
+
+
+def test_a_node_that_starts_during_an_emergency_stop_does_not_move(rig: Rig) -> None:
+    rig.observer.create_publisher(Bool, 'emergency_stop', LATCHED).publish(Bool(data=True))
+    rig.start_arm()
+    rig.wait_for_status('tendon_actuation', 'stopped', 'emergency_stop')
+    assert not rig.trigger('tendon_actuation/resume').success
