@@ -37,12 +37,15 @@ setup(
         (f'{SHARE}/config', files('config/*.yaml', 'config/*.rviz', 'config/*.xml')),
         (f'{SHARE}/launch', files('launch/*.launch.py')),
         (f'{SHARE}/msg_docs', files('msg_docs/*.md')),
+        (f'{SHARE}/data/simulated_specimen', files('data/simulated_specimen/*')),
     ],
     entry_points={
         'console_scripts': [
             f'{name} = {PACKAGE}.executables:{name}'
-            for name in ('grbl_emulator', 'jamming_valves', 'kinematics', 'modbus_emulator',
-                         'shape_sequencer', 'tendon_actuation')
+            for name in (
+                'calibrate', 'characterize', 'converge', 'doctor', 'grbl_emulator', 'identify',
+                'jamming_valves', 'kinematics', 'modbus_emulator', 'shape_sequencer',
+                'tendon_actuation', 'validate', 'workspace')
         ],
     },
 )

@@ -6,6 +6,7 @@ What ``ros2 run`` and ``./run`` start.
 Everything heavy is imported inside, so that Ctrl-C during start-up ends quietly too.
 """
 
+from collections.abc import Callable
 from importlib import import_module
 import os
 import sys
@@ -43,14 +44,22 @@ def shape_sequencer() -> None:
     _call('soft_continuum.nodes.runtime', 'run', ['shape_sequencer'])
 
 
-def grbl_emulator() -> None:
-    """Run an emulated GRBL stepper controller on a pseudo-terminal."""
-    _call('soft_continuum.emulators.grbl', 'main')
+def _program(module: str) -> Callable[[], NoReturn]:
+    def run() -> NoReturn:
+        _call(f'soft_continuum.{module}', 'main')
+    return run
 
 
-def modbus_emulator() -> None:
-    """Run emulated Modbus valves, pump and sensors on a pseudo-terminal."""
-    _call('soft_continuum.emulators.modbus', 'main')
+# The devices to try the hardware drivers on, and the commands of docs/rig.md and measurement.md.
+grbl_emulator = _program('emulators.grbl')
+modbus_emulator = _program('emulators.modbus')
+doctor = _program('commands.doctor')
+calibrate = _program('commands.calibrate')
+characterize = _program('commands.characterize')
+converge = _program('commands.converge')
+validate = _program('commands.validate')
+identify = _program('commands.identify')
+workspace = _program('commands.workspace')
 
 
 def up() -> None:

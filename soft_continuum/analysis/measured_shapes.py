@@ -1,0 +1,197 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Shapes that were set on a rig: what was pulled, step by step, and where the arm then was.
+
+Two files.  Points, in the frame of the base (origin at the bottom centre of the base disc, z along
+the straight arm, x to the right tendon): shape, point (1 is the bottom of the base disc, then
+bottom and top of each disc), x, z.  Pulls: shape, segment that was soft, pull of the right and the
+left tendon against the straight arm, or the word slack; and where known the bending angle that was
+set and the payload that hung at the tip.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from soft_continuum.analysis.delimited import (
+    ANGLE_UNITS,
+    Column,
+    LENGTH_UNITS,
+    MASS_UNITS,
+    MeasurementError,
+    Quantity,
+    read_table,
+    Table,
+)
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
+
+BASE_TOLERANCE = 0.005  # m: the base disc cannot be further from where the frame has it
+
+POINT_QUANTITIES = (
+    Quantity('shape', ('shape', 'form')),
+    Quantity('point', ('point', 'punkt')),
+    Quantity('x', ('x',), LENGTH_UNITS),
+    Quantity('z', ('z',), LENGTH_UNITS),
+)
+PULL_QUANTITIES = (
+    Quantity('shape', ('shape', 'form')),
+    Quantity('segment', ('segment',)),
+    Quantity('right', ('right', 'rechts'), LENGTH_UNITS),
+    Quantity('left', ('left', 'links'), LENGTH_UNITS),
+    Quantity('angle', ('angle', 'winkel'), ANGLE_UNITS, required=False),
+    Quantity('payload', ('payload', 'nutzlast'), MASS_UNITS, required=False),
+)
+
+
+@dataclass(frozen=True)
+class Step:
+    """
+    One segment (0-based) is soft while the tendons go to pulls (right, left), m, or SLACK.
+
+    angle: bending angle that was set, rad; nan where none was.
+    """
+
+    segment: int
+    pulls: tuple[float, float]
+    angle: float = np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredShape:
+    """
+    One shape: its steps, and the calculation points that were measured.
+
+    numbers: (m,) of the points, 0 for the bottom of the base disc.  positions: (m, 2), x and z, m.
+    payload: kg.
+    """
+
+    name: str
+    steps: tuple[Step, ...]
+    numbers: tuple[int, ...]
+    positions: Array
+    payload: float = 0.0
+
+    @property
+    def moving(self) -> list[int]:
+        """Which rows of positions are not of the base disc, which cannot move."""
+        return [row for row, number in enumerate(self.numbers) if number > 1]
+
+
+def read_shapes(points: str | Path, pulls: str | Path, arm: Arm) -> tuple[MeasuredShape, ...]:
+    """
+    Read the shapes of a points file and a pulls file, in the order of the points file.
+
+    Raises MeasurementError naming file, line and remedy.
+    """
+    measured = _read_points(read_table(points, POINT_QUANTITIES), arm)
+    pulled = _read_pulls(read_table(pulls, PULL_QUANTITIES), arm)
+    for name in measured:
+        if name not in pulled:
+            raise MeasurementError(f'{pulls}: has no rows for shape {name!r} of {points}; it has '
+                                   f'{", ".join(pulled)}')
+    return tuple(
+        MeasuredShape(name, pulled[name][0], tuple(rows), np.array(list(rows.values())),
+                      pulled[name][1])
+        for name, rows in measured.items())
+
+
+def _read_points(table: Table, arm: Arm) -> dict[str, dict[int, tuple[float, float]]]:
+    names, numbers = table.column('shape'), table.column('point')
+    most = 2 * len(arm.discs)
+    shapes: dict[str, dict[int, tuple[float, float]]] = {}
+    for name, number, x, z, line in zip(
+            names.cells, numbers.whole_numbers(), table.column('x').numbers().tolist(),
+            table.column('z').numbers().tolist(), names.lines, strict=True):
+        where = f'{table.path}, line {line}'
+        if not 1 <= number <= most:
+            raise MeasurementError(f'{where}: there is no point {number}; this arm has 1 to '
+                                   f'{most}, bottom and top of each disc')
+        rows = shapes.setdefault(name, {})
+        if number - 1 in rows:
+            raise MeasurementError(f'{where}: point {number} of shape {name!r} is there already; '
+                                   'give repeated measurements names of their own')
+        if np.hypot(x, z) > 2.0 * arm.length:
+            raise MeasurementError(
+                f'{where}: ({x:.4g}, {z:.4g}) m is further away than the arm is long '
+                f'({arm.length:.4g} m); is the unit in the header right')
+        at_base = 0.0 if number == 1 else arm.discs[0].height
+        if number <= 2 and np.hypot(x, z - at_base) > BASE_TOLERANCE:
+            raise MeasurementError(
+                f'{where}: point {number} of the base disc is at ({x:.4g}, {z:.4g}) m; it must be '
+                f'at (0, {at_base:g}): transform the points to the frame of the base disc')
+        rows[number - 1] = (x, z)
+    for name, rows in shapes.items():
+        if max(rows) <= 1:
+            raise MeasurementError(f'{table.path}: shape {name!r} has points of the base disc '
+                                   'only; measure the discs that move')
+    return shapes
+
+
+def _read_pulls(table: Table, arm: Arm) -> dict[str, tuple[tuple[Step, ...], float]]:
+    names, segments = table.column('shape'), table.column('segment')
+    angles = (table.column('angle').numbers().tolist() if table.has('angle')
+              else [np.nan] * len(names.cells))
+    payloads = (table.column('payload').numbers().tolist() if table.has('payload')
+                else [0.0] * len(names.cells))
+    right, left = _pulls(table.column('right')), _pulls(table.column('left'))
+    steps: dict[str, list[Step]] = {}
+    payload: dict[str, float] = {}
+    for name, segment, angle, mass, pulls, line in zip(
+            names.cells, segments.whole_numbers(), angles, payloads,
+            zip(right, left, strict=True), names.lines, strict=True):
+        where = f'{table.path}, line {line}'
+        if not 1 <= segment <= len(arm.segments):
+            raise MeasurementError(f'{where}: there is no segment {segment}; this arm has 1 to '
+                                   f'{len(arm.segments)}')
+        if any(pull > arm.length for pull in pulls):
+            raise MeasurementError(
+                f'{where}: a pull of {max(pulls):.4g} m is more than the arm is long '
+                f'({arm.length:.4g} m); is the unit in the header right')
+        if payload.setdefault(name, mass) != mass:
+            raise MeasurementError(f'{where}: the payload of shape {name!r} changes from step to '
+                                   'step; give the shape one payload')
+        steps.setdefault(name, []).append(Step(segment - 1, pulls, angle))
+    return {name: (tuple(rows), payload[name]) for name, rows in steps.items()}
+
+
+def _pulls(column: Column) -> list[float]:
+    """Return pulls in m; the word slack is SLACK."""
+    slack = [cell.lower() == 'slack' for cell in column.cells]
+    cells = tuple('0' if s else cell for s, cell in zip(slack, column.cells, strict=True))
+    values = replace(column, cells=cells).numbers().tolist()
+    return [SLACK if s else value for s, value in zip(slack, values, strict=True)]
+
+
+def loaded(arm: Arm, shape: MeasuredShape) -> Arm:
+    """Return the arm with the payload of a shape besides its own."""
+    return replace(arm, payload=arm.payload + shape.payload)
+
+
+def sliding(start: Equilibrium, step: Step) -> tuple[int, int]:
+    """Return where the tendons slide in a step: 1 to the base, -1 to the tip, 0 slack."""
+    right, left = (0 if pull == SLACK else 1 if pull > before else -1
+                   for pull, before in zip(step.pulls, start.pulls.tolist(), strict=True))
+    return right, left
+
+
+def walk(statics: Statics, steps: Sequence[Step], name: str = '') -> list[Equilibrium]:
+    """
+    Return the equilibrium after each step, from the straight arm.
+
+    Raises StaticsError naming shape and step.
+    """
+    state, states = statics.chain.straight(), []
+    for number, step in enumerate(steps, start=1):
+        soft = [i == step.segment for i in range(statics.chain.segments)]
+        try:
+            state = statics.solve(state, step.pulls, soft, sliding=sliding(state, step))
+        except StaticsError as error:
+            raise StaticsError(f'shape {name}, step {number} (segment {step.segment + 1} soft): '
+                               f'{error}', error.state) from None
+        states.append(state)
+    return states

@@ -1,0 +1,137 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Models against measured shapes: constant curvature, chain, chain under gravity (paper, V, Fig. 5).
+
+Every model gets the pulls that the rig got.  Errors are distances between calculation points; the
+base disc, which cannot move, does not count.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from soft_continuum.analysis.measured_shapes import loaded, MeasuredShape, Step, walk
+from soft_continuum.mechanics import constant_curvature, LEFT, RIGHT
+from soft_continuum.mechanics.arm import Arm, ArmError
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
+
+CONSTANT_CURVATURE = 'constant curvature'
+WITHOUT_GRAVITY = 'chain, no gravity'
+WITH_GRAVITY = 'chain, gravity'
+CORRECTED = 'chain, gravity, corrected'
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """
+    One shape by one model.
+
+    points: (2 * discs, 3), x, z in m and tangent in rad.  slack: of each step, whether no tendon
+    was taut at its end.  jumped: whether the arm went over to another equilibrium on the way.
+    needed: of each step, tendon and its pull (m) that bend the segment to the angle that was set;
+    None where no angle was given or no tendon can.
+    """
+
+    model: str
+    shape: MeasuredShape
+    points: Array
+    slack: tuple[bool, ...]
+    jumped: bool
+    needed: tuple[tuple[int, float] | None, ...]
+
+    @property
+    def errors(self) -> Array:
+        """Distance (m) of the measured points, without those of the base disc."""
+        rows = self.shape.moving
+        there = self.points[[self.shape.numbers[row] for row in rows], :2]
+        distances: Array = np.linalg.norm(there - self.shape.positions[rows], axis=1)
+        return distances
+
+    @property
+    def relative_errors(self) -> Array:
+        """Errors over the distance of the measured point from the base."""
+        from_base: Array = np.linalg.norm(self.shape.positions[self.shape.moving], axis=1)
+        return self.errors / from_base
+
+    @property
+    def segments(self) -> list[int]:
+        """Segment (0-based) that each of the errors belongs to: that below the disc."""
+        return [self.shape.numbers[row] // 2 - 1 for row in self.shape.moving]
+
+
+def predict(shapes: Sequence[MeasuredShape], arm: Arm, corrected: Arm | None = None
+            ) -> tuple[Prediction, ...]:
+    """
+    Return what each model says for each shape, shape by shape.
+
+    corrected: the arm with measured stiffness.  Raises StaticsError naming model, shape and step.
+    """
+    predictions = []
+    for shape in shapes:
+        predictions.append(_constant_curvature(shape, arm))
+        predictions.append(_chain(WITHOUT_GRAVITY, shape, arm.without_gravity()))
+        predictions.append(_chain(WITH_GRAVITY, shape, arm))
+        if corrected is not None:
+            predictions.append(_chain(CORRECTED, shape, corrected))
+    return tuple(predictions)
+
+
+def _constant_curvature(shape: MeasuredShape, arm: Arm) -> Prediction:
+    angles, aimed, needed = np.zeros(len(arm.segments)), np.zeros(len(arm.segments)), []
+    for step in shape.steps:
+        angles[step.segment] = 0.0
+        others = constant_curvature.pulls(arm, angles.tolist())
+        angles[step.segment] = _arc_angle(arm, step, others)
+        aimed[step.segment] = step.angle if np.isfinite(step.angle) else angles[step.segment]
+        tendon = RIGHT if aimed[step.segment] > 0.0 else LEFT
+        needed.append((tendon, constant_curvature.pulls(arm, aimed.tolist())[tendon])
+                      if np.isfinite(step.angle) else None)
+    slack = tuple(step.pulls == (SLACK, SLACK) for step in shape.steps)
+    return Prediction(CONSTANT_CURVATURE, shape,
+                      constant_curvature.poses(arm, angles.tolist()), slack, False, tuple(needed))
+
+
+def _arc_angle(arm: Arm, step: Step, others: tuple[float, float]) -> float:
+    """Return the smallest bending angle (rad) that the tendons of a step allow."""
+    segment = arm.segments[step.segment]
+    limit = segment.bending_angle_limit
+    bounds = []
+    for tendon, sign in ((RIGHT, 1.0), (LEFT, -1.0)):
+        pull = step.pulls[tendon] - others[tendon]
+        try:
+            angle = constant_curvature.bending_angle(segment, pull) if pull != -np.inf else -limit
+        except ArmError:  # let out, or pulled in, beyond the limit
+            angle = -limit if pull < 0.0 else limit
+        bounds.append(sign * angle)
+    least, most = bounds
+    return float(np.clip(0.0, least, most)) if least <= most else 0.5 * (least + most)
+
+
+def _chain(model: str, shape: MeasuredShape, arm: Arm) -> Prediction:
+    statics = Statics(loaded(arm, shape))
+    try:
+        states = walk(statics, shape.steps, shape.name)
+    except StaticsError as error:
+        raise StaticsError(f'{model}: {error}', error.state) from None
+    return Prediction(
+        model, shape, statics.chain.points(states[-1].joint_angles),
+        tuple(not any(state.taut) for state in states), any(state.jumped for state in states),
+        _needed(statics, shape))
+
+
+def _needed(statics: Statics, shape: MeasuredShape) -> tuple[tuple[int, float] | None, ...]:
+    """Return tendon and pull for the angle of each step, as far as a tendon holds it there."""
+    state, needed = statics.chain.straight(), []
+    for step in shape.steps:
+        if not np.isfinite(step.angle):
+            break
+        try:
+            state = statics.bend(state, step.segment, step.angle)
+        except StaticsError:
+            break
+        tendon = RIGHT if state.tensions[RIGHT] >= state.tensions[LEFT] else LEFT
+        needed.append((tendon, float(statics.commanded_pulls(state)[tendon])))
+    return (*needed, *[None] * (len(shape.steps) - len(needed)))

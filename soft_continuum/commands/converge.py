@@ -1,0 +1,70 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""How many rigid bodies a segment needs (paper, III-B)."""
+
+import argparse
+import sys
+
+import numpy as np
+
+from soft_continuum.analysis.convergence import converge
+from soft_continuum.analysis.convergence_figure import convergence_figure
+from soft_continuum.analysis.results import claim, text_table
+from soft_continuum.commands.common import (
+    described_arm,
+    guarded,
+    new_parser,
+    number_in,
+    whole_number_in,
+)
+
+NAME = 'converge'
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; return the exit status."""
+    parser = new_parser(NAME, 'Convergence analysis: relative change of the bending angles from n '
+                        'to n + 1 bodies per segment at constant pulls.')
+    parser.add_argument('--angle', type=number_in(1.0, 120.0, 'degrees'), default=36.0,
+                        metavar='DEGREES', help='bending angle of every segment (default: 36)')
+    parser.add_argument('--tolerance', type=number_in(1e-6, 0.1, ''), default=1e-3, metavar='PART',
+                        help='relative change that counts as converged (default: 0.001)')
+    parser.add_argument('--most', type=whole_number_in(3, 200), default=16, metavar='N',
+                        help='largest number of bodies (default: 16)')
+    parser.add_argument('--gravity', action='store_true',
+                        help='with the weight of the arm (default: without, as in the paper)')
+    return guarded(NAME, _run, parser.parse_args(argv))
+
+
+def _run(options: argparse.Namespace) -> None:
+    _, arm = described_arm(options)
+    figure, = claim(options.output, [f'{NAME}.png'], options.force)
+    if not options.gravity:
+        arm = arm.without_gravity()
+    found = converge(arm, [np.radians(options.angle)] * len(arm.segments), options.tolerance,
+                     options.most)
+    segments = range(1, len(arm.segments) + 1)
+    print(f'Pulls constant at those that bend every segment to {options.angle:g} degrees with '
+          f'n = {arm.bodies_per_segment}, {"with" if options.gravity else "without"} gravity.\n')
+    rows = [[f'{n}{" *" if n == found.converged else ""}',
+             *(f'{np.degrees(a):.3f}' for a in angles),
+             *(f'{100 * c:.4f}' if np.isfinite(c) else '' for c in change),
+             *(f'{100 * e:.3f}' for e in error)]
+            for n, angles, change, error in zip(
+                found.bodies, found.angles, found.change, found.error, strict=True)]
+    print(text_table(['n', *(f'angle {s}, deg' for s in segments),
+                      *(f'change {s}, %' for s in segments),
+                      *(f'error {s}, %' for s in segments)], rows))
+    print('\nChange: from n to n + 1. Error: against the continuum. The change is not the error.')
+    if found.converged is None:
+        print(f'Not converged: no change stays below {100 * options.tolerance:g} % up to '
+              f'n = {options.most}; raise --most or --tolerance.')
+    else:
+        print(f'Converged at n = {found.converged}: every change is below '
+              f'{100 * options.tolerance:g} % from there on.')
+    convergence_figure(figure, found, options.tolerance)
+    print(f'Figure: {figure}')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,126 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Stiffness, masses and other unknowns of the arm from measured points and pulls."""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+import sys
+
+import numpy as np
+
+from soft_continuum.analysis.identification import (
+    Identification,
+    identify,
+    shape_error,
+    without,
+)
+from soft_continuum.analysis.identification_figure import identification_figure, ShapeResult
+from soft_continuum.analysis.measured_shapes import MeasuredShape, read_shapes
+from soft_continuum.analysis.results import claim, text_table, write_parameters
+from soft_continuum.analysis.unknowns import find_unknowns, IdentificationError, parameters_of
+from soft_continuum.commands.common import described_arm, guarded, new_parser
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.statics import StaticsError
+
+NAME = 'identify'
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; return the exit status."""
+    parser = new_parser(NAME, 'Fit what is not known of the arm to measured points. Errors on '
+                        'shapes that the fit did not see are reported.')
+    parser.add_argument('points', type=Path, help='CSV file: shape, point, x, z')
+    parser.add_argument('pulls', type=Path,
+                        help='CSV file: shape, segment, right, left and, if known, payload')
+    parser.add_argument('--fit', nargs='+', metavar='UNKNOWN',
+                        help='stiffness_N, ratio_N, segment_mass_N, disc_mass_N, offset_N of '
+                             'segment N; mass (one factor for all), friction, tilt (default: '
+                             'stiffness of every segment)')
+    parser.add_argument('--hold-out', nargs='+', default=[], metavar='SHAPE',
+                        help='shapes to leave out of the fit (default: fit all, then leave out '
+                             'each in turn)')
+    return guarded(NAME, _run, parser.parse_args(argv))
+
+
+def _run(options: argparse.Namespace) -> None:
+    _, arm = described_arm(options)
+    unknowns = find_unknowns(
+        options.fit or [f'stiffness_{n + 1}' for n in range(len(arm.segments))], arm)
+    shapes = read_shapes(options.points, options.pulls, arm)
+    kept = without(shapes, options.hold_out)
+    figure, layer = claim(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
+    found = identify(arm, unknowns, kept)
+    print(f'{len(kept)} shapes, {sum(2 * len(s.moving) for s in kept)} measured coordinates; '
+          f'noise of a coordinate, from the residuals: {1e3 * found.noise:.3g} mm\n')
+    print(_values(found))
+    if len(unknowns) > 1:
+        print('\nCorrelations\n')
+        print(_correlations(found))
+    write_parameters(layer, parameters_of(found.arm, unknowns), [
+        f'Identified by {NAME} from',
+        f'  {options.points.name}',
+        f'  {options.pulls.name}',
+        *(f'{u.name}: {v:.5g} +- {h:.2g} {u.unit} (95 %)'.replace('  ', ' ') for u, v, h in zip(
+            unknowns, found.values, found.half_widths, strict=True)),
+        'These values belong to the second-order chain.'])
+    print(f'\nParameters: {layer}', flush=True)
+    results = [_held_out(arm, found, shape, kept, options.hold_out) for shape in shapes]
+    print('\nLargest position error of each shape in mm; without it: of a fit that has not seen '
+          'it.\n')
+    print(text_table(['shape', 'as described', 'identified', 'without it'], [
+        [r.name, _mm(r.described), _mm(r.identified), _mm(r.held_out)] for r in results]))
+    if not all(np.isfinite(r.held_out) for r in results if not options.hold_out):
+        print('\n"-": without this shape the others do not determine every unknown.')
+    identification_figure(figure, found, results)
+    print(f'\nFigure: {figure}')
+
+
+def _held_out(arm: Arm, found: Identification, shape: MeasuredShape,
+              kept: Sequence[MeasuredShape], named: Sequence[str]) -> ShapeResult:
+    """Return the errors of one shape, after another fit without it unless some were named."""
+    described, identified = _largest(arm, shape), _largest(found.arm, shape)
+    held_out = nan
+    if shape.name in named:
+        held_out = identified
+    elif not named and len(kept) > 1:
+        begin = [replace(u, start=float(v))
+                 for u, v in zip(found.unknowns, found.values, strict=True)]
+        print(f'holding out {shape.name}', file=sys.stderr, flush=True)
+        try:
+            rest = identify(arm, begin, without(kept, [shape.name]))
+            held_out = _largest(rest.arm, shape)
+        except IdentificationError:
+            pass
+    return ShapeResult(shape.name, described, identified, held_out)
+
+
+def _largest(arm: Arm, shape: MeasuredShape) -> float:
+    try:
+        return float(shape_error(arm, shape).max())
+    except StaticsError:
+        return nan
+
+
+def _mm(value: float) -> str:
+    return f'{1e3 * value:.2f}' if np.isfinite(value) else '-'
+
+
+def _values(found: Identification) -> str:
+    rows = [[u.name, f'{u.start:.5g}', f'{v:.5g}', f'{h:.2g}',
+             f'{100 * h / abs(v):.2g} %' if abs(v) > h else '-', u.unit]
+            for u, v, h in zip(found.unknowns, found.values, found.half_widths, strict=True)]
+    return text_table(['unknown', 'described', 'identified', '95 %, +-', 'of value', 'unit'], rows)
+
+
+def _correlations(found: Identification) -> str:
+    names = [u.name for u in found.unknowns]
+    return text_table(['', *names], [
+        [name, *(f'{c:+.2f}' for c in row)]
+        for name, row in zip(names, found.correlations, strict=True)])
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,120 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Position error of the models against measured shapes (paper, V)."""
+
+import argparse
+from collections.abc import Sequence
+import csv
+from pathlib import Path
+import sys
+
+import numpy as np
+
+from soft_continuum.analysis.measured_shapes import read_shapes
+from soft_continuum.analysis.results import claim, text_table
+from soft_continuum.analysis.validation import predict, Prediction
+from soft_continuum.analysis.validation_figure import validation_figure
+from soft_continuum.commands.common import described_arm, guarded, new_parser
+from soft_continuum.configuration import load_description
+from soft_continuum.description import arm_from_parameters
+from soft_continuum.mechanics.arm import Arm, ArmError
+
+NAME = 'validate'
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; return the exit status."""
+    parser = new_parser(NAME, 'Position error of constant curvature and of the chain, without '
+                        'and with gravity, against measured points.')
+    parser.add_argument('points', type=Path, help='CSV file: shape, point, x, z')
+    parser.add_argument('pulls', type=Path,
+                        help='CSV file: shape, segment, right, left and, if known, angle, payload')
+    parser.add_argument('--corrected', type=Path, action='append', default=[], metavar='FILE',
+                        help='parameters that correct the arm, such as characterize.yaml: one '
+                             'more series; may be repeated')
+    return guarded(NAME, _run, parser.parse_args(argv))
+
+
+def _run(options: argparse.Namespace) -> None:
+    _, arm = described_arm(options)
+    corrected = None
+    if options.corrected:
+        corrected = arm_from_parameters(
+            load_description(*options.params_file, *options.corrected))
+        if len(corrected.segments) != len(arm.segments):
+            raise ArmError(f'--corrected has an arm of {len(corrected.segments)} segments, '
+                           f'--params-file one of {len(arm.segments)}; they must be the same arm')
+    shapes = read_shapes(options.points, options.pulls, arm)
+    figure, listing = claim(options.output, [f'{NAME}.png', f'{NAME}.csv'], options.force)
+    predictions = predict(shapes, arm, corrected)
+    print('Position errors at the calculation points, without the two of the base disc. Percent: '
+          'the largest\nerror over the distance of its point from the base, and over the length '
+          f'of the arm ({1e3 * arm.length:g} mm).\n')
+    print(_summary(predictions, arm))
+    for prediction in predictions:
+        if prediction.jumped:
+            print(f'{prediction.shape.name}, {prediction.model}: the arm snaps over on the way')
+    print('\nPulls at the end of each step in mm, of the tendon that carries: as measured, and as '
+          'needed for\nthe angle that was set. "-": no angle was given, or no tendon holds it.\n')
+    print(_pulls(predictions))
+    validation_figure(figure, predictions)
+    _write_errors(listing, predictions, arm)
+    print(f'\nFigure: {figure}\nError of each point: {listing}')
+
+
+def _summary(predictions: Sequence[Prediction], arm: Arm) -> str:
+    segments = range(len(arm.segments))
+    head = ['shape', 'model', 'mean mm', 'max mm', '% of distance', '% of length',
+            *(f'segment {s + 1} mm' for s in segments), 'no tendon taut']
+    rows, last = [], ''
+    for p in predictions:
+        errors = 1e3 * p.errors
+        each = [[e for e, of in zip(errors, p.segments, strict=True) if of == s] for s in segments]
+        rows.append([
+            p.shape.name if p.shape.name != last else '', p.model, f'{errors.mean():.2f}',
+            f'{errors.max():.2f}', f'{100 * p.relative_errors.max():.2f}',
+            f'{0.1 * errors.max() / arm.length:.2f}',
+            *(f'{max(e):.2f}' if e else '-' for e in each),
+            ', '.join(f'step {k}' for k, slack in enumerate(p.slack, start=1) if slack) or '-'])
+        last = p.shape.name
+    return text_table(head, rows, left=2)
+
+
+def _pulls(predictions: Sequence[Prediction]) -> str:
+    models = list(dict.fromkeys(p.model for p in predictions))
+    rows = []
+    for shape in dict.fromkeys(p.shape for p in predictions):
+        needed = {p.model: p.needed for p in predictions if p.shape is shape}
+        for k, step in enumerate(shape.steps):
+            actual = ', '.join(_pull(t, p) for t, p in enumerate(step.pulls) if np.isfinite(p))
+            cells = []
+            for model in models:
+                found = needed[model][k]
+                cells.append('-' if found is None else _pull(*found))
+            rows.append([shape.name if k == 0 else '', str(step.segment + 1), actual or 'slack',
+                         *cells])
+    return text_table(['shape', 'segment', 'measured', *models], rows)
+
+
+def _pull(tendon: int, pull: float) -> str:
+    return f'{("right", "left")[tendon]} {1e3 * pull:.2f}'
+
+
+def _write_errors(path: Path, predictions: Sequence[Prediction], arm: Arm) -> None:
+    with path.open('w', newline='', encoding='utf-8') as file:
+        writer = csv.writer(file, lineterminator='\n')
+        writer.writerow(['shape', 'model', 'segment', 'point', 'x [mm]', 'z [mm]', 'error [mm]',
+                         'error over distance from base [%]', 'error over arm length [%]'])
+        for p in predictions:
+            for row, segment, error, relative in zip(
+                    p.shape.moving, p.segments, p.errors, p.relative_errors, strict=True):
+                number = p.shape.numbers[row]
+                writer.writerow([
+                    p.shape.name, p.model, segment + 1, number + 1,
+                    *(f'{1e3 * value:.3f}' for value in p.points[number, :2]),
+                    f'{1e3 * error:.3f}', f'{100 * relative:.3f}',
+                    f'{100 * error / arm.length:.3f}'])
+
+
+if __name__ == '__main__':
+    sys.exit(main())

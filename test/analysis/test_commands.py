@@ -1,0 +1,347 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The commands print tables, write figures and parameters, and answer bad input with one line."""
+
+import csv
+from importlib import import_module
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+import curve_files as files
+from matplotlib.image import imread
+import numpy as np
+import pytest
+
+from soft_continuum.analysis import specimen
+from soft_continuum.commands import characterize, converge, identify, validate, workspace
+from soft_continuum.configuration import load_arm, load_description
+from soft_continuum.description import arm_from_parameters
+from soft_continuum.mechanics.laws import MomentCurvature
+
+DATA = Path(__file__).resolve().parents[2] / 'data' / 'simulated_specimen'
+MASSES = str(DATA / 'SIMULATED_masses.yaml')
+CURVES = str(DATA / 'SIMULATED_segment_2_soft.csv')
+PAPER = [str(DATA / f'SIMULATED_paper_{kind}.csv') for kind in ('points', 'pulls')]
+SHAPES = [str(DATA / f'SIMULATED_identification_{kind}.csv') for kind in ('points', 'pulls')]
+CHARACTERIZE = ['--segment', '2', '--lever-arm', '0.025']
+COMMANDS = {
+    'characterize': (characterize, [CURVES, *CHARACTERIZE]),
+    'validate': (validate, [*PAPER, '--params-file', MASSES]),
+    'converge': (converge, ['--most', '6']),
+    'identify': (identify, [*SHAPES, '--params-file', MASSES, '--hold-out', 's_form']),
+    'workspace': (workspace, ['--per-segment', '3']),
+}
+
+
+@pytest.fixture
+def run(capsys):
+    """Return a function that runs a command: exit status, what it printed, and its errors."""
+    def call(command, *arguments):
+        try:
+            status = command.main([str(argument) for argument in arguments])
+        except SystemExit as ended:  # argparse
+            status = ended.code
+        return status, *capsys.readouterr()
+
+    return call
+
+
+def assert_readable(picture):
+    """Check that a figure is a picture with something in it that nothing cuts off."""
+    ink = imread(picture)[:, :, :3].min(axis=2) < 0.9
+    assert 0.005 < ink.mean() < 0.5
+    assert not any(edge.any() for edge in (ink[0], ink[-1], ink[:, 0], ink[:, -1]))
+
+
+def assert_grey(picture):
+    colors = imread(picture)[:, :, :3]
+    assert np.ptp(colors, axis=2).max() < 0.01
+
+
+# All commands
+
+@pytest.mark.parametrize('name', COMMANDS)
+def test_a_command_leaves_a_figure_in_grey_and_repeats_itself_to_the_byte(run, tmp_path, name):
+    command, arguments = COMMANDS[name]
+    status, first, _ = run(command, *arguments, '--output', tmp_path / 'one')
+    assert status == 0
+    picture = tmp_path / 'one' / f'{name}.png'
+    assert_readable(picture)
+    assert_grey(picture)
+    _, again, _ = run(command, *arguments, '--output', tmp_path / 'two')
+    assert again == first.replace(str(tmp_path / 'one'), str(tmp_path / 'two'))
+    for path in (tmp_path / 'one').iterdir():
+        assert path.read_bytes() == (tmp_path / 'two' / path.name).read_bytes()
+
+
+@pytest.mark.parametrize('name', COMMANDS)
+def test_results_are_only_overwritten_by_force(run, tmp_path, name):
+    command, arguments = COMMANDS[name]
+    there = tmp_path / f'{name}.png'
+    there.write_text('precious', encoding='utf-8')
+    status, _, error = run(command, *arguments, '--output', tmp_path)
+    assert status == 2
+    assert f'{there} exists; add --force' in error
+    assert there.read_text(encoding='utf-8') == 'precious'
+    assert [path.name for path in tmp_path.iterdir()] == [there.name]
+    assert run(command, *arguments, '--output', tmp_path, '--force')[0] == 0
+    assert there.read_bytes().startswith(b'\x89PNG')
+
+
+@pytest.mark.parametrize('name', COMMANDS)
+def test_a_place_that_cannot_be_written_is_named(run, tmp_path, name):
+    command, arguments = COMMANDS[name]
+    (tmp_path / 'file').write_text('', encoding='utf-8')
+    status, _, error = run(command, *arguments, '--output', tmp_path / 'file')
+    assert status == 2
+    assert re.search(r'file: cannot be made: .*--output', error)
+
+
+@pytest.mark.parametrize('name', COMMANDS)
+def test_a_bad_description_is_named(run, tmp_path, name):
+    command, arguments = COMMANDS[name]
+    status, _, error = run(command, *arguments, '--params-file', tmp_path / 'none.yaml')
+    assert status == 2
+    assert 'none.yaml: cannot be read' in error
+    assert error.count('\n') == 1
+
+
+@pytest.mark.parametrize('name', COMMANDS)
+def test_a_command_runs_as_a_module(name):
+    done = subprocess.run(
+        [sys.executable, '-m', f'soft_continuum.commands.{name}', '--help'], check=True,
+        capture_output=True, text=True, timeout=60)
+    assert f'usage: {name}' in done.stdout
+    assert name == import_module(f'soft_continuum.commands.{name}').NAME
+
+
+# characterize
+
+def test_the_papers_slope_is_reproduced_from_a_file(run, tmp_path):
+    path = files.export(tmp_path / 'a.csv', [(files.ramp(), 72.0 * files.ramp())],
+                        'Weg [mm];Kraft [N]', ';', ',')
+    status, text, _ = run(characterize, path, *CHARACTERIZE)
+    assert status == 0
+    for label, value in (('k, N/mm', '0.072'), (r'E I, N m\^2 \(eq. 8\)', '0.0202'),
+                         (r'c_phi_i, n = 12, N m/rad \(eq. 5\)', r'3.75\d'),
+                         ('error of the leaf spring alone', '55.1 %')):
+        assert re.search(rf'{label} +{value}\n', text), label
+
+
+def test_the_simulated_specimen_has_the_papers_stiffness(run, tmp_path):
+    assert run(characterize, CURVES, *CHARACTERIZE)[0] == 0
+    segment = load_arm('characterize.yaml').segments[1]
+    assert segment.bending_stiffness == pytest.approx(0.0202, rel=0.02)
+    assert load_arm('characterize.yaml').segments[0].bending_stiffness == pytest.approx(
+        0.026458, rel=1e-4)  # as described: its leaf spring
+
+
+def test_soft_and_stiff_give_the_ratio_and_keep_what_is_known_of_other_segments(run, tmp_path):
+    up = files.ramp()
+    soft = files.export(tmp_path / 'soft.csv', [(up, 72.0 * up)])
+    stiff = files.export(tmp_path / 'stiff.csv', [(up / 10, 720.0 * up / 10)])
+    run(characterize, soft, '--stiff', stiff, *CHARACTERIZE, '--output', 'two')
+    first = 'two/characterize.yaml'
+    status, _, _ = run(characterize, soft, '--segment', '1', '--lever-arm', '0.03',
+                       '--params-file', first, '--output', 'one')
+    assert status == 0
+    arm = arm_from_parameters(load_description(first, 'one/characterize.yaml', node='kinematics'))
+    assert arm.segments[1].jam.ratio == pytest.approx(10.0)
+    assert arm.segments[1].bending_stiffness == pytest.approx(0.0202, abs=5e-6)
+    assert arm.segments[0].bending_stiffness == pytest.approx(0.02335, abs=5e-6)
+    assert arm.segments[0].jam.rigid
+
+
+def test_stiffness_in_wrong_units_is_questioned_and_can_be_insisted_on(run, tmp_path):
+    up = files.ramp()
+    path = files.export(tmp_path / 'a.csv', [(up, 72.0 * up)], 'displacement [mm],force [kN]')
+    status, _, error = run(characterize, path, *CHARACTERIZE)
+    assert status == 2
+    assert re.search(r'a\.csv: E I = 20.* off by about 1000.*--force-unit', error)
+    assert not Path('characterize.yaml').exists()
+    assert run(characterize, path, *CHARACTERIZE, '--force-unit', 'N')[0] == 0
+    assert run(characterize, path, *CHARACTERIZE, '--trust-stiffness', '--output', 'x')[0] == 0
+
+
+def test_a_segment_that_is_not_linear_leaves_a_table(run, tmp_path):
+    law = MomentCurvature((0.0, 1.0, 6.0), (0.0, 0.03, 0.09))
+    force = np.linspace(0.0, 0.9, 201)
+    path = files.export(tmp_path / 'a.csv', [(files.cantilever(law, force), force)] * 2)
+    status, text, _ = run(characterize, path, *CHARACTERIZE)
+    assert status == 0
+    assert 'The soft segment is not linear' in text
+    table = np.loadtxt('characterize_soft_table.csv', delimiter=',', skiprows=1)
+    assert table[0] == pytest.approx([0.0, 0.0])
+    assert np.all(np.diff(table, axis=0) > 0.0)
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    (CHARACTERIZE, 'no file given'),
+    ([CURVES, '--segment', '2'], '--lever-arm'),
+    ([CURVES, '--segment', '4', '--lever-arm', '0.025'],
+     'there is no segment 4; --segment is 1 to 3'),
+    ([CURVES, '--segment', '2', '--lever-arm', '25'], '25 given; allowed: 0.0001 to 1 m'),
+    (['none.csv', *CHARACTERIZE], 'none.csv: cannot be read'),
+    ([CURVES, *CHARACTERIZE, '--stiff', CURVES], 'have the files of the two states been swapped'),
+])
+def test_bad_options_of_characterize_are_answered(run, arguments, message):
+    status, _, error = run(characterize, *arguments)
+    assert status == 2
+    assert message in error
+    assert not list(Path().iterdir())
+
+
+# validate and identify
+
+def test_validate_shows_the_papers_pattern_on_the_shipped_specimen(run):
+    run(characterize, CURVES, *CHARACTERIZE)
+    status, text, _ = run(validate, *PAPER, '--params-file', MASSES, '--corrected',
+                          'characterize.yaml')
+    assert status == 0
+    errors = {}
+    with open('validate.csv', encoding='utf-8', newline='') as file:
+        for row in csv.DictReader(file):
+            errors.setdefault((row['shape'], row['model']), []).append(
+                float(row['error over distance from base [%]']))
+    assert len(errors) == 12
+    assert all(len(points) == 6 for points in errors.values())
+    worst = {key: max(points) for key, points in errors.items()}
+    assert worst.pop(('c_form', 'chain, gravity')) == pytest.approx(22.0, abs=0.5)
+    assert worst.pop(('c_form', 'chain, gravity, corrected')) < 3.0
+    assert max(worst.values()) < 2.0
+    # The table says the same.
+    row, = re.findall(r'chain, gravity  +[\d.]+ +[\d.]+ +([\d.]+) .* step 2, step 3', text)
+    assert float(row) == pytest.approx(22.0, abs=0.5)
+
+
+def test_identify_recovers_the_stiffness_of_the_shipped_specimen_within_2_percent(run):
+    status, text, _ = run(identify, *SHAPES, '--params-file', MASSES)
+    assert status == 0
+    arm = arm_from_parameters(load_description(MASSES, 'identify.yaml', node='kinematics'))
+    for segment, true in zip(arm.segments, specimen.specimen().segments, strict=True):
+        assert segment.bending_stiffness == pytest.approx(true.bending_stiffness, rel=0.02)
+    unseen = [float(line.split()[-1]) for line in text.splitlines()
+              if line.startswith(('c_form', 'released', 'loaded'))]
+    assert len(unseen) == 7
+    assert max(unseen) < 2.0
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    (['--fit', 'friction'], 'do not determine friction'),
+    (['--fit', 'stiffness_9'], "no unknown 'stiffness_9'; known: stiffness_1"),
+    (['--hold-out', 'o_form'], "no shape 'o_form' to hold out"),
+    (['--hold-out', 'released_1', 'released_1_left', 'released_2', 'released_3', 'loaded',
+      'loaded_left', 'c_form'], 'do not determine'),
+])
+def test_what_identify_cannot_do_is_said(run, arguments, message):
+    status, _, error = run(identify, *SHAPES, '--params-file', MASSES, *arguments)
+    assert status == 2
+    assert message in error
+    assert not list(Path().iterdir())
+
+
+@pytest.mark.parametrize('command', [validate, identify])
+def test_points_and_pulls_that_are_swapped_are_noticed(run, command):
+    status, _, error = run(command, *reversed(PAPER))
+    assert status == 2
+    assert 'SIMULATED_paper_pulls.csv, line 2: no column for point' in error
+
+
+def test_a_correction_of_another_arm_is_refused(run, tmp_path):
+    other = tmp_path / 'other.yaml'
+    other.write_text('/**:\n  ros__parameters:\n    arm:\n      segment_lengths: [0.07]\n',
+                     encoding='utf-8')
+    status, _, error = run(validate, *PAPER, '--corrected', other)
+    assert status == 2
+    assert 'other.yaml' in error
+
+
+# converge, workspace and the data
+
+def test_converge_prints_the_papers_twelve(run):
+    status, text, _ = run(converge)
+    assert status == 0
+    assert 'Converged at n = 12' in text
+    assert 'Not converged' in run(converge, '--most', '8', '--output', 'x')[1]
+
+
+def test_workspace_refuses_what_would_take_hours(run):
+    status, _, error = run(workspace, '--per-segment', '101')
+    assert status == 2
+    assert '--per-segment 36 is the most' in error
+
+
+def test_the_shipped_data_are_what_the_script_writes_and_say_that_they_are_simulated(tmp_path):
+    written = specimen.write(tmp_path)
+    assert sorted(p.name for p in written) == sorted(
+        p.name for p in DATA.iterdir() if p.suffix in ('.csv', '.yaml'))
+    for path in written:
+        new = path.read_text(encoding='utf-8').splitlines()
+        old = (DATA / path.name).read_text(encoding='utf-8').splitlines()
+        assert path.name.startswith('SIMULATED_') and 'SIMULATED' in old[0]
+        assert len(new) == len(old)
+        for one, other in zip(new, old, strict=True):  # the last digit may be rounded otherwise
+            numbers = [[float(n.replace(',', '.')) for n in re.findall(
+                r'-?\d+[.,]\d{3,}', line)] for line in (one, other)]
+            assert numbers[0] == pytest.approx(numbers[1], abs=0.0011)
+            assert re.sub(r'[-\d.,]+', '', one) == re.sub(r'[-\d.,]+', '', other)
+
+
+# Documents
+
+def documented():
+    text = (DATA.parents[1] / 'docs' / 'measurement.md').read_text(encoding='utf-8')
+    blocks = re.findall(r'```sh\n(.*?)```', text, re.DOTALL)
+    return [line for block in blocks for line in block.splitlines()]
+
+
+def test_every_command_line_in_the_document_runs(run, tmp_path):
+    lines = documented()
+    assert len(lines) == 5
+    (tmp_path / 'data').symlink_to(DATA.parent)
+    for line in lines:
+        python, module, name, *arguments = line.split()
+        assert (python, module) == ('python', '-m')
+        status, _, error = run(import_module(name), *arguments)
+        assert status == 0, error
+    results = tmp_path / 'results'
+    assert len(list(results.glob('*.png'))) == 5
+    # The tables of the document have the same numbers.
+    text = (DATA.parents[1] / 'docs' / 'measurement.md').read_text(encoding='utf-8')
+    for segment in load_arm(results / 'identify.yaml').segments:
+        assert f'{segment.bending_stiffness:.5f} |' in text
+    worst = {}
+    with open(results / 'validate.csv', encoding='utf-8', newline='') as file:
+        for row in csv.DictReader(file):
+            error = float(row['error over distance from base [%]'])
+            worst[row['model']] = worst.get(row['model'], {})
+            worst[row['model']][row['shape']] = max(
+                error, worst[row['model']].get(row['shape'], 0.0))
+    for errors in worst.values():
+        cells = ' | '.join(f'{e:.1f}' for e in errors.values())
+        assert f'| {cells} |' in text.replace('**', '')
+
+
+def test_what_the_document_shows_is_what_characterize_prints(run):
+    text = (DATA.parents[1] / 'docs' / 'measurement.md').read_text(encoding='utf-8')
+    shown = re.search(r'```text\n(k, N/mm.*?)```', text, re.DOTALL)[1]
+    _, printed, _ = run(characterize, CURVES, *CHARACTERIZE)
+    for line in shown.splitlines():
+        assert line in printed.splitlines()
+
+
+# Nothing is lost
+
+def test_an_interrupted_identification_keeps_its_parameters(run, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(identify, 'without', lambda shapes, names: (
+        interrupt() if names else list(shapes)))
+    status, text, error = run(identify, *SHAPES, '--params-file', MASSES)
+    assert status == 130
+    assert 'interrupted' in error
+    assert 'stiffness_2' in text
+    assert load_arm('identify.yaml').segments[1].bending_stiffness > 0.01

@@ -1,0 +1,90 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Files of points and pulls are read as they were meant, or refused with file and line."""
+
+import numpy as np
+import pytest
+import specimen_data as data
+
+from soft_continuum.analysis.delimited import MeasurementError
+from soft_continuum.analysis.measured_shapes import read_shapes, sliding, Step, walk
+from soft_continuum.mechanics import SLACK, Statics, StaticsError
+
+POINTS = """shape;point;x [mm];z [mm]
+bow;1;0;0
+bow;2;0;30
+bow;7;12,5;280
+bow;8;15;309,5
+"""
+PULLS = """shape;segment;angle [deg];right [mm];left [mm];payload [g]
+bow;1;36;16,5;slack;20
+bow;3;-18;10;Slack;20
+"""
+
+
+def read(tmp_path, points=POINTS, pulls=PULLS):
+    for name, text in (('points.csv', points), ('pulls.csv', pulls)):
+        (tmp_path / name).write_text(text, encoding='utf-8')
+    return read_shapes(tmp_path / 'points.csv', tmp_path / 'pulls.csv', data.DESCRIBED)
+
+
+def test_shapes_are_read_in_si_units(tmp_path):
+    shape, = read(tmp_path)
+    assert shape.name == 'bow'
+    assert shape.numbers == (0, 1, 6, 7)
+    assert shape.positions[2:] == pytest.approx(np.array([[0.0125, 0.28], [0.015, 0.3095]]))
+    assert shape.payload == pytest.approx(0.02)
+    first, second = shape.steps
+    assert (first.segment, second.segment) == (0, 2)
+    assert first.pulls == (pytest.approx(0.0165), SLACK)
+    assert second.angle == pytest.approx(np.radians(-18.0))
+
+
+def test_angle_and_payload_may_be_left_out(tmp_path):
+    shape, = read(tmp_path, pulls='shape,segment,right [m],left [m]\nbow,1,slack,0.01\n')
+    assert np.isnan(shape.steps[0].angle)
+    assert shape.payload == 0.0
+
+
+@pytest.mark.parametrize(('old', 'new', 'message'), [
+    ('bow;8;15', 'bow;9;15', r'points\.csv, line 5: there is no point 9; this arm has 1 to 8'),
+    ('bow;8;15', 'bow;7;15', r'points\.csv, line 5: point 7 of shape .bow. is there already'),
+    ('bow;8;15', 'bow;7.5;15', r'points\.csv, line'),
+    ('bow;8;15', 'bow;8;1500', r'points\.csv, line 5: .* is further away than the arm is long'),
+    ('bow;2;0;30', 'bow;2;0;60', r'points\.csv, line 3: point 2 of the base disc .* transform'),
+    ('bow;7;12,5;280\nbow;8;15;309,5\n', '', r'points\.csv: shape .bow. has points of the base'),
+    ('x [mm]', 'x', r"points\.csv, line 1: column 'x' has no unit"),
+    (';x [mm]', '', r'points\.csv, line 1: no column for x'),
+])
+def test_bad_points_are_refused(tmp_path, old, new, message):
+    assert old in POINTS
+    with pytest.raises(MeasurementError, match=message):
+        read(tmp_path, points=POINTS.replace(old, new))
+
+
+@pytest.mark.parametrize(('old', 'new', 'message'), [
+    ('bow;3', 'bow;4', r'pulls\.csv, line 3: there is no segment 4; this arm has 1 to 3'),
+    ('bow;3', 'arc;3', None),
+    ('16,5', '16500', r'pulls\.csv, line 2: a pull of 16.5 m is more than the arm is long'),
+    ('slack;20', 'loose;20', r"pulls\.csv, line 2: left \[mm\] is 'loose', not a finite number"),
+    ('Slack;20', 'Slack;30', r'pulls\.csv, line 3: the payload of shape .bow. changes'),
+    ('bow', 'bend', r'pulls\.csv: has no rows for shape .bow. of .*points\.csv; it has bend'),
+])
+def test_bad_pulls_are_refused(tmp_path, old, new, message):
+    assert old in PULLS
+    if message is None:  # pulls of shapes without points do no harm
+        assert len(read(tmp_path, pulls=PULLS.replace(old, new))[0].steps) == 1
+        return
+    with pytest.raises(MeasurementError, match=message):
+        read(tmp_path, pulls=PULLS.replace(old, new))
+
+
+def test_a_tendon_slides_to_the_base_where_it_is_pulled_and_back_where_it_is_let_out():
+    straight = Statics(data.DESCRIBED).chain.straight()
+    assert sliding(straight, Step(0, (0.01, -0.01))) == (1, -1)
+    assert sliding(straight, Step(0, (SLACK, 0.01))) == (0, 1)
+
+
+def test_steps_that_cannot_be_walked_are_named():
+    with pytest.raises(StaticsError, match=r'shape bow, step 2 \(segment 1 soft\)'):
+        walk(Statics(data.DESCRIBED), [Step(0, (0.01, SLACK)), Step(0, (0.2, SLACK))], 'bow')

@@ -1,0 +1,97 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated specimen shows the paper's pattern, and errors are what they are called."""
+
+import numpy as np
+import pytest
+import specimen_data as data
+
+from soft_continuum.analysis.measured_shapes import MeasuredShape, Step
+from soft_continuum.analysis.validation import (
+    _constant_curvature,
+    CONSTANT_CURVATURE,
+    CORRECTED,
+    predict,
+    WITH_GRAVITY,
+    WITHOUT_GRAVITY,
+)
+from soft_continuum.mechanics import LEFT, RIGHT, SLACK
+
+SEGMENT_2_MEASURED = data.DESCRIBED.with_bending_stiffness(1, 0.0202)
+BY_MODEL = {(p.shape.name, p.model): p
+            for p in predict(data.PAPER_SHAPES, data.DESCRIBED, SEGMENT_2_MEASURED)}
+SHAPES = [shape.name for shape in data.PAPER_SHAPES]
+
+
+def constant_curvature_of(shape):
+    return _constant_curvature(shape, data.DESCRIBED)
+
+
+def percent(shape, model):
+    return 100.0 * BY_MODEL[shape, model].relative_errors.max()
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+@pytest.mark.parametrize('model', [CONSTANT_CURVATURE, WITHOUT_GRAVITY])
+def test_without_gravity_all_errors_are_below_2_percent(shape, model):
+    assert percent(shape, model) < 2.0
+
+
+def test_the_leaf_springs_alone_are_22_percent_off_in_the_c_form():
+    assert percent('c_form', WITH_GRAVITY) == pytest.approx(22.0, abs=0.5)
+    assert BY_MODEL['c_form', WITH_GRAVITY].slack[1]  # the tendon of segment 2
+
+
+def test_the_measured_stiffness_of_segment_2_alone_brings_the_c_form_below_3_percent():
+    assert 1.0 < percent('c_form', CORRECTED) < 3.0
+    assert not any(BY_MODEL['c_form', CORRECTED].slack)
+
+
+@pytest.mark.parametrize('shape', ['upright_c_form', 's_form'])
+@pytest.mark.parametrize('model', [WITH_GRAVITY, CORRECTED])
+def test_the_other_shapes_stay_small(shape, model):
+    assert percent(shape, model) < 2.0
+
+
+def test_the_true_arm_has_no_error():
+    _, _, prediction = predict(data.PAPER_SHAPES[:1], data.TRUE)
+    assert prediction.errors == pytest.approx(np.zeros(6), abs=1e-9)
+
+
+def test_errors_are_distances_of_the_points_that_move_and_belong_to_the_segment_below():
+    points = BY_MODEL['s_form', WITH_GRAVITY].points
+    moved = points[[1, 3, 4], :2] + np.array([[0.003, 0.0], [0.003, 0.004], [0.0, -0.002]])
+    shape = MeasuredShape('s', data.PAPER_SHAPES[2].steps, (1, 3, 4), moved)
+    prediction = predict([shape], data.DESCRIBED)[2]
+    assert prediction.errors == pytest.approx([0.005, 0.002])
+    assert prediction.segments == [0, 1]
+    assert prediction.relative_errors == pytest.approx(
+        [0.005 / np.linalg.norm(moved[1]), 0.002 / np.linalg.norm(moved[2])])
+
+
+def test_pulls_needed_are_those_that_the_true_arm_got():
+    _, _, prediction = predict(data.PAPER_SHAPES[1:2], data.TRUE)
+    assert [tendon for tendon, _ in prediction.needed] == [LEFT, RIGHT, RIGHT]
+    steps = data.PAPER_SHAPES[1].steps
+    for (tendon, pull), step in zip(prediction.needed, steps, strict=True):
+        assert pull == pytest.approx(step.pulls[tendon], abs=1e-9)
+
+
+def test_leaf_springs_alone_would_need_the_other_tendon_to_hold_segment_2_back():
+    needed = BY_MODEL['c_form', WITH_GRAVITY].needed
+    assert needed[1][0] == LEFT
+    assert BY_MODEL['c_form', CORRECTED].needed[1][0] == RIGHT
+
+
+def test_steps_without_an_angle_need_no_pull():
+    steps = tuple(Step(s.segment, s.pulls) for s in data.PAPER_SHAPES[0].steps)
+    shape = MeasuredShape('c', steps, (7,), data.PAPER_SHAPES[0].positions[7:])
+    assert all(p.needed == (None, None, None) for p in predict([shape], data.DESCRIBED))
+
+
+@pytest.mark.parametrize(('pulls', 'angle'), [
+    ((0.0166, SLACK), 36.04), ((SLACK, 0.0166), -36.04), ((SLACK, SLACK), 0.0),
+    ((-0.005, -0.005), 0.0), ((0.0166, -0.0143), 36.04), ((0.0166, 0.0), 18.0)])
+def test_constant_curvature_bends_no_further_than_the_tendons_ask_for(pulls, angle):
+    shape = MeasuredShape('one', (Step(0, pulls),), (7,), np.zeros((1, 2)))
+    assert np.degrees(constant_curvature_of(shape).points[-1, 2]) == pytest.approx(angle, abs=0.3)
