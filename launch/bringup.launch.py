@@ -1,42 +1,65 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Start the four nodes of one arm."""
+"""Start the four nodes of one arm, and RViz with its TF frames if asked for."""
 
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
-from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
+from soft_continuum.configuration import load_arm
+from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
+from soft_continuum.urdf import arm_urdf
 
 NODES = ('tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer')
+DRIVERS = {'tendon_driver': ('driver of the tendon steppers', TENDON_DRIVERS),
+           'jamming_driver': ('driver of pump, valves and pressure sensors', JAMMING_DRIVERS)}
+FROM_FILE = 'as in the parameter files'
+SHARE = Path(get_package_share_directory('soft_continuum'))
 
 
 def generate_launch_description():
-    """Return the arguments and the four nodes."""
-    share = Path(get_package_share_directory('soft_continuum'))
-    arguments = [
+    """Return the arguments, and what they start."""
+    return LaunchDescription([
         DeclareLaunchArgument(
             'namespace', default_value='',
             description='namespace of all nodes, for several arms on one machine'),
         DeclareLaunchArgument(
-            'params_file', default_value=str(share / 'config' / 'manipulator.yaml'),
+            'params_file', default_value=str(SHARE / 'config' / 'manipulator.yaml'),
             description='description file of the arm: parameters of all nodes'),
         DeclareLaunchArgument(
-            'tendon_driver', default_value='simulated', choices=['simulated'],
-            description='driver of the tendon steppers'),
+            'more_params_file', default_value='',
+            description='a second parameter file, which overrides the first: such as that of the '
+                        'hardware'),
+        *(DeclareLaunchArgument(
+            name, default_value=FROM_FILE, choices=[FROM_FILE, *driver_names(group)],
+            description=description) for name, (description, group) in DRIVERS.items()),
         DeclareLaunchArgument(
-            'jamming_driver', default_value='simulated', choices=['simulated'],
-            description='driver of pump, valves and pressure sensors'),
-    ]
-    drivers = {name: LaunchConfiguration(name) for name in ('tendon_driver', 'jamming_driver')}
+            'rviz', default_value='false', choices=['true', 'false'],
+            description='also start robot_state_publisher (TF) and RViz'),
+        OpaqueFunction(function=start),
+    ])
+
+
+def start(context):
+    """Return the nodes for the arguments given."""
+    given = context.launch_configurations
+    files = [given['params_file'], *filter(None, [given['more_params_file']])]
+    drivers = {name: given[name] for name in DRIVERS if given[name] != FROM_FILE}
     nodes = [
         Node(package='soft_continuum', executable=name, name=name, output='screen',
-             namespace=LaunchConfiguration('namespace'),
-             parameters=[LaunchConfiguration('params_file'), drivers])
+             namespace=given['namespace'], parameters=[*files, *filter(None, [drivers])])
         for name in NODES
     ]
-    return LaunchDescription(arguments + nodes)
+    if given['rviz'] == 'true':
+        nodes += [
+            Node(package='robot_state_publisher', executable='robot_state_publisher',
+                 namespace=given['namespace'],
+                 parameters=[{'robot_description': arm_urdf(load_arm(*files))}]),
+            Node(package='rviz2', executable='rviz2', namespace=given['namespace'],
+                 arguments=['-d', str(SHARE / 'config' / 'arm.rviz')]),
+        ]
+    return nodes

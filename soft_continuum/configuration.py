@@ -134,9 +134,9 @@ def jamming_settings(values: Mapping[str, Any]) -> JammingSettings:
         raise ParameterError(str(error)) from None
 
 
-def load_arm(path: str | Path) -> Arm:
-    """Read the arm from a description file; raises ParameterError as load_description does."""
-    return arm_from_parameters(load_description(path))
+def load_arm(*paths: str | Path) -> Arm:
+    """Read the arm from description files; raises ParameterError as load_description does."""
+    return arm_from_parameters(load_description(*paths))
 
 
 def load_shapes(path: str | Path) -> dict[str, tuple[float, ...]]:

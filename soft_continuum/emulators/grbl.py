@@ -54,7 +54,7 @@ def repair(emulator: GrblEmulator) -> None:
 def describe(emulator: GrblEmulator) -> str:
     """Return state and motors in words."""
     x, y, _ = emulator.motors
-    return (f'{emulator.port}: {emulator.firmware.state}, motors at {x} and {y} steps since the start, '
+    return (f'{emulator.port}: {emulator.firmware.state}, motors have made {x} and {y} steps, '
             f'{"holding" if emulator.energised else "without current"}, '
             f'{emulator.remaining_time():.3f} s of motion left')
 

@@ -169,9 +169,11 @@ class GrblLink:
     def write(self, data: bytes) -> None:
         """Send bytes that act at once and are not acknowledged."""
         try:
-            self._port.write(data)
-        except (OSError, TypeError) as error:  # TypeError: pyserial on a port that is closed
+            written = os.write(self._port.fileno(), data)
+        except (OSError, ValueError) as error:
             raise self._lost(error) from None
+        if written < len(data):
+            raise self._lost('it takes no more data')
 
     def send(self, line: str) -> None:
         """Send one line; only after the one before has been acknowledged."""

@@ -9,16 +9,17 @@ MOST_QUEUED seconds of motion.  Positions are whole motor steps in machine coord
 
 from collections import deque
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, sqrt
 
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 
 PIECE = 0.02
 """s of motion per jog."""
-LONGEST_PIECE = 0.06  # s, when an acknowledgement was late
-MOST_QUEUED = 0.17
-"""s of motion that may wait in the controller, with 30 ms for what its report does not say yet."""
 BOOST = 1.2
+"""By which jogs are faster than planned, so that the controller catches up with what it lost."""
+LONGEST_PIECE = 0.06  # s, when an acknowledgement was late
+MOST_QUEUED = 0.16
+"""s of motion that may wait in the controller, with 30 ms for what its report does not say yet."""
 FINEST = 1e-9  # m, of the planned path; it is rounded to motor steps when it is sent
 REPORTED = 1e-6  # m, of the positions in a status report
 
@@ -28,12 +29,13 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class Jog:
-    """A straight motion of both motors; feed: m/s along the path in the plane of both."""
+    """A straight motion; feed: m/s in the plane of both motors, speed: m/s of the faster one."""
 
     start: Steps
     end: Steps
     seconds: float
     feed: float
+    speed: float
 
 
 class JogStream:
@@ -66,6 +68,7 @@ class JogStream:
             lambda: self._time, self._speed_limit, self._acceleration_limit, FINEST)
         self._queue: deque[Jog] = deque()
         self._done = 0.0  # part of the first jog in the queue
+        self._speed = 0.0  # as observed
 
     @property
     def moving(self) -> bool:
@@ -94,13 +97,19 @@ class JogStream:
         # Rounding to steps must not make it faster than allowed.
         seconds = max(seconds, *(abs(d) / self._speed_limit for d in distances))
         hasty = max(seconds / BOOST, *(abs(d) / self._speed_limit for d in distances))
-        jog = Jog(self.end, end, seconds, hypot(*distances) / hasty)
+        jog = Jog(self.end, end, seconds, hypot(*distances) / hasty,
+                  max(abs(d) for d in distances) / hasty)
         self._queue.append(jog)
         self.end = end
         return jog
 
-    def observe(self, steps: Steps) -> bool:
-        """Note where the motors are; return False when that is not on the way they were sent."""
+    def observe(self, steps: Steps, speed: float) -> bool:
+        """
+        Note where the motors are; return False when that is not on the way they were sent.
+
+        speed: of the faster motor, m/s.
+        """
+        self._speed = speed
         for i, jog in enumerate(self._queue):
             part = self._part(jog, steps)
             if part is not None:
@@ -124,7 +133,14 @@ class JogStream:
         if not self._queue:
             return 0.0
         nominal = sum(jog.seconds for jog in self._queue) - self._done * self._queue[0].seconds
-        return nominal + max(jog.feed for jog in self._queue) / (2 * self._braking)
+        # What speeding up and braking cost beyond that: a trapezoid, or a triangle if it is short.
+        top = max(jog.speed for jog in self._queue)
+        distance = sum(jog.speed * jog.seconds for jog in self._queue)
+        now, braking = min(self._speed, top), self._braking
+        peak = sqrt(braking * distance + now**2 / 2)
+        if peak < top:
+            return nominal + max(0.0, (2 * peak - now) / braking - distance / top)
+        return nominal + ((top - now)**2 / top + top) / (2 * braking)
 
     def _part(self, jog: Jog, steps: Steps) -> float | None:
         """Return which part of a jog is done at ``steps``; None when that is not on its way."""

@@ -3,7 +3,7 @@
 """
 Which firmware is behind a serial port, with which settings, and what its position means.
 
-A GRBL controller forgets work offset (G92) and tool length offset (G43.1) in every reset, and
+GRBL forgets work offset (G92) and tool length offset (G43.1) in every reset, and
 nothing else tells that its position is still that of the motors.  So ``mark_reference`` leaves
 both behind, and who finds them later knows that there was no reset since, and where zero is.
 """
@@ -160,15 +160,17 @@ def _wait_for_rest(link: GrblLink, deadline: float) -> None:
 
 
 def _interrogate(link: GrblLink, deadline: float) -> Controller:
-    version = [m.text for m in _ask(link, '$I')
-               if isinstance(m, Feedback) and m.text.startswith('VER:')]
+    build = [m.text for m in _ask(link, '$I') if isinstance(m, Feedback)]
+    version = [text for text in build if text.startswith('VER:')]
     if not version or not version[0].startswith('VER:1.1'):
         raise HardwareError(f'the firmware is not GRBL 1.1 or grblHAL: {version or "no version"}')
     settings = {m.number: m.value for m in _ask(link, '$$') if isinstance(m, Setting)}
     parameters = [m.text for m in _ask(link, '$#') if isinstance(m, Feedback)]
     offsets = [text.rsplit(':', 1)[-1].split(',')[-1] for text in parameters
                if text.startswith('TLO:')]
-    marked = offsets == [f'{MARK:.3f}']
+    # It is not known which resets let grblHAL keep its offsets: there they prove nothing.
+    hal = any('grblhal' in text.lower() for text in build)
+    marked = offsets == [f'{MARK:.3f}'] and not hal
     while time.monotonic() < deadline:
         link.write(STATUS_QUERY)
         for message in _collect(link, QUERY_INTERVAL / 5):

@@ -112,7 +112,7 @@ class GrblTendons:
 
     def open(self) -> None:
         """Connect; raise HardwareError when the device or its settings are not as needed."""
-        link = GrblLink(open_serial(self._port, self._baud_rate, timeout=0, write_timeout=0.2))
+        link = GrblLink(open_serial(self._port, self._baud_rate))
         try:
             found = find_controller(link)
             speed, acceleration = self._speed_limit * MM, self._acceleration_limit * MM
@@ -209,6 +209,7 @@ class GrblTendons:
                 raise HardwareError('the tendons are moving; wait until they rest')
             self._zero = self._position
             self._unreferenced = ''
+            self._jogs.place(self._position)
             self._mark()
         link.wake()
 
@@ -310,7 +311,7 @@ class GrblTendons:
         self._reports += 1
         resting = status.state == 'Idle' and same and not link.unanswered
         self._rested = self._rested + 1 if resting else 0
-        if self._jogs.observe(steps) or self._unreferenced:
+        if self._jogs.observe(steps, max(abs(x), abs(y))) or self._unreferenced:
             self._astray = 0
         else:
             self._astray += 1

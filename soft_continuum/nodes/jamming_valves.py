@@ -3,6 +3,7 @@
 
 """The node that owns pump, valves and pressure sensors."""
 
+from collections.abc import Iterable
 from typing import Any
 
 from sensor_msgs.msg import FluidPressure
@@ -105,7 +106,7 @@ class JammingValves(ManagedNode):
             message.header.stamp = stamp
             message.header.frame_id = f'segment_{i + 1}'
             self._pressure[i].publish(message)
-        self._say_stiff()
+        self._say_stiff(range(self._segments))
         faults = '; '.join(fault for fault in self._controller.faults if fault)
         self.status.set(ERROR if faults else OK, faults or 'working',
                         pump='on' if reading.pump else 'off',
@@ -123,9 +124,10 @@ class JammingValves(ManagedNode):
             self.status.set(ERROR, str(error))
         self._connect_age.refresh()
 
-    def _say_stiff(self) -> None:
+    def _say_stiff(self, segments: Iterable[int]) -> None:
         assert self._controller is not None
-        for i, stiff in enumerate(self._controller.stiff):
+        for i in segments:
+            stiff = self._controller.stiff[i]
             if stiff != self._said[i]:
                 self._said[i] = stiff
                 self._stiff[i].publish(Bool(data=stiff))
@@ -147,7 +149,8 @@ class JammingValves(ManagedNode):
             response.message = f'{names}: {error}'
             self.status.set(ERROR, str(error))
             return response
-        self._say_stiff()
+        if not request.data:  # what is vented is not stiff from now on
+            self._say_stiff(segments)
         response.success = True
         doing = 'evacuating' if request.data else 'venting'
         response.message = f'{doing} {names}; segment_N/stiff says when it is done'

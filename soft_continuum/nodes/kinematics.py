@@ -9,7 +9,7 @@ from geometry_msgs.msg import PoseArray
 import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
@@ -31,6 +31,7 @@ from soft_continuum.nodes.support import (
     STREAM,
     WARN,
 )
+from soft_continuum.urdf import arm_urdf, joint_names
 
 MARKER_PERIOD = 0.05  # s
 PULL_RESOLUTION = 1e-9  # m: a smaller change of pull changes nothing
@@ -43,7 +44,8 @@ class Kinematics(Node):
     Subscribes to tendon_states (sensor_msgs/JointState) and segment_N/stiff (std_msgs/Bool).
     Publishes segment_poses and disc_poses (geometry_msgs/PoseArray), joint_states and
     tendon_tensions (sensor_msgs/JointState), shape_markers (visualization_msgs/MarkerArray),
-    ~/status and /diagnostics.  Serves ~/reset (std_srvs/Trigger).
+    robot_description (std_msgs/String, latched), ~/status and /diagnostics.  Serves ~/reset
+    (std_srvs/Trigger).
 
     The shape of a stiff segment is known only by having followed it.  A node that starts on an
     arm with pulled tendons says that the shape is unknown, and publishes none, until ~/reset.
@@ -65,9 +67,7 @@ class Kinematics(Node):
         self._solved: tuple[Any, ...] = ()
         frame = self.parameters['frame_id']
         self._segment_message, self._disc_message = PoseArray(), PoseArray()
-        self._joint_message = JointState(name=[
-            f'segment_{s}_joint_{j}' for s in range(1, segments + 1)
-            for j in range(1, self._statics.chain.joints_per_segment + 1)])
+        self._joint_message = JointState(name=joint_names(self._statics.chain))
         self._tension_message = JointState(name=list(TENDONS))
         for message in (self._segment_message, self._disc_message):
             message.header.frame_id = frame
@@ -76,6 +76,8 @@ class Kinematics(Node):
         self._joint_states = self.create_publisher(JointState, 'joint_states', STREAM)
         self._tensions = self.create_publisher(JointState, 'tendon_tensions', STREAM)
         self._markers = self.create_publisher(MarkerArray, 'shape_markers', STREAM)
+        self._robot = self.create_publisher(String, 'robot_description', LATCHED)
+        self._robot.publish(String(data=arm_urdf(self._arm, frame)))
         self._marked = 0.0
         self.create_subscription(JointState, 'tendon_states', self._on_tendons, SENSOR)
         for i in range(segments):

@@ -31,8 +31,9 @@ def test_a_cable_pulled_out_at_rest_is_reported():
 def test_a_cable_pulled_out_in_motion_leaves_only_the_queue_to_run():
     with rig() as (emulator, tendons):
         in_motion(emulator, tendons)
-        before = emulator.motors
-        emulator.unplug()
+        with emulator.lock:
+            before = emulator.motors
+            emulator.unplug()
         assert 'lost' in failed(tendons)
         after = standing(emulator)
         assert all(abs(b - a) <= QUEUE for a, b in zip(before, after, strict=True))

@@ -239,7 +239,7 @@ def test_a_restarted_driver_does_not_believe_a_board_that_was_reset():
 
 def test_a_restarted_driver_knows_the_position_after_a_stop():
     with rig() as (emulator, tendons):
-        emulator.firmware.race = True  # the stop of a program needs a soft reset, which forgets offsets
+        emulator.firmware.race = True  # its stop needs a soft reset, which forgets offsets
         in_motion(emulator, tendons)
         tendons.stop()
         at_rest(tendons)

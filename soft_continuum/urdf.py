@@ -1,0 +1,95 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The arm as a URDF robot: every body and joint of the rigid chain, with masses, discs and skins.
+
+Frames: ``base_link`` at the bottom centre of the base disc, z along the straight arm; of every
+body ``segment_S_body_J`` at the joint below it, z along the body; ``disc_S`` for the disc above
+segment S, whose origin is the distal end of that segment; ``tip`` at the top of the last disc.
+Joints are called as joint_states calls them and turn about +y.
+"""
+
+from math import pi
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import RigidChain
+
+MATERIALS = {'disc': '0.75 0.78 0.82 1', 'skin': '0.35 0.30 0.25 1'}
+SKIN = 0.9  # of the outer diameter, so that discs stand out
+EFFORT, SPEED = 1e3, 1e2  # N m, rad/s: URDF asks for limits; nothing drives these joints
+
+
+def joint_names(chain: RigidChain) -> list[str]:
+    """Return the names of all joints, base first, as joint_states and the URDF have them."""
+    return [f'segment_{s}_joint_{j}' for s in range(1, chain.segments + 1)
+            for j in range(1, chain.joints_per_segment + 1)]
+
+
+def arm_urdf(arm: Arm, base_frame: str = 'base_link') -> str:
+    """Return ``arm`` as URDF in SI units; ``base_frame``: the name of its root link."""
+    robot = Element('robot', name='soft_continuum')
+    for name, colour in MATERIALS.items():
+        SubElement(SubElement(robot, 'material', name=name), 'color', rgba=colour)
+    diameters = [arm.segments[0].outer_diameter, *(s.outer_diameter for s in arm.segments)]
+    _link(robot, base_frame, arm.discs[0].height, diameters[0] / 2, arm.discs[0].mass, 'disc')
+    below, length, n = base_frame, arm.discs[0].height, arm.bodies_per_segment
+    for s, segment in enumerate(arm.segments, start=1):
+        for j in range(1, n + 2):
+            is_disc = j == n + 1
+            name = f'disc_{s}' if is_disc else f'segment_{s}_body_{j}'
+            _revolute(robot, f'segment_{s}_joint_{j}', below, name, length,
+                      segment.bending_angle_limit)
+            if is_disc:
+                disc = arm.discs[s]
+                below, length = name, disc.height
+                _link(robot, name, length, diameters[s] / 2, disc.mass, 'disc')
+            else:
+                below, length = name, segment.length / n
+                _link(robot, name, length, SKIN * diameters[s] / 2, segment.mass / n, 'skin')
+    tip = SubElement(robot, 'link', name='tip')
+    if arm.payload > 0.0:
+        _inertial(tip, 0.0, arm.payload, (0.0, 0.0))
+    joint = SubElement(robot, 'joint', name='tip_joint', type='fixed')
+    _connect(joint, below, 'tip', length)
+    ElementTree.indent(robot)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding='unicode') + '\n'
+
+
+def _link(robot: Element, name: str, length: float, radius: float, mass: float,
+          material: str) -> None:
+    """Add a solid cylinder from the link's origin upwards."""
+    link = SubElement(robot, 'link', name=name)
+    if mass > 0.0:
+        across = mass * (3 * radius**2 + length**2) / 12
+        _inertial(link, length / 2, mass, (across, mass * radius**2 / 2))
+    visual = SubElement(link, 'visual')
+    SubElement(visual, 'origin', xyz=f'0 0 {length / 2!r}', rpy='0 0 0')
+    SubElement(SubElement(visual, 'geometry'), 'cylinder', radius=repr(radius),
+               length=repr(length))
+    SubElement(visual, 'material', name=material)
+
+
+def _inertial(link: Element, height: float, mass: float, moments: tuple[float, float]) -> None:
+    inertial = SubElement(link, 'inertial')
+    SubElement(inertial, 'origin', xyz=f'0 0 {height!r}', rpy='0 0 0')
+    SubElement(inertial, 'mass', value=repr(mass))
+    across, along = (repr(moment) for moment in moments)
+    SubElement(inertial, 'inertia', ixx=across, iyy=across, izz=along, ixy='0', ixz='0', iyz='0')
+
+
+def _revolute(robot: Element, name: str, parent: str, child: str, height: float,
+              limit: float) -> None:
+    joint = SubElement(robot, 'joint', name=name, type='revolute')
+    _connect(joint, parent, child, height)
+    SubElement(joint, 'axis', xyz='0 1 0')
+    most = repr(min(limit, pi))  # of one joint: no more than of the whole segment
+    SubElement(joint, 'limit', lower=f'-{most}', upper=most, effort=repr(EFFORT),
+               velocity=repr(SPEED))
+
+
+def _connect(joint: Element, parent: str, child: str, height: float) -> None:
+    SubElement(joint, 'parent', link=parent)
+    SubElement(joint, 'child', link=child)
+    SubElement(joint, 'origin', xyz=f'0 0 {height!r}', rpy='0 0 0')

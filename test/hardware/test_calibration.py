@@ -1,0 +1,167 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Calibration finds the constants of a plant, and moves tendons only as far as it may."""
+
+from dataclasses import replace
+from math import inf, nan
+
+import pytest
+
+from soft_continuum.hardware import calibration
+from soft_continuum.hardware.calibration import (
+    CalibrationError,
+    corrected_steps,
+    judge,
+    LONGEST_MOVE,
+    measure_segment,
+    SegmentVacuum,
+    SPEED,
+    TendonBench,
+)
+from soft_continuum.hardware.jamming_controller import JammingSettings
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
+from soft_continuum.hardware.simulated_tendons import SimulatedTendons
+from soft_continuum.hardware.tendon_controller import TendonLimits
+
+SETTINGS = JammingSettings()
+SOFT = 10e3  # Pa of vacuum
+GOOD = SegmentVacuum(0, 0.3, 94e3, 0.4, 500.0, 0.6)
+
+
+class Time:
+    """Time that passes only while somebody sleeps."""
+
+    now = 100.0
+
+    def sleep(self, seconds):
+        self.now += seconds
+
+    def read(self):
+        return self.now
+
+
+@pytest.fixture
+def time(monkeypatch):
+    found = Time()
+    monkeypatch.setattr(calibration, 'monotonic', found.read)
+    monkeypatch.setattr(calibration, 'sleep', found.sleep)
+    return found
+
+
+def bench_of(time, tendons=None, initially_stiff=False):
+    tendons = tendons or SimulatedTendons(time.read, 0.03, 0.3, 5e-6)
+    jamming = SimulatedJamming(time.read, 3, JammingPlant(), initially_stiff)
+    return tendons, jamming, TendonBench(
+        tendons, jamming, 2, TendonLimits((-0.06, 0.06), 0.03), 101325.0 - SOFT)
+
+
+@pytest.mark.parametrize('plant', [
+    JammingPlant(), JammingPlant(ultimate_vacuum=85e3, evacuation_time=2.0, leak_rate=1500.0),
+    JammingPlant(evacuation_time=0.2, venting_time=1.5, valve_delay=0.3, leak_rate=0.0)])
+def test_the_constants_of_a_plant_are_found(time, plant):
+    jamming = SimulatedJamming(time.read, 2, plant, initially_stiff=True)
+    found = measure_segment(jamming, 1, 2, SETTINGS, SOFT, leak_time=5.0)
+    assert found.ultimate_vacuum == pytest.approx(plant.ultimate_vacuum, rel=0.02)
+    assert found.evacuation_time == pytest.approx(plant.evacuation_time, rel=0.05)
+    assert found.venting_time == pytest.approx(plant.venting_time, rel=0.02)
+    assert found.leak_rate == pytest.approx(plant.leak_rate, abs=2.0)
+
+
+def test_the_time_to_stiff_counts_from_the_command(time):
+    quick = JammingPlant(valve_delay=0.0)
+    times = [
+        measure_segment(SimulatedJamming(time.read, 1, plant, False), 0, 1, SETTINGS, SOFT,
+                        1.0).time_to_stiff for plant in (quick, replace(quick, valve_delay=0.5))]
+    assert times[1] - times[0] == pytest.approx(0.5, abs=0.01)
+
+
+def test_after_a_test_everything_is_vented_and_the_pump_rests(time):
+    jamming = SimulatedJamming(time.read, 3, JammingPlant(), initially_stiff=True)
+    measure_segment(jamming, 0, 3, SETTINGS, SOFT, 1.0)
+    reading = jamming.read()
+    assert reading.evacuated == (False, False, False)
+    assert not reading.pump
+
+
+def test_a_segment_that_cannot_be_vented_is_not_tested(time):
+    blocked = SimulatedJamming(time.read, 1, JammingPlant(venting_time=100.0), True)
+    with pytest.raises(HardwareError, match='segment 1 keeps its vacuum though it is vented'):
+        measure_segment(blocked, 0, 1, SETTINGS, SOFT, 1.0)
+
+
+def test_a_segment_that_never_stiffens_has_no_other_figures(time):
+    weak = SimulatedJamming(time.read, 1, JammingPlant(ultimate_vacuum=30e3), False)
+    found = measure_segment(weak, 0, 1, SETTINGS, SOFT, 1.0)
+    assert found.time_to_stiff == inf
+    assert 'never stiff: 30' in judge(found, SETTINGS)[0]
+
+
+@pytest.mark.parametrize(('change', 'word'), [
+    ({'time_to_stiff': 1.5}, 'slow'), ({'ultimate_vacuum': 75e3}, 'never rest'),
+    ({'leak_rate': 4e3}, 'start every 5.0 s'), ({'time_to_stiff': inf}, 'never stiff')])
+def test_what_is_wrong_with_a_segment_is_said(change, word):
+    assert judge(GOOD, SETTINGS) == ()
+    problem, = judge(replace(GOOD, **change), SETTINGS)
+    assert word in problem
+
+
+def test_steps_per_mm_grow_when_travel_falls_short():
+    assert corrected_steps(200.0, 0.005, 0.004) == 250.0
+    assert corrected_steps(200.0, 0.005, 0.0051) == pytest.approx(196.0784, abs=1e-3)
+
+
+@pytest.mark.parametrize('measured', [0.0, -0.005, 0.06, nan, inf])
+def test_travel_that_cannot_be_is_refused(measured):
+    with pytest.raises(CalibrationError, match='allowed: 0.50 mm to 50.00 mm'):
+        corrected_steps(200.0, 0.005, measured)
+
+
+def test_tendons_move_slowly_and_by_what_was_asked_for(time):
+    tendons, _, bench = bench_of(time)
+    begin = time.now
+    assert bench.move((0.004, -0.002)).pulls == pytest.approx((0.004, -0.002), abs=1e-5)
+    assert time.now - begin >= 0.004 / SPEED
+    assert not tendons.read().moving
+
+
+@pytest.mark.parametrize(('distances', 'reason'), [
+    ((2 * LONGEST_MOVE, 0.0), 'at a time'), ((nan, 0.0), 'at a time'),
+    ((0.0, -LONGEST_MOVE), 'pull_limits')])
+def test_a_motion_that_is_not_allowed_moves_nothing(time, distances, reason):
+    tendons, _, bench = bench_of(time)
+    for _ in range(6):
+        bench.move((0.0, -0.99 * LONGEST_MOVE))
+    before = tendons.read().pulls
+    with pytest.raises(CalibrationError, match=reason):
+        bench.move(distances)
+    assert tendons.read().pulls == before
+
+
+def test_nothing_moves_while_the_segment_is_stiff(time):
+    tendons, jamming, bench = bench_of(time, initially_stiff=True)
+    with pytest.raises(HardwareError, match='segment 3 is not soft'):
+        bench.move((0.001, 0.0))
+    bench.soften()
+    assert jamming.read().evacuated == (True, True, False)
+    assert bench.move((0.001, 0.0)).pulls[0] == pytest.approx(0.001, abs=1e-5)
+
+
+class ShortSteppers(SimulatedTendons):
+    """Steppers that go half the way."""
+
+    stopped = False
+
+    def move(self, pulls, duration):
+        super().move((pulls[0] / 2, pulls[1] / 2), duration)
+
+    def stop(self):
+        self.stopped = True
+        super().stop()
+
+
+def test_steppers_that_do_not_arrive_are_an_error(time):
+    tendons, _, bench = bench_of(time, ShortSteppers(time.read, 0.03, 0.3, 5e-6))
+    with pytest.raises(HardwareError, match='rest at 2.00 and 0.00 mm instead of 4.00'):
+        bench.move((0.004, 0.0))
+    assert tendons.stopped

@@ -1,0 +1,80 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""An independent parser makes the same arm of the URDF as the rigid chain is."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from soft_continuum.configuration import load_arm
+from soft_continuum.mechanics import Arm, Disc, RigidChain, Segment
+from soft_continuum.nodes.up import description_file
+from soft_continuum.urdf import arm_urdf, joint_names
+
+PAPER = load_arm(description_file())
+SHORT = Arm((Segment(0.1, 0.02, (0.02, 0.015), mass=0.1),), (Disc(0.02), Disc(0.03, 0.2)),
+            bodies_per_segment=1)
+LONG = Arm(PAPER.segments * 2, PAPER.discs + PAPER.discs[1:], bodies_per_segment=5,
+           payload=0.3)
+ARMS = pytest.mark.parametrize('arm', [PAPER, SHORT, LONG], ids=['paper', 'short', 'long'])
+
+
+def parse(text):
+    """Return MuJoCo's model of a URDF, with all its links."""
+    keep = '<mujoco><compiler fusestatic="false" discardvisual="false"/></mujoco>'
+    return mujoco.MjModel.from_xml_string(text.replace('</robot>', keep + '</robot>'))
+
+
+def names(model, kind, count):
+    return [mujoco.mj_id2name(model, kind, i) for i in range(count)]
+
+
+@ARMS
+def test_an_independent_parser_finds_the_joints_of_joint_states(arm):
+    model = parse(arm_urdf(arm))
+    assert names(model, mujoco.mjtObj.mjOBJ_JOINT, model.njnt) == joint_names(RigidChain(arm))
+    assert np.all(model.jnt_axis == [0.0, 1.0, 0.0])
+
+
+@ARMS
+@pytest.mark.parametrize('seed', range(5))
+def test_forward_kinematics_are_those_of_the_chain(arm, seed):
+    chain = RigidChain(arm)
+    angles = np.random.default_rng(seed).uniform(-0.08, 0.08, chain.joints)
+    model = parse(arm_urdf(arm))
+    data = mujoco.MjData(model)
+    data.qpos[:] = angles
+    mujoco.mj_kinematics(model, data)
+    frames = [*(f'disc_{s}' for s in range(1, chain.segments + 1)), 'tip']
+    points = chain.points(angles)
+    for frame, (x, z, tangent) in zip(frames, [*points[2::2], points[-1]], strict=True):
+        body = data.body(frame)
+        assert body.xpos == pytest.approx([x, 0.0, z], abs=1e-9)
+        assert body.xmat.reshape(3, 3)[:, 2] == pytest.approx(
+            [np.sin(tangent), 0.0, np.cos(tangent)], abs=1e-9)
+
+
+@ARMS
+def test_the_weight_on_every_joint_is_that_of_the_chain(arm):
+    # Gravity alone, straight and on its side: the moments of the masses above each joint.
+    chain = RigidChain(replace(arm, mounting_angle=np.pi / 2))
+    model = parse(arm_urdf(arm))
+    model.opt.gravity[:] = arm.gravity, 0.0, 0.0
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    moments = np.cumsum(chain.load_coefficients[::-1, 0])[::-1]
+    assert data.qfrc_bias == pytest.approx(moments, rel=1e-9, abs=1e-12)
+
+
+def test_the_root_is_called_as_the_poses_are():
+    assert 'left_base' in arm_urdf(PAPER, 'left_base')
+    assert 'base_link' not in arm_urdf(PAPER, 'left_base')
+
+
+def test_a_joint_may_bend_no_further_than_its_segment():
+    arm = replace(PAPER, segments=tuple(
+        replace(s, bending_angle_limit=0.7) for s in PAPER.segments))
+    assert parse(arm_urdf(arm)).jnt_range == pytest.approx(
+        np.tile([-0.7, 0.7], (RigidChain(arm).joints, 1)))
