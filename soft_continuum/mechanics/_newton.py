@@ -250,6 +250,7 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
     gap = np.zeros(2)
     column = np.zeros(2, dtype=np.int64)
     largest = 1.0
+    pulled = 1.0
     negatives = 0
     residual = 0.0
     best = 1e300
@@ -308,7 +309,9 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
         balanced = residual <= tolerance[0] or (
             residual <= tolerance[1] and largest < 1e-9 and residual >= 0.5 * best)
         best = min(best, residual)
-        if balanced and error <= tolerance[2] and iteration > 0 and largest < 1e-4:
+        # Stability was judged before the last step, so that step must have changed little.
+        if (balanced and error <= tolerance[2] and iteration > 0 and largest < 1e-4
+                and pulled < 1e-3):
             return ((CONVERGED if negatives == 0 else UNSTABLE), iteration, residual,
                     most_turned(offset, group, segments))
 
@@ -348,9 +351,12 @@ def newton(theta, tension, bodies, joints, tables, guides, ratios, group, mode, 
                 theta[i] += fraction * columns[group[i], 0]
         for k in range(groups):
             offset[k] += fraction * columns[k, 0]
+        pulled = 0.0
         for t in range(2):
             if column[t] > 0:
-                tension[t] += fraction * step[column[t] - 1]
+                change = step[column[t] - 1]
+                pulled = max(pulled, abs(change) / (1.0 + abs(tension[t])))
+                tension[t] += fraction * change
                 if mode[t] == LENGTH and not taut[t] and fraction == 1.0:
                     tension[t] = 0.0
     return FAILED, MAX_ITERATIONS, residual, 0.0

@@ -7,9 +7,11 @@ Frame ``base_link``: origin at the bottom centre of the base disc, z along the s
 the bending plane.  A positive angle rotates about +y and carries the tip towards +x.
 """
 
+from collections.abc import Sized
 from dataclasses import dataclass, replace
 from math import inf, isfinite, pi
 
+from soft_continuum.mechanics._checks import whole
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -53,13 +55,17 @@ class Segment:
         """Refuse what is not a physical segment."""
         _check('segment length', self.length, *LENGTH_RANGE, 'm')
         _check('outer diameter', self.outer_diameter, *LENGTH_RANGE, 'm')
-        if len(self.guide_offsets) != 2:
+        if not isinstance(self.guide_offsets, Sized) or len(self.guide_offsets) != 2:
             raise ArmError('a segment has guide offsets at its lower and its upper end; '
                            f'given: {self.guide_offsets}')
         for offset in self.guide_offsets:
             _check('guide offset', offset, 1e-4, LENGTH_RANGE[1], 'm')
         _check('bending stiffness E I', self.bending_stiffness, 1e-9, 1e3, 'N m^2')
         _check('segment mass', self.mass, 0.0, 10.0, 'kg')
+        if not isinstance(self.jam, Jam):
+            raise ArmError(f'jam is {self.jam!r}; give a Jam, such as Jam(ratio=5.0)')
+        if not isinstance(self.soft_law, MomentCurvature | None):
+            raise ArmError(f'soft law is {self.soft_law!r}; give a MomentCurvature or none')
         _check('bending angle limit', self.bending_angle_limit, 1e-3, 2 * pi, 'rad')
 
 
@@ -140,7 +146,7 @@ class Arm:
             raise ArmError(
                 f'{len(self.segments)} segments need {len(self.segments) + 1} discs, '
                 f'one below each segment and one at the tip; given: {len(self.discs)}')
-        if not (isinstance(self.bodies_per_segment, int)
+        if not (whole(self.bodies_per_segment)
                 and 1 <= self.bodies_per_segment <= 1000):
             raise ArmError(
                 f'bodies per segment is {self.bodies_per_segment}; allowed: a whole '
@@ -149,7 +155,7 @@ class Arm:
             raise ArmError(f'discretisation is {self.discretisation!r}; '
                            f'allowed: {PAPER}, {SECOND_ORDER}')
         for force in self.forces:
-            if not 0 <= force.disc < len(self.discs):
+            if not (whole(force.disc) and 0 <= force.disc < len(self.discs)):
                 raise ArmError(f'there is no disc {force.disc}; the discs are 0 to '
                                f'{len(self.discs) - 1}')
             _check('point force x', force.x, -1e6, 1e6, 'N')
@@ -174,12 +180,19 @@ class Arm:
         """Return the same arm with gravity left out."""
         return replace(self, gravity=0.0)
 
+    def without_friction(self) -> 'Arm':
+        """Return the same arm with the friction of its tendons left out."""
+        return replace(self, tendon=replace(self.tendon, friction=0.0))
+
     def with_bodies(self, bodies_per_segment: int) -> 'Arm':
         """Return the same arm with another number of rigid bodies per segment."""
         return replace(self, bodies_per_segment=bodies_per_segment)
 
     def with_bending_stiffness(self, segment: int, bending_stiffness: float) -> 'Arm':
         """Return the same arm with E I (N m^2) of one segment (0-based) replaced."""
+        if not (whole(segment) and 0 <= segment < len(self.segments)):
+            raise ArmError(f'there is no segment {segment}; the segments are 0 to '
+                           f'{len(self.segments) - 1}')
         segments = tuple(
             replace(s, bending_stiffness=bending_stiffness) if i == segment else s
             for i, s in enumerate(self.segments))

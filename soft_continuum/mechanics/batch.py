@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics import _newton
+from soft_continuum.mechanics._boundary import NO_TENSION, TAUT_LIMIT
+from soft_continuum.mechanics._checks import refuse_friction
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics, StaticsError
 
@@ -39,9 +41,10 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium, pulls: Ar
     and linear stiffness laws.  pulls: (m, 2), or (2,) for all, m, as in Statics.solve.  What a
     full step does not reach is continued in small steps one by one, as Statics.solve does.
 
-    Raises ValueError when sizes do not fit together.
+    Raises ValueError when sizes do not fit together or tendons have friction.
     """
     models = [arms] if isinstance(arms, Statics) else list(arms)
+    refuse_friction(max((m.chain.arm.tendon.friction for m in models), default=0.0), 'a batch')
     target = np.atleast_2d(np.asarray(pulls, dtype=float))
     count = max(len(models), len(target))
     if target.ndim != 2 or target.shape[1] != 2 or np.isnan(target).any():
@@ -69,7 +72,8 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium, pulls: Ar
         np.array([boundaries[0].groups]), straight - target,
         np.array([m.compliance for m in models]), np.array([m.tolerance for m in models]),
         lengths, status, residual, turned)
-    near = np.array([b.direct_limit for b in boundaries])
+    near = np.where((tension > NO_TENSION).all(axis=1), TAUT_LIMIT,
+                    [b.direct_limit for b in boundaries])
     found = (status == _newton.CONVERGED) & (turned <= near)
     batch = Batch(np.diff(theta, axis=1, prepend=0.0), tension, straight - lengths, found,
                   np.zeros(count, dtype=bool), residual)

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 
+from soft_continuum.mechanics._checks import refuse_friction
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium, RigidChain
 from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
@@ -66,6 +67,7 @@ class Elastica:
         """Prepare the rigid chain of ``arm`` that gives the first guess."""
         if arm.tendon.axial_stiffness < np.inf:
             raise ValueError('the tendons of the rods do not stretch')
+        refuse_friction(arm.tendon.friction, 'the model of rods')
         if any(s.soft_law is not None for s in arm.segments):
             raise ValueError('a rod is linear: a segment with a moment-curvature law has none')
         self.chain = RigidChain(arm)

@@ -16,11 +16,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from soft_continuum.mechanics import constant_curvature
+from soft_continuum.mechanics._checks import finite, refuse_friction, soft_flags, whole
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
 
 METRES_PER_RADIAN = 0.1  # what a tangent that is wanted as well counts
+SAME_ANGLE = 1e-9  # rad: a segment this close has its angle
+MOST_PASSES = 100  # of setting all segments, before elastic ones are taken not to fit together
 REACHED = 1e-6  # m: a tip this close is where it was wanted
 
 
@@ -48,9 +51,11 @@ def pulls_for_angles(statics: Statics, start: Equilibrium, bending_angles: Array
     errors is least.  The tendon that does better carries, the other is slack.  Followed from
     ``start``; raises StaticsError where no equilibrium exists.
     """
+    refuse_friction(statics.chain.arm.tendon.friction, 'pulls_for_angles')
     wanted = np.asarray(bending_angles, dtype=float)
-    chosen = np.flatnonzero(np.isfinite(wanted) & np.asarray(soft, dtype=bool))
-    if wanted.shape != (statics.chain.segments,) or not chosen.size:
+    soft = soft_flags(soft, statics.chain.segments)
+    chosen = np.flatnonzero(np.isfinite(wanted) & soft) if wanted.shape == (len(soft),) else None
+    if chosen is None or not chosen.size:
         raise ValueError('bending_angles must have one number (or nan) for each segment and one '
                          f'for a soft segment at least; given: {bending_angles!r}')
     full = np.where(np.isfinite(wanted), wanted, 0.0)
@@ -75,13 +80,16 @@ def _fit_pull(statics: Statics, start: Equilibrium, wanted: Array, chosen: NDArr
         pulls[tendon] = pull[0]
         return pulls
 
+    def solve(pull: Array) -> Equilibrium:
+        return statics.solve(start, both(pull), soft, vacuum=start.vacuum or None)
+
     def error(pull: Array) -> Array:
-        state = statics.solve(start, both(pull), soft)
+        state = solve(pull)
         rest: Array = (statics.chain.bending_angles(state.joint_angles) - wanted)[chosen]
         return rest
 
     def slope(pull: Array) -> Array:
-        state = statics.solve(start, both(pull), soft)
+        state = solve(pull)
         angles = Linearisation(statics, state).pulls().joint_angles[:, tendon]
         rows: Array = angles.reshape(-1, per_segment).sum(axis=1)[chosen][:, None]
         return rows
@@ -100,7 +108,7 @@ def _fit_pull(statics: Statics, start: Equilibrium, wanted: Array, chosen: NDArr
         assert failed is not None
         return failed
     fit = min(fits, key=lambda one: float(one.cost))
-    state = statics.solve(start, both(fit.x), soft)
+    state = solve(fit.x)
     rest = np.full(statics.chain.segments, np.nan)
     rest[chosen] = error(fit.x)
     return AngleFit(state, both(fit.x), rest)
@@ -120,15 +128,38 @@ def set_shape(statics: Statics, bending_angles: Sequence[float],
     """
     Return the arm with its segments set one after the other, base first unless ``order`` says so.
 
-    bending_angles: (segments,) rad.  A segment that already has its angle is left alone.  Raises
-    StaticsError where no tendon holds a segment at its angle.
+    bending_angles: (segments,) rad, of which only those of the segments in ``order`` count.  A
+    segment that already has its angle is left alone.  Where stiff segments give way, each is bent
+    so far that it has its angle in the end.  Raises StaticsError where no tendon holds a segment
+    at its angle or where they cannot all have theirs, ValueError for angles or an order that are
+    not those of the arm.
     """
-    state = start or statics.chain.straight()
-    for segment in range(statics.chain.segments) if order is None else order:
-        present = statics.chain.bending_angles(state.joint_angles)[segment]
-        if abs(present - bending_angles[segment]) > 1e-9:
-            state = statics.bend(state, segment, float(bending_angles[segment]))
-    return state
+    refuse_friction(statics.chain.arm.tendon.friction, 'set_shape')
+    segments = statics.chain.segments
+    wanted = np.array(bending_angles, dtype=float)
+    turns = list(range(segments) if order is None else order)
+    if (len(set(turns)) < len(turns)
+            or not all(whole(turn) and 0 <= turn < segments for turn in turns)):
+        raise ValueError(f'order must name segments, 0 to {segments - 1}, each once at most; '
+                         f'given: {order!r}')
+    if wanted.shape != (segments,) or not np.isfinite(wanted[turns]).all():
+        raise ValueError(f'bending_angles must be one finite number in rad for each of the '
+                         f'{segments} segments; given: {bending_angles!r}')
+    goal = wanted.copy()
+    for _ in range(MOST_PASSES):
+        state = start or statics.chain.straight()
+        for segment in turns:
+            present = statics.chain.bending_angles(state.joint_angles)[segment]
+            if abs(present - goal[segment]) > SAME_ANGLE:
+                state = statics.bend(state, segment, float(goal[segment]))
+        missed = (wanted - statics.chain.bending_angles(state.joint_angles))[turns]
+        if np.all(np.abs(missed) <= SAME_ANGLE):
+            return state
+        goal[turns] += missed
+    raise StaticsError(
+        f'segments {[s + 1 for s in turns]} give way to each other and are still '
+        f'{np.degrees(missed).round(3).tolist()} degrees from their angles after {MOST_PASSES} '
+        'passes; take smaller angles or stiffer jams', state)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +191,12 @@ def angles_for_tip(statics: Statics, x: float, z: float, tangent: float | None =
 
     tangent: angle of the tip wanted as well, rad; it counts as 0.1 m per rad where both cannot be
     had.  start: the present shape (default: straight); segments that keep their angle need not be
-    softened.  Out of reach, the nearest tip is returned with its distance.
+    softened.  Out of reach, the nearest tip is returned with its distance; since every choice of
+    segments is tried first, that takes seconds for four segments and half a minute for six.
     """
-    if not np.all(np.isfinite([x, z, 0.0 if tangent is None else tangent])):
+    refuse_friction(statics.chain.arm.tendon.friction, 'angles_for_tip')
+    given = (x, z, 0.0 if tangent is None else tangent)
+    if not all(finite(number) for number in given):
         raise ValueError(f'the tip wanted must be finite numbers; given: {x}, {z}, {tangent}')
     begin = start or statics.chain.straight()
     present = statics.chain.bending_angles(begin.joint_angles)
@@ -191,7 +225,11 @@ def _turned(fit: TipFit, tangent: float | None) -> float:
 def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tuple[int, ...],
              wanted: tuple[float, float, float | None]) -> TipFit | None:
     """Fit the angles of some segments, by constant curvature first, then by the model."""
-    limits = np.array([s.bending_angle_limit for s in statics.chain.arm.segments])[list(segments)]
+    all_limits = np.array([s.bending_angle_limit for s in statics.chain.arm.segments])
+    beyond = np.abs(present) > all_limits + SAME_ANGLE
+    if beyond[[s not in segments for s in range(len(present))]].any():
+        return None
+    limits = all_limits[list(segments)]
 
     def all_angles(some: Array) -> Array:
         angles = present.copy()
@@ -222,11 +260,13 @@ def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tup
             some = least_squares(chain_miss, np.clip(arc.x, -0.999 * limits, 0.999 * limits),
                                  bounds=(-limits, limits), xtol=1e-12, ftol=1e-14,
                                  gtol=1e-14, diff_step=1e-5).x
-        angles = all_angles(some)
-        state = set_shape(statics, angles.tolist(), begin, segments)
+        state = set_shape(statics, all_angles(some).tolist(), begin, segments)
     except StaticsError:
         return None
     tip = statics.chain.points(state.joint_angles)[-1]
+    angles = statics.chain.bending_angles(state.joint_angles)  # those kept may have given way
+    if np.any(np.abs(angles) > all_limits + 2.0 * SAME_ANGLE):
+        return None
     distance = float(np.hypot(tip[0] - wanted[0], tip[1] - wanted[1]))
     return TipFit(angles, state, tip, distance, segments)
 
@@ -238,8 +278,10 @@ def workspace(statics: Statics, per_segment: int = 9) -> tuple[Array, Array]:
     tips: (m, 3), x, z in m and tangent in rad.  angles: (m, segments) rad, ``per_segment`` values
     between the limits of every segment.  Shapes that no tendon holds are left out.
     """
-    if per_segment < 2:
-        raise ValueError(f'per_segment is {per_segment}; at least 2 values are needed')
+    refuse_friction(statics.chain.arm.tendon.friction, 'the workspace')
+    if not whole(per_segment) or per_segment < 2:
+        raise ValueError(
+            f'per_segment is {per_segment!r}; a whole number, at least 2, is needed')
     states = [statics.chain.straight()]
     for s, segment in enumerate(statics.chain.arm.segments):
         limit = segment.bending_angle_limit

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array, Equilibrium, RigidChain
-from soft_continuum.mechanics.laws import linear, MomentCurvature
+from soft_continuum.mechanics.laws import extended, linear, MomentCurvature
 
 SOFT, SOFT_TABLE, JAM, JAM_TABLE, HELD, YIELD, LENGTH = range(7)
 
@@ -75,20 +75,21 @@ class JointLaws:
         """
         Return the joints array for the given stiff segments, followed from ``start``.
 
-        A segment that was soft there holds the shape it has there.  vacuum: 0 to 1 per segment.
-        Raises ValueError for a vacuum of the wrong size or range.
+        A segment that was soft there holds the shape it has there.  vacuum: 0 to 1 per segment,
+        None or empty for full.  Raises ValueError where a rigid jam has some vacuum but not all.
         """
-        if vacuum is not None and (len(vacuum) != len(self._segments)
-                                   or not all(0.0 <= v <= 1.0 for v in vacuum)):
-            raise ValueError(f'vacuum must be one number from 0 to 1 for each of the '
-                             f'{len(self._segments)} segments; given: {list(vacuum)}')
+        for s, part in enumerate(vacuum or ()):
+            if stiff[s] and self._segments[s].jam.rigid and part < 1.0:
+                raise ValueError(
+                    f'vacuum of segment {s + 1} is {part:g}; its jam is rigid and knows 0 (soft) '
+                    'and 1 (stiff) only; give the jam a ratio K or a law')
         if not self._jams:
             return self._soft
         joints = self._soft.copy()
         for s, segment in enumerate(self._segments):
             if not stiff[s] or segment.jam.rigid:
                 continue
-            part = 1.0 if vacuum is None else vacuum[s]
+            part = vacuum[s] if vacuum else 1.0
             rows = self._rows(s)
             joints[rows, JAM:JAM_TABLE + 1] = self._jam[rows]
             joints[rows, JAM] *= part**segment.jam.stiffness_exponent
@@ -112,8 +113,8 @@ class JointLaws:
         if row[JAM_TABLE] < 0:
             return share * offset
         curvatures, moments = self.tables[int(row[JAM_TABLE])]
-        moment = share * np.interp(abs(offset) / row[LENGTH], curvatures, moments)
-        return float(np.sign(offset) * np.interp(moment, moments, curvatures) * row[LENGTH])
+        moment = share * extended(abs(offset) / row[LENGTH], curvatures, moments)
+        return float(np.sign(offset) * extended(moment, moments, curvatures) * row[LENGTH])
 
     def held(self, angles: Array, joints: Array, stiff: Sequence[bool]) -> Array:
         """Return the angles (joints,) rad that the jams hold, after creep; others as they are."""
@@ -153,11 +154,7 @@ class JointLaws:
                 most[i] = row[YIELD] / row[JAM]
             else:
                 curvatures, moments = self.tables[int(row[JAM_TABLE])]
-                wanted = row[YIELD] / row[JAM]
-                slope = np.diff(curvatures)[-1] / np.diff(moments)[-1]
-                curvature = np.interp(wanted, moments, curvatures) + slope * max(
-                    0.0, wanted - moments[-1])
-                most[i] = curvature * row[LENGTH]
+                most[i] = extended(row[YIELD] / row[JAM], moments, curvatures) * row[LENGTH]
         return most
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 class LawError(ValueError):
@@ -48,11 +49,7 @@ class MomentCurvature:
 
     def moment(self, curvature: float) -> float:
         """Return the moment in N m at a curvature in 1/m."""
-        k, m = np.array(self.curvatures), np.array(self.moments)
-        size = abs(curvature)
-        value = float(np.interp(size, k, m))
-        if size > k[-1]:
-            value += (m[-1] - m[-2]) / (k[-1] - k[-2]) * (size - k[-1])
+        value = extended(abs(curvature), self.curvatures, self.moments)
         return value if curvature >= 0 else -value
 
     def work(self, curvature: float) -> float:
@@ -73,6 +70,13 @@ class MomentCurvature:
                     f'row {row + 1} of the stiff law: from {low:g} to {high:g} 1/m its moment '
                     'grows no more than that of the soft segment')
         return MomentCurvature(tuple(k.tolist()), tuple(moments))
+
+
+def extended(x: float, given: ArrayLike, values: ArrayLike) -> float:
+    """Interpolate linearly between rows; beyond the last row the last slope goes on."""
+    a, b = np.asarray(given), np.asarray(values)
+    beyond = max(0.0, x - float(a[-1])) * (b[-1] - b[-2]) / (a[-1] - a[-2])
+    return float(np.interp(x, a, b) + beyond)
 
 
 def linear(bending_stiffness: float) -> MomentCurvature:
@@ -100,6 +104,8 @@ class Jam:
 
     def __post_init__(self) -> None:
         """Refuse what is not a jam."""
+        if self.ratio != inf and self.law is not None:
+            raise LawError(f'a jam has a ratio K ({self.ratio:g}) or a law, not both')
         if not self.ratio > 1.0:
             raise LawError(f'stiffness ratio K is {self.ratio:g}; it must be above 1')
         if not self.yield_moment > 0.0:

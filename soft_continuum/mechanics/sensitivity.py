@@ -13,14 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from soft_continuum.mechanics import _assembly
+from soft_continuum.mechanics._checks import sliding_signs
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.joints import (
     compliances,
+    HELD,
     JAM,
     JAM_TABLE,
     SOFT,
     SOFT_TABLE,
     tension_ratios,
+    YIELD,
 )
 from soft_continuum.mechanics.statics import Statics
 
@@ -44,17 +47,27 @@ class Linearisation:
     The linearised statics at one equilibrium, for the stiff segments it was found with.
 
     A slack tendon stays slack and a taut one taut: at the point where that changes, the
-    derivatives are one-sided.
+    derivatives are one-sided.  So they are where a jam yields.
     """
 
     def __init__(self, statics: Statics, state: Equilibrium,
-                 sliding: Sequence[int] = (0, 0)) -> None:
-        """Assemble the matrix; ``sliding`` as in Statics.solve, its ratios taken as constant."""
+                 sliding: Sequence[int] = (0, 0), *, loading: bool = True) -> None:
+        """
+        Assemble the matrix; ``sliding`` as in Statics.solve, its ratios taken as constant.
+
+        loading: whether joints whose jam bears just its yield moment go on to yield, or all turn
+        back and are elastic.
+        """
         self._chain = chain = statics.chain
+        sliding = sliding_signs(sliding)
         self._state = state
         self._boundary = boundary = statics._boundary(
             state, [not s for s in state.stiff], np.zeros(2), state.vacuum or None)
         self._tables = statics.laws.tables
+        # Rounding must not decide which joints yield: they go a little beyond, or back.
+        at_yield = np.abs(self._jam_moments()) >= (1.0 - 1e-9) * boundary.joints[:, YIELD]
+        offset = state.joint_angles - boundary.joints[:, HELD]
+        boundary.joints[at_yield, HELD] -= (1e-7 if loading else -1e-7) * offset[at_yield]
         self.theta = np.cumsum(state.joint_angles)
         ratios = tension_ratios(chain, state.joint_angles, sliding)
         compliance = compliances(chain, state.joint_angles, sliding)

@@ -13,7 +13,7 @@ an overdamped backward-Euler motion finds the next stable equilibrium.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from math import isfinite
 
@@ -22,6 +22,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigvalsh_tridiagonal
 
 from soft_continuum.mechanics import _assembly, _newton
+from soft_continuum.mechanics._boundary import (
+    Boundary,
+    CAREFUL_LIMIT,
+    DIRECT_LIMIT,
+    NO_TENSION,
+    Point,
+)
+from soft_continuum.mechanics._checks import sliding_signs, soft_flags, vacuum_parts, whole
 from soft_continuum.mechanics.arm import Arm, Disc, Segment
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain
 from soft_continuum.mechanics.joints import compliances, JointLaws, tension_ratios
@@ -29,11 +37,9 @@ from soft_continuum.mechanics.joints import compliances, JointLaws, tension_rati
 SLACK = -np.inf
 """A pull that leaves the tendon slack in every shape."""
 
-DIRECT_LIMIT = 2.0  # rad: a segment that turned further is followed in smaller steps
-CAREFUL_LIMIT = 0.1  # rad: the same where loads can outweigh springs, so that paths may end
+WAVES = (1e-3, -2e-3, 4e-3, -8e-3, 0.016, -0.032)  # rad, from which a straight arm buckles
 SMALLEST_STEP = 1e-4  # of the way, before the path is taken to have ended
 MOST_ITERATIONS = 20000  # of Newton's method in one solve, before it is given up
-NO_TENSION = 1e-7  # N: rounding of a tension of zero
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
 
 
@@ -52,42 +58,6 @@ class StaticsError(RuntimeError):
 
 class OverconstrainedError(StaticsError):
     """The tendons are pulled shorter than any shape of the soft segments allows."""
-
-
-@dataclass(frozen=True)
-class _Boundary:
-    """What is free and what drives the tendons in one solve, in the compiled form."""
-
-    group: NDArray[np.int64]
-    groups: int
-    direct_limit: float
-    locked_angles: Array
-    joints: Array
-    ratios: Array
-    compliance: Array
-    mode: NDArray[np.int64]
-    target: Array
-    driven: NDArray[np.int64]
-    stiff: tuple[bool, ...]
-    vacuum: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class _Point:
-    """
-    A state on the way: absolute angles, tensions, and how the solve for it ended.
-
-    turned: rad, all turning of the joints of a segment, the most of any: what folds up inside a
-    segment may end as it began.
-    """
-
-    theta: Array
-    tension: Array
-    lengths: Array
-    status: int = _newton.FAILED
-    residual: float = np.inf
-    iterations: int = 0
-    turned: float = 0.0
 
 
 class Statics:
@@ -122,8 +92,9 @@ class Statics:
 
         pulls: (right, left) in m, how much shorter each tendon is than in the straight arm;
         negative is let out, SLACK never carries.  soft: one flag per segment.  vacuum: of each
-        stiff segment, 0 to 1 of full vacuum (default: full).  sliding: of each tendon through
-        its guides, for friction: 1 towards the base, -1 towards the tip, 0 frictionless.
+        stiff segment, 0 to 1 of full vacuum (default: full); without any it is soft, and a rigid
+        one knows no other parts.  sliding: of each tendon through its guides, for friction: 1
+        towards the base, -1 towards the tip, 0 frictionless.
 
         Raises OverconstrainedError when no shape has tendons that short, StaticsError when no
         equilibrium was found, ValueError for input of the wrong size or nan.
@@ -156,31 +127,37 @@ class Statics:
         return self._find(start, boundary, sliding)
 
     def bend(self, start: Equilibrium, segment: int, angle: float,
-             soft: Sequence[bool] | None = None) -> Equilibrium:
+             soft: Sequence[bool] | None = None, *, vacuum: Sequence[float] | None = None,
+             sliding: Sequence[int] = (0, 0)) -> Equilibrium:
         """
         Return the equilibrium in which ``segment`` (0-based) has bending angle ``angle`` (rad).
 
         One tendon carries it, whichever the loads ask for, and the other follows without tension;
         the pulls of both paths are in the result.  Only ``segment`` is soft unless ``soft`` says
-        otherwise.  Raises StaticsError when no tendon holds the arm there in a stable way.
+        otherwise.  vacuum: as in ``solve``, but by default that of ``start``.  sliding: as in
+        ``solve``.  Raises StaticsError when no tendon holds the arm there in a stable way.
         """
-        mask = [i == segment for i in range(self.chain.segments)] if soft is None else list(soft)
-        if not (0 <= segment < self.chain.segments and segment < len(mask) and mask[segment]):
-            raise ValueError(f'segment index {segment} is not one of the soft segments {mask}')
+        mask = soft_flags([i == segment for i in range(self.chain.segments)]
+                          if soft is None else soft, self.chain.segments)
+        if not (whole(segment) and 0 <= segment < self.chain.segments and mask[segment]):
+            raise ValueError(f'segment index {segment} is not one of the soft segments; '
+                             f'soft: {list(mask)}')
+        if vacuum is None:
+            vacuum = start.vacuum or None
         if not np.isfinite(angle):
             raise ValueError(f'the bending angle must be a finite number in rad; given: {angle}')
         reasons = []
         # What the tendons carried before may be far too much for the segment that is soft now.
         start = replace(start, tensions=np.zeros(2))
         for tendon in (RIGHT, LEFT):
-            boundary = self._boundary(start, mask, np.full(2, np.inf))
+            boundary = self._boundary(start, mask, np.full(2, np.inf), vacuum)
             boundary.mode[tendon] = _newton.ANGLE
             boundary.driven[tendon] = segment
             boundary.target[tendon] = angle
             try:
-                found = self._find(start, boundary)
+                found = self._find(start, boundary, sliding)
                 if found.tensions[tendon] >= -NO_TENSION:
-                    return self._hold(found, mask)
+                    return self._hold(found, mask, vacuum, sliding)
                 reasons.append('it would have to push')
             except StaticsError as error:
                 reasons.append(str(error))
@@ -190,17 +167,22 @@ class Statics:
 
     def commanded_pulls(self, state: Equilibrium, sliding: Sequence[int] = (0, 0)) -> Array:
         """Return the pulls (2,) m at the steppers that give a state: its paths and stretch."""
-        compliance = compliances(self.chain, state.joint_angles, sliding)
+        compliance = compliances(self.chain, state.joint_angles, sliding_signs(sliding))
         pulls: Array = state.pulls + compliance * np.nan_to_num(state.tensions)
         return pulls
 
-    def _hold(self, found: Equilibrium, soft: Sequence[bool]) -> Equilibrium:
+    def _hold(self, found: Equilibrium, soft: Sequence[bool], vacuum: Sequence[float] | None,
+              sliding: Sequence[int]) -> Equilibrium:
         """Check that a state found by its bending angle is stable with its tendons' lengths."""
-        pulls = self.commanded_pulls(found)
+        pulls = self.commanded_pulls(found, sliding)
         carries = found.tensions > NO_TENSION
         if carries.any():  # where neither carries, both just taut hold the arm
             pulls = np.where(carries, pulls, SLACK)
-        boundary = self._boundary(found, soft, self.chain.straight_length - pulls)
+        boundary = self._boundary(found, soft, self.chain.straight_length - pulls, vacuum)
+        if any(sliding):
+            boundary = replace(
+                boundary, ratios=tension_ratios(self.chain, found.joint_angles, sliding),
+                compliance=compliances(self.chain, found.joint_angles, sliding))
         point = self._newton(self._start(found), boundary)
         if point.status != _newton.CONVERGED:
             raise StaticsError(
@@ -209,27 +191,30 @@ class Statics:
         return self._result(point, boundary)
 
     def _boundary(self, start: Equilibrium, soft: Sequence[bool], target: Array,
-                  vacuum: Sequence[float] | None = None) -> _Boundary:
-        if len(soft) != self.chain.segments or any(s not in (0, 1) for s in soft):
-            raise ValueError(f'soft must have a true or false for each of the '
-                             f'{self.chain.segments} segments; given: {list(soft)}')
-        if start.joint_angles.shape != (self.chain.joints,):
-            raise ValueError(f'the start has {start.joint_angles.size} joints, this arm has '
-                             f'{self.chain.joints}')
-        stiff = tuple(not s for s in soft)
+                  vacuum: Sequence[float] | None = None) -> Boundary:
+        segments, flags = self.chain.segments, soft_flags(soft, self.chain.segments)
+        parts = vacuum_parts(vacuum, segments)
+        if start.joint_angles.shape != (self.chain.joints,) or len(start.stiff) != segments:
+            raise ValueError(
+                f'the start has {start.joint_angles.size} joints in {len(start.stiff)} segments, '
+                f'this arm has {self.chain.joints} in {segments}')
+        stiff = tuple(not s for s in flags)
+        if parts:  # without any vacuum there is no jam
+            stiff = tuple(s and part > 0.0 for s, part in zip(stiff, parts, strict=True))
         group, groups, direct_limit = self._groups(stiff)
-        return _Boundary(
+        return Boundary(
             group, groups, direct_limit, start.joint_angles,
-            self.laws.joints(start, stiff, vacuum),
+            self.laws.joints(start, stiff, parts),
             self._no_friction, self.compliance, np.zeros(2, dtype=np.int64),
-            target, np.zeros(2, dtype=np.int64), stiff, () if vacuum is None else tuple(vacuum))
+            target, np.zeros(2, dtype=np.int64), stiff, parts)
 
     def _find_groups(self, stiff: tuple[bool, ...]) -> tuple[NDArray[np.int64], int, float]:
         """
         Number the rigid groups: every body of a free segment with what is locked onto it.
 
         Also return how far a segment may turn in one step.  Where the springs outweigh the loads
-        in every shape the energy is convex and no path ends.
+        in every shape the energy is convex, and no path of an arm with a slack tendon was seen to
+        end.
         """
         locked = [s and segment.jam.rigid
                   for s, segment in zip(stiff, self.chain.arm.segments, strict=True)]
@@ -243,30 +228,28 @@ class Statics:
         least = eigvalsh_tridiagonal(diagonal, -springs[1:], select='i', select_range=(0, 0))[0]
         return group, groups, DIRECT_LIMIT if least > 0.0 else CAREFUL_LIMIT
 
-    def _start(self, start: Equilibrium) -> _Point:
+    def _start(self, start: Equilibrium) -> Point:
         theta = start.joint_angles.cumsum()
         if not isfinite(theta[-1]):  # as the last is when any is not
             raise ValueError('the joint angles of the start must be finite numbers')
         tension = start.tensions
         if not isfinite(tension[0] + tension[1]):
             tension = np.nan_to_num(tension)
-        return _Point(theta, tension, self.chain.straight_length - start.pulls)
+        return Point(theta, tension, self.chain.straight_length - start.pulls)
 
-    def _newton(self, start: _Point, boundary: _Boundary, target: Array | None = None,
-                bias: Array | None = None, damping: float = 0.0) -> _Point:
+    def _newton(self, start: Point, boundary: Boundary, target: Array | None = None,
+                bias: Array | None = None, damping: float = 0.0) -> Point:
         theta, tension, lengths = start.theta.copy(), start.tension.copy(), np.empty(2)
         status, iterations, residual, turned = _newton.newton(
             theta, tension, self._bodies, boundary.joints, self.laws.tables, self.chain.guides,
             boundary.ratios, boundary.group, boundary.mode,
             boundary.target if target is None else target, boundary.compliance, boundary.driven,
             np.zeros(boundary.groups) if bias is None else bias, damping, self.tolerance, lengths)
-        return _Point(theta, tension, lengths, status, residual, iterations, turned)
+        return Point(theta, tension, lengths, status, residual, iterations, turned)
 
-    def _find(self, start: Equilibrium, boundary: _Boundary,
+    def _find(self, start: Equilibrium, boundary: Boundary,
               sliding: Sequence[int] = (0, 0)) -> Equilibrium:
-        if len(sliding) != 2 or any(s not in (-1, 0, 1) for s in sliding):
-            raise ValueError('sliding must be 1, 0 or -1 for each of the two tendons; '
-                             f'given: {list(sliding)}')
+        sliding = sliding_signs(sliding)
         point = self._start(start)
         end, boundary, jumped = self._step(point, boundary)
         if self.chain.arm.tendon.friction > 0.0 and any(sliding):
@@ -274,15 +257,15 @@ class Statics:
             jumped = jumped or also
         return self._result(end, boundary, jumped=jumped)
 
-    def _step(self, point: _Point, boundary: _Boundary) -> tuple[_Point, _Boundary, bool]:
+    def _step(self, point: Point, boundary: Boundary) -> tuple[Point, Boundary, bool]:
         """Go to the boundary's state in one step, or else in small ones; and whether it jumped."""
         end = self._newton(point, boundary)
-        if end.status == _newton.CONVERGED and end.turned <= boundary.direct_limit:
+        if boundary.near(end):
             return end, boundary, False
         return self._follow(point, boundary)
 
-    def _with_friction(self, point: _Point, boundary: _Boundary, sliding: Sequence[int]
-                       ) -> tuple[_Point, _Boundary, bool]:
+    def _with_friction(self, point: Point, boundary: Boundary, sliding: Sequence[int]
+                       ) -> tuple[Point, Boundary, bool]:
         """Iterate the loss of tension at the guides, which depends on the shape it leads to."""
         jumped = False
         for _ in range(100):
@@ -298,7 +281,7 @@ class Statics:
         raise StaticsError('the friction at the guides did not settle',
                            self._result(point, boundary))
 
-    def _follow(self, point: _Point, boundary: _Boundary) -> tuple[_Point, _Boundary, bool]:
+    def _follow(self, point: Point, boundary: Boundary) -> tuple[Point, Boundary, bool]:
         """
         Follow the equilibrium from the start in small steps.
 
@@ -311,14 +294,14 @@ class Statics:
             point.theta, tension, self._bodies, boundary.joints, self.laws.tables,
             self.chain.guides, boundary.ratios, boundary.group, boundary.groups)
         gap = self._gap(point, boundary, tension)
-        point = _Point(point.theta, tension, point.lengths)
+        point = Point(point.theta, tension, point.lengths)
         done, step, jumped, iterations = 0.0, 0.5, False, 0
         while done < 1.0:
             reached = min(1.0, done + step)
             target = boundary.target + (1.0 - reached) * gap
             end = self._newton(point, boundary, target, (1.0 - reached) * unbalanced)
             iterations += end.iterations
-            if end.status == _newton.CONVERGED and end.turned <= boundary.direct_limit:
+            if boundary.near(end):
                 point, done, step = end, reached, 2.0 * step
             elif step > SMALLEST_STEP:
                 step *= 0.5
@@ -333,13 +316,13 @@ class Statics:
             boundary = self._crept(point, boundary)
         return replace(point, iterations=iterations), boundary, jumped
 
-    def _crept(self, point: _Point, boundary: _Boundary) -> _Boundary:
+    def _crept(self, point: Point, boundary: Boundary) -> Boundary:
         held = self.laws.crept(np.diff(point.theta, prepend=0.0), boundary.joints)
         if held is boundary.joints:
             return boundary
         return replace(boundary, joints=held)
 
-    def _gap(self, point: _Point, boundary: _Boundary, tension: Array) -> Array:
+    def _gap(self, point: Point, boundary: Boundary, tension: Array) -> Array:
         """Return how far each driven tendon (or angle) is from its target at the start."""
         gap = np.zeros(2)
         for t in (RIGHT, LEFT):
@@ -355,10 +338,30 @@ class Statics:
                 gap[t] = over if tension[t] > 0.0 else max(over, 0.0)
         return gap
 
-    def _relax(self, begin: _Point, boundary: _Boundary, target: Array) -> _Point:
-        """Move, overdamped, from where the path ended to the next stable equilibrium."""
-        if np.any(boundary.mode == _newton.ANGLE):
-            raise self._failure(begin, boundary, target)
+    def _relax(self, begin: Point, boundary: Boundary, target: Array) -> Point:
+        """
+        Move, overdamped, from where the path ended to the next stable equilibrium.
+
+        Both tendons of a straight arm ask for the same, and it has nowhere to begin: then from a
+        little wave, to either side in turn.
+        """
+        starts = [] if np.any(boundary.mode == _newton.ANGLE) else [begin]
+        if np.all((boundary.mode == _newton.LENGTH) & (begin.lengths > target + _newton.SHORT)):
+            wave = np.cos(2.0 * np.pi * np.arange(boundary.groups) / self.chain.joints_per_segment)
+            starts += [self._moved(begin, boundary, size * wave) for size in WAVES]
+        for start in starts:
+            found = self._settle(start, boundary, target)
+            if found is not None:
+                return found
+        raise self._failure(begin, boundary, target)
+
+    def _moved(self, point: Point, boundary: Boundary, turn: Array) -> Point:
+        """Return the point with its rigid groups turned by ``turn``, rad."""
+        return replace(point, theta=point.theta + np.where(
+            boundary.group >= 0, turn[boundary.group], 0.0))
+
+    def _settle(self, begin: Point, boundary: Boundary, target: Array) -> Point | None:
+        """Return the stable equilibrium that an overdamped motion from ``begin`` ends in."""
         no_bias = np.zeros(boundary.groups)
         point, iterations = begin, 0
         damping = float(self.chain.joint_stiffness.max())
@@ -384,24 +387,25 @@ class Statics:
                 if final.status == _newton.CONVERGED and away < 0.1:
                     return replace(final, iterations=iterations)
                 if final.status == _newton.UNSTABLE and away < 1e-4:
-                    theta = final.theta + np.where(
-                        boundary.group >= 0, push[boundary.group], 0.0)
-                    point = replace(final, theta=theta)
+                    point = self._moved(final, boundary, push)
                     push *= -2.0
                     damping = float(self.chain.joint_stiffness.max())
-        raise self._failure(begin, boundary, target)
+        return None
 
-    def _failure(self, point: _Point, boundary: _Boundary, target: Array) -> StaticsError:
+    def _failure(self, point: Point, boundary: Boundary, target: Array) -> StaticsError:
         state = self._result(point, boundary)
         if np.any(boundary.mode == _newton.ANGLE):
             return StaticsError('the way to that angle ends before it', state)
         over = point.lengths - target
         if np.any(over > -1e-4) and np.any(boundary.mode == _newton.LENGTH):
-            pulls = self.chain.straight_length - target
-            right, left = ('slack' if p == SLACK else f'{p * 1e3:.2f} mm' for p in pulls)
+            straight = self.chain.straight_length
+            right, left, *got = (
+                'slack' if p == SLACK else f'{p * 1e3:.2f} mm'
+                for p in (*(straight - boundary.target), *(straight - target)))
             return OverconstrainedError(
                 f'no shape of the soft segments has tendons as short as pulls of right {right} '
-                f'and left {left} ask for; let one of them out', state)
+                f'and left {left} ask for; the way to them ends at right {got[0]}, left {got[1]}; '
+                'let one of them out', state)
         return StaticsError('no stable equilibrium found near the present shape', state)
 
     def _locked(self, start: Equilibrium, target: Array,
@@ -423,7 +427,7 @@ class Statics:
         return Equilibrium(start.joint_angles, tensions, start.pulls, slack, 0.0, 0, stiff,
                            start.joint_angles)
 
-    def _result(self, point: _Point, boundary: _Boundary, jumped: bool = False) -> Equilibrium:
+    def _result(self, point: Point, boundary: Boundary, jumped: bool = False) -> Equilibrium:
         slack = np.zeros(2)
         for t in (RIGHT, LEFT):
             if boundary.mode[t] == _newton.LENGTH and point.tension[t] <= 0.0:

@@ -9,7 +9,7 @@ import numpy as np
 import paper_arm as paper
 import pytest
 
-from soft_continuum.mechanics import ArmError, Disc, RigidChain, Segment
+from soft_continuum.mechanics import ArmError, Disc, PointForce, RigidChain, Segment
 
 GOOD = {'length': 0.07, 'bending_stiffness': 0.0265, 'guide_offsets': (0.025, 0.025),
         'mass': 0.069, 'bending_angle_limit': 1.5, 'outer_diameter': 0.05}
@@ -32,7 +32,7 @@ def test_an_impossible_guide_offset_is_refused(offsets):
         Segment(**{**GOOD, 'guide_offsets': offsets})
 
 
-@pytest.mark.parametrize('offsets', [(), (0.02,), (0.02, 0.02, 0.02)])
+@pytest.mark.parametrize('offsets', [0.02, (), (0.02,), (0.02, 0.02, 0.02)])
 def test_a_segment_has_a_guide_at_each_of_its_two_ends(offsets):
     with pytest.raises(ArmError):
         Segment(**{**GOOD, 'guide_offsets': offsets})
@@ -143,3 +143,25 @@ def test_joint_angles_of_the_wrong_size_or_nan_are_refused(angles):
 def test_bending_angles_of_the_wrong_size_or_nan_are_refused(angles):
     with pytest.raises(ValueError):
         RigidChain(paper.build()).uniform(angles)
+
+
+def test_a_whole_number_of_numpy_is_a_whole_number_of_bodies():
+    assert paper.build().with_bodies(np.int64(5)).bodies_per_segment == 5
+
+
+@pytest.mark.parametrize('segment', [-1, 3, 0.5])
+def test_the_stiffness_of_a_segment_that_is_not_there_is_refused(segment):
+    with pytest.raises(ArmError, match='0 to 2'):
+        paper.build().with_bending_stiffness(segment, 0.01)
+
+
+@pytest.mark.parametrize('disc', [-1, 4, 1.5])
+def test_a_force_on_a_disc_that_is_not_there_is_refused(disc):
+    with pytest.raises(ArmError, match='0 to 3'):
+        replace(paper.build(), forces=(PointForce(disc, 0.0, 1.0),))
+
+
+@pytest.mark.parametrize('field', ['jam', 'soft_law'])
+def test_a_number_is_not_a_stiffness_law(field):
+    with pytest.raises(ArmError, match='give a'):
+        Segment(**{**GOOD, field: 5.0})

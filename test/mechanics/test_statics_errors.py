@@ -35,12 +35,13 @@ def test_pulls_that_are_not_two_numbers_are_refused(statics, asked):
         statics.solve(statics.chain.straight(), asked, FIRST)
 
 
-@pytest.mark.parametrize('soft', [(), (True,), (True,) * 4])
+@pytest.mark.parametrize('soft', [True, None, (), (True,), (True,) * 4])
 def test_a_mask_of_the_wrong_length_is_refused(statics, soft):
     with pytest.raises(ValueError, match='3 segments'):
         statics.solve(statics.chain.straight(), (0.0, SLACK), soft)
-    with pytest.raises(ValueError):
-        statics.bend(statics.chain.straight(), 0, 0.1, soft)
+    if soft is not None:  # bend then softens the one segment
+        with pytest.raises(ValueError):
+            statics.bend(statics.chain.straight(), 0, 0.1, soft)
 
 
 def test_a_mask_with_nan_is_refused(statics):
@@ -56,7 +57,14 @@ def test_a_start_state_of_another_arm_is_refused(statics, bodies):
         statics.solve(other.chain.straight(), (0.01, SLACK), FIRST)
 
 
-@pytest.mark.parametrize('segment', [-1, 3, 1])
+def test_a_start_state_of_as_many_joints_in_fewer_segments_is_refused(statics):
+    three, arm = Statics(statics.chain.arm.with_bodies(3)), statics.chain.arm
+    two = Statics(Arm(arm.segments[:2], arm.discs[:3], bodies_per_segment=5))
+    with pytest.raises(ValueError, match='12 joints in 2 segments'):
+        three.solve(two.chain.uniform([0.5, 0.0]), (0.0, 0.0), FIRST)
+
+
+@pytest.mark.parametrize('segment', [-1, 3, 1, 1.5])
 def test_bending_a_segment_that_is_not_soft_is_refused(statics, segment):
     with pytest.raises(ValueError, match='segment'):
         statics.bend(statics.chain.straight(), segment, 0.1, FIRST)
@@ -124,6 +132,11 @@ def test_the_error_carries_an_equilibrium_on_the_way(statics, asked):
             assert state.pulls[tendon] <= asked[tendon] + 1e-9
     arm = IndependentArm(statics.chain.arm)
     assert arm.unbalanced(state.joint_angles, state.tensions, FIRST) < 1e-6
+
+
+def test_the_error_names_the_pulls_that_were_asked_for_and_how_far_they_got(statics):
+    with pytest.raises(OverconstrainedError, match=r'right 200\.00 mm and left slack .* ends at'):
+        statics.solve(statics.chain.straight(), (0.2, SLACK), FIRST)
 
 
 def test_no_pull_beyond_the_length_of_the_arm(statics):

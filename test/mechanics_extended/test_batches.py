@@ -188,3 +188,17 @@ def test_tables_are_refused(changes):
     statics = Statics(paper_like(1, **changes))
     with pytest.raises(ValueError, match='linear'):
         solve_batch(statics, statics.chain.straight(), (0.01, SLACK), (True,))
+
+
+def test_a_batch_does_not_find_the_arm_straight_where_it_buckles():
+    statics = Statics(paper_like(3, tendon=Tendon(5000.0)))
+    asked = np.array([[0.001, 0.001], [0.004, 0.003]])
+    batch = solve_batch(statics, statics.chain.straight(), asked, (True,) * 3)
+    assert batch.jumped.tolist() == [True, False]  # pulled unlike it bends without a jump
+    assert_as_one_by_one(batch, [statics], statics.chain.straight(), asked, (True,) * 3)
+
+
+def test_a_batch_of_tendons_with_friction_is_refused():
+    rough = Statics(paper_like(1, tendon=Tendon(friction=0.1)))
+    with pytest.raises(ValueError, match='without_friction'):
+        solve_batch(rough, rough.chain.straight(), (0.01, SLACK), (True,))

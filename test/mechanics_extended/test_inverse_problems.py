@@ -139,6 +139,26 @@ def test_a_segment_that_has_its_angle_is_left_alone():
     assert np.array_equal(state.joint_angles[2 * joints:], start.joint_angles[2 * joints:])
 
 
+@pytest.mark.parametrize('jam', [Jam(3.0), Jam(10.0)])
+@pytest.mark.parametrize('gravity', [0.0, 9.80665])
+def test_elastic_segments_have_their_angles_when_all_are_set(jam, gravity):
+    statics = Statics(paper_like(3, jam, gravity=gravity))
+    state = set_shape(statics, (0.6, -0.3, 0.5))
+    assert angles(statics, state) == pytest.approx([0.6, -0.3, 0.5], abs=1e-8)
+
+
+@pytest.mark.parametrize('wrong', [(0.1,), (0.1, 0.1, 0.1, 0.9), (0.1, nan, 0.1), (0.1, 'a', 0.1)])
+def test_a_shape_of_the_wrong_size_or_no_number_is_refused(wrong):
+    with pytest.raises(ValueError):
+        set_shape(Statics(paper_like(3)), wrong)
+
+
+@pytest.mark.parametrize('order', [(0, 5), (-1,), (0, 0), (0.5,)])
+def test_an_order_of_segments_that_are_not_there_is_refused(order):
+    with pytest.raises(ValueError, match='order'):
+        set_shape(Statics(paper_like(3)), (0.1, 0.1, 0.1), order=order)
+
+
 # Tips
 
 def limited(limit=1.2, gravity=0.0, bodies=3):
@@ -264,7 +284,23 @@ def test_straight_above_the_nearest_tip_is_that_of_the_straight_arm():
     assert fit.bending_angles == pytest.approx(0.0, abs=1e-3)
 
 
-@pytest.mark.parametrize('tip', [(nan, 0.1), (0.1, np.inf), (0.1, 0.2, nan)])
+def test_the_angles_for_a_tip_are_those_of_the_state_also_where_segments_give_way():
+    statics = Statics(paper_like(3, Jam(3.0), bodies=3))
+    fit = angles_for_tip(statics, 0.2, 0.1)
+    assert fit.bending_angles == pytest.approx(angles(statics, fit.state), abs=1e-9)
+    assert tip_of(statics, fit.state) == pytest.approx(fit.tip, abs=1e-12)
+
+
+def test_the_angles_for_a_tip_are_within_the_limits_when_those_of_the_start_are_not():
+    statics = limited()
+    start = statics.bend(statics.chain.straight(), 0, 2.0)
+    tip = tip_of(statics, start)
+    fit = angles_for_tip(statics, tip[0], tip[1], start=start)
+    assert 0 in fit.softened
+    assert np.abs(fit.bending_angles).max() <= 1.2 + 1e-9
+
+
+@pytest.mark.parametrize('tip', [('a', 0.1), (nan, 0.1), (0.1, np.inf), (0.1, 0.2, nan)])
 def test_a_tip_that_is_no_number_is_refused(tip):
     with pytest.raises(ValueError, match='tip'):
         angles_for_tip(limited(), *tip)
@@ -306,7 +342,7 @@ def test_shapes_that_no_tendon_holds_are_left_out():
     assert shapes.shape[1:] == (1,)
 
 
-@pytest.mark.parametrize('count', [-1, 0, 1])
+@pytest.mark.parametrize('count', [-1, 0, 1, 2.5])
 def test_fewer_than_two_values_a_segment_are_refused(count):
     with pytest.raises(ValueError, match='at least 2'):
         workspace(limited(), count)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from soft_continuum.mechanics import Arm, Disc, Segment, SLACK, Statics
+from soft_continuum.mechanics import Arm, Disc, Linearisation, Segment, SLACK, Statics
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
 
@@ -218,3 +218,55 @@ def test_an_arm_held_by_both_tendons_needs_no_jump_to_be_let_down():
     held = statics.solve(statics.chain.straight(), (0.0, 0.0), (True,))
     assert held.joint_angles == pytest.approx(0.0, abs=1e-9)
     assert not held.jumped
+
+
+# Buckling between two taut tendons
+
+@pytest.mark.parametrize('pull', [0.0005, 0.001, 0.004])
+def test_a_straight_arm_that_buckles_under_both_tendons_is_not_found_stable(pull):
+    statics = Statics(paper_like(3, tendon=Tendon(5000.0)))
+    soft = (True,) * 3
+    first = statics.solve(statics.chain.straight(), (pull, pull), soft)
+    assert first.jumped
+    again = statics.solve(first, (pull, pull), soft)
+    assert not again.jumped
+    assert again.joint_angles == pytest.approx(first.joint_angles, abs=1e-6)
+    line = Linearisation(statics, first)
+    hessian = line.hessian + sum(
+        np.outer(line._reach[:, t], line._reach[:, t]) / statics.compliance[t] for t in (0, 1))
+    assert np.linalg.eigvalsh(hessian)[0] > 0.0
+
+
+@pytest.mark.parametrize('soft', [(1, 0, 0), (0, 1, 0), (1, 1, 1)])
+@pytest.mark.parametrize('pull', [1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2])
+def test_both_tendons_can_be_pulled_a_little_from_straight(pull, soft):
+    arm = paper_like(3, bodies=12)
+    statics, reference = Statics(arm), Reference(arm, tuple(not s for s in soft))
+    state = statics.solve(statics.chain.straight(), (pull, pull), soft)
+    assert state.jumped
+    assert state.pulls == pytest.approx([pull, pull], abs=1e-9)
+    assert reference.stable(state.joint_angles, state.tensions)
+
+
+NEARLY_SYMMETRIC = (((0.083, 0.0354, (0.012, 0.014)), (0.079, 0.0439, (0.017, 0.027))),
+                    0.0, 0.0, (0.0046, 0.0134))
+SAGGING = (((0.044, 0.0262, (0.024, 0.017)), (0.043, 0.0072, (0.021, 0.017))),
+           9.80665, np.pi / 2, (0.0032, 0.0114))
+
+
+@pytest.mark.parametrize(('kinds', 'gravity', 'mounting', 'asked'), [NEARLY_SYMMETRIC, SAGGING],
+                         ids=['nearly symmetric', 'sagging'])
+def test_a_long_step_on_two_taut_tendons_ends_where_short_ones_end(
+        kinds, gravity, mounting, asked):
+    segments = tuple(Segment(length, stiffness, offsets, mass=0.05)
+                     for length, stiffness, offsets in kinds)
+    statics = Statics(Arm(segments, (Disc(0.02, 0.03),) * 3, gravity=gravity,
+                          mounting_angle=mounting, tendon=Tendon(5000.0)))
+    soft = (True, True)
+    start = state = statics.solve(statics.chain.straight(), (0.0, 0.0), soft)
+    at_once = statics.solve(start, asked, soft)
+    assert at_once.tensions.min() > 1.0
+    for part in np.linspace(0.0, 1.0, 61)[1:]:
+        state = statics.solve(state, np.array(asked) * part, soft)
+        assert not state.jumped
+    assert at_once.joint_angles == pytest.approx(state.joint_angles, abs=1e-6)

@@ -242,3 +242,15 @@ def test_with_friction_the_derivative_is_that_at_constant_shares_of_the_tension(
     without = Linearisation(statics, state).pulls().joint_angles[:, 0]
     apart = np.abs(found.joint_angles[:, 0] - true).max()
     assert 0.01 * np.abs(true).max() < apart < 0.5 * np.abs(without - true).max()
+
+
+@pytest.mark.parametrize('pull', [0.005, 0.01, 0.02])
+def test_where_jams_yield_the_derivative_is_that_of_loading_or_of_turning_back(pull):
+    statics, step = Statics(paper_like(3, Jam(5.0, yield_moment=0.02), bodies=12)), 1e-6
+    stiff = (False,) * 3
+    state = statics.solve(statics.chain.straight(), (pull, SLACK), stiff)
+    for loading, change in ((True, step), (False, -step)):
+        there = statics.solve(state, (pull + change, SLACK), stiff)
+        found = Linearisation(statics, state, loading=loading).pulls()
+        expected = (numbers(statics, there) - numbers(statics, state)) / change
+        assert column(found, 0) == pytest.approx(expected, rel=1e-2, abs=1e-2)

@@ -337,8 +337,8 @@ def test_less_vacuum_creeps_further():
 
 
 @pytest.mark.parametrize('jam', [
-    Jam(5.0), Jam(5.0, yield_moment=0.1), Jam(law=linear(1.0)),
-    Jam(5.0, yield_moment=0.1, stiffness_exponent=0.0)])
+    Jam(), Jam(5.0), Jam(5.0, yield_moment=0.1), Jam(law=linear(1.0)),
+    Jam(5.0, stiffness_exponent=0.0), Jam(5.0, yield_moment=0.1, stiffness_exponent=0.0)])
 def test_without_vacuum_a_jam_holds_nothing(jam):
     statics = Statics(paper_like(2, jam, gravity=9.80665, mounting_angle=2.0))
     straight = statics.chain.straight()
@@ -347,7 +347,32 @@ def test_without_vacuum_a_jam_holds_nothing(jam):
     assert stiff.joint_angles == pytest.approx(soft.joint_angles, abs=1e-10)
 
 
-@pytest.mark.parametrize('vacuum', [(), (1.0,), (1.0, 1.1), (-0.1, 1.0), (np.nan, 1.0)])
+def test_a_rigid_jam_has_all_its_vacuum_or_none():
+    statics = Statics(paper_like(2))
+    with pytest.raises(ValueError, match='vacuum of segment 2 is 0.3'):
+        statics.solve(statics.chain.straight(), (0.01, SLACK), only(0, 2), vacuum=(0.3, 0.3))
+
+
+def test_more_vacuum_moves_nothing_beyond_the_last_row_of_a_table():
+    soft_law = MomentCurvature((0.0, 5.0), (0.0, 0.05))
+    statics = Statics(paper_like(1, Jam(5.0), soft_law))
+    some = statics.solve(statics.chain.straight(), (0.012, SLACK), (False,), vacuum=(0.3,))
+    assert some.joint_angles.max() > 1.2 * 5.0 * statics.chain.joint_lengths[0]
+    full = statics.solve(some, (0.012, SLACK), (False,))
+    assert full.joint_angles == pytest.approx(some.joint_angles, abs=1e-9)
+    assert full.tensions == pytest.approx(some.tensions, abs=1e-6)
+
+
+def test_bending_keeps_the_vacuum_unless_another_is_given():
+    statics = Statics(paper_like(3, Jam(5.0)))
+    start = statics.solve(
+        statics.chain.straight(), (0.005, SLACK), only(1, 3), vacuum=(0.3, 1.0, 1.0))
+    assert statics.bend(start, 1, 0.3).vacuum == (0.3, 1.0, 1.0)
+    assert statics.bend(start, 1, 0.3, vacuum=(0.5, 1.0, 1.0)).vacuum == (0.5, 1.0, 1.0)
+
+
+@pytest.mark.parametrize('vacuum', [
+    0.5, (), (1.0,), (1.0, 1.1), (-0.1, 1.0), (np.nan, 1.0), ('a', 1.0)])
 def test_a_vacuum_of_the_wrong_size_or_range_is_refused(vacuum):
     statics = Statics(paper_like(2, Jam(5.0)))
     with pytest.raises(ValueError, match='vacuum'):

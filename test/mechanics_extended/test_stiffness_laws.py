@@ -189,3 +189,8 @@ def test_the_chains_energy_is_the_work_of_its_tables():
     state = statics.solve(statics.chain.straight(), (0.02, SLACK), (True,))
     assert statics.chain.energy(state.joint_angles) == pytest.approx(
         Reference(arm).energy(state.joint_angles), rel=1e-12)
+
+
+def test_a_jam_has_a_ratio_or_a_law_not_both():
+    with pytest.raises(LawError, match='not both'):
+        Jam(5.0, law=JAMMED)

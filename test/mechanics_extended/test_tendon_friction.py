@@ -12,7 +12,18 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics
+from soft_continuum.mechanics import (
+    angles_for_tip,
+    Elastica,
+    LEFT,
+    Linearisation,
+    pulls_for_angles,
+    RIGHT,
+    set_shape,
+    SLACK,
+    Statics,
+    workspace,
+)
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.joints import tension_ratios
 from soft_continuum.mechanics.laws import Jam
@@ -239,11 +250,16 @@ def test_what_friction_takes_from_the_tension_does_not_stretch_the_tendon():
     assert asked - state.pulls[RIGHT] == pytest.approx(stretch, rel=0.02)
 
 
-@pytest.mark.parametrize('sliding', [(1,), (1, 1, 1), (2, 0), (nan, 0), (0.5, 0), ()])
+@pytest.mark.parametrize('sliding', [
+    1, (1,), (1, 1, 1), (2, 0), (nan, 0), (0.5, 0), ()])
 def test_a_direction_that_is_none_is_refused(sliding):
     statics = rough(2, 0.1)
     with pytest.raises(ValueError, match='sliding'):
         statics.solve(statics.chain.straight(), (0.01, SLACK), (True, True), sliding=sliding)
+    with pytest.raises(ValueError, match='sliding'):
+        statics.commanded_pulls(statics.chain.straight(), sliding)
+    with pytest.raises(ValueError, match='sliding'):
+        Linearisation(statics, statics.chain.straight(), sliding)
 
 
 def test_the_other_tendon_of_a_mirrored_arm_has_the_mirrored_friction():
@@ -253,3 +269,30 @@ def test_the_other_tendon_of_a_mirrored_arm_has_the_mirrored_friction():
     other = mirrored.solve(mirrored.chain.straight(), (SLACK, 0.02), (True,) * 3, sliding=(0, 1))
     assert other.joint_angles == pytest.approx(-one.joint_angles, abs=1e-10)
     assert other.tensions == pytest.approx(one.tensions[::-1], abs=1e-8)
+
+
+@pytest.mark.parametrize('stretch', [np.inf, 2000.0])
+@pytest.mark.parametrize('sliding', [PULLED, LET_OUT])
+def test_an_arm_bent_to_an_angle_with_friction_has_that_angle_at_those_pulls(stretch, sliding):
+    statics = rough(3, 0.3, stretch)
+    soft, straight = (True,) * 3, statics.chain.straight()
+    bent = statics.bend(straight, 0, 0.1, soft, sliding=sliding)
+    pulls = np.where(bent.tensions > 0.0, statics.commanded_pulls(bent, sliding), SLACK)
+    state = statics.solve(straight, pulls, soft, sliding=sliding)
+    assert state.joint_angles == pytest.approx(bent.joint_angles, abs=1e-8)
+    assert statics.chain.bending_angles(state.joint_angles)[0] == pytest.approx(0.1, abs=1e-8)
+    assert state.tensions == pytest.approx(bent.tensions, rel=1e-7)
+    without = statics.bend(straight, 0, 0.1, soft)
+    assert np.abs(without.joint_angles - bent.joint_angles).max() > 1e-4
+
+
+@pytest.mark.parametrize('call', [
+    lambda statics: set_shape(statics, [0.1] * 2),
+    lambda statics: pulls_for_angles(statics, statics.chain.straight(), [0.1] * 2, (True, False)),
+    lambda statics: angles_for_tip(statics, 0.1, 0.1), lambda statics: workspace(statics, 2),
+    lambda statics: Elastica(statics.chain.arm)])
+def test_what_knows_no_friction_refuses_it_and_takes_the_arm_without(call):
+    statics = rough(2, 0.3)
+    with pytest.raises(ValueError, match='without_friction'):
+        call(statics)
+    call(Statics(statics.chain.arm.without_friction()))

@@ -1,0 +1,61 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of what a caller gives for each segment or each tendon."""
+
+from collections.abc import Sequence
+from math import isfinite
+from numbers import Integral, Real
+from typing import Any
+
+
+def soft_flags(soft: Sequence[bool], segments: int) -> tuple[bool, ...]:
+    """Return one flag per segment; raise ValueError for anything else."""
+    given = _listed(soft)
+    if len(given) != segments or any(s not in (0, 1) for s in given):
+        raise ValueError(f'soft must have a true or false for each of the {segments} segments; '
+                         f'given: {soft!r}')
+    return tuple(bool(s) for s in given)
+
+
+def vacuum_parts(vacuum: Sequence[float] | None, segments: int) -> tuple[float, ...]:
+    """Return one part of full vacuum per segment, or nothing for full; else raise ValueError."""
+    if vacuum is None:
+        return ()
+    given = _listed(vacuum)
+    if len(given) != segments or not all(finite(v) and 0.0 <= v <= 1.0 for v in given):
+        raise ValueError(f'vacuum must be one number from 0 to 1 for each of the {segments} '
+                         f'segments; given: {vacuum!r}')
+    return tuple(float(v) for v in given)
+
+
+def sliding_signs(sliding: Sequence[int]) -> tuple[int, int]:
+    """Return the direction in which each tendon slides; raise ValueError for anything else."""
+    given = _listed(sliding)
+    if len(given) != 2 or any(s not in (-1, 0, 1) for s in given):
+        raise ValueError('sliding must be 1, 0 or -1 for each of the two tendons; '
+                         f'given: {sliding!r}')
+    return given[0], given[1]
+
+
+def refuse_friction(friction: float, what: str) -> None:
+    """Raise ValueError when there is friction and ``what`` knows none."""
+    if friction > 0.0:
+        raise ValueError(f'{what} knows no friction, and the tendons have a coefficient of '
+                         f'{friction:g}; leave it out with arm.without_friction()')
+
+
+def whole(value: object) -> bool:
+    """Return whether a value is a whole number, of Python or numpy."""
+    return isinstance(value, Integral)
+
+
+def finite(value: object) -> bool:
+    """Return whether a value is a finite number."""
+    return isinstance(value, Real) and isfinite(value)
+
+
+def _listed(values: Any) -> list[Any]:
+    try:
+        return list(values)
+    except TypeError:
+        return []
