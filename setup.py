@@ -44,8 +44,8 @@ setup(
             f'{name} = {PACKAGE}.executables:{name}'
             for name in (
                 'calibrate', 'characterize', 'converge', 'doctor', 'grbl_emulator', 'identify',
-                'jamming_valves', 'kinematics', 'modbus_emulator', 'shape_sequencer',
-                'tendon_actuation', 'validate', 'workspace')
+                'jamming_valves', 'kinematics', 'modbus_emulator', 'record', 'report',
+                'shape_sequencer', 'tendon_actuation', 'validate', 'workspace')
         ],
     },
 )

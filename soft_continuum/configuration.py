@@ -71,8 +71,8 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     'kinematics': (
         *ARM_PARAMETERS, FRAME,
         Parameter('straight_tolerance', 0.0005,
-                  'pulls up to which an arm found at start-up is taken to be straight, and by '
-                  'which the tendons may be too short for a stiff arm, m',
+                  'largest pull at which ~/reset takes a stiff arm to be straight, and by which '
+                  'the tendons may be too short for a stiff arm, m',
                   0.0, 0.1),
     ),
     'shape_sequencer': (

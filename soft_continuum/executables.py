@@ -60,6 +60,8 @@ converge = _program('commands.converge')
 validate = _program('commands.validate')
 identify = _program('commands.identify')
 workspace = _program('commands.workspace')
+record = _program('commands.record')
+report = _program('commands.report')
 
 
 def up() -> None:

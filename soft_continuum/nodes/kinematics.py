@@ -35,6 +35,8 @@ from soft_continuum.urdf import arm_urdf, joint_names
 
 MARKER_PERIOD = 0.05  # s
 PULL_RESOLUTION = 1e-9  # m: a smaller change of pull changes nothing
+UNMOVED = 1e-5  # m: pulls of an arm that is still where it was referenced; opposite bends cancel
+TAKEN_UP = 1e-4  # m that rope and guides take up before both tendons carry
 
 
 class Kinematics(Node):
@@ -117,8 +119,7 @@ class Kinematics(Node):
     def _publish(self) -> None:
         if self._pulls is None or None in self._stiff:
             return
-        if self._state is None and np.abs(self._pulls).max() <= self.parameters[
-                'straight_tolerance']:
+        if self._state is None and np.abs(self._pulls).max() <= UNMOVED:
             self._state = self._statics.chain.straight()
         if self._state is None:
             self.status.set(
@@ -161,8 +162,7 @@ class Kinematics(Node):
         # A locked arm does not yield to the last step of a stepper.
         pulls = self._pulls if any(soft) else np.minimum(self._pulls, self._state.pulls)
         try:
-            state = self._statics.solve(self._state, pulls, soft,
-                                        sliding=self._sliding.tolist())
+            state = self._equilibrium(pulls, soft)
         except StaticsError as error:
             self.status.set(ERROR, f'no shape found: {error}')
             return False
@@ -175,6 +175,26 @@ class Kinematics(Node):
             tension_right=f'{right:.2f}', tension_left=f'{left:.2f}',
             slack_right=f'{state.slack[RIGHT]:.6f}', slack_left=f'{state.slack[LEFT]:.6f}')
         return True
+
+    def _equilibrium(self, pulls: Array, soft: list[bool]) -> Equilibrium:
+        """
+        Return the state for pulls (2,) m; raises StaticsError.
+
+        The tendons of the model do not give: a micrometre too short both, as steppers round, would
+        buckle the arm.  Up to TAKEN_UP the one that carries less is let go.
+        """
+        assert self._state is not None
+        sliding = self._sliding.tolist()
+        state = self._statics.solve(self._state, pulls, soft, sliding=sliding)
+        if all(state.taut):
+            less = RIGHT if state.tensions[RIGHT] < state.tensions[LEFT] else LEFT
+            for tendon in (less, 1 - less):
+                eased = np.array(pulls)
+                eased[tendon] -= TAKEN_UP
+                other = self._statics.solve(self._state, eased, soft, sliding=sliding)
+                if not other.taut[tendon]:
+                    return other
+        return state
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._pulls is None:

@@ -156,6 +156,27 @@ def test_only_the_soft_segment_changes_its_shape(rig: Rig, fake: FakeArm) -> Non
     assert joints[[0, 2]] == pytest.approx(np.zeros((2, 13)), abs=1e-12)
 
 
+def test_pulls_that_nearly_cancel_do_not_say_that_the_arm_is_straight(
+        rig: Rig, fake: FakeArm) -> None:
+    # An S-shape of the paper's arm ends near zero pull.
+    fake.say((0.000055, -0.000095))
+    rig.wait_for(lambda: 'unknown' in rig.statuses['kinematics'].last.message, 'doubt')
+    assert not len(rig.joints)
+
+
+def test_steppers_that_round_both_pulls_up_do_not_buckle_the_arm(rig: Rig, fake: FakeArm) -> None:
+    fake.say((0.0, 0.0))
+    shape(rig, 1)
+    fake.say(soft=3)
+    rig.wait_for_status('kinematics', 'soft', '3')
+    before = len(rig.joints)
+    fake.pull((2.5e-6, 2.5e-6))
+    rig.wait_for(lambda: len(rig.joints) > before, 'a shape')
+    assert np.abs(shape(rig, 1)).max() < 1e-3
+    rig.wait_for(lambda: rig.status_value('kinematics', 'tension_right'), 'tensions')
+    assert float(rig.status_value('kinematics', 'tension_right')) < 1.0
+
+
 def test_the_shape_is_unknown_after_starting_on_pulled_tendons(rig: Rig, fake: FakeArm) -> None:
     fake.say((0.004, -0.005))
     rig.wait_for(lambda: 'unknown' in rig.statuses['kinematics'].last.message, 'an unknown shape')

@@ -1,0 +1,116 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded run as one HTML page that needs no other file."""
+
+import base64
+from collections.abc import Iterable, Sequence
+from html import escape
+import io
+
+from matplotlib.figure import Figure
+import numpy as np
+
+from soft_continuum.analysis.recording import Held, Recording
+
+STYLE = """
+body { font-family: sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #222 }
+table { border-collapse: collapse; margin: 1em 0 } img { max-width: 100% }
+th, td { padding: 0.2em 0.8em; border-bottom: 1px solid #ccc; text-align: right }
+th:first-child, td:first-child, .text td { text-align: left }
+"""
+LINES = ('-', '--', '-.', ':')
+
+
+def report_html(recording: Recording, title: str) -> str:
+    """Return the page; what is in its figures is also in its tables or in the files."""
+    held = recording.held_shapes()
+    parts = [f'<h1>{escape(title)}</h1>', _summary(recording)]
+    if held:
+        parts += ['<h2>Shapes held</h2>', _image(_shapes(held), 'the shapes, described below'),
+                  _table(['shape', 'at, s', 'end of', 'x, mm', 'z, mm', 'tangent, degrees',
+                          'right pull, mm', 'left pull, mm'], _shape_rows(held))]
+    parts += ['<h2>Over time</h2>',
+              _image(_over_time(recording), 'pulls, tensions and pressures over time')]
+    parts += ['<h2>Events</h2>', _table(
+        ['time, s', 'source', 'event'],
+        [[f'{time:.2f}', source, text] for time, source, text in recording.events], 'text')]
+    return ('<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+            f'<title>{escape(title)}</title><style>{STYLE}</style></head><body>'
+            + '\n'.join(parts) + '</body></html>\n')
+
+
+def _summary(recording: Recording) -> str:
+    rows = []
+    if len(recording.tendons):
+        low, high = recording.tendons[:, 1:].min(axis=0), recording.tendons[:, 1:].max(axis=0)
+        rows.append(['pulls, mm', f'right {low[0]:.2f} to {high[0]:.2f}, '
+                                  f'left {low[1]:.2f} to {high[1]:.2f}'])
+        rows.append(['duration, s', f'{recording.tendons[-1, 0]:.1f}'])
+    tensions = recording.tensions[:, 1:]
+    if np.isfinite(tensions).any():
+        most = np.nanmax(tensions, axis=0)
+        rows.append(['largest tension by the model, N',
+                     f'right {most[0]:.2f}, left {most[1]:.2f}'])
+    for segment in np.unique(recording.stiff[:, 1]):
+        flags = recording.stiff[recording.stiff[:, 1] == segment, 2]
+        rows.append([f'segment {segment:.0f} softened', f'{np.sum(np.diff(flags) < 0)} times'])
+    return _table(['', ''], rows, 'text')
+
+
+def _shape_rows(held: Iterable[Held]) -> list[list[str]]:
+    rows = []
+    for shape in held:
+        ends = [('tip', shape.points[-1])]
+        ends = [(f'segment {n}', row) for n, row in enumerate(shape.points[2::2], start=1)] + ends
+        for label, (x, z, tangent) in ends:
+            rows.append([shape.shape, f'{shape.time:.1f}', label, f'{x:.2f}', f'{z:.2f}',
+                         f'{tangent:.2f}', *(f'{pull:.3f}' for pull in shape.pulls)])
+    return rows
+
+
+def _shapes(held: Sequence[Held]) -> Figure:
+    figure = Figure(figsize=(3.2 * len(held), 3.8), layout='constrained')
+    panels = figure.subplots(1, len(held), squeeze=False, sharex=True, sharey=True)[0]
+    for axes, shape in zip(panels, held, strict=True):
+        axes.plot(shape.points[:, 0], shape.points[:, 1], 'o-', color='black', markersize=4)
+        axes.set_title(shape.shape, parse_math=False)
+        axes.set_aspect('equal')
+        axes.set_xlabel('x in mm')
+        axes.grid(alpha=0.3)
+    panels[0].set_ylabel('z in mm')
+    return figure
+
+
+def _over_time(recording: Recording) -> Figure:
+    figure = Figure(figsize=(9.0, 7.5), layout='constrained')
+    pulls, tensions, pressures = figure.subplots(3, 1, sharex=True)
+    for axes, rows, label in ((pulls, recording.tendons, 'pull in mm'),
+                              (tensions, recording.tensions, 'tension in N\n(model)')):
+        for column, name in ((1, 'right'), (2, 'left')):
+            axes.plot(rows[:, 0], rows[:, column], LINES[column - 1], color='black', label=name)
+        axes.set_ylabel(label)
+    for n in np.unique(recording.pressures[:, 1]):
+        rows = recording.pressures[recording.pressures[:, 1] == n]
+        pressures.plot(rows[:, 0], rows[:, 2], LINES[(int(n) - 1) % len(LINES)], color='black',
+                       label=f'segment {n:.0f}')
+    pressures.set_ylabel('pressure in kPa\n(absolute)')
+    pressures.set_xlabel('time in s')
+    for axes in (pulls, tensions, pressures):
+        axes.grid(alpha=0.3)
+        if axes.lines:
+            axes.legend(loc='upper left', frameon=False, ncols=3)
+    return figure
+
+
+def _image(figure: Figure, alternative: str) -> str:
+    data = io.BytesIO()
+    figure.savefig(data, format='png', dpi=110)
+    encoded = base64.b64encode(data.getvalue()).decode('ascii')
+    return f'<img alt="{escape(alternative)}" src="data:image/png;base64,{encoded}">'
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = '') -> str:
+    lines = ['<tr>' + ''.join(f'<th>{escape(cell)}</th>' for cell in head) + '</tr>']
+    lines += ['<tr>' + ''.join(f'<td>{escape(cell)}</td>' for cell in row) + '</tr>'
+              for row in rows]
+    return f'<table class="{kind}">' + '\n'.join(lines) + '</table>'

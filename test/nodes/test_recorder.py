@@ -1,0 +1,111 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A run is recorded by a process of its own, and turned into a page."""
+
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from ros_rig import Rig
+
+from soft_continuum.analysis.recording import read_recording
+from soft_continuum.commands.report import main as report
+
+
+class RecordProcess:
+    """The command record, listening to the rig."""
+
+    def __init__(self, rig: Rig, domain: int, directory: Path, *options: str) -> None:
+        self.directory = directory
+        self._rig = rig
+        self.process = subprocess.Popen(
+            [sys.executable, '-m', 'soft_continuum.commands.record', '--output', str(directory),
+             '--namespace', rig.namespace, *options],
+            env={**os.environ, 'ROS_DOMAIN_ID': str(domain)}, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True)
+
+    def wait_until_it_hears(self) -> None:
+        def heard() -> bool:
+            assert self.process.poll() is None, self.process.communicate()
+            return all((self.directory / f'{name}.csv').exists() and len(
+                (self.directory / f'{name}.csv').read_text().splitlines()) > 3
+                for name in ('tendons', 'points', 'pressures', 'stiff'))
+        self._rig.wait_for(heard, 'a recording')
+
+    def end(self) -> tuple[int, str, str]:
+        out, err = self.process.communicate(timeout=30)
+        return self.process.returncode, out, err
+
+
+@pytest.fixture
+def recorder(arm: Rig, domain: int, tmp_path: Path) -> Iterator[RecordProcess]:
+    found = RecordProcess(arm, domain, tmp_path / 'run', '--goal')
+    found.wait_until_it_hears()
+    yield found
+    found.process.kill()
+    found.process.wait()
+
+
+def test_a_goal_is_recorded_to_its_end_and_reported(
+        arm: Rig, recorder: RecordProcess, tmp_path: Path,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    assert arm.goal('s_form', hold=0.5).result()[0] == 'SUCCEEDED'
+    status, out, err = recorder.end()
+    assert (status, err) == (0, '')
+    assert 's recorded in' in out
+    held, = read_recording(recorder.directory).held_shapes()
+    assert held.shape == 's_form'
+    ends = [(p.position.x, p.position.z) for p in arm.segment_poses.last.poses]
+    assert held.points[2::2, :2] == pytest.approx(np.array(ends) * 1e3, abs=0.1)
+    assert held.pulls == pytest.approx(np.array(arm.pulls) * 1e3, abs=0.01)
+    assert report([str(recorder.directory), '--output', str(tmp_path)]) == 0
+    page = (tmp_path / 'report.html').read_text('utf-8')
+    assert page.count('data:image/png') == 2
+    assert 's_form: moving segment 2' in page
+    assert 'http' not in page  # it needs nothing else
+    assert report([str(recorder.directory), '--output', str(tmp_path)]) == 2  # no overwriting
+    assert '--force' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_what_was_recorded_before_it_was_ended_is_kept(
+        recorder: RecordProcess, number: signal.Signals) -> None:
+    recorder.process.send_signal(number)
+    status, _, err = recorder.end()
+    assert status == (-signal.SIGKILL if number == signal.SIGKILL else 0)
+    assert 'Traceback' not in err
+    assert len(read_recording(recorder.directory).tendons) > 2
+
+
+def test_without_nodes_it_says_how_to_start_them(rig: Rig, domain: int, tmp_path: Path) -> None:
+    status, _, err = RecordProcess(rig, domain, tmp_path).end()
+    assert status == 1
+    assert './run up' in err
+
+
+@pytest.mark.parametrize(('name', 'text', 'words'), [
+    ('tendons', 'time [s],right pull [mm],left pull [mm]\n1.0,2.0,nothing\n2.0,1.0,1.0\n',
+     'line 2'),
+    ('tendons', 'a,b,c\n', 'line 1 must be'),
+    ('events', 'time [s],source,event\n1.0,a\n2.0,a,b\n', 'line 2 has 2 fields'),
+    ('points', None, 'record'),
+])
+def test_a_damaged_recording_is_named_by_file_and_line(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, text: str | None,
+        words: str) -> None:
+    from soft_continuum.analysis.recording import RecordingWriter
+
+    with RecordingWriter(tmp_path):
+        pass
+    path = tmp_path / f'{name}.csv'
+    path.unlink() if text is None else path.write_text(text)
+    assert report([str(tmp_path), '--output', str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert f'{name}.csv' in said
+    assert words in said
