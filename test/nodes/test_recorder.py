@@ -39,7 +39,7 @@ class RecordProcess:
         self._rig.wait_for(heard, 'a recording')
         # The rig's own action client is one.
         self._rig.wait_for(lambda: self._rig.observer.count_subscribers(
-            f'/{self._rig.namespace}/run_shape_sequence/_action/feedback') >= 2, 'feedback')
+            'run_shape_sequence/_action/feedback') >= 2, 'feedback')
 
     def end(self) -> tuple[int, str, str]:
         out, err = self.process.communicate(timeout=30)
