@@ -287,7 +287,11 @@ def workspace(statics: Statics, per_segment: int = 9) -> tuple[Array, Array]:
         limit = segment.bending_angle_limit
         after = []
         for state in states:
+            present = statics.chain.bending_angles(state.joint_angles)[s]
             for angle in np.linspace(-limit, limit, per_segment):
+                if abs(angle - present) < 1e-9:  # it need not be softened
+                    after.append(state)
+                    continue
                 try:
                     after.append(statics.bend(state, s, float(angle)))
                 except StaticsError:
