@@ -75,8 +75,9 @@ class JammingDriver(Protocol):
     """
     A vacuum pump with one valve and one pressure sensor per segment.
 
-    Calls return within some tens of milliseconds and raise HardwareError when the device fails.
-    A valve connects its segment to the pump or to the atmosphere and stays as it is on close.
+    Calls return within some tens of milliseconds and raise HardwareError when the device fails;
+    the next call tries again, and opens a port again that was lost.  A valve connects its segment
+    to the pump or to the atmosphere and stays as it is on close.
     """
 
     def open(self) -> None:

@@ -16,7 +16,6 @@ from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
 from soft_continuum.hardware.jamming_controller import JammingController
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver
 from soft_continuum.nodes.support import (
-    Age,
     EmergencyStop,
     ERROR,
     LATCHED,
@@ -24,8 +23,6 @@ from soft_continuum.nodes.support import (
     OK,
     STREAM,
 )
-
-RECONNECT = 2.0  # s between attempts to connect to a device that does not answer
 
 
 class JammingValves(ManagedNode):
@@ -62,7 +59,6 @@ class JammingValves(ManagedNode):
             lambda request, response: self._set_stiff(
                 list(range(self._segments)), request, response))
         self._emergency = EmergencyStop(self)
-        self._connect_age = Age()  # since the last attempt to connect again
         self._timer = self.create_timer(1.0 / self.parameters['jamming_rate'], self._update)
 
     def hardware_id(self) -> str:
@@ -98,7 +94,6 @@ class JammingValves(ManagedNode):
             reading = self._controller.update()
         except HardwareError as error:
             self.status.set(ERROR, str(error))
-            self._connect_again()
             return
         stamp = self.get_clock().now().to_msg()
         for i in range(self._segments):
@@ -111,18 +106,6 @@ class JammingValves(ManagedNode):
         self.status.set(ERROR if faults else OK, faults or 'working',
                         pump='on' if reading.pump else 'off',
                         stiff=' '.join(str(s).lower() for s in self._controller.stiff))
-
-    def _connect_again(self) -> None:
-        """Open a lost port again, now and then; what it finds is read and nothing is switched."""
-        assert self._driver is not None
-        if self._connect_age.seconds < RECONNECT:
-            return
-        try:
-            self._driver.close()
-            self._driver.open()
-        except HardwareError as error:
-            self.status.set(ERROR, str(error))
-        self._connect_age.refresh()
 
     def _say_stiff(self, segments: Iterable[int]) -> None:
         assert self._controller is not None

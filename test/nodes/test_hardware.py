@@ -141,8 +141,9 @@ def test_a_reset_of_the_board_in_motion_loses_the_reference(bench: Bench) -> Non
     rig.wait_for_status('tendon_actuation', 'stopped', 'the controller was reset')
     rests_at = bench.grbl.motors
     rig.wait_for(lambda: rig.trigger('tendon_actuation/resume').success, 'a resume')
-    rig.wait_for(lambda: not rig.goal(BEND).accepted or 'not referenced' in rig.status_value(
-        'tendon_actuation', 'refused'), 'a refusal')
+    status, result = rig.goal_when_heard(BEND).result()
+    assert status == 'ABORTED'
+    assert 'not referenced' in result.error_string
     assert bench.grbl.motors == rests_at
 
 
@@ -173,6 +174,12 @@ def test_valves_unplugged_in_motion_end_the_goal_and_switch_nothing_when_back(
     rig.wait_for(lambda: rig.statuses['jamming_valves'].last.level == DiagnosticStatus.OK,
                  'the valves back')
     assert bench.modbus.coils == coils
+
+
+def test_a_reply_that_is_lost_now_and_then_ends_no_goal(bench: Bench) -> None:
+    goal = bench.rig.goal_in_motion(BEND)
+    bench.modbus.drop = 0.02
+    assert goal.result()[0] == 'SUCCEEDED'
 
 
 def test_a_valve_that_does_not_follow_is_named(bench: Bench) -> None:
