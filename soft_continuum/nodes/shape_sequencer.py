@@ -32,6 +32,7 @@ from soft_continuum.nodes.support import (
     EmergencyStop,
     ERROR,
     LATCHED,
+    LivedTime,
     load_model,
     NodeParameters,
     OK,
@@ -106,9 +107,10 @@ class ShapeSequencer(Node):
         self._vacuum = [0.0] * segments
         self._tendons: JointState | None = None
         self._shape: Equilibrium | None = None
-        self._ages = {'tendon_actuation (tendon_states)': Age(),
-                      'jamming_valves (segment_1/pressure)': Age(),
-                      'kinematics (joint_states)': Age()}
+        lived = self._lived = LivedTime()
+        self._ages = {'tendon_actuation (tendon_states)': Age(lived),
+                      'jamming_valves (segment_1/pressure)': Age(lived),
+                      'kinematics (joint_states)': Age(lived)}
         self._tendon_age, self._jamming_age, self._shape_age = self._ages.values()
         self._tendon_status: dict[str, str] = {}
         self._errors: dict[str, tuple[str, Age]] = {}  # by node: what it says, and for how long
@@ -190,7 +192,7 @@ class ShapeSequencer(Node):
         if message.level != ERROR:
             self._errors.pop(node, None)
             return
-        _, age = self._errors.get(node, ('', Age()))
+        _, age = self._errors.get(node, ('', Age(self._lived)))
         if age.seconds == inf:
             age.refresh()
         self._errors[node] = message.message, age
@@ -324,6 +326,7 @@ class ShapeSequencer(Node):
         return CancelResponse.ACCEPT
 
     def _tick(self) -> None:
+        self._lived.tick()
         if self._next is not None and self._next.is_cancel_requested:
             self._server.finish(self._next, Outcome(
                 Code.CANCELED, 'canceled by the client before it started', 0))

@@ -183,22 +183,50 @@ def load_model(node: Node) -> None:
     warm_up()
 
 
-class Age:
-    """How long ago something was last heard, on a steady clock."""
+class LivedTime:
+    """
+    Steady time without the gaps in which this node itself did not get to run.
+
+    After such a gap what others have said still waits to be read: they were not silent.
+    """
+
+    LONGEST = 0.25  # s between two ticks that count: some more than the slowest timer
 
     def __init__(self) -> None:
-        """Start unheard."""
+        """Start at zero."""
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._lived = 0.0
+        self._ticked = self._steady()
+
+    def _steady(self) -> float:
+        return float(self._clock.now().nanoseconds * 1e-9)
+
+    def tick(self) -> None:
+        """Say that the node runs; call it from a timer faster than LONGEST."""
+        self._lived, self._ticked = self.seconds, self._steady()
+
+    @property
+    def seconds(self) -> float:
+        """Seconds lived."""
+        return self._lived + min(self._steady() - self._ticked, self.LONGEST)
+
+
+class Age:
+    """How long ago something was last heard."""
+
+    def __init__(self, lived: LivedTime) -> None:
+        """Start unheard."""
+        self._lived = lived
         self._heard = float('-inf')
 
     def refresh(self) -> None:
         """Note that it was heard now."""
-        self._heard = self._clock.now().nanoseconds * 1e-9
+        self._heard = self._lived.seconds
 
     @property
     def seconds(self) -> float:
         """Seconds since it was heard; infinite before the first time."""
-        return self._clock.now().nanoseconds * 1e-9 - self._heard
+        return self._lived.seconds - self._heard
 
 
 class EmergencyStop:

@@ -30,6 +30,7 @@ from soft_continuum.nodes.support import (
     EmergencyStop,
     ERROR,
     LATCHED,
+    LivedTime,
     load_model,
     ManagedNode,
     OK,
@@ -66,15 +67,16 @@ class TendonActuation(ManagedNode):
         self._driver: TendonDriver | None = None
         self._stopped_because = ''  # while there is no controller to keep it
         self._lost = ''  # why the device was lost
-        self._connect_age = Age()  # since the last attempt to connect to it again
+        lived = self._lived = LivedTime()
+        self._connect_age = Age(lived)  # since the last attempt to connect to it again
         self._refused = ''
         self._refused_stamp = Time()
         self._ended = ''
         self._stiff: list[bool | None] = [None] * len(self._arm.segments)
         self._stiff_at_start: list[bool | None] = []
-        self._jamming_age = Age()
+        self._jamming_age = Age(lived)
         self._shape: Equilibrium | None = None
-        self._shape_age = Age()
+        self._shape_age = Age(lived)
         self._states = self.create_publisher(JointState, 'tendon_states', STREAM)
         self.create_subscription(
             JointTrajectory, '~/joint_trajectory', self._on_trajectory, STREAM)
@@ -231,6 +233,7 @@ class TendonActuation(ManagedNode):
             raise MotionRefusedError(str(error)) from None
 
     def _update(self) -> None:
+        self._lived.tick()
         controller = self._controller
         if controller is None:
             if self._lost:

@@ -1,0 +1,62 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Questions on a terminal."""
+
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
+from soft_continuum.hardware.calibration import CalibrationError
+
+T = TypeVar('T')
+
+
+class DeclinedError(Exception):
+    """The user did not confirm, or gave no answer at all; says what that means."""
+
+
+def ask(question: str, read: Callable[[str], T]) -> T:
+    """
+    Ask until ``read`` takes the answer; it raises CalibrationError that says what is wrong.
+
+    Raises DeclinedError when there is nobody to answer.
+    """
+    while True:
+        try:
+            return read(input(f'{question} ').strip().lower())
+        except (CalibrationError, UnicodeDecodeError) as error:
+            print(error, flush=True)
+        except EOFError:
+            raise DeclinedError(
+                'no answer came; use a terminal, or give the answers as options: --yes, '
+                '--measured, --seen, --take-up') from None
+
+
+def confirm(text: str, yes: bool) -> None:
+    """Print what is going to happen; unless ``yes``, go on only after that was typed."""
+    print(f'\n{text}', flush=True)
+    if yes:
+        return
+    if not ask('Ready? (yes, no)', one_of({'yes': True, 'y': True, 'no': False, 'n': False})):
+        raise DeclinedError('not confirmed, so nothing more was done')
+
+
+def one_of(meanings: Mapping[str, T]) -> Callable[[str], T]:
+    """Return a reader of one of the words in ``meanings``."""
+    def read(answer: str) -> T:
+        if answer not in meanings:
+            raise CalibrationError(f'{answer!r} was typed; allowed: {", ".join(meanings)}')
+        return meanings[answer]
+
+    return read
+
+
+def number(text: str, low: float, high: float, unit: str) -> float:
+    """Return a typed number; raises CalibrationError when it is none between the bounds."""
+    try:
+        value = float(text.replace(',', '.'))
+    except ValueError:
+        value = float('nan')
+    if not low <= value <= high:
+        raise CalibrationError(f'{text!r} was typed; allowed: a number from {low:g} to {high:g} '
+                               f'{unit}')
+    return value

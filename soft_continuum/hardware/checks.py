@@ -1,0 +1,247 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The checks of ``doctor``: ports, firmware, settings, boards, valves and sensors of a rig.
+
+They move and switch nothing.  Steps that need one that failed are left out.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import isfinite
+import os
+from time import monotonic, sleep
+from typing import Any
+
+from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.grbl_link import GrblLink
+from soft_continuum.hardware.grbl_setup import find_controller, unfit_settings
+from soft_continuum.hardware.modbus_bus import LONGEST_QUIET, ModbusBus
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.hardware.serial_ports import describe_ports, open_serial
+from soft_continuum.parameters import ParameterError
+
+OK, WARN, FAIL = 'OK', 'WARN', 'FAIL'
+ROUND_TRIPS, MOST_LOST = 5, 1
+"""Requests to each board, and replies that may be missing before it counts as failed."""
+SLOW = 0.5
+"""Share of modbus.timeout that a reply may take before that is too close."""
+ZERO_ERROR = 3e3
+"""Pa that a vented segment may differ from ambient pressure: 3 % of the usual full scale."""
+SIMULATED = 'simulated'
+PORTS = {'grbl.port': ('tendon_driver', 'grbl'), 'modbus.port': ('jamming_driver', 'modbus')}
+"""Which parameter is a port, and the driver that uses it."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """What one step found; status: OK, WARN or FAIL.  If not OK, the message says what to do."""
+
+    step: str
+    status: str
+    message: str
+
+
+def check_ports(values: Mapping[str, Any]) -> Check:
+    """Say whether the configured ports, if any, will be the same devices tomorrow."""
+    step = 'serial ports'
+    used = {name: values[name] for name, driver in PORTS.items()
+            if values[driver[0]] == driver[1] and values[name]}
+    message = '; '.join(f'{name} is {port}' for name, port in used.items()) or 'none configured'
+    if len({os.path.realpath(port) for port in used.values()}) < len(used):
+        return Check(step, FAIL, f'{message}: the same port; give each device its own; '
+                     + describe_ports())
+    passing = [name for name, port in used.items()
+               if os.path.exists(port) and not os.path.islink(port)]
+    if passing:
+        return Check(step, WARN, f'{message}; {" and ".join(passing)} may be another device after '
+                     'the next start: use its name below /dev/serial/by-id, or make one with a '
+                     f'udev rule; {describe_ports()}')
+    return Check(step, OK, message)
+
+
+def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
+    """Yield what the steppers say of themselves; nothing moves."""
+    name = values['tendon_driver']
+    step = f'tendon driver {name}'
+    try:
+        driver = make_driver(TENDON_DRIVERS, name, values, monotonic)
+        if name == SIMULATED:
+            yield Check(step, OK, 'steppers are simulated: there is no device to check')
+        elif name == 'grbl':
+            yield from _check_grbl(values)
+        else:
+            driver.open()
+            reading = driver.read()
+            driver.close()
+            yield Check(step, OK, 'opens and reads')
+            yield _check_reference(reading.referenced)
+    except (HardwareError, ParameterError) as error:
+        yield Check(step, FAIL, str(error))
+
+
+def _check_reference(referenced: bool) -> Check:
+    if referenced:
+        return Check('tendon reference', OK, 'the zero of the tendons is known')
+    return Check('tendon reference', WARN,
+                 'the zero of the tendons is not known, so no motion is allowed: use calibrate '
+                 'zero, or straighten the arm with both tendons just taut and call '
+                 '/tendon_actuation/reference')
+
+
+def _check_grbl(values: Mapping[str, Any]) -> Iterator[Check]:
+    port, step = values['grbl.port'], 'tendon port'
+    try:
+        link = GrblLink(open_serial(port, values['grbl.baud_rate'], timeout=0, write_timeout=0.2))
+    except HardwareError as error:
+        yield Check(step, FAIL, str(error))
+        return
+    yield Check(step, OK, f'{port} opened, no other program uses it')
+    try:
+        found = find_controller(link)
+    except HardwareError as error:
+        yield Check('tendon firmware', FAIL, str(error))
+        return
+    finally:
+        link.close()
+    yield Check('tendon firmware', OK, f'{found.firmware}, at rest')
+    unfit = unfit_settings(found.settings, values['grbl.steps_per_mm'],
+                           1e3 * values['speed_limit'], 1e3 * values['acceleration_limit'])
+    if unfit:
+        yield Check('tendon settings', FAIL, f'{"; ".join(unfit)}; type these lines in a terminal '
+                    '(docs/rig.md), or change the parameter file')
+    else:
+        yield Check('tendon settings', OK, 'fit the parameters')
+    yield _check_reference(found.zero is not None)
+
+
+def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:
+    """Yield what boards, pump, valves and sensors say of themselves; nothing is switched."""
+    name = values['jamming_driver']
+    step = f'jamming driver {name}'
+    try:
+        driver = make_driver(JAMMING_DRIVERS, name, values, monotonic)
+        if name == SIMULATED:
+            yield Check(step, OK, 'pump, valves and sensors are simulated: there is no device to '
+                        'check')
+            return
+        if name == 'modbus':
+            failed = False
+            for check in _check_boards(values):
+                failed = failed or check.status == FAIL
+                yield check
+            if failed:
+                return
+        driver.open()
+        reading = driver.read()
+        driver.close()
+    except (HardwareError, ParameterError) as error:
+        yield Check(step, FAIL, str(error))
+        return
+    yield _check_pump(reading.pump, reading.evacuated)
+    for i, (pressure, evacuated) in enumerate(
+            zip(reading.pressures, reading.evacuated, strict=True)):
+        yield _check_segment(f'segment {i + 1}', values, pressure, evacuated)
+
+
+def _check_boards(values: Mapping[str, Any]) -> Iterator[Check]:
+    bus = ModbusBus(values['modbus.port'], values['modbus.baud_rate'], values['modbus.timeout'])
+    try:
+        bus.open()
+    except HardwareError as error:
+        yield Check('jamming port', FAIL, str(error))
+        return
+    yield Check('jamming port', OK, f'{values["modbus.port"]} opened, no other program uses it')
+    coils = _span([values['modbus.pump_coil'], *values['modbus.valve_coils']])
+    registers = _span(values['modbus.pressure_registers'])
+    trips: list[float] = []
+    try:
+        for board, ask, unit, addresses in (
+                ('relay board', bus.read_coils, values['modbus.relay_unit'], coils),
+                ('analog board', bus.read_input_registers, values['modbus.analog_unit'],
+                 registers)):
+            state: tuple[int, ...] = ()
+            lost: list[str] = []
+            for _ in range(ROUND_TRIPS):
+                begin = monotonic()
+                try:
+                    state = ask(unit, addresses[0], len(addresses))
+                    trips.append(monotonic() - begin)
+                except HardwareError as error:
+                    lost.append(str(error))
+                    if len(lost) > MOST_LOST:
+                        break
+                    sleep(LONGEST_QUIET)
+                    bus.open()  # so that no late reply is met
+            if len(lost) > MOST_LOST:
+                yield Check(board, FAIL, lost[-1])
+                sleep(LONGEST_QUIET)
+                bus.open()
+                continue
+            message = f'unit {unit} answers: ' + ', '.join(
+                _state(a, s) for a, s in zip(addresses, state, strict=True))
+            if lost:
+                yield Check(board, WARN, f'{message}; {len(lost)} of {ROUND_TRIPS} replies was '
+                            f'missed: {lost[0]}')
+            else:
+                yield Check(board, OK, message)
+    except HardwareError as error:
+        yield Check('jamming port', FAIL, str(error))
+        return
+    finally:
+        bus.close()
+    if trips:
+        yield _check_round_trip(trips, values['modbus.timeout'])
+
+
+def _span(addresses: Any) -> range:
+    """Return all addresses that one request must read, as the driver does."""
+    return range(int(min(addresses)), int(max(addresses)) + 1)
+
+
+def _state(address: int, state: int) -> str:
+    if isinstance(state, bool):
+        return f'coil {address} {"on" if state else "off"}'
+    return f'register {address} {state / 1000:.2f} mA'
+
+
+def _check_round_trip(trips: list[float], timeout: float) -> Check:
+    slowest = max(trips)
+    message = (f'slowest of {len(trips)} replies after {1e3 * slowest:.0f} ms, '
+               f'modbus.timeout is {1e3 * timeout:g} ms')
+    if slowest > SLOW * timeout:
+        return Check('modbus round trip', WARN,
+                     f'{message}; set it to {2.0 / SLOW * slowest:.2f} s or more')
+    return Check('modbus round trip', OK, message)
+
+
+def _check_pump(pump: bool, evacuated: tuple[bool, ...]) -> Check:
+    valves = ', '.join(f'segment {i + 1} {"to the pump" if e else "vented"}'
+                       for i, e in enumerate(evacuated))
+    message = f'pump {"on" if pump else "off"}; {valves}'
+    if pump and not any(evacuated):
+        return Check('pump and valves', WARN, f'{message}; the pump runs for nothing: start '
+                     'jamming_valves, which switches it off, or check modbus.pump_coil and '
+                     'modbus.energised_valve_evacuates')
+    return Check('pump and valves', OK, message)
+
+
+def _check_segment(step: str, values: Mapping[str, Any], pressure: float,
+                   evacuated: bool) -> Check:
+    if not isfinite(pressure):
+        return Check(step, FAIL, 'no pressure: its transmitter gives no current between 3.6 and '
+                     '21 mA; check its wires and its supply, and modbus.pressure_registers')
+    vacuum = values['ambient_pressure'] - pressure
+    message = f'{vacuum / 1e3:.1f} kPa of vacuum'
+    if evacuated:
+        return Check(step, WARN, f'{message}, connected to the pump: its sensor can be judged '
+                     'only while it is vented; vent it and run this again')
+    if abs(vacuum) > values['soft_vacuum']:
+        return Check(step, FAIL, f'{message} though it is vented; if that was not a moment ago, '
+                     'its sensor or valve is stuck, its vent is blocked, or '
+                     'modbus.vacuum_at_4_ma, modbus.vacuum_at_20_ma and ambient_pressure do not '
+                     'belong to this sensor')
+    if abs(vacuum) > ZERO_ERROR:
+        return Check(step, WARN, f'{message} though it is vented; adjust the zero of the '
+                     'transmitter, modbus.vacuum_at_4_ma or ambient_pressure')
+    return Check(step, OK, f'{message}, vented')

@@ -1,0 +1,169 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""An emulated rig with its parameter file, and commands that run on a terminal."""
+
+from contextlib import contextmanager
+from dataclasses import dataclass
+import os
+from pathlib import Path
+import pty
+import select
+import subprocess
+import sys
+from time import monotonic, sleep
+
+import yaml
+
+from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.hardware.grbl_tendons import GrblTendons
+
+PATIENCE = 60.0  # s until a test gives up waiting; a loaded computer is slow
+TIMEOUT = 1.0  # s that a Modbus reply may take on one
+
+
+@dataclass
+class Rig:
+    """Both emulators, and the parameter file that describes them."""
+
+    grbl: GrblEmulator
+    modbus: ModbusEmulator
+    file: Path
+
+    def parameters(self, **changes):
+        """Change parameters in the file; a name is a path with __ between its parts."""
+        document = yaml.safe_load(self.file.read_text())
+        for name, value in changes.items():
+            *groups, key = name.split('__')
+            place = document['/**']['ros__parameters']
+            for group in groups:
+                place = place.setdefault(group, {})
+            place[key] = value
+        self.file.write_text(yaml.safe_dump(document))
+
+
+@contextmanager
+def emulated_rig(folder, settings=None):
+    """A rig that is soft, without a reference, as after it was switched on."""
+    with GrblEmulator(str(folder / 'grbl'), settings=settings) as grbl, ModbusEmulator(
+            link=folder / 'modbus') as modbus:
+        rig = Rig(grbl, modbus, folder / 'rig.yaml')
+        rig.file.write_text('/**:\n  ros__parameters: {}\n')
+        rig.parameters(
+            tendon_driver='grbl', grbl__port=str(folder / 'grbl'), jamming_driver='modbus',
+            modbus__port=str(folder / 'modbus'), modbus__timeout=TIMEOUT)
+        yield rig
+
+
+def reference(rig):
+    """Give the controller a zero, as the node does."""
+    tendons = steppers(rig)
+    until(lambda: _references(tendons) and is_referenced(rig), 'a reference')
+
+
+def _references(tendons):
+    tendons.open()
+    tendons.reference()
+    sleep(0.2)
+    tendons.close()
+    return True
+
+
+def steppers(rig):
+    """The driver of the rig's tendons, as a node has it."""
+    return GrblTendons(str(rig.grbl.port), 115200, (200.0, 200.0), (1.0, 1.0), 0.03, 0.3,
+                       (-0.06, 0.06))
+
+
+def is_referenced(rig):
+    """Whether a node that starts now would know the zero of the tendons."""
+    tendons = steppers(rig)
+    tendons.open()
+    referenced = tendons.read().referenced
+    tendons.close()
+    return referenced
+
+
+def until(condition, what):
+    """Wait until something is true; fail if it never is."""
+    deadline = monotonic() + PATIENCE
+    while not condition():
+        assert monotonic() < deadline, f'never: {what}'
+        sleep(0.01)
+
+
+def shorten(rig):
+    """Make it an arm of one segment, which takes less time."""
+    rig.parameters(
+        arm__segment_lengths=[0.07], arm__outer_diameters=[0.05], arm__leaf_thicknesses=[0.0005],
+        arm__leaf_widths=[0.0127], arm__segment_masses=[0.069], arm__disc_heights=[0.03, 0.03],
+        arm__disc_masses=[0.06, 0.06], arm__bending_angle_limits=[1.0],
+        modbus__valve_coils=[1.0], modbus__pressure_registers=[0.0])
+
+
+class Terminal:
+    """A command in a process of its own, on a pseudo-terminal that somebody types at."""
+
+    def __init__(self, module, *arguments):
+        self._master, slave = pty.openpty()
+        self.shown = ''
+        self._read_to = 0
+        self.process = subprocess.Popen(
+            [sys.executable, '-m', f'soft_continuum.commands.{module}', *map(str, arguments)],
+            stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
+            preexec_fn=_take_terminal)
+        os.close(slave)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+        os.close(self._master)
+
+    def expect(self, text):
+        """Wait until ``text`` is shown after what was expected before."""
+        def is_shown():
+            ended = self.process.poll()
+            self._read()
+            shown = text in self.shown[self._read_to:]
+            assert shown or ended is None, f'ended with {ended}, {text!r} not in {self.shown!r}'
+            return shown
+        until(is_shown, f'{text!r}')
+        self._read_to = self.shown.index(text, self._read_to) + len(text)
+
+    def type(self, text):
+        """Type a line, or a control character alone."""
+        os.write(self._master, (text if text == CTRL_C else text + '\n').encode())
+
+    def answer(self, question, text):
+        """Wait for a question and answer it."""
+        self.expect(question)
+        self.type(text)
+
+    def end(self):
+        """Wait for the end; return the exit status."""
+        until(lambda: self._read() or self.process.poll() is not None, f'end of {self.shown!r}')
+        self._read()
+        return self.process.returncode
+
+    def _read(self):
+        while select.select([self._master], [], [], 0.0)[0]:
+            try:
+                data = os.read(self._master, 4096)
+            except OSError:  # the other side is closed
+                return
+            if not data:
+                return
+            self.shown += data.decode()
+
+
+CTRL_C = '\x03'
+
+
+def _take_terminal():
+    import fcntl
+    import termios
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)

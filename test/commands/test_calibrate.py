@@ -1,0 +1,390 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Calibrating finds what is true of a rig, moves little, and leaves it safe however it ends."""
+
+import signal
+import time
+
+from emulated_rig import (
+    CTRL_C,
+    emulated_rig,
+    is_referenced,
+    reference,
+    shorten,
+    Terminal,
+    until,
+)
+import pytest
+
+from soft_continuum.commands import calibrate
+from soft_continuum.commands.rig import rig_parameters
+
+STEPS_PER_MM = 200
+
+
+@pytest.fixture
+def rig(tmp_path):
+    with emulated_rig(tmp_path) as found:
+        yield found
+
+
+@pytest.fixture
+def run(rig, tmp_path, capsys):
+    """Return a function that runs the command on the rig: exit status, output, errors."""
+    def call(*arguments):
+        try:
+            status = calibrate.main(
+                [*map(str, arguments), '--params-file', str(rig.file), '--output', str(tmp_path)])
+        except SystemExit as ended:  # argparse
+            status = ended.code
+        return status, *capsys.readouterr()
+
+    return call
+
+
+@pytest.fixture
+def on_terminal(rig, tmp_path):
+    """Return a function that starts the command on a terminal."""
+    def start(*arguments):
+        return Terminal('calibrate', *arguments, '--params-file', rig.file, '--output', tmp_path)
+
+    return start
+
+
+def standing(rig):
+    """The position of both motors, once they stand."""
+    until(lambda: not rig.grbl.moving, 'motors stand')
+    return rig.grbl.motors[:2]
+
+
+def with_results(rig, name):
+    """What nodes read from the parameter files and the results after them."""
+    return rig_parameters([rig.file, rig.file.with_name(name)])
+
+
+# Steps
+
+
+def test_steps_per_mm_come_from_measured_travel(rig, on_terminal):
+    with on_terminal('steps') as terminal:
+        terminal.answer('Ready?', 'yes')
+        for side, travel in (('right', '4.0'), ('left', '5,05')):
+            terminal.answer('note where its mark is.', 'yes')
+            terminal.answer(f'was the {side} tendon really pulled?', travel)
+        assert terminal.end() == 0
+    assert '$100=250.000' in terminal.shown
+    assert '$101=198.020' in terminal.shown
+    assert with_results(rig, 'calibration_steps.yaml')['grbl.steps_per_mm'] == (250.0, 198.02)
+
+
+def test_only_the_tendon_to_be_measured_is_pulled_and_it_goes_back(rig, on_terminal):
+    with on_terminal('steps', '--distance', '2') as terminal:
+        terminal.answer('Ready?', 'yes')
+        terminal.answer('note where its mark is.', 'yes')
+        terminal.expect('really pulled?')
+        assert standing(rig) == (2 * STEPS_PER_MM, 0)
+        terminal.type('2')
+        terminal.answer('note where its mark is.', 'yes')
+        terminal.expect('really pulled?')
+        assert standing(rig) == (0, 2 * STEPS_PER_MM)
+        terminal.type('2')
+        assert terminal.end() == 0
+    assert standing(rig) == (0, 0)
+
+
+def test_an_answer_that_makes_no_sense_is_asked_for_again(rig, on_terminal):
+    with on_terminal('steps') as terminal:
+        terminal.type('maybe')
+        terminal.expect("'maybe' was typed; allowed: yes, y, no, n")
+        terminal.answer('Ready?', 'yes')
+        terminal.answer('note where its mark is.', 'yes')
+        for answer, complaint in (
+                ('five', 'allowed: a number from'), ('-5', 'allowed: a number from'),
+                ('nan', 'allowed: a number from'), ('', 'allowed: a number from'),
+                ('300', '300.00 mm measured for 5.00 mm commanded; allowed: 0.50 mm to 50.00 mm')):
+            terminal.answer('really pulled?', answer)
+            terminal.expect(complaint)
+        terminal.answer('really pulled?', '5')
+        terminal.answer('note where its mark is.', 'no')
+        assert terminal.end() == 1
+    assert 'not confirmed, so nothing more was done' in terminal.shown
+    assert not rig.file.with_name('calibration_steps.yaml').exists()
+
+
+def test_travel_measured_before_moves_nothing(rig, run):
+    status, output, _ = run('steps', '--yes', '--measured', 5, 4)
+    assert status == 0
+    assert '$101=250.000' in output
+    assert rig.grbl.motors == (0, 0, 0)
+
+
+def test_steps_that_change_take_the_zero_with_them(rig, run):
+    reference(rig)
+    assert run('steps', '--yes', '--measured', 5, 5)[0] == 0
+    assert is_referenced(rig)
+    assert run('steps', '--yes', '--measured', 5, 4, '--force')[0] == 0
+    assert not is_referenced(rig)
+
+
+# Signs
+
+
+def test_a_tendon_that_was_let_out_gets_the_other_sign(rig, on_terminal):
+    with on_terminal('signs') as terminal:
+        terminal.answer('Ready?', 'yes')
+        terminal.answer('Was the right tendon pulled, or let out?', 'again')
+        terminal.answer('Was the right tendon pulled, or let out?', 'let-out')
+        terminal.answer('Was the left tendon pulled, or let out?', 'pulled')
+        assert terminal.end() == 0
+    assert with_results(rig, 'calibration_signs.yaml')['grbl.signs'] == (-1.0, 1.0)
+    assert standing(rig) == (0, 0)
+
+
+def test_signs_seen_before_change_those_that_are_configured(rig, run):
+    rig.parameters(grbl__signs=[-1.0, -1.0])
+    assert run('signs', '--yes', '--seen', 'let-out', 'pulled')[0] == 0
+    assert with_results(rig, 'calibration_signs.yaml')['grbl.signs'] == (1.0, -1.0)
+
+
+# Zero
+
+
+def test_jogging_takes_up_the_slack_and_sets_the_zero(rig, on_terminal):
+    with on_terminal('zero') as terminal:
+        terminal.answer('Ready?', 'yes')
+        for typed in ('r 1.5', 'l 2', 'l -0.5'):
+            terminal.answer('r MM, l MM, or done:', typed)
+        for wrong in ('r 2.1', 'x 1', 'r', 'done now'):
+            terminal.answer('r MM, l MM, or done:', wrong)
+            terminal.expect('was typed; allowed:')
+        terminal.answer('r MM, l MM, or done:', 'done')
+        terminal.answer('Both tendons are just taut', 'yes')
+        assert terminal.end() == 0
+    assert 'The controller keeps it' in terminal.shown
+    assert standing(rig) == (300, 300)
+    assert is_referenced(rig)
+
+
+def test_slack_known_before_is_taken_up_without_asking(rig, run):
+    status, output, _ = run('zero', '--yes', '--take-up', 1, 0.5)
+    assert status == 0
+    assert 'The straight arm is zero' in output
+    assert rig.grbl.motors[:2] == (200, 100)
+    assert is_referenced(rig)
+
+
+def test_a_board_that_is_reset_when_its_port_is_opened_is_told_from_one_that_is_not(
+        rig, run, monkeypatch):
+    def reset(seconds):
+        time.sleep(seconds)
+        rig.grbl.reset()
+    monkeypatch.setattr(calibrate, 'sleep', reset)
+    status, output, _ = run('zero', '--yes', '--take-up', 1, 0.5)
+    assert status == 0
+    assert 'does not keep it, because opening its port resets it' in output
+
+
+def test_travel_beyond_the_pull_limits_is_refused(rig, run):
+    rig.parameters(pull_limits=[-0.06, 0.001])
+    status, _, errors = run('zero', '--yes', '--take-up', 3, 0)
+    assert status == 2
+    assert 'pull_limits: -60.00 and 1.00 mm' in errors
+    assert rig.grbl.motors == (0, 0, 0)
+
+
+# Whatever moves tendons
+
+
+def test_tendons_move_only_once_a_segment_is_soft(rig, run):
+    rig.modbus._set_coil(0, True)
+    for valve in (1, 2, 3):
+        rig.modbus._set_coil(valve, True)
+    until(lambda: rig.modbus.vacuum(2) > 80e3, 'all stiff')
+    rig.modbus.stick_sensor(2)
+    status, _, errors = run('zero', '--yes', '--take-up', 1, 1)
+    assert status == 1
+    assert 'segment 3 is not soft' in errors
+    assert rig.grbl.motors == (0, 0, 0)
+    rig.modbus.repair()
+    assert run('zero', '--yes', '--take-up', 1, 1)[0] == 0
+    assert rig.modbus.coils == (True, True, True, False)
+
+
+def test_a_zero_that_was_only_an_aid_is_not_left_behind(rig, run, on_terminal):
+    with on_terminal('signs') as terminal:
+        terminal.answer('Ready?', 'yes')
+        terminal.answer('Was the right tendon pulled, or let out?', 'pulled')
+        terminal.answer('Was the left tendon pulled, or let out?', 'pulled')
+        assert terminal.end() == 0
+    assert not is_referenced(rig)
+
+
+def test_a_zero_that_was_known_before_is_kept(rig, on_terminal):
+    reference(rig)
+    with on_terminal('signs') as terminal:
+        terminal.answer('Ready?', 'yes')
+        terminal.answer('Was the right tendon pulled, or let out?', 'pulled')
+        terminal.answer('Was the left tendon pulled, or let out?', 'pulled')
+        assert terminal.end() == 0
+    assert is_referenced(rig)
+
+
+@pytest.mark.parametrize('how', [CTRL_C, signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupt_in_motion_brings_the_motors_to_rest(rig, on_terminal, how):
+    with on_terminal('steps', '--distance', '10') as terminal:
+        terminal.answer('Ready?', 'yes')
+        terminal.answer('note where its mark is.', 'yes')
+        until(lambda: rig.grbl.motors[0] > 100, 'in motion')
+        if how == CTRL_C:
+            terminal.type(CTRL_C)
+        else:
+            terminal.process.send_signal(how)
+        assert terminal.end() == 130
+    assert 'Traceback' not in terminal.shown
+    assert 'interrupted' in terminal.shown
+    assert 100 < standing(rig)[0] < 10 * STEPS_PER_MM
+    assert rig.grbl.energised
+    assert not is_referenced(rig)
+    assert not rig.file.with_name('calibration_steps.yaml').exists()
+
+
+def test_a_board_that_goes_silent_in_motion_ends_the_command(rig, on_terminal):
+    with on_terminal('steps', '--distance', '10') as terminal:
+        terminal.answer('Ready?', 'yes')
+        terminal.answer('note where its mark is.', 'yes')
+        until(lambda: rig.grbl.motors[0] > 100, 'in motion')
+        rig.grbl.unplug()
+        assert terminal.end() == 1
+    assert 'Traceback' not in terminal.shown
+    assert 'power-cycle it before anything else' in terminal.shown
+    assert standing(rig)[0] < 10 * STEPS_PER_MM
+
+
+def test_without_anybody_to_answer_nothing_is_done(rig, run, monkeypatch):
+    def nobody(_):
+        raise EOFError
+    monkeypatch.setattr('builtins.input', nobody)
+    for what in ('steps', 'signs', 'zero', 'vacuum', 'all'):
+        status, _, errors = run(what)
+        assert status == 1
+        assert 'use a terminal, or give the answers as options' in errors
+    assert rig.grbl.motors == (0, 0, 0)
+    assert not any(request[1] == 5 for request in rig.modbus.requests)
+
+
+@pytest.mark.parametrize(('what', 'option'), [
+    ('steps', '--measured'), ('signs', '--seen'), ('zero', '--take-up')])
+def test_what_only_a_user_can_see_must_be_given(run, what, option):
+    status, _, errors = run(what, '--yes')
+    assert status == 2
+    assert option in errors
+
+
+# Vacuum
+
+
+def test_the_vacuum_test_finds_what_the_emulated_plant_is(rig, run):
+    shorten(rig)
+    status, output, _ = run('vacuum', '--yes', '--leak-time', 2)
+    assert status == 0, output
+    assert output.count(' good') == 1
+    found = with_results(rig, 'calibration_vacuum.yaml')
+    # What the emulated rig is made of; a busy computer samples it coarsely.
+    for name, true in (('ultimate_vacuum', 94e3), ('evacuation_time', 0.4),
+                       ('venting_time', 0.6), ('leak_rate', 500.0)):
+        assert found[f'simulated_jamming.{name}'] == pytest.approx(true, rel=0.3), name
+    assert rig.modbus.coils == (False,) * 4
+
+
+def test_a_segment_that_leaks_and_one_that_never_stiffens_are_named(rig, run):
+    rig.modbus.segments[0].set_leak(5000.0)
+    rig.modbus.segments[2].set_leak(150e3)
+    status, output, errors = run('vacuum', '--yes', '--leak-time', 1)
+    assert status == 1
+    assert 'segment 1: leaks: the pump would start every' in output
+    assert 'segment 3: never stiff' in output
+    assert 'segment 2: ' not in output
+    assert 'segment 3 does not become stiff' in errors
+    assert with_results(rig, 'calibration_vacuum.yaml')['simulated_jamming.leak_rate'] > 1000.0
+
+
+def test_a_valve_that_stays_open_does_not_keep_the_others_and_the_pump_on(rig, run):
+    for coil in range(4):
+        rig.modbus._set_coil(coil, True)
+    rig.modbus.stuck.add(1)
+    status, _, errors = run('vacuum', '--yes')
+    assert status == 1
+    assert 'coil 1 (valve of segment 1)' in errors
+    assert rig.modbus.coils == (False, True, False, False)
+
+
+def test_an_interrupt_while_the_pump_runs_rests_it(rig, on_terminal):
+    with on_terminal('vacuum') as terminal:
+        terminal.answer('Ready?', 'yes')
+        until(lambda: rig.modbus.coils == (True, True, False, False), 'evacuating')
+        terminal.type(CTRL_C)
+        assert terminal.end() == 130
+    assert 'Traceback' not in terminal.shown
+    assert rig.modbus.coils == (False,) * 4
+
+
+# All, and the file
+
+
+def test_all_goes_through_everything_and_writes_one_file(rig, run):
+    shorten(rig)
+    status, output, errors = run(
+        'all', '--yes', '--leak-time', 1, '--seen', 'pulled', 'let-out', '--measured', 5, 5,
+        '--take-up', 1, 1)
+    assert status == 0, errors
+    found = with_results(rig, 'calibration.yaml')
+    assert found['grbl.signs'] == (1.0, -1.0)
+    assert found['grbl.steps_per_mm'] == (200.0, 200.0)
+    assert found['simulated_jamming.leak_rate'] > 0.0
+    assert rig.grbl.motors[:2] == (200, -200)  # the left motor has the other sign by now
+    assert is_referenced(rig)
+
+
+def test_what_went_well_is_kept_when_a_later_step_fails(rig, run):
+    shorten(rig)
+    status, _, errors = run(
+        'all', '--yes', '--leak-time', 1, '--seen', 'pulled', 'pulled', '--measured', 4, 5,
+        '--take-up', 1, 1)
+    assert status == 1
+    assert '$100 is 200, needed: $100=250' in errors
+    assert with_results(rig, 'calibration.yaml')['grbl.steps_per_mm'] == (250.0, 200.0)
+    assert rig.grbl.motors == (0, 0, 0)
+
+
+def test_results_that_exist_are_overwritten_only_by_force(rig, run, tmp_path):
+    file = tmp_path / 'calibration_steps.yaml'
+    file.write_text('mine')
+    status, _, errors = run('steps', '--yes', '--measured', 5, 5)
+    assert status == 2
+    assert '--force' in errors
+    assert file.read_text() == 'mine'
+    assert run('steps', '--yes', '--measured', 5, 5, '--force')[0] == 0
+    assert 'steps_per_mm' in file.read_text()
+    assert [path.name for path in tmp_path.glob('.*')] == []
+
+
+def test_results_for_a_controller_that_is_not_there_are_not_kept(tmp_path, capsys):
+    status = calibrate.main(['steps', '--yes', '--measured', '5', '4', '--output', str(tmp_path)])
+    assert status == 0
+    assert 'is not kept: tendon_driver is simulated' in capsys.readouterr().out
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_simulated_rig_is_calibrated_like_a_real_one(tmp_path):
+    with Terminal('calibrate', 'signs', '--output', tmp_path) as terminal:
+        terminal.expect('The valves are simulated')
+        terminal.answer('Ready?', 'yes')
+        terminal.answer('Was the right tendon pulled, or let out?', 'pulled')
+        terminal.answer('Was the left tendon pulled, or let out?', 'pulled')
+        assert terminal.end() == 0
+
+
+def test_an_option_of_another_procedure_is_a_usage_error(run):
+    status, _, errors = run('vacuum', '--measured', 5, 5)
+    assert status == 2
+    assert '--measured is for calibrate steps and calibrate all' in errors

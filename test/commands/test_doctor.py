@@ -1,0 +1,285 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The doctor finds each fault of a rig, says what to do, and touches nothing."""
+
+import grp  # noqa: F401  # before the user loses the right to read the standard library
+import json
+import os
+import subprocess
+import sys
+
+from emulated_rig import emulated_rig, reference
+import pytest
+import serial
+
+from soft_continuum.commands import doctor
+from soft_continuum.commands.rig import rig_parameters
+from soft_continuum.hardware.checks import check_jamming, check_tendons
+
+WRITE_COIL = 5
+
+
+@pytest.fixture
+def rig(tmp_path):
+    with emulated_rig(tmp_path) as found:
+        yield found
+
+
+@pytest.fixture
+def ask(capsys):
+    """Return a function that runs the doctor: its exit status, and its checks by step."""
+    def run(*files):
+        arguments = [word for file in files for word in ('--params-file', str(file))]
+        status = doctor.main(['--json', *arguments])
+        document = json.loads(capsys.readouterr().out)
+        assert (document['result'] == 'OK') == (status == 0)
+        return status, {c['step']: (c['status'], c['message']) for c in document['checks']}
+
+    return run
+
+
+def test_a_sound_rig_passes_every_check(rig, ask):
+    reference(rig)
+    for _ in range(5):  # a busy computer may miss a reply
+        status, found = ask(rig.file)
+        if all(s == 'OK' for s, _ in found.values()):
+            break
+    assert status == 0
+    assert list(found) == [
+        'model', 'parameters', 'serial ports', 'tendon port', 'tendon firmware', 'tendon settings',
+        'tendon reference', 'jamming port', 'relay board', 'analog board', 'modbus round trip',
+        'pump and valves', 'segment 1', 'segment 2', 'segment 3']
+    assert {step: s for step, (s, _) in found.items() if s != 'OK'} == {}
+
+
+def test_nothing_is_moved_or_switched(rig, ask):
+    ask(rig.file)
+    assert rig.grbl.motors == (0, 0, 0)
+    assert rig.modbus.requests
+    assert not any(request[1] == WRITE_COIL for request in rig.modbus.requests)
+
+
+def test_a_simulated_rig_is_called_simulated(ask):
+    status, found = ask()
+    assert status == 0
+    assert 'simulated' in found['tendon driver simulated'][1]
+    assert 'simulated' in found['jamming driver simulated'][1]
+
+
+def test_there_is_one_line_per_step_and_a_summary(rig, capsys):
+    rig.modbus.segments[1].broken_wire = True
+    assert doctor.main(['--params-file', str(rig.file)]) == 1
+    *lines, empty, summary = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines].count('FAIL') == 1
+    assert sum(line.startswith('FAIL  segment 2: no pressure') for line in lines) == 1
+    assert (empty, summary) == ('', '15 checks: 1 failed, 1 to be looked at')
+
+
+def test_an_unknown_option_is_a_usage_error(capsys):
+    with pytest.raises(SystemExit) as ended:
+        doctor.main(['--parameters', 'x'])
+    assert ended.value.code == 2
+
+
+def test_a_parameter_file_that_is_missing_or_wrong_is_named(rig, ask, tmp_path):
+    status, found = ask(tmp_path / 'nowhere.yaml')
+    assert status == 1
+    assert 'nowhere.yaml: cannot be read' in found['parameters'][1]
+    rig.parameters(grbl__prot='x')
+    assert 'did you mean grbl.port?' in ask(rig.file)[1]['parameters'][1]
+
+
+def test_parameters_that_two_nodes_read_differently_are_named(rig, ask, tmp_path):
+    other = tmp_path / 'other.yaml'
+    other.write_text('kinematics:\n  ros__parameters:\n    arm:\n      gravity: 0.0\n')
+    status, found = ask(rig.file, other)
+    assert status == 1
+    assert 'arm.gravity is 9.80665 for tendon_actuation and 0.0 for kinematics' in (
+        found['parameters'][1])
+
+
+def test_a_model_that_does_not_compile_is_a_diagnosis_not_a_traceback(tmp_path):
+    (tmp_path / 'numba.py').write_text(
+        'class config:\n    CACHE_DIR = ""\nprange = range\n'
+        'def njit(**options):\n    raise RuntimeError("cannot cache function")\n')
+    done = subprocess.run(
+        [sys.executable, '-m', 'soft_continuum.commands.doctor'], capture_output=True, text=True,
+        env={**os.environ, 'PYTHONPATH': f'{tmp_path}:{os.environ.get("PYTHONPATH", "")}'},
+        check=False)
+    assert done.returncode == 1
+    assert 'FAIL  model: does not compile: RuntimeError: cannot cache function' in done.stdout
+    assert 'Traceback' not in done.stderr
+
+
+def test_a_model_without_numba_is_called_slow(tmp_path):
+    (tmp_path / 'numba.py').write_text('raise ImportError("none here")\n')
+    done = subprocess.run(
+        [sys.executable, '-m', 'soft_continuum.commands.doctor'], capture_output=True, text=True,
+        env={**os.environ, 'PYTHONPATH': f'{tmp_path}:{os.environ.get("PYTHONPATH", "")}'},
+        check=False)
+    assert done.returncode == 0, done.stderr
+    assert 'WARN  model: works, but numba is not installed' in done.stdout
+
+
+def test_a_port_name_that_does_not_stay_with_its_device_is_called_so(rig, ask):
+    rig.parameters(grbl__port=os.path.realpath(rig.grbl.port))
+    status, message = ask(rig.file)[1]['serial ports']
+    assert status == 'WARN'
+    assert 'grbl.port may be another device after the next start' in message
+    assert '/dev/serial/by-id' in message
+
+
+def test_two_devices_on_one_port_are_noticed(rig, ask):
+    rig.parameters(modbus__port=str(rig.grbl.port))
+    status, message = ask(rig.file)[1]['serial ports']
+    assert status == 'FAIL'
+    assert 'the same port' in message
+
+
+@pytest.mark.parametrize(('parameter', 'step'), [
+    ('grbl__port', 'tendon port'), ('modbus__port', 'jamming port')])
+def test_a_port_that_is_missing_or_in_use_is_called_so(rig, ask, parameter, step):
+    port = str(rig.grbl.port if 'grbl' in parameter else rig.modbus.port)
+    with serial.Serial(port, exclusive=True):
+        status, found = ask(rig.file)
+        assert status == 1
+        assert found[step][0] == 'FAIL'
+        assert 'in use by another program' in found[step][1]
+    rig.parameters(**{parameter: '/dev/nothing'})
+    found = ask(rig.file)[1]
+    assert found[step][0] == 'FAIL'
+    assert 'does not exist' in found[step][1]
+    rig.parameters(**{parameter: ''})
+    assert 'no serial port is configured' in ask(rig.file)[1][step][1]
+
+
+@pytest.mark.parametrize(('device', 'check', 'step'), [
+    ('grbl', check_tendons, 'tendon port'), ('modbus', check_jamming, 'jamming port')])
+def test_a_port_that_the_user_may_not_open_names_the_group(rig, device, check, step):
+    port = os.path.realpath(getattr(rig, device).port)
+    rig.parameters(**{f'{device}__port': port})
+    values = rig_parameters([rig.file])
+    os.chmod(port, 0)
+    root = os.geteuid() == 0
+    if root:
+        os.seteuid(65534)  # root may open everything
+    try:
+        found, *others = check(values)
+    finally:
+        if root:
+            os.seteuid(0)
+    assert (found.step, found.status, others) == (step, 'FAIL', [])
+    assert 'sudo usermod -aG' in found.message
+
+
+def test_a_stepper_board_that_does_not_answer_is_noticed(rig, ask):
+    rig.grbl.hang = True
+    status, found = ask(rig.file)
+    assert status == 1
+    assert found['tendon firmware'][0] == 'FAIL'
+    assert 'check grbl.port, grbl.baud_rate and the power' in found['tendon firmware'][1]
+    assert found['segment 3'][0] == 'OK'
+
+
+def test_a_locked_stepper_board_is_noticed(rig, ask):
+    rig.grbl.alarm(1)
+    status, message = ask(rig.file)[1]['tendon firmware']
+    assert status == 'FAIL'
+    assert 'power-cycle' in message
+
+
+def test_settings_that_contradict_the_parameters_come_with_the_lines_to_type(tmp_path, ask):
+    with emulated_rig(tmp_path, settings={1: 25, 101: 80}) as rig:
+        status, found = ask(rig.file)
+    assert status == 1
+    assert found['tendon settings'][0] == 'FAIL'
+    assert '$1=255' in found['tendon settings'][1]
+    assert '$101=200' in found['tendon settings'][1]
+
+
+def test_steppers_without_a_zero_are_to_be_referenced(rig, ask):
+    assert ask(rig.file)[1]['tendon reference'][0] == 'WARN'
+    reference(rig)
+    assert ask(rig.file)[1]['tendon reference'][0] == 'OK'
+    rig.grbl.reset()
+    status, message = ask(rig.file)[1]['tendon reference']
+    assert status == 'WARN'
+    assert 'calibrate zero' in message
+
+
+@pytest.mark.parametrize(('parameter', 'broken', 'sound'), [
+    ('modbus__relay_unit', 'relay board', 'analog board'),
+    ('modbus__analog_unit', 'analog board', 'relay board')])
+def test_a_board_that_does_not_answer_is_told_from_one_that_does(
+        rig, ask, parameter, broken, sound):
+    rig.parameters(**{parameter: 17})
+    status, found = ask(rig.file)
+    assert status == 1
+    assert found[broken][0] == 'FAIL'
+    assert 'Modbus unit 17' in found[broken][1]
+    assert found[sound][0] == 'OK'
+
+
+def test_coils_that_a_board_does_not_have_are_noticed(rig, ask):
+    rig.parameters(modbus__valve_coils=[1.0, 2.0, 30.0])
+    status, message = ask(rig.file)[1]['relay board']
+    assert status == 'FAIL'
+    assert 'has no such address' in message
+
+
+def test_a_board_that_misses_a_reply_now_and_then_is_noticed(rig, ask):
+    replies = []
+
+    def lose_the_second(reply):
+        replies.append(reply)
+        return b'' if len(replies) == 2 else reply
+    rig.modbus.transform = lose_the_second
+    status, found = ask(rig.file)
+    assert status == 0
+    assert found['relay board'][0] == 'WARN'
+    assert '1 of 5 replies was missed: Modbus unit 1' in found['relay board'][1]
+
+
+def test_slow_replies_are_measured_against_the_timeout(rig, ask):
+    rig.parameters(modbus__timeout=1.0)
+    rig.modbus.late = 0.6
+    status, message = ask(rig.file)[1]['modbus round trip']
+    assert status == 'WARN'
+    assert 'modbus.timeout is 1000 ms; set it to' in message
+
+
+def test_register_addresses_that_do_not_fit_the_arm_are_noticed(rig, ask):
+    rig.parameters(modbus__pressure_registers=[0.0, 1.0])
+    status, found = ask(rig.file)
+    assert status == 1
+    assert 'modbus.pressure_registers has 2 entries' in found['jamming driver modbus'][1]
+
+
+def test_a_pump_that_runs_for_nothing_is_noticed(rig, ask):
+    rig.modbus._set_coil(0, True)
+    status, message = ask(rig.file)[1]['pump and valves']
+    assert status == 'WARN'
+    assert 'pump on' in message
+
+
+def test_a_sensor_that_shows_vacuum_in_a_vented_segment_is_not_believed(rig, ask):
+    rig.modbus.segments[0].stuck_at = 12000
+    status, found = ask(rig.file)
+    assert status == 1
+    assert found['segment 1'][0] == 'FAIL'
+    assert '50.0 kPa of vacuum though it is vented' in found['segment 1'][1]
+    assert found['segment 2'][0] == 'OK'
+
+
+def test_a_sensor_with_a_wrong_zero_is_to_be_adjusted(rig, ask):
+    rig.modbus.segments[0].stuck_at = 4800
+    status, message = ask(rig.file)[1]['segment 1']
+    assert status == 'WARN'
+    assert 'adjust the zero' in message
+
+
+def test_the_sensor_of_an_evacuated_segment_is_not_judged(rig, ask):
+    rig.modbus._set_coil(2, True)
+    status, message = ask(rig.file)[1]['segment 2']
+    assert status == 'WARN'
+    assert 'vent it and run this again' in message
