@@ -1,0 +1,82 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bytes of every kind for the readers of both protocols, by the strategies of the tests."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import gc
+import time
+from typing import Any
+
+from hypothesis import given, settings
+import pytest
+import test_grbl_link
+import test_modbus_fuzz
+
+from benchmarks.tables import table
+from soak.report import Report
+
+CASES = 100_000
+HANG = 1.0  # s
+
+
+@dataclass
+class Inputs:
+    """What was fed: how many, and the longest that one took, s."""
+
+    count: int = 0
+    longest: float = 0.0
+
+    def feed(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Call what takes an input."""
+        gc.disable()  # there is a lot of garbage, all of it from making the inputs
+        begin = time.thread_time()
+        try:
+            return function(*arguments)
+        finally:
+            self.count += 1
+            self.longest = max(self.longest, time.thread_time() - begin)
+            gc.enable()
+
+
+def run(share: float) -> Report:
+    """Feed ``share`` of 100 000 inputs to each reader."""
+    cases = max(100, round(share * CASES))
+    rows, failures = [], []
+    for name, feed in (('GRBL', _grbl), ('Modbus', _modbus)):
+        inputs, crash = Inputs(), ''
+        try:
+            feed(cases, inputs)
+        except Exception as error:
+            crash = f'{name}: {type(error).__name__}: {error}'
+            failures.append(crash)
+        if inputs.count < cases and not crash:
+            failures.append(f'{name}: only {inputs.count} of {cases} inputs')
+        if inputs.longest > HANG:
+            failures.append(f'{name}: one input took {inputs.longest:.1f} s')
+        rows.append((name, str(inputs.count), 'yes' if crash else 'none',
+                     f'{inputs.longest * 1e3:.1f} ms'))
+    head = ('protocol', 'inputs', 'crashes or wrong answers', 'longest time for one')
+    return Report(table(head, rows), tuple(failures))
+
+
+def _grbl(cases: int, inputs: Inputs) -> None:
+    test: Any = test_grbl_link.fuzz
+    check = test.hypothesis.inner_test
+
+    @settings(max_examples=cases, deadline=None, derandomize=True)
+    @given(test_grbl_link.NOISE)
+    def fuzz(chunks: list[bytes]) -> None:
+        inputs.feed(check, chunks)
+
+    fuzz()
+
+
+def _modbus(cases: int, inputs: Inputs) -> None:
+    exchanges = test_modbus_fuzz.EXCHANGES.values()
+    with pytest.MonkeyPatch.context() as patch:
+        # Each case is one to three inputs, two and a little more on average.
+        patch.setattr(test_modbus_fuzz, 'CASES', -(-cases // (2 * len(exchanges))))
+        for ask, reply in exchanges:
+            test_modbus_fuzz.test_only_a_reply_is_taken_for_a_reply(
+                patch, lambda bus, ask=ask: inputs.feed(ask, bus), reply)

@@ -1,0 +1,136 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Each node killed at random moments of a sequence: when the others notice, and what is known."""
+
+from dataclasses import dataclass, field
+from random import Random
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+import numpy as np
+from ros_rig import ALL
+
+from benchmarks.tables import table
+from soak.report import progress, Report, spread
+from soak.watch import THRESHOLDS
+from soak.workbench import ClaimError, FAILED, Workbench, workbench
+
+KILLS = 50  # of each node
+GOAL = 1.0  # s
+MOST_FAILURES = 5
+ANGLE = 0.5  # rad
+LATEST = 8.0  # s: some have come to their end
+PARAMETERS = {'tendon_speed': 0.007, 'modbus.baud_rate': 115200}
+
+
+@dataclass
+class Killed:
+    """What followed the kills of one node, s; known, unknown: the state after its restart."""
+
+    noticed: list[float] = field(default_factory=list)
+    ceased: list[float] = field(default_factory=list)
+    known: int = 0
+    unknown: int = 0
+
+
+def run(share: float) -> Report:
+    """Kill every node ``share`` of 50 times."""
+    random, failures = Random(1), list[str]()
+    results = {name: Killed() for name in ALL}
+    victim, victims = '', [*ALL] * max(1, round(share * KILLS))
+    while victims and len(failures) < MOST_FAILURES:
+        with workbench(PARAMETERS) as bench:
+            try:
+                bench.start_apart()
+                while victims:
+                    victim = victims.pop()
+                    _kill(bench, victim, results[victim], random)
+                    bench.restore()
+                    bench.check_nodes()
+                    bench.forget()
+            except FAILED as error:  # go on with new nodes
+                wrote = bench.nodes[victim].output[-1000:] if victim in bench.nodes else ''
+                failures.append(f'kill of {victim}: {error}\nit wrote: {wrote}')
+                progress(failures[-1])
+    for name, killed in results.items():
+        if max(killed.noticed + killed.ceased, default=0.0) > GOAL:
+            failures.append(f'{name}: noticed after {max(killed.noticed, default=0.0):.2f} s, '
+                            f'motion for {max(killed.ceased, default=0.0):.2f} s')
+    return Report(_body(results), tuple(failures))
+
+
+def _kill(bench: Workbench, victim: str, killed: Killed, random: Random) -> None:
+    rig, grbl = bench.rig, bench.grbl
+    angles = [random.uniform(-ANGLE, ANGLE) for _ in range(3)]
+    if random.random() < 0.25:  # an S whose pulls nearly cancel, as if the arm were straight
+        angles = [0.4 * angles[0], -0.44 * angles[0], 0.0]
+    goal = rig.goal_when_heard(angles)
+    deadline = time.monotonic() + random.uniform(0.0, LATEST)
+    while time.monotonic() < deadline and not goal.ended:
+        time.sleep(0.005)
+    shape = tuple(rig.joints.last.position)
+    sent = len(bench.trajectories)
+    died, emulated = time.time_ns(), grbl.time
+    moving, ended = grbl.moving, goal.ended
+    bench.nodes[victim].kill()
+    if victim != 'shape_sequencer' and not ended:
+        def hold() -> Any:
+            return next((heard for heard in bench.trajectories.heard[sent:]
+                         if not heard.message.points), None)
+
+        rig.wait_for(lambda: hold() or goal.ended, 'the sequencer to notice')
+        if heard := hold():
+            killed.noticed.append((heard.time - died) * 1e-9)
+            if goal.result()[0] == 'SUCCEEDED':
+                raise ClaimError('a goal succeeded without a node')
+    rests_at = bench.wait_for_rest()
+    if moving:
+        killed.ceased.append(grbl.firmware.stood_since - emulated)
+    bench.start(victim)
+    _claim_state(bench, victim, killed, shape)
+    if bench.motors != rests_at:
+        raise ClaimError(f'motors went from {rests_at} to {bench.motors}')
+
+
+def _claim_state(bench: Workbench, victim: str, killed: Killed, shape: Any) -> None:
+    """Check what a node says after its restart; it must be true, or that nothing is known."""
+    rig = bench.rig
+    if victim == 'tendon_actuation':
+        rig.wait_for_more(rig.tendons, 5)
+        known = bench.referenced
+        if known and bench.lost_steps(commanded=False):
+            raise ClaimError(f'reported {rig.pulls}, motors {bench.motors}, zero {bench.zero}')
+    elif victim == 'kinematics':
+        status = rig.wait_for(lambda: rig.statuses['kinematics'].last.message.startswith(
+            ('the shape', 'following', 'the tendons')) and rig.statuses['kinematics'].last,
+            'a shape, or that there is none')
+        known = status.level == DiagnosticStatus.OK
+        if known:
+            now = rig.wait_for_more(rig.joints, 2)[-1].position
+            if np.abs(np.subtract(now, shape)).max() > np.radians(0.5):
+                raise ClaimError(f'the shape became {now}; it was {shape}')
+    elif victim == 'jamming_valves':
+        rig.wait_for_more(rig.pressures[0], 20)
+        known = True
+        wrong = [i + 1 for i, r in enumerate(rig.stiff)
+                 if r.last.data and bench.modbus.vacuum(i) < THRESHOLDS.release_vacuum]
+        if wrong:
+            raise ClaimError(f'segments {wrong} are said to be stiff')
+    else:
+        known = True
+        rig.wait_for(lambda: rig.statuses[victim].last.message == 'idle', 'idle')
+    killed.known += known
+    killed.unknown += not known
+
+
+def _body(results: dict[str, Killed]) -> str:
+    rows = []
+    for name, killed in results.items():
+        noticed, ceased = spread(killed.noticed), spread(killed.ceased)
+        rows.append((name, str(killed.known + killed.unknown), ' / '.join(noticed),
+                     str(len(killed.ceased)), ' / '.join(ceased),
+                     f'{killed.known} / {killed.unknown}'))
+    head = ('node', 'kills', 'noticed after, ms: median / 99 % / longest', 'of them in motion',
+            'motion ceased after, ms', 'state after restart: known / declared unknown')
+    return table(head, rows)

@@ -1,0 +1,187 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Shape sequences with random faults at random times, until an hour's worth has been run."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from random import Random
+import time
+from typing import Any
+
+from ros_rig import SEGMENTS
+
+from benchmarks.tables import table
+from soak.faults import Fault, FAULTS
+from soak.report import progress, Report
+from soak.watch import Watch
+from soak.workbench import ClaimError, FAILED, Workbench, workbench
+
+HOUR = 3600.0  # s
+FASTER = 6.0
+ANGLE = 0.6  # rad, largest bending angle of a random shape
+MOST_SHAPES = 4
+LATEST = 4.0  # s after the start of a goal until its fault
+LONGEST_FAULT = 2.0  # s
+LATENCY = 0.5  # s in which sensors and nodes must have noticed
+MOST_FAILURES = 5
+PARAMETERS = {'jamming_timeout': 4.0, 'modbus.baud_rate': 115200}
+
+
+@dataclass
+class Tally:
+    """Counts over all runs; goals: by how they ended; undisturbed: those left in peace."""
+
+    seconds: float = 0.0
+    worth: float = 0.0
+    goals: Counter[str] = field(default_factory=Counter)
+    undisturbed: Counter[str] = field(default_factory=Counter)
+    faults: Counter[str] = field(default_factory=Counter)
+    compared: int = 0
+    unknown: int = 0
+    lost_steps: int = 0
+    falsely_stiff: float = 0.0
+    moved_stiff: float = 0.0
+    growth: list[float] = field(default_factory=list)  # MB/h
+    memory: float = 0.0  # MB
+    failures: list[str] = field(default_factory=list)
+
+
+def run(share: float) -> Report:
+    """Run sequences until ``share`` of an hour's worth is done."""
+    tally, random = Tally(), Random(1)
+    while tally.worth < share * HOUR and len(tally.failures) < MOST_FAILURES:
+        begin = time.monotonic()
+        with workbench(PARAMETERS, FASTER) as bench:
+            bench.start_together()
+            with Watch(bench) as watch:
+                try:
+                    _run_on(bench, watch, tally, random, share * HOUR - tally.worth)
+                except FAILED as error:  # go on with new nodes
+                    tally.failures.append(f'{error} (after {dict(tally.faults)})')
+                    progress(tally.failures[-1])
+        tally.worth += watch.worth
+        tally.seconds += time.monotonic() - begin
+        tally.falsely_stiff = max(tally.falsely_stiff, *(s.seconds for s in watch.falsely_stiff))
+        tally.moved_stiff = max(tally.moved_stiff, watch.moved_stiff.seconds)
+        tally.growth.append(watch.memory_slope())
+        tally.memory = watch.memory[-1][1] if watch.memory else 0.0
+        if watch.failure:
+            tally.failures.append(f'the watch ended: {watch.failure}')
+    return Report(_body(tally), (*tally.failures, *_claims(tally)))
+
+
+def _run_on(bench: Workbench, watch: Watch, tally: Tally, random: Random, worth: float) -> None:
+    queue: list[Fault | None] = []
+    while watch.worth < worth and not watch.failure:
+        if not queue:  # every fault once, and as often none, in a random order
+            queue = [*FAULTS, *[None] * len(FAULTS)]
+            random.shuffle(queue)
+            progress(f'{(tally.worth + watch.worth) / 60:.0f} min of operation done')
+        fault = queue.pop()
+        name = fault.name if fault else 'none'
+        try:
+            if not _round(bench, tally, random, fault) and not _round(
+                    bench, tally, random, fault):
+                raise ClaimError(f'no goal is accepted: {bench.rig.rejected()}')
+            tally.faults[name] += 1
+            bench.check_nodes()
+        except FAILED as error:
+            raise ClaimError(f'{name}: {error}') from error
+        bench.forget()
+
+
+def _round(bench: Workbench, tally: Tally, random: Random, fault: Fault | None) -> bool:
+    """Run one goal, set right what a fault has left behind; False when it was rejected."""
+    goal = _goal(bench, random)
+    if not goal.accepted:  # a busy computer makes devices seem to fail
+        progress(f'rejected: {bench.rig.rejected()}')
+        bench.restore()
+        return False
+    goals = [goal]
+    disturbance = random.choice(['', '', '', 'cancel', 'preempt'])
+    if fault is not None or disturbance:
+        _wait(goal, random.uniform(0.0, LATEST))
+    if disturbance == 'cancel' and not goal.ended:
+        goal.cancel()
+    elif disturbance == 'preempt' and (newer := _goal(bench, random)).accepted:
+        goals.append(newer)
+    if fault is not None:
+        _wait(goals[-1], random.uniform(0.0, 0.5))
+        fault.inject(bench, random)
+        _wait(goals[-1], random.uniform(0.0, LONGEST_FAULT))
+    statuses = [each.result()[0] for each in goals]
+    tally.goals.update(statuses)
+    if fault is None and not disturbance:
+        tally.undisturbed.update(statuses)
+        if statuses != ['SUCCEEDED']:
+            progress(f'{statuses[0]} without a fault: {goal.result()[1].error_string}')
+    bench.wait_for_rest()
+    _compare(bench, tally, commanded=statuses[-1] == 'SUCCEEDED')
+    bench.restore()
+    _compare(bench, tally, commanded=False)
+    return True
+
+
+def _goal(bench: Workbench, random: Random) -> Any:
+    """Return a goal of some random shapes."""
+    shapes = [[random.uniform(-ANGLE, ANGLE) for _ in range(SEGMENTS)]
+              for _ in range(random.randint(1, MOST_SHAPES))]
+    return bench.rig.goal(*shapes)
+
+
+def _wait(goal: Any, seconds: float) -> None:
+    """Let a goal run for a time, or to its end."""
+    deadline = time.monotonic() + seconds
+    while not goal.ended and time.monotonic() < deadline:
+        time.sleep(0.01)
+
+
+def _compare(bench: Workbench, tally: Tally, commanded: bool) -> None:
+    if not bench.referenced:
+        tally.unknown += 1
+        return
+    lost = bench.lost_steps(commanded)
+    if lost and bench.referenced:
+        tally.lost_steps += lost
+        raise ClaimError(f'{lost} steps lost: motors {bench.motors}, zero {bench.zero}, reported '
+                         f'{bench.rig.pulls}, commanded to the end: {commanded}')
+    tally.compared += 1
+
+
+def _words(goals: Counter[str]) -> str:
+    return ', '.join(f'{count} {name.lower()}' for name, count in sorted(goals.items())) or '-'
+
+
+def _claims(tally: Tally) -> list[str]:
+    """Return the claims that do not hold."""
+    claims = {
+        f'{tally.lost_steps} steps lost': tally.lost_steps == 0,
+        f'a segment counted as stiff for {tally.falsely_stiff:.2f} s without its vacuum':
+            tally.falsely_stiff <= LATENCY,
+        f'motors ran for {tally.moved_stiff:.2f} s in a stiff arm': tally.moved_stiff <= LATENCY,
+    }
+    return [words for words, holds in claims.items() if not holds]
+
+
+def _body(tally: Tally) -> str:
+    growth = ', '.join(f'{g:+.1f}' for g in tally.growth)
+    rows = [
+        ('operation at the default speed that this is worth', f'{tally.worth / 60:.1f} min', ''),
+        ('time that it took', f'{tally.seconds / 60:.1f} min', ''),
+        ('goals', _words(tally.goals), ''),
+        ('of these without fault, cancel or newer goal', _words(tally.undisturbed), ''),
+        ('faults', str(tally.faults.total() - tally.faults['none']), ''),
+        ('positions compared: commanded, reported, emulated', str(tally.compared), ''),
+        ('the same while the position was declared unknown', str(tally.unknown), ''),
+        ('steps lost', str(tally.lost_steps), '0'),
+        ('longest time a segment counted as stiff without its vacuum',
+         f'{tally.falsely_stiff * 1e3:.0f} ms', f'{LATENCY * 1e3:.0f} ms'),
+        ('longest motion while every segment was stiff', f'{tally.moved_stiff * 1e3:.0f} ms',
+         f'{LATENCY * 1e3:.0f} ms'),
+        ('memory of the nodes at the end', f'{tally.memory:.0f} MB', ''),
+        ('its growth after the first third of the time', f'{growth} MB/h', ''),
+        ('nodes that died, exceptions, goals that did not end, motions nobody asked for',
+         str(len(tally.failures)), '0'),
+    ]
+    faults = ', '.join(f'{name} {count}' for name, count in sorted(tally.faults.items()))
+    return f'{table(("", "measured", "allowed"), rows)}\n\nRounds by fault: {faults}.'

@@ -1,0 +1,91 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Stop requests at random moments of a motion: how long motors still run, and where they stop."""
+
+from random import Random
+import time
+
+from ros_rig import trajectory
+from trajectory_msgs.msg import JointTrajectory
+
+from benchmarks.tables import table
+from soak.report import Report, spread
+from soak.workbench import ClaimError, FAILED, Workbench, workbench
+
+TRIALS = 1000
+MOST_TRIES = 5
+GOAL = 0.3  # s
+REACH, SLACK = 0.008, 0.0005  # m
+SPEEDS = 0.008, 0.028  # m/s
+PARAMETERS = {'modbus.baud_rate': 115200}
+
+
+def run(share: float) -> Report:
+    """Stop ``share`` of 1000 motions."""
+    random, lost = Random(1), 0
+    times: list[float] = []
+    failures: list[str] = []
+    trials = max(1, round(share * TRIALS))
+    with workbench(PARAMETERS) as bench:
+        bench.start_together()
+        bench.rig.soften(3)
+        side = 1.0
+        for _ in range(MOST_TRIES * trials):
+            if len(times) == trials:
+                break
+            side = -side
+            try:
+                ceased = _stop(bench, random, side)
+                if ceased is not None:
+                    times.append(ceased)
+                    lost += bench.lost_steps(commanded=False)
+                    bench.check_nodes()
+                    _resume(bench)
+            except FAILED as error:
+                failures.append(str(error))
+                break
+            bench.forget()
+    median, most, largest = spread(times)
+    if len(times) < trials:
+        failures.append(f'only {len(times)} of {trials} motions came about')
+    late = sum(t >= GOAL for t in times)
+    if late:
+        failures.append(f'{late} of {len(times)} stops took {GOAL * 1e3:.0f} ms or more')
+    if lost:
+        failures.append(f'{lost} steps lost')
+    rows = [('stop requests in motion', str(len(times)), ''),
+            ('request to last step, median', f'{median} ms', ''),
+            ('99 %', f'{most} ms', ''), ('longest', f'{largest} ms', f'{GOAL * 1e3:.0f} ms'),
+            (f'{GOAL * 1e3:.0f} ms or more', str(late), '0'),
+            ('steps lost', str(lost), '0')]
+    return Report(table(('', 'measured', 'allowed'), rows), tuple(failures))
+
+
+def _stop(bench: Workbench, random: Random, side: float) -> float | None:
+    """Return the s from a request to the last step; None when there was no motion."""
+    rig, grbl = bench.rig, bench.grbl
+    pull = side * random.uniform(0.5, 1.0) * REACH
+    target = pull - SLACK, -pull - SLACK
+    way = max(abs(a - b) for a, b in zip(target, rig.pulls, strict=True))
+    message = trajectory([(way / random.uniform(*SPEEDS), target)])
+    rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(message)
+    deadline = time.monotonic() + 1.0
+    while not grbl.moving:
+        if time.monotonic() > deadline:  # refused: a busy computer keeps nodes from being heard
+            return None
+        time.sleep(0.005)
+    time.sleep(random.uniform(0.0, 0.4))
+    if not grbl.moving:
+        return None
+    asked = grbl.time
+    answer = rig.trigger('tendon_actuation/stop')
+    if not answer.success:
+        raise ClaimError(answer.message)
+    bench.wait_for_rest()
+    return grbl.firmware.stood_since - asked
+
+
+def _resume(bench: Workbench) -> None:
+    answer = bench.rig.trigger('tendon_actuation/resume')
+    if not answer.success:
+        raise ClaimError(f'a resume was refused: {answer.message}')

@@ -1,0 +1,277 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The four nodes as processes on emulated devices, and an operator who sets things right."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+import fcntl
+import os
+from pathlib import Path
+import tempfile
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from processes import module_command, NodeProcess, Processes
+import pytest
+from ros_rig import ALL, LATCHED, Recording, RELIABLE, Rig, SEGMENTS
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
+from trajectory_msgs.msg import JointTrajectory
+import yaml
+
+from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.mechanics.statics import warm_up
+from soft_continuum.nodes.up import description_file
+
+NAMESPACE = '/soak'
+STEPS_PER_METRE = 200e3
+KEPT = 200  # messages of every topic
+MANAGED = 'tendon_actuation', 'jamming_valves'
+AT_REST = 0.2  # s without a step
+
+Steps = tuple[int, int]
+
+
+class ClaimError(AssertionError):
+    """Something that must never happen was seen."""
+
+
+FAILED = (AssertionError, pytest.fail.Exception)
+"""What a claim raises that does not hold, or a wait that is too long."""
+
+
+class Workbench:
+    """
+    Devices, nodes, and what is heard of them.
+
+    zero: motor steps at the straight arm.  trajectories: what tendon_actuation was sent.
+    """
+
+    def __init__(self, grbl: GrblEmulator, modbus: ModbusEmulator, rig: Rig, processes: Processes,
+                 parameters: Path) -> None:
+        """Start no node yet; parameters: a file for all of them."""
+        self.grbl, self.modbus, self.rig = grbl, modbus, rig
+        self.zero: Steps = (0, 0)
+        self.trajectories: Recording = rig.record(
+            JointTrajectory, 'tendon_actuation/joint_trajectory', RELIABLE)
+        self.nodes: dict[str, NodeProcess] = {}
+        self._processes = processes
+        self._parameters = parameters
+        self._recordings = [
+            *rig.statuses.values(), *rig.stiff, *rig.pressures, rig.tendons, rig.joints,
+            rig.segment_poses, rig.disc_poses, self.trajectories]
+
+    def start_together(self) -> None:
+        """Start all nodes in one process, on a straight arm."""
+        files = [str(description_file()), str(self._parameters)]
+        command = [*module_command('up'), '--namespace', NAMESPACE]
+        for path in files:
+            command += ['--params-file', path]
+        self.nodes = dict.fromkeys(ALL, self._processes.start(command))
+        self._get_ready()
+
+    def start_apart(self) -> None:
+        """Start all nodes as processes of their own, on a straight arm."""
+        self.start(*ALL)
+        self._get_ready()
+
+    def start(self, *names: str) -> None:
+        """Start some nodes as processes and wait until they say how they are."""
+        said = {name: len(self.rig.statuses[name]) for name in names}
+        for name in names:
+            self.nodes[name] = self._processes.node(
+                name, namespace=NAMESPACE, files=[description_file(), self._parameters])
+        self.rig.wait_for(lambda: all(len(self.rig.statuses[n]) > said[n] for n in names),
+                          f'words from {", ".join(names)}')
+        self._activate(*names)
+
+    def forget(self) -> None:
+        """Keep only the last messages; not while something waits for more of them."""
+        for recording in self._recordings:
+            del recording.heard[:-KEPT]
+
+    def check_nodes(self) -> None:
+        """Raise ClaimError when a node has ended or an exception has escaped from one."""
+        for name, node in self.nodes.items():
+            if 'Traceback' in node.output:
+                raise ClaimError(f'{name} wrote:\n{node.output[-3000:]}')
+            if not node.running:
+                raise ClaimError(f'{name} has ended:\n{node.output[-3000:]}')
+
+    # Motors and what is said of them
+
+    @property
+    def motors(self) -> Steps:
+        """Steps that the motors have really made."""
+        x, y, _ = self.grbl.motors
+        return x, y
+
+    def wait_for_rest(self) -> Steps:
+        """Wait until the motors have made no step for a while; return where they are."""
+        self.rig.wait_for(lambda: not self.grbl.moving
+                          and self.grbl.time - self.grbl.firmware.stood_since > AT_REST,
+                          'motors at rest')
+        return self.motors
+
+    @property
+    def referenced(self) -> bool:
+        """Whether tendon_actuation is connected and says that it knows where the tendons are."""
+        status = self.rig.statuses['tendon_actuation'].last
+        return bool(status.level != DiagnosticStatus.ERROR
+                    and 'referenced' not in status.message
+                    and status.message != 'not connected')
+
+    def lost_steps(self, commanded: bool) -> int:
+        """
+        Return by how many steps reported and real position differ at rest.
+
+        commanded: also the end of the last trajectory, which has been followed to its end.
+        """
+        motors = tuple(m - z for m, z in zip(self.wait_for_rest(), self.zero, strict=True))
+
+        def lost() -> int:
+            said = [self.rig.pulls]
+            if commanded:
+                said += [next(m for m in reversed(list(self.trajectories)) if m.points)
+                         .points[-1].positions]
+            return max(abs(round(pull * STEPS_PER_METRE) - steps)
+                       for pulls in said for pull, steps in zip(pulls, motors, strict=True))
+
+        deadline = time.monotonic() + 2.0  # the last report may be on its way
+        while lost() and time.monotonic() < deadline:
+            time.sleep(0.02)
+        return lost()
+
+    # The operator
+
+    def _get_ready(self) -> None:
+        """Make the arm stiff and say that it is straight."""
+        self._activate(*MANAGED)
+        self.rig.wait_until_ready(*MANAGED, 'shape_sequencer')
+        self.stiffen()
+        self._reference()
+
+    def _activate(self, *names: str) -> None:
+        """Configure and activate what a busy computer has kept from doing so by itself."""
+        def active(name: str) -> bool:
+            for state, transition in (('unconfigured', 'configure'), ('inactive', 'activate')):
+                if self.rig.lifecycle_state(name) == state:
+                    self.rig.transition(name, transition)
+            return bool(self.rig.lifecycle_state(name) == 'active')
+
+        for name in MANAGED:
+            if name in names:
+                self._until(lambda name=name: active(name), f'{name} active')
+
+    def stiffen(self) -> None:
+        """Make every segment stiff."""
+        def obeyed() -> bool:
+            answer = self.rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True)
+            return bool(answer.success)
+        self._until(obeyed, 'valves that obey')
+        self.rig.wait_for(lambda: self.rig.all_stiff, 'a stiff arm')
+
+    def restore(self) -> None:
+        """
+        End all faults and make the arm ready as an operator would, without a motion.
+
+        A locked board is power-cycled.  Where the position or the shape is not known, the arm is
+        straightened by hand, the tendons are made taut again, and there is the new zero.
+        """
+        rig, grbl = self.rig, self.grbl
+        self.modbus.repair()
+        self.modbus.plug()
+        with grbl.lock:
+            grbl.hang = grbl.firmware.race = False
+            grbl.drop_ok, grbl.late_ok, grbl.garble = 0, 0.0, 0.0
+            if not os.path.exists(grbl.port):
+                grbl.plug()
+            if grbl.firmware.state in ('Alarm', 'Hold', 'Door') and not grbl.moving:
+                grbl.reset()
+        rests_at = self.wait_for_rest()
+        self.emergency_stop(False)
+        self._until(lambda: all(self._level(n) != DiagnosticStatus.ERROR
+                                for n in ('tendon_actuation', 'jamming_valves')),
+                    'both devices back')
+        self.stiffen()
+        if self.motors != rests_at:
+            raise ClaimError(f'motors went from {rests_at} to {self.motors} without a command')
+        self._until(lambda: rig.trigger('tendon_actuation/resume').success, 'a resume')
+        # Only now is it said whether position and shape are known.
+        rig.wait_for(lambda: not rig.status_value('tendon_actuation', 'stopped'), 'no stop')
+        self._until(lambda: rig.statuses['kinematics'].last is not None, 'kinematics')
+        if not self.referenced or self._level('kinematics') != DiagnosticStatus.OK:
+            self._reference()
+        if self.motors != rests_at:
+            raise ClaimError(f'motors went from {rests_at} to {self.motors} by a resume')
+
+    def emergency_stop(self, on: bool) -> None:
+        """Press or release the emergency stop."""
+        self.rig.publisher(Bool, 'emergency_stop', LATCHED).publish(Bool(data=on))
+
+    def _reference(self) -> None:
+        rig = self.rig
+        self._until(lambda: rig.trigger('tendon_actuation/reference').success, 'a reference')
+        self.zero = self.motors
+        self._until(lambda: rig.trigger('kinematics/reset').success, 'a known shape')
+        rig.wait_for(lambda: self._level('kinematics') == DiagnosticStatus.OK, 'a shape')
+
+    def _level(self, node: str) -> Any:
+        return self.rig.statuses[node].last.level
+
+    def _until(self, done: Any, what: str) -> None:
+        self.rig.wait_for(lambda: done() or time.sleep(0.1), what)
+
+
+@contextmanager
+def workbench(parameters: Mapping[str, Any], faster: float = 1.0) -> Iterator[Workbench]:
+    """
+    Devices on pseudo-terminals and an observer; parameters: those of all nodes.
+
+    faster: by which pump, segments and motors are quicker than those of the paper's arm.
+    """
+    warm_up()  # or the first nodes would compile for longer than anybody waits
+    with tempfile.TemporaryDirectory() as directory, _domain() as domain:
+        folder = Path(directory)
+        values = {
+            'tendon_driver': 'grbl', 'grbl.port': str(folder / 'grbl'),
+            'jamming_driver': 'modbus', 'modbus.port': str(folder / 'modbus'),
+            'tendon_speed': 0.015 * faster, 'speed_limit': 0.03 * faster,
+            'tendon_acceleration': min(0.1 * faster**2, 10.0),
+            'acceleration_limit': 0.3 * faster**2,
+            **parameters}
+        path = folder / 'soak.yaml'
+        path.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}), encoding='utf-8')
+        motors = {110: 3000 * faster, 111: 3000 * faster,
+                  120: 500 * faster**2, 121: 500 * faster**2}
+        with (GrblEmulator(str(folder / 'grbl'), settings=motors) as grbl,
+              ModbusEmulator(SEGMENTS, link=folder / 'modbus') as modbus):
+            begin = time.monotonic()
+            for segment in modbus.segments:  # the emulated boards have no clock of their own
+                segment._clock = lambda: begin + faster * (time.monotonic() - begin)
+            rig = Rig(domain, NAMESPACE)
+            bench = Workbench(grbl, modbus, rig, Processes(domain, folder), path)
+            try:
+                yield bench
+            finally:
+                for node in bench.nodes.values():
+                    node.kill()
+                rig.close()
+
+
+@contextmanager
+def _domain() -> Iterator[int]:
+    """Return a ROS domain that neither the tests nor another soak test uses."""
+    for domain in range(101, 0, -1):
+        path = Path(tempfile.gettempdir()) / f'soft_continuum_domain_{domain}.lock'
+        try:
+            lock = path.open('w')
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:  # in use, or made by another user
+            continue
+        with lock:
+            yield domain
+        return
+    raise RuntimeError('every ROS domain from 1 to 101 is in use; end other tests first')
