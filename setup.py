@@ -35,6 +35,8 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (SHARE, ['package.xml']),
         (f'{SHARE}/config', files('config/*.yaml', 'config/*.rviz', 'config/*.xml')),
+        # On the path after sourcing the workspace.
+        ('bin', ['bin/soft_continuum']),
         (f'{SHARE}/launch', files('launch/*.launch.py')),
         (f'{SHARE}/msg_docs', files('msg_docs/*.md')),
         (f'{SHARE}/data/simulated_specimen', files('data/simulated_specimen/*')),
@@ -43,8 +45,8 @@ setup(
         'console_scripts': [
             f'{name} = {PACKAGE}.executables:{name}'
             for name in (
-                'calibrate', 'characterize', 'converge', 'doctor', 'grbl_emulator', 'identify',
-                'jamming_valves', 'kinematics', 'modbus_emulator', 'record', 'report',
+                'browser', 'calibrate', 'characterize', 'converge', 'doctor', 'grbl_emulator',
+                'identify', 'jamming_valves', 'kinematics', 'modbus_emulator', 'record', 'report',
                 'shape_sequencer', 'tendon_actuation', 'validate', 'workspace')
         ],
     },

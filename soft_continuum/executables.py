@@ -64,6 +64,16 @@ record = _program('commands.record')
 report = _program('commands.report')
 
 
+def browser() -> None:
+    """Run the view in a browser alone."""
+    _call('soft_continuum.browser.main', 'browser')
+
+
+def ui() -> None:
+    """Run the four nodes and the view in a browser."""
+    _call('soft_continuum.browser.main', 'ui')
+
+
 def up() -> None:
     """Run the four nodes in one process."""
     _call('soft_continuum.nodes.up', 'main')

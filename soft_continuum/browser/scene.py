@@ -1,0 +1,212 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What is drawn: discs, skins, tendons and the shape that a sequence goes to.
+
+Handles are kept and moved; only what has changed is sent.
+"""
+
+from collections.abc import Sequence
+from math import isnan
+
+import numpy as np
+import viser
+
+from soft_continuum.browser.state import ArmState, Description
+from soft_continuum.mechanics.chain import Array, LEFT, orientation, RIGHT, RigidChain
+
+Colour = tuple[int, int, int]
+
+STIFF: Colour = (52, 73, 94)
+SOFT: Colour = (243, 150, 40)
+UNKNOWN: Colour = (170, 170, 170)
+DISC: Colour = (206, 211, 217)
+GHOST: Colour = (39, 174, 96)
+SLACK: Colour = (150, 155, 160)
+LOCKED: Colour = (90, 60, 130)
+TENSIONS: tuple[Colour, ...] = ((41, 128, 215), (240, 196, 25), (214, 40, 40))
+"""Of a taut tendon: from no tension over half to all of the limit."""
+SIDES = 32  # of skins and discs
+RINGS_PER_JOINT = 3
+PLEAT = 0.03  # of the radius: a skin is seen to bend by its pleats
+SKIN = 0.88  # of the outer diameter, so that discs stand out
+DISC_RADII = np.array([0.0, 1.0, 1.0, 1.0, 1.0, 0.0])  # rings twice, for sharp edges
+DASHES = 9  # in each span of a slack tendon
+ROPE = 0.0009  # m, radius of a taut tendon as drawn
+
+
+class Scene:
+    """The arm of one description in a viser scene."""
+
+    def __init__(self, server: viser.ViserServer, description: Description) -> None:
+        """Draw nothing yet but the ground, and point the camera."""
+        arm = description.arm
+        self._chain = RigidChain(arm)
+        self._limit = description.tension_limit
+        self._drawn: tuple[object, ...] = ()
+        self._ghost_shape: tuple[float, ...] = ()
+        scene = server.scene
+        length = sum(d.height for d in arm.discs) + sum(s.length for s in arm.segments)
+        turn = orientation(arm.mounting_angle)
+        root = scene.add_frame('/arm', show_axes=False, wxyz=(turn[3], *turn[:3]))
+        self._root = root
+        root.visible = False
+        upright = np.cos(arm.mounting_angle) > 0.9
+        ground = -0.001 if upright else -1.15 * length  # below an arm that hangs
+        scene.add_grid('/ground', 4 * length, 4 * length, cell_size=0.05, section_size=0.1,
+                       cell_color=(222, 226, 230), section_color=(200, 205, 210),
+                       plane_color=(250, 250, 250), plane_opacity=1.0, shadow_opacity=0.25,
+                       fade_distance=6 * length, position=(0.0, 0.0, ground))
+        axis = np.array([np.sin(arm.mounting_angle), 0.0, np.cos(arm.mounting_angle)])
+        target = 0.5 * length * axis
+        server.initial_camera.look_at = tuple(target)
+        server.initial_camera.position = tuple(
+            target + length * np.array([0.4, -1.45, 0.3]))
+        server.initial_camera.up = (0.0, 0.0, 1.0)
+
+        n = self._chain.joints_per_segment
+        self._stations = np.linspace(0.0, n - 1, RINGS_PER_JOINT * (n - 1) + 1)
+        zero = np.zeros(self._chain.joints)
+        faces = _faces(len(self._stations))
+        self._skins = [
+            scene.add_mesh_simple(f'/arm/skin_{s + 1}', skin, faces, color=UNKNOWN)
+            for s, skin in enumerate(self._skin_vertices(zero))]
+        # Discs are meshes like the skins, not moved cylinders: a slow browser shows these at
+        # another time.
+        each = _faces(len(DISC_RADII))
+        count = SIDES * len(DISC_RADII)
+        self._discs = scene.add_mesh_simple(
+            '/arm/discs', self._disc_vertices(zero),
+            np.concatenate([each + k * count for k in range(len(arm.discs))]), color=DISC)
+        self._tendons = [
+            scene.add_line_segments(f'/arm/{name}_tendon', np.zeros((1, 2, 3)), SLACK,
+                                    thickness=2 * ROPE)
+            for name in ('right', 'left')]
+        self._labels = [
+            scene.add_label(f'/arm/label_{s + 1}', str(s + 1), anchor='center-center')
+            for s in range(self._chain.segments)]
+        self._ghost = scene.add_mesh_simple(
+            '/arm/ghost', *self._ghost_mesh(zero), color=GHOST, opacity=0.3, visible=False,
+            cast_shadow=False, side='double')
+
+    def show(self, state: ArmState, target: Sequence[float] | None) -> None:
+        """Bring the scene up to date; ``target``: bending angles (rad) a sequence goes to."""
+        known = len(state.joint_angles) == self._chain.joints
+        self._root.visible = known
+        if not known:
+            return
+        # What is not heard any more is drawn grey, not as if it were so now.
+        stiff = state.flags if state.hears('kinematics') else [None] * len(state.stiff)
+        drawn = (state.joint_angles, tuple(stiff), *(round(t, 1) for t in state.tensions))
+        if repr(drawn) != repr(self._drawn):  # nan is not equal to itself
+            self._drawn = drawn
+            self._move(np.array(state.joint_angles))
+            self._colour(stiff, state.tensions)
+        self._show_ghost(tuple(target or ()))
+
+    def _move(self, joint_angles: Array) -> None:
+        self._discs.vertices = self._disc_vertices(joint_angles).astype(np.float32)
+        for skin, vertices in zip(self._skins, self._skin_vertices(joint_angles), strict=True):
+            skin.vertices = vertices.astype(np.float32)
+        self._guides = self._chain.guide_points(joint_angles)
+        middle = self._chain.backbone(joint_angles)
+        n = self._chain.joints_per_segment
+        for s, label in enumerate(self._labels):
+            x, z, angle = middle[s * n + n // 2]
+            aside = 0.8 * self._chain.arm.segments[0].outer_diameter
+            label.position = (x + aside * np.cos(angle), 0.0, z - aside * np.sin(angle))
+
+    def _colour(self, flags: Sequence[bool | None], tensions: Sequence[float]) -> None:
+        for s, (skin, stiff) in enumerate(zip(self._skins, flags, strict=True)):
+            skin.color = UNKNOWN if stiff is None else STIFF if stiff else SOFT
+            word = 'not known' if stiff is None else 'stiff' if stiff else 'soft'
+            self._labels[s].text = f'{s + 1} {word}'
+        for t in (RIGHT, LEFT):
+            tendon, tension = self._tendons[t], tensions[t]
+            is_slack = tension == 0.0
+            pieces = _dashes(self._guides[t]) if is_slack else np.stack(
+                [self._guides[t][:-1], self._guides[t][1:]], axis=1)
+            points = np.zeros((len(pieces), 2, 3), dtype=np.float32)
+            points[:, :, 0::2] = pieces
+            tendon.points = points
+            tendon.colors = np.array(tension_colour(tension, self._limit), dtype=np.uint8)
+            tendon.thickness = ROPE if is_slack else 2 * ROPE
+
+    def _show_ghost(self, target: tuple[float, ...]) -> None:
+        if target and target != self._ghost_shape:
+            self._ghost_shape = target
+            state = self._chain.uniform(target)
+            vertices, _ = self._ghost_mesh(state.joint_angles)
+            self._ghost.vertices = vertices.astype(np.float32)
+        self._ghost.visible = bool(target)
+
+    # Shapes of meshes.
+
+    def _disc_vertices(self, joint_angles: Array) -> Array:
+        """Return the vertices (k, 3) of all discs, m."""
+        points, guides = self._chain.points(joint_angles), self._chain.guides
+        discs = []
+        for k in range(len(points) // 2):
+            ends = np.repeat(points[2 * k:2 * k + 2], len(DISC_RADII) // 2, axis=0)
+            radius = guides[max(0, k - 1):k + 1].max() + 2 * ROPE
+            discs.append(_tube(ends[:, 0], ends[:, 1], ends[:, 2], radius * DISC_RADII))
+        return np.concatenate(discs)
+
+    def _skin_vertices(self, joint_angles: Array) -> list[Array]:
+        """Return the vertices (rings * SIDES, 3) of every segment's skin, m."""
+        rows = self._chain.backbone(joint_angles)
+        n = self._chain.joints_per_segment
+        joints = np.arange(n)
+        skins = []
+        for s, segment in enumerate(self._chain.arm.segments):
+            part = rows[s * n:s * n + n]
+            x, z, angle = (np.interp(self._stations, joints, column) for column in part.T)
+            pleats = 1.0 + PLEAT * np.cos(2 * np.pi * self._stations)
+            skins.append(_tube(x, z, angle, 0.5 * SKIN * segment.outer_diameter * pleats))
+        return skins
+
+    def _ghost_mesh(self, joint_angles: Array) -> tuple[Array, Array]:
+        """Return a thin tube along the backbone and beyond, as vertices and faces."""
+        rows = np.vstack([[0.0, 0.0, 0.0], self._chain.backbone(joint_angles)])
+        radius = np.full(len(rows), 0.3 * self._chain.arm.segments[0].outer_diameter)
+        return _tube(rows[:, 0], rows[:, 1], rows[:, 2], radius), _faces(len(rows))
+
+
+def tension_colour(tension: float, limit: float) -> Colour:
+    """Return the colour of a tendon: slack, of unknown tension (nan), or by tension in N."""
+    if isnan(tension):
+        return LOCKED
+    if tension == 0.0:
+        return SLACK
+    at = min(1.0, tension / limit) * (len(TENSIONS) - 1)
+    r, g, b = (int(np.interp(at, range(len(TENSIONS)), channel))
+               for channel in zip(*TENSIONS, strict=True))
+    return r, g, b
+
+
+def _dashes(points: Array) -> Array:
+    """Return the dashes of a line through points (k, 2), shape (pieces, 2, 2)."""
+    steps = np.linspace(0.0, 1.0, 2 * DASHES)[:, None, None]
+    fine = points[:-1] + steps * (points[1:] - points[:-1])
+    pieces: Array = np.stack([fine[:-1:2], fine[1::2]], axis=2).reshape(-1, 2, 2)
+    return pieces
+
+
+def _tube(x: Array, z: Array, angle: Array, radius: Array) -> Array:
+    """Return the vertices (rings * SIDES, 3) around a line in the x-z plane."""
+    around = np.linspace(0.0, 2 * np.pi, SIDES, endpoint=False)
+    across = radius[:, None] * np.cos(around)
+    vertices = np.empty((len(x), SIDES, 3))
+    vertices[:, :, 0] = x[:, None] + across * np.cos(angle)[:, None]
+    vertices[:, :, 1] = radius[:, None] * np.sin(around)
+    vertices[:, :, 2] = z[:, None] - across * np.sin(angle)[:, None]
+    return vertices.reshape(-1, 3)
+
+
+def _faces(rings: int) -> Array:
+    """Return the triangles (k, 3) of such a tube, seen from outside."""
+    ring, side = np.meshgrid(np.arange(rings - 1), np.arange(SIDES), indexing='ij')
+    a = (ring * SIDES + side).ravel()
+    b = (ring * SIDES + (side + 1) % SIDES).ravel()
+    return np.concatenate([np.stack([a, b, a + SIDES], axis=1),
+                           np.stack([b, b + SIDES, a + SIDES], axis=1)])

@@ -1,0 +1,36 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A client of a running arm, for scripts and notebooks.
+
+``Arm`` speaks to the four nodes by their public topics, services and action, like any other
+client; see docs/client.md.
+"""
+
+from soft_continuum.client.arm import Arm
+from soft_continuum.client.errors import (
+    ClientError,
+    LostError,
+    NoAnswerError,
+    NodesMissingError,
+    RefusedError,
+    SequenceError,
+)
+from soft_continuum.client.sequence import Progress, RunningSequence
+from soft_continuum.client.state import ArmState, NodeReport, Pose, SequenceResult
+
+__all__ = [
+    'Arm',
+    'ArmState',
+    'ClientError',
+    'LostError',
+    'NoAnswerError',
+    'NodeReport',
+    'NodesMissingError',
+    'Pose',
+    'Progress',
+    'RefusedError',
+    'RunningSequence',
+    'SequenceError',
+    'SequenceResult',
+]

@@ -1,0 +1,153 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Who may open the view, over real connections."""
+
+from collections.abc import Callable, Iterator
+from http.client import HTTPConnection, HTTPResponse
+import socket
+import sys
+from typing import Any
+
+import pytest
+import viser
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from soft_continuum.browser.door import address, DoorError, open_server
+
+TOKEN = 'a-token-of-this-test'
+PROTOCOL = f'viser-v{viser.__version__}'
+
+
+@pytest.fixture
+def make_server() -> Iterator[Callable[..., viser.ViserServer]]:
+    servers = []
+
+    def make(token: str = '', host: str = '127.0.0.1') -> viser.ViserServer:
+        servers.append(open_server(host, 0, token))
+        return servers[-1]
+
+    yield make
+    for server in servers:
+        server.stop()
+
+
+def get(server: viser.ViserServer, path: str = '/', **headers: str) -> HTTPResponse:
+    connection = HTTPConnection('127.0.0.1', server.get_port(), timeout=30)
+    connection.request('GET', path, headers=headers)
+    response = connection.getresponse()
+    response.text = response.read().decode(errors='replace')  # type: ignore[attr-defined]
+    connection.close()
+    return response
+
+
+def websocket(server: viser.ViserServer, **headers: str) -> Any:
+    return connect(f'ws://127.0.0.1:{server.get_port()}', subprotocols=[PROTOCOL],
+                   additional_headers=headers, open_timeout=30)
+
+
+def assert_refused(server: viser.ViserServer, status: int, **headers: str) -> None:
+    with pytest.raises(InvalidStatus) as refusal:
+        websocket(server, **headers)
+    assert refusal.value.response.status_code == status
+
+
+def test_on_loopback_the_page_and_its_connection_are_open(make_server: Any) -> None:
+    server = make_server()
+    page = get(server)
+    assert page.status == 200
+    assert "frame-ancestors 'self'" in page.headers['Content-Security-Policy']
+    with websocket(server, Origin=f'http://127.0.0.1:{server.get_port()}') as connection:
+        assert connection.recv(timeout=30)
+
+
+def test_a_page_of_another_site_may_not_move_the_arm(make_server: Any) -> None:
+    server = make_server()
+    assert_refused(server, 403, Origin='https://example.org')
+    assert_refused(server, 403, Origin='http://127.0.0.1:1')
+    assert_refused(server, 403, Origin='null')
+
+
+def test_a_site_that_takes_the_address_of_this_machine_is_refused(make_server: Any) -> None:
+    page = get(make_server(), Host='example.org:8080')
+    assert page.status == 403
+    assert '127.0.0.1' in page.text
+
+
+def test_with_a_token_nothing_is_served_without_it(make_server: Any) -> None:
+    server = make_server(TOKEN)
+    for path in ('/', '/?token=another-token', '/?token=', '/index.html'):
+        page = get(server, path)
+        assert page.status == 401
+        assert 'token' in page.text
+    assert_refused(server, 401)
+    assert_refused(server, 401, Cookie=f'soft_continuum_{server.get_port()}=another-token')
+
+
+def test_who_shows_the_token_is_let_in_from_then_on(make_server: Any) -> None:
+    server = make_server(TOKEN, host='0.0.0.0')
+    assert address(server, TOKEN).endswith(f':{server.get_port()}/?token={TOKEN}')
+    first = get(server, f'/?token={TOKEN}')
+    assert first.status == 303
+    assert first.headers['Location'] == '/'  # the token does not stay in the address bar
+    cookie = first.headers['Set-Cookie']
+    assert 'HttpOnly' in cookie and 'SameSite=Strict' in cookie
+    shown = cookie.partition(';')[0]
+    assert get(server, Cookie=shown).status == 200
+    with websocket(server, Cookie=shown) as connection:
+        assert connection.recv(timeout=30)
+    assert_refused(server, 403, Cookie=shown, Origin='https://example.org')
+
+
+@pytest.mark.parametrize('host', ['0.0.0.0', '::', ''])
+def test_beyond_loopback_a_token_is_needed(host: str) -> None:
+    with pytest.raises(DoorError, match='--token'):
+        open_server(host, 0)
+
+
+def test_a_port_that_is_taken_is_named(make_server: Any) -> None:
+    with socket.create_server(('127.0.0.1', 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(DoorError, match=f'port {port}.*--port'):
+            open_server('127.0.0.1', port)
+
+
+@pytest.mark.parametrize(('host', 'port'), [('no.such.host.invalid', 0), ('127.0.0.1', 99999)])
+def test_an_address_that_is_not_to_be_had_is_named(host: str, port: int) -> None:
+    with pytest.raises(DoorError, match='cannot listen on' if port else '--token'):
+        open_server(host, port)
+    with pytest.raises(DoorError, match='cannot listen on'):
+        open_server(host, port, TOKEN)
+
+
+def test_no_browser_can_put_the_arm_on_the_internet(make_server: Any) -> None:
+    assert make_server().request_share_url() is None
+
+
+def test_a_server_that_cannot_be_guarded_is_not_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    # As if a later viser started its server in another way than the one that is guarded.
+    from websockets.asyncio import server as real
+
+    class Other:
+        serve = staticmethod(real.serve)
+
+    monkeypatch.setattr('soft_continuum.browser.door.websocket_server', Other)
+    with pytest.raises(DoorError, match='requirements'):
+        open_server('127.0.0.1', 0)
+
+
+@pytest.mark.parametrize(('arguments', 'told'), [
+    (('--host', '0.0.0.0'), '--token'),
+    (('--token', 'short'), '12 or more'),
+    (('--port', 'x'), '--port'),
+    (('--tendon-driver', 'gbrl'), 'gbrl'),
+])
+def test_bad_arguments_are_named_without_a_traceback(
+        processes: Any, arguments: tuple[str, ...], told: str) -> None:
+    process = processes.start([
+        sys.executable, '-c', 'import sys; from soft_continuum.browser.main import ui; '
+        'sys.exit(ui())', '--port', '0', *arguments])
+    assert process.wait(90) == 2
+    assert told in process.output
+    assert 'Traceback' not in process.output

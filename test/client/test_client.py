@@ -1,0 +1,350 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""A script in Python sees and moves the arm as the public interfaces let it."""
+
+import asyncio
+from math import inf, nan
+import threading
+from time import monotonic, sleep
+
+import matplotlib
+from matplotlib.figure import Figure
+import numpy as np
+import pytest
+
+from soft_continuum.client import (
+    Arm,
+    ClientError,
+    LostError,
+    NoAnswerError,
+    NodesMissingError,
+    RefusedError,
+    sequence,
+    SequenceError,
+)
+from soft_continuum.configuration import load_arm, load_shapes
+from soft_continuum.nodes.up import description_file
+
+matplotlib.use('Agg')
+DEADLINE = 30.0  # s
+LEAN = (0.2, 0.1, -0.1)  # rad
+STRAIGHT = (0.0, 0.0, 0.0)
+
+
+def wait_until(condition):
+    deadline = monotonic() + DEADLINE
+    while not condition():
+        assert monotonic() < deadline
+        sleep(0.01)
+
+
+# Seeing.
+
+def test_the_state_of_a_straight_and_stiff_arm_is_complete(client):
+    wait_until(lambda: client.state.tip and None not in client.state.pressures)
+    state = client.state
+    assert state.pulls == state.speeds == (0.0, 0.0)
+    assert state.stiff == (True, True, True)
+    assert all(0.0 < pressure < 60e3 for pressure in state.pressures)
+    assert state.bending_angles == STRAIGHT
+    assert [pose.x for pose in state.segment_poses] == [0.0, 0.0, 0.0]
+    assert state.tip.z == pytest.approx(load_arm(description_file()).length)
+    assert len(state.joint_angles) == 39
+    assert [node.level for node in state.nodes] == ['ok'] * 4
+    assert all(node.running and node.age < DEADLINE for node in state.nodes)
+    assert state.node('jamming_valves').values['stiff'] == 'true true true'
+
+
+def test_a_node_that_there_is_not_is_named_with_those_that_there_are(client):
+    with pytest.raises(KeyError, match='jaming; the nodes are tendon_actuation, '):
+        client.state.node('jaming')
+
+
+def test_what_is_no_longer_heard_is_no_longer_known(rig, connect):
+    nodes = rig.start('jamming_valves')
+    rig.start('kinematics', ready=False)
+    arm = connect()
+    wait_until(lambda: arm.state.stiff == (True, True, True))
+    rig.end(nodes[0])
+    wait_until(lambda: arm.state.stiff == (None, None, None))
+    assert arm.state.pressures == (None, None, None)
+    assert arm.state.pulls is arm.state.tip is arm.state.bending_angles is None
+
+
+def test_the_shape_library_and_the_description_are_those_of_the_nodes(rig, connect):
+    rig.start_arm(shape_names=['c_form', 'lean'], shapes__lean=list(LEAN), arm__payload=0.0125)
+    arm = connect()
+    assert dict(arm.shapes) == {'c_form': load_shapes(description_file())['c_form'], 'lean': LEAN}
+    assert arm.description.payload == 0.0125
+
+
+def test_a_plot_shows_the_shape_that_the_arm_has(client):
+    client.run(LEAN)
+    axes = client.plot()
+    points = axes.get_lines()[-1].get_xydata()
+    tip = client.state.tip
+    np.testing.assert_allclose(points[-1], [tip.x * 1e3, tip.z * 1e3], atol=1e-6)
+    own = Figure().subplots()
+    assert client.plot(own) is own
+
+
+# Sequences.
+
+def test_a_sequence_reaches_its_shapes_and_reports_its_progress(client):
+    seen = []
+    result = client.run('s_form', LEAN, hold=0.1, progress=seen.append)
+    assert (result.outcome, result.message, result.shapes_completed) == ('SUCCESSFUL', '', 2)
+    assert client.state.bending_angles == pytest.approx(LEAN, abs=2e-3)
+    fractions = [now.fraction for now in seen]
+    assert fractions == sorted(fractions) and fractions[-1] == pytest.approx(1.0)
+    assert {now.shape for now in seen} == {'s_form', 'shape 2'}
+    assert {now.phase for now in seen} >= {'softening', 'moving', 'stiffening', 'holding'}
+
+
+@pytest.mark.parametrize(('shapes', 'reason'), [
+    (['no_form'], "unknown shape 'no_form'; known: c_form, "),
+    ([(0.1, 0.2)], '3'),
+    ([(nan, 0.0, 0.0)], 'nan'),
+    ([(2.0, 0.0, 0.0)], 'segment 1'),
+    ([], 'the sequence is empty'),
+])
+def test_what_the_sequencer_rejects_is_refused_with_its_reason(client, shapes, reason):
+    for _ in range(2):  # the second time for the same reason, which is not said anew
+        with pytest.raises(RefusedError, match='shape_sequencer: .*' + reason):
+            client.run(*shapes)
+    assert client.state.bending_angles == STRAIGHT
+
+
+def test_a_sequence_can_be_awaited_while_others_work(client):
+    async def work():
+        running = client.start(LEAN)
+        turns = 0
+        waiting = asyncio.ensure_future(wait(running))
+        while not waiting.done():
+            turns += 1
+            await asyncio.sleep(0.01)
+        return waiting.result(), turns
+
+    async def wait(running):
+        return await running
+
+    result, turns = asyncio.run(work())
+    assert result.outcome == 'SUCCESSFUL'
+    assert turns > 3
+
+
+def test_a_task_that_no_longer_awaits_leaves_the_sequence_running(client):
+    async def work():
+        running = client.start(LEAN)
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(_awaited(running), 0.01)
+        return running
+
+    async def _awaited(running):
+        return await running
+
+    assert asyncio.run(work()).result(DEADLINE).outcome == 'SUCCESSFUL'
+
+
+def test_a_canceled_sequence_ends_stiff(client):
+    running = client.start('c_form', hold=600.0)
+    wait_until(lambda: running.progress and running.progress.phase == 'moving')
+    running.cancel()
+    with pytest.raises(SequenceError, match='CANCELED') as raised:
+        running.result(DEADLINE)
+    assert raised.value.result.outcome == 'CANCELED'
+    assert raised.value.result.shapes_completed == 0
+    assert running.done
+    assert client.state.stiff == (True, True, True)
+
+
+def test_waiting_too_briefly_says_that_it_still_runs(client):
+    running = client.start('c_form', hold=600.0)
+    with pytest.raises(NoAnswerError, match='still runs after 0.01 s'):
+        running.result(0.01)
+
+
+def test_a_newer_sequence_ends_the_older_one(client, connect):
+    older = client.start('c_form', hold=600.0)
+    result = connect().run(LEAN)
+    assert result.outcome == 'SUCCESSFUL'
+    with pytest.raises(SequenceError, match='PREEMPTED'):
+        older.result(DEADLINE)
+
+
+def test_a_progress_callback_that_fails_cancels_the_sequence(client, arm):
+    def fail(_):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        client.run('c_form', hold=600.0, progress=fail)
+    arm.wait_for_status('shape_sequencer', 'last', 'CANCELED')
+
+
+def test_leaving_cancels_what_was_started(arm, here):
+    with Arm(arm.namespace, timeout=DEADLINE) as client:
+        running = client.start('c_form', hold=600.0)
+        wait_until(lambda: running.progress)
+    assert running.done
+    arm.wait_for_status('shape_sequencer', 'last', 'CANCELED')
+    with pytest.raises(ClientError, match='this Arm is closed; make a new one'):
+        client.stop()
+
+
+def test_a_sequencer_that_dies_does_not_keep_its_client_waiting(rig, connect, monkeypatch):
+    monkeypatch.setattr(sequence, 'SILENCE', 3.0)
+    rig.start('tendon_actuation', 'jamming_valves', 'kinematics')
+    sequencer = rig.start('shape_sequencer')[0]
+    rig.wait_for(lambda: len(rig.joints), 'joint_states')
+    rig.goal_when_heard(STRAIGHT).result()
+    running = connect().start('c_form', hold=600.0)
+    rig.end(sequencer)
+    with pytest.raises(LostError, match='nothing heard of shape_sequencer for 3 s'):
+        running.result(DEADLINE)
+
+
+# Stop.
+
+def test_a_stop_of_another_client_ends_the_sequence_and_lasts_until_resumed(client, connect):
+    other = connect()
+    running = client.start('c_form')
+    wait_until(lambda: running.progress and running.progress.phase == 'moving')
+    assert 'nothing moves before' in other.stop()
+    with pytest.raises(SequenceError, match='STOPPED'):
+        running.result(DEADLINE)
+    with pytest.raises(RefusedError, match='call tendon_actuation/resume first'):
+        client.run('c_form')
+    other.resume()
+    wait_until(lambda: not client.state.node('tendon_actuation').values['stopped'])
+    client.stiffen()
+    assert client.run(STRAIGHT).outcome == 'SUCCESSFUL'
+
+
+# Segments and tendons by hand.
+
+def test_a_softened_segment_is_full_of_air_and_a_stiffened_one_evacuated(client):
+    client.soften(2)
+    state = client.state
+    assert state.stiff == (True, False, True)
+    assert state.pressures[1] > 91e3
+    client.stiffen(2)
+    state = client.state
+    assert state.stiff == (True, True, True)
+    assert state.pressures[1] < 60e3
+
+
+@pytest.mark.parametrize('segment', [0, 4, -1])
+def test_a_segment_that_there_is_not_is_refused(client, segment):
+    with pytest.raises(RefusedError, match=f'no segment {segment}; the segments are 1 to 3'):
+        client.soften(segment)
+    assert client.state.stiff == (True, True, True)
+
+
+def test_a_jog_pulls_the_tendons_while_a_segment_is_soft(client):
+    with pytest.raises(RefusedError, match='tendon_actuation: every segment is stiff'):
+        client.jog(right=0.001, left=-0.0015)
+    client.soften(3)
+    client.jog(right=0.001, left=-0.0015)
+    assert client.state.pulls == pytest.approx((0.001, -0.0015), abs=2e-5)
+    client.jog(right=-0.001)
+    assert client.state.pulls == pytest.approx((0.0, -0.0015), abs=2e-5)
+
+
+def test_a_jog_that_is_stopped_says_so(client, connect):
+    client.soften(3)
+    other = connect()
+    caught = []
+
+    def jog():
+        try:
+            client.jog(right=0.012, left=-0.014)
+        except ClientError as error:
+            caught.append(error)
+
+    thread = threading.Thread(target=jog)
+    thread.start()
+    try:
+        wait_until(lambda: other.state.pulls[0] > 0.001)
+        other.stop()
+    finally:
+        thread.join(DEADLINE)
+    assert isinstance(caught[0], RefusedError) and 'stopped' in str(caught[0])
+    assert other.state.pulls[0] < 0.012
+
+
+def test_a_jog_beyond_the_limits_is_refused(client):
+    client.soften(3)
+    with pytest.raises(RefusedError, match='pull_limits'):
+        client.jog(right=0.1)
+    assert client.state.pulls == (0.0, 0.0)
+
+
+def test_nothing_is_done_by_hand_while_a_sequence_runs(client):
+    running = client.start('c_form', hold=600.0)
+    wait_until(lambda: client.state.node('shape_sequencer').values.get('phase') == 'holding')
+    for by_hand in (lambda: client.soften(1), client.stiffen, lambda: client.jog(right=0.001)):
+        with pytest.raises(RefusedError, match='a sequence is running .*; cancel or stop it'):
+            by_hand()
+    assert not running.done
+
+
+def test_reference_and_reset_are_answered(client):
+    assert 'straight' in client.reference()
+    assert 'straight' in client.reset()
+    client.run(LEAN)
+    with pytest.raises(RefusedError, match='kinematics/reset: pulls are'):
+        client.reset()
+
+
+# What is missing, and what is wrong.
+
+def test_without_nodes_it_is_said_which_and_how_to_start_them(connect):
+    arm = connect(timeout=0.5)
+    for ask in (lambda: arm.state, lambda: arm.run('c_form'), lambda: arm.shapes, arm.stop,
+                lambda: arm.jog(right=0.001), lambda: arm.soften(1), arm.plot):
+        with pytest.raises(NodesMissingError) as raised:
+            ask()
+        for word in ('tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer',
+                     './run up', 'ros2 launch soft_continuum bringup.launch.py'):
+            assert word in str(raised.value)
+
+
+def test_an_arm_in_another_namespace_is_pointed_at(arm, connect):
+    client = connect(namespace='left', timeout=0.5)
+    wait_until(lambda: 'an arm was found in namespace /arm_under_test' in _why(client.stop))
+
+
+def _why(call):
+    with pytest.raises(NodesMissingError) as raised:
+        call()
+    return str(raised.value)
+
+
+def test_only_the_nodes_that_are_missing_are_named(rig, connect):
+    rig.start('kinematics', ready=False)
+    arm = connect(timeout=1.0)
+    wait_until(lambda: arm.state.node('kinematics').message)
+    assert arm.state.pulls is None
+    with pytest.raises(NodesMissingError) as raised:
+        arm.stop()
+    assert 'kinematics' not in str(raised.value)
+    assert 'tendon_actuation, jamming_valves, shape_sequencer do not run' in str(raised.value)
+
+
+@pytest.mark.parametrize('call', [
+    lambda arm: arm.run('c_form', hold=-1.0), lambda arm: arm.run('c_form', hold=nan),
+    lambda arm: arm.jog(right=nan), lambda arm: arm.jog(left=inf)])
+def test_a_number_that_is_none_is_an_error_before_anything_is_sent(connect, call):
+    with pytest.raises(ValueError, match='nan|inf|-1'):
+        call(connect(timeout=0.5))
+
+
+@pytest.mark.parametrize('timeout', [0.0, -1.0, nan])
+def test_a_timeout_has_to_be_positive(timeout):
+    with pytest.raises(ValueError, match='must be positive'):
+        Arm(timeout=timeout)
+
+
+def test_a_namespace_that_ros_does_not_take_is_named(here):
+    with pytest.raises(ClientError, match="'a b' is not one that ROS takes"):
+        Arm('a b')
