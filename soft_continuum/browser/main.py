@@ -14,6 +14,8 @@ from time import monotonic
 from typing import Any
 
 import rclpy
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.executors import Executor
 from rclpy.signals import SignalHandlerOptions
 import viser
@@ -51,7 +53,8 @@ class View:
         self._panel = Panel(server, node, None)
         self._described: object = None
         self._next_panel = self._next_question = 0.0
-        self._timer = node.create_timer(PERIOD, self._tick)
+        self._timer = node.create_timer(
+            PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _tick(self) -> None:
         now = monotonic()
