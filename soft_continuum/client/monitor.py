@@ -97,7 +97,7 @@ class Monitor:
 
     def _complete(self) -> bool:
         running = self._connection.running()
-        return all(running.values()) and len(self._latest) >= (
+        return all(running.values()) and len(self._latest.keys() - {'diagnostics'}) >= (
             len(NODE_NAMES) + len(SPOKEN_BY) + 2 * self.segments)
 
     # What is known.

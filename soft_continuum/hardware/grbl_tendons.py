@@ -42,7 +42,7 @@ from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.parameters import Parameter, ParameterError
 
 QUERY_MOVING, QUERY_RESTING = 0.025, 0.1  # s between two status queries
-PATIENCE, TRIES = 0.2, 3
+PATIENCE, TRIES = 0.2, 4
 """s that a status query waits for its answer, and queries in succession that may have none."""
 LATEST_ANSWER = 0.6
 """s that the answer to a line may take."""

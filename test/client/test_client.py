@@ -3,6 +3,7 @@
 """A script in Python sees and moves the arm as the public interfaces let it."""
 
 import asyncio
+from concurrent.futures import ThreadPoolExecutor
 from math import inf, nan
 import threading
 from time import monotonic, sleep
@@ -115,6 +116,12 @@ def test_what_the_sequencer_rejects_is_refused_with_its_reason(client, shapes, r
     assert client.state.bending_angles == STRAIGHT
 
 
+def alone(work):
+    """Run a coroutine on a thread: other tests may have left a loop running on this one."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(asyncio.run, work).result(DEADLINE)
+
+
 def test_a_sequence_can_be_awaited_while_others_work(client):
     async def work():
         running = client.start(LEAN)
@@ -128,7 +135,7 @@ def test_a_sequence_can_be_awaited_while_others_work(client):
     async def wait(running):
         return await running
 
-    result, turns = asyncio.run(work())
+    result, turns = alone(work())
     assert result.outcome == 'SUCCESSFUL'
     assert turns > 3
 
@@ -143,7 +150,7 @@ def test_a_task_that_no_longer_awaits_leaves_the_sequence_running(client):
     async def _awaited(running):
         return await running
 
-    assert asyncio.run(work()).result(DEADLINE).outcome == 'SUCCESSFUL'
+    assert alone(work()).result(DEADLINE).outcome == 'SUCCESSFUL'
 
 
 def test_a_canceled_sequence_ends_stiff(client):
