@@ -18,8 +18,8 @@ PIECE = 0.02
 BOOST = 1.2
 """By which jogs are faster than planned, so that the controller catches up with what it lost."""
 LONGEST_PIECE = 0.06  # s, when an acknowledgement was late
-MOST_QUEUED = 0.16
-"""s of motion that may wait in the controller, with 30 ms for what its report does not say yet."""
+MOST_QUEUED = 0.14
+"""s of motion that may wait in the controller; its report does not yet say the last 60 ms."""
 FINEST = 1e-9  # m, of the planned path; it is rounded to motor steps when it is sent
 REPORTED = 1e-6  # m, of the positions in a status report
 
