@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
 import sys
-import threading
 
+from soft_continuum.emulators.console import serve
 from soft_continuum.emulators.grbl_board import GrblEmulator
 
 CONFIGURATION = """\
@@ -111,24 +111,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     if not 0.0 < arguments.time_factor <= 1000.0:
         parser.error('--time-factor must be above 0 and at most 1000')
-    try:
-        with GrblEmulator(arguments.link, arguments.time_factor) as emulator:
-            print(CONFIGURATION.format(port=emulator.port, x=emulator.firmware.settings[100],
-                                       y=emulator.firmware.settings[101]), flush=True)
-            for line in sys.stdin:
-                if line.strip() == 'quit':
-                    return 0
-                try:
-                    print(obey(emulator, line) if line.strip() else '', flush=True)
-                except ValueError as error:
-                    print(error, flush=True)
-            threading.Event().wait()  # no terminal: serve until Ctrl-C
-    except OSError as error:
-        print(f'grbl_emulator: {error}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        pass
-    return 0
+    return serve(
+        parser.prog, lambda: GrblEmulator(arguments.link, arguments.time_factor),
+        lambda emulator: CONFIGURATION.format(
+            port=emulator.port, x=emulator.firmware.settings[100],
+            y=emulator.firmware.settings[101]), obey)
 
 
 if __name__ == '__main__':

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from math import nan
 import random
 import sys
-import threading
 
+from soft_continuum.emulators.console import serve
 from soft_continuum.emulators.modbus_rig import (
     ANALOG_UNIT,
     FULL_SCALE,
@@ -137,29 +137,14 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='answer as slowly as this line would; 0: at once (default: 9600)')
     arguments = parser.parse_args(argv)
     numbers = range(arguments.segments)
-    try:
-        emulator = ModbusEmulator(
+    return serve(
+        parser.prog, lambda: ModbusEmulator(
             arguments.segments, initially_stiff=arguments.stiff, link=arguments.link,
-            baud_rate=arguments.baud_rate)
-        with emulator:
-            print(CONFIGURATION.format(
-                port=arguments.link or emulator.port, relay_unit=RELAY_UNIT,
-                valves=[float(n + 1) for n in numbers], analog_unit=ANALOG_UNIT,
-                registers=[float(n) for n in numbers], full_scale=FULL_SCALE), flush=True)
-            for line in sys.stdin:
-                if line.strip() == 'quit':
-                    return 0
-                try:
-                    print(obey(emulator, line) if line.strip() else '', flush=True)
-                except ValueError as error:
-                    print(error, flush=True)
-            threading.Event().wait()  # no terminal: serve until Ctrl-C
-    except OSError as error:
-        print(f'modbus_emulator: {error}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        pass
-    return 0
+            baud_rate=arguments.baud_rate),
+        lambda emulator: CONFIGURATION.format(
+            port=arguments.link or emulator.port, relay_unit=RELAY_UNIT,
+            valves=[float(n + 1) for n in numbers], analog_unit=ANALOG_UNIT,
+            registers=[float(n) for n in numbers], full_scale=FULL_SCALE), obey)
 
 
 if __name__ == '__main__':

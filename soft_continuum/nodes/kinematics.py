@@ -29,6 +29,7 @@ from soft_continuum.nodes.support import (
     SENSOR,
     Status,
     STREAM,
+    TAKEN_UP,
     WARN,
 )
 from soft_continuum.urdf import arm_urdf, joint_names
@@ -36,7 +37,6 @@ from soft_continuum.urdf import arm_urdf, joint_names
 MARKER_PERIOD = 0.05  # s
 PULL_RESOLUTION = 1e-9  # m: a smaller change of pull changes nothing
 UNMOVED = 1e-5  # m: pulls of an arm that is still where it was referenced; opposite bends cancel
-TAKEN_UP = 1e-4  # m that rope and guides take up before both tendons carry
 
 
 class Kinematics(Node):

@@ -37,6 +37,9 @@ STREAM = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Streams that we subscribe to: compatible with any publisher."""
 
+TAKEN_UP = 1e-4
+"""m that rope and guides take up; the model's tendons would buckle the arm at once."""
+
 LOG_PERIOD = 1.0  # s between two lines of the same severity
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR

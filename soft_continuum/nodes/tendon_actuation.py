@@ -36,12 +36,12 @@ from soft_continuum.nodes.support import (
     OK,
     SENSOR,
     STREAM,
+    TAKEN_UP,
     WARN,
 )
 
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
 RECONNECT = 2.0  # s between attempts to connect to a lost device
-TAKEN_UP = 1e-4  # m that rope and guides take up; the model's tendons would buckle the arm at once
 
 
 class TendonActuation(ManagedNode):
@@ -144,10 +144,9 @@ class TendonActuation(ManagedNode):
             return
         try:
             self.configure()
-            self._say()
         except (HardwareError, ValueError) as error:
             self._lost = str(error)
-            self._say()
+        self._say()
         self._connect_age.refresh()
 
     def _limits(self) -> TendonLimits:
