@@ -217,4 +217,4 @@ class GrblLink:
     def _lost(self, reason: object) -> HardwareError:
         return HardwareError(
             f'the connection to the GRBL controller on {self._port.port} is lost ({reason}); '
-            'check the cable and the power, then configure the node again')
+            'check the cable and the power')

@@ -48,7 +48,7 @@ ALARMS = {
     9: 'homing did not find the switch',
 }
 UNLOCK = ('make sure that nothing is strained, then power-cycle the board, or type Ctrl-X and $X '
-          'in a terminal; then configure the node again and call reference')
+          'in a terminal; then call reference')
 
 
 class ResetSeenError(Exception):

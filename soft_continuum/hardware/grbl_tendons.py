@@ -247,13 +247,13 @@ class GrblTendons:
         if link.unanswered and now - link.sent_at > LATEST_ANSWER and self._reports >= TRIES:
             raise HardwareError(
                 f'the GRBL controller did not acknowledge {link.unanswered!r}, so the motion was '
-                'ended; check the cable, then configure the node again')
+                'ended; check the cable')
         interval = QUERY_MOVING if self._busy() else QUERY_RESTING
         if now - self._asked_at >= (PATIENCE if self._queries else interval):
             if self._queries == TRIES:
                 raise HardwareError(
                     f'the GRBL controller has not answered for {now - self._seen_at:.1f} s; '
-                    'check cable and power, then configure the node again')
+                    'check cable and power')
             self._asked_at = now
             self._queries += 1
             link.write(STATUS_QUERY)
@@ -328,14 +328,14 @@ class GrblTendons:
             # In a jog the firmware only cancels what is queued; it would go on with the next one.
             raise HardwareError(
                 f'a stop button or pin at the GRBL board is active ({", ".join(sorted(pressed))}: '
-                'H hold, R reset, D door); release it, then configure the node again')
+                'H hold, R reset, D door); release it')
         if self._stopping:
             self._go_on_stopping(link, status, now)
         elif self._rested >= CERTAIN:
             if not self._jogs.arrived(steps) and not self._unreferenced:
                 raise HardwareError(
                     'the GRBL controller stopped short of where it was sent (a button or a pin '
-                    'at the board?); configure the node again')
+                    'at the board?)')
             self._jogs.rest()
 
     def _begin_stop(self, link: GrblLink) -> None:

@@ -41,6 +41,7 @@ TAKEN_UP = 1e-4
 """m that rope and guides take up; the model's tendons would buckle the arm at once."""
 
 LOG_PERIOD = 1.0  # s between two lines of the same severity
+RETRY = 2.0  # s between attempts to connect to a device
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -258,7 +259,8 @@ class ManagedNode(LifecycleNode):
     A lifecycle node that logs its own failures and answers invalid transitions politely.
 
     Subclasses implement ``configure``, ``activate``, ``deactivate`` and ``clean_up`` and raise
-    HardwareError or ValueError to refuse.  With ``autostart`` the node becomes active by itself.
+    HardwareError or ValueError to refuse.  With ``autostart`` the node becomes active by itself,
+    as soon as its device lets it.
     """
 
     def __init__(self, name: str, table: Sequence[Parameter], **options: Any) -> None:
@@ -286,10 +288,21 @@ class ManagedNode(LifecycleNode):
         return 'simulated'
 
     def start(self) -> None:
-        """Configure and activate, if the parameter ``autostart`` asks for it."""
-        if self.parameters['autostart'] and (
-                self.trigger_configure() == TransitionCallbackReturn.SUCCESS):
-            self.trigger_activate()
+        """Configure and activate, if need be again and again, if ``autostart`` asks for it."""
+        if self.parameters['autostart']:
+            self._starting = self.create_timer(
+                RETRY, self._try_to_start, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            self._try_to_start()
+
+    def _try_to_start(self) -> None:
+        if self._state_machine.current_state[1] == 'unconfigured':
+            result = self.trigger_configure()
+            if result == TransitionCallbackReturn.FAILURE:
+                self._starting.reset()  # the attempt itself may have taken longer
+                return
+            if result == TransitionCallbackReturn.SUCCESS:
+                self.trigger_activate()
+        self._starting.cancel()
 
     def configure(self) -> None:
         """Connect to the device."""

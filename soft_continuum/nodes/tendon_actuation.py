@@ -34,6 +34,7 @@ from soft_continuum.nodes.support import (
     load_model,
     ManagedNode,
     OK,
+    RETRY,
     SENSOR,
     STREAM,
     TAKEN_UP,
@@ -41,7 +42,6 @@ from soft_continuum.nodes.support import (
 )
 
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
-RECONNECT = 2.0  # s between attempts to connect to a lost device
 
 
 class TendonActuation(ManagedNode):
@@ -140,7 +140,7 @@ class TendonActuation(ManagedNode):
         self._say()
 
     def _connect_again(self) -> None:
-        if self._connect_age.seconds < RECONNECT:
+        if self._connect_age.seconds < RETRY:
             return
         try:
             self.configure()

@@ -6,6 +6,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -17,6 +18,7 @@ from std_srvs.srv import SetBool
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.nodes.support import RETRY
 from soft_continuum_interfaces.action import RunShapeSequence
 
 Result = RunShapeSequence.Result
@@ -207,8 +209,6 @@ def test_settings_that_contradict_are_named_and_mended_without_a_restart(devices
     assert '$1=255' in said
     assert rig.lifecycle_state('tendon_actuation') == 'unconfigured'
     devices.grbl.firmware.settings[1] = 255.0
-    assert rig.transition('tendon_actuation', 'configure')
-    assert rig.transition('tendon_actuation', 'activate')
     rig.wait_for(lambda: len(rig.tendons), 'tendon_states')
 
 
@@ -217,6 +217,30 @@ def test_a_port_that_is_not_there_is_named_and_the_node_waits(rig: Rig) -> None:
               **{'tendon_driver': 'grbl', 'grbl.port': '/dev/no_such_port'})
     said = rig.wait_for(lambda: rig.statuses['tendon_actuation'].last, 'a status').message
     assert '/dev/no_such_port' in said
+    assert rig.lifecycle_state('tendon_actuation') == 'unconfigured'
+
+
+@pytest.mark.parametrize('board', ['grbl', 'modbus'])
+def test_a_board_plugged_in_later_is_found_and_nothing_moves(devices: Bench, board: str) -> None:
+    getattr(devices, board).unplug()
+    devices.rig.start('tendon_actuation', 'jamming_valves', ready=False, **devices.parameters())
+    late = {'grbl': 'tendon_actuation', 'modbus': 'jamming_valves'}[board]
+    devices.rig.wait_for(lambda: devices.rig.statuses[late].last, 'a status')
+    assert devices.rig.lifecycle_state(late) == 'unconfigured'
+    getattr(devices, board).plug()
+    devices.rig.wait_until_ready('tendon_actuation', 'jamming_valves')
+    devices.rig.assert_rests()
+    assert devices.grbl.motors[:2] == (0, 0)
+    assert not any(devices.modbus.coils)
+
+
+def test_without_autostart_no_device_is_looked_for(devices: Bench) -> None:
+    devices.grbl.unplug()
+    rig = devices.rig
+    rig.start('tendon_actuation', ready=False, autostart=False, **devices.parameters())
+    assert not rig.transition('tendon_actuation', 'configure')
+    devices.grbl.plug()
+    time.sleep(1.5 * RETRY)
     assert rig.lifecycle_state('tendon_actuation') == 'unconfigured'
 
 
