@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm and its shapes as parameters: ``config/manipulator.yaml`` to Arm and shape library."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import inf, pi
 from typing import Any
 
@@ -16,7 +16,7 @@ from soft_continuum.mechanics.arm import (
     STANDARD_GRAVITY,
     Tendon,
 )
-from soft_continuum.mechanics.laws import Jam, LawError
+from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
 from soft_continuum.mechanics.stiffness import second_moment_of_area
 from soft_continuum.parameters import Parameter, ParameterError
 
@@ -49,6 +49,12 @@ ARM_PARAMETERS = (
               0.0, 1e6),
     Parameter('arm.yield_moments', (0.0,),
               'moment that the jam of each segment bears at full vacuum, N m; 0: any', 0.0, 1e6),
+    *(Parameter(f'arm.{state}_{column}', (0.0,), f'{meaning}, {unit}: a table that starts at 0 '
+                f'for each segment one after another, 0 alone for {without}', 0.0, 1e6)
+      for state, without in (('soft', 'its bending stiffness'), ('stiff', 'its stiffness ratio'))
+      for column, meaning, unit in (
+          ('curvatures', f'curvatures of measured {state} segments', '1/m'),
+          ('moments', 'moments at these curvatures', 'N m'))),
     Parameter('arm.bodies_per_segment', 12,
               'rigid bodies of the chain model in each segment', 1, 1000),
     Parameter('arm.discretisation', PAPER,
@@ -83,7 +89,8 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
     """
     Build the arm from parameter values by their names in ARM_PARAMETERS.
 
-    A list of one value counts for every segment, guide or disc.
+    A list of one value counts for every segment, guide or disc.  A measured table takes the place
+    of a bending stiffness or stiffness ratio.
 
     Raises ParameterError when the lists do not fit together or a value is not physical.
     """
@@ -107,7 +114,8 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
     segments = zip(
         lengths, get['outer_diameters'], get['leaf_thicknesses'], get['leaf_widths'],
         get['bending_stiffnesses'], get['segment_masses'], get['bending_angle_limits'],
-        get['stiffness_ratios'], get['yield_moments'], strict=True)
+        get['stiffness_ratios'], get['yield_moments'], _laws(get, 'soft', count),
+        _laws(get, 'stiff', count), strict=True)
     offsets = get['guide_offsets']
     discs = zip(get['disc_heights'], get['disc_masses'], strict=True)
     modulus = get['youngs_modulus']
@@ -122,10 +130,11 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
                             width, thickness),
                         guide_offsets=(offsets[2 * i] or diameter / 2,
                                        offsets[2 * i + 1] or diameter / 2),
-                        bending_angle_limit=limit,
-                        jam=Jam(ratio=ratio or inf, yield_moment=bears or inf))
-                for i, (length, diameter, thickness, width, measured, mass, limit, ratio, bears)
-                in enumerate(segments)),
+                        bending_angle_limit=limit, soft_law=soft,
+                        jam=Jam(ratio=inf if stiff else ratio or inf, law=stiff,
+                                yield_moment=bears or inf))
+                for i, (length, diameter, thickness, width, measured, mass, limit, ratio, bears,
+                        soft, stiff) in enumerate(segments)),
             discs=tuple(Disc(height=height, mass=mass) for height, mass in discs),
             bodies_per_segment=get['bodies_per_segment'],
             discretisation=get['discretisation'],
@@ -136,6 +145,40 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
             gravity=get['gravity'])
     except (ArmError, LawError) as error:
         raise ParameterError(f'arm: {error}') from None
+
+
+def _laws(get: Mapping[str, Any], state: str, count: int) -> list[MomentCurvature | None]:
+    """Return the measured law of every segment in a state, None where there is none."""
+    names = f'{state}_curvatures', f'{state}_moments'
+    tables = [_tables(name, get[name], count) for name in names]
+    laws: list[MomentCurvature | None] = []
+    for i, (curvatures, moments) in enumerate(zip(*tables, strict=True)):
+        try:
+            laws.append(None if curvatures == moments == (0.0,)
+                        else MomentCurvature(curvatures, moments))
+        except LawError as error:
+            raise ParameterError(
+                f'parameters arm.{names[0]} and arm.{names[1]}, segment {i + 1}: {error}'
+            ) from None
+    return laws
+
+
+def _tables(name: str, values: Sequence[float], count: int) -> list[tuple[float, ...]]:
+    """Cut a list into the tables of its segments, each of which starts at 0."""
+    starts = [i for i, value in enumerate(values) if value == 0.0]
+    if not starts or starts[0] != 0 or len(starts) not in (1, count):
+        raise ParameterError(
+            f'parameter arm.{name} is {list(values)}; allowed: {count} tables one after another, '
+            'each starting at 0.0, or one for all; 0.0 alone is no table')
+    tables = [tuple(values[a:b]) for a, b in zip(starts, [*starts[1:], None], strict=True)]
+    return tables if len(tables) == count else tables * count
+
+
+def table_parameters(laws: Sequence[MomentCurvature | None], state: str) -> dict[str, list[float]]:
+    """Return the parameters (below ``arm.``) for the measured law of every segment in a state."""
+    tables = [(law.curvatures, law.moments) if law else ((0.0,), (0.0,)) for law in laws]
+    return {f'{state}_curvatures': [k for curvatures, _ in tables for k in curvatures],
+            f'{state}_moments': [m for _, moments in tables for m in moments]}
 
 
 def shapes_from_parameters(values: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float, ...]]:

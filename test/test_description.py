@@ -24,6 +24,7 @@ from soft_continuum.description import (
     SHAPE_PREFIX,
     shapes_from_parameters,
 )
+from soft_continuum.mechanics.laws import MomentCurvature
 from soft_continuum.parameters import ParameterError
 
 DESCRIPTION = Path(__file__).resolve().parents[1] / 'config' / 'manipulator.yaml'
@@ -149,6 +150,31 @@ def test_guides_can_be_given_at_each_end_of_each_segment(changed):
         (0.03, 0.02), (0.02125, 0.02125), (0.015, 0.01)]
 
 
+def test_measured_tables_take_the_place_of_stiffness_and_ratio(changed):
+    arm = load_arm(changed({
+        'arm.stiffness_ratios': [10.0],
+        'arm.soft_curvatures': [0.0, 0.0, 1.0, 6.0, 0.0],
+        'arm.soft_moments': [0.0, 0.0, 0.03, 0.09, 0.0],
+        'arm.stiff_curvatures': [0.0, 2.0], 'arm.stiff_moments': [0.0, 1.2]}))
+    assert [s.soft_law for s in arm.segments] == [
+        None, MomentCurvature((0.0, 1.0, 6.0), (0.0, 0.03, 0.09)), None]
+    assert [s.jam.law for s in arm.segments] == [MomentCurvature((0.0, 2.0), (0.0, 1.2))] * 3
+    assert {s.jam.ratio for s in arm.segments} == {inf}
+
+
+@pytest.mark.parametrize(('curvatures', 'moments', 'words'), [
+    ([1.0, 2.0], [1.0, 2.0], ['soft_curvatures', 'starting at 0.0']),
+    ([0.0, 0.0], [0.0, 0.0], ['soft_curvatures', '3 tables', 'or one for all']),
+    ([0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0], ['segment 2', '2 curvatures and 1 moments']),
+    ([0.0, 0.0, 2.0, 1.0, 0.0], [0.0, 0.0, 1.0, 2.0, 0.0], ['segment 2', 'must both increase']),
+    ([0.0, -1.0], [0.0, -0.1], ['soft_curvatures', '0 to 1e+06']),
+])
+def test_a_table_that_is_none_is_refused(changed, curvatures, moments, words):
+    with pytest.raises(ParameterError) as refused:
+        load_arm(changed({'arm.soft_curvatures': curvatures, 'arm.soft_moments': moments}))
+    assert all(word in str(refused.value) for word in words)
+
+
 def test_gravity_can_be_left_out(changed):
     assert load_arm(changed({'arm.gravity': 0})).gravity == 0.0
 
@@ -178,7 +204,8 @@ def test_the_number_of_segments_is_data(changed, count):
 
 # What is wrong is named: the file, the key, what was given and what is allowed.
 
-LISTS = [p for p in ARM_PARAMETERS if isinstance(p.default, tuple)]
+LISTS = [p for p in ARM_PARAMETERS if isinstance(p.default, tuple)
+         and not p.name.startswith(('arm.soft_', 'arm.stiff_'))]  # tables of any length
 LENGTHS = {
     'arm.segment_lengths': [0.070, 0.070, 0.070],
     'arm.outer_diameters': [0.050, 0.0425, 0.035],

@@ -73,6 +73,11 @@ def _unknown(name: str, arm: Arm) -> Unknown:
     kind, _, number = name.rpartition('_')
     index = int(number) - 1
     segment, disc = arm.segments[index], arm.discs[index + 1]
+    law = {'stiffness': segment.soft_law, 'ratio': segment.jam.law}.get(kind)
+    if law is not None:
+        raise IdentificationError(
+            f'{name} cannot be identified: a measured table of moment over curvature takes its '
+            f'place; leave it out, or take the table of segment {number} out of the description')
     if kind == 'stiffness':
         value = segment.bending_stiffness
         return Unknown(name, 'N m^2', value, value / 20, value * 20, value,

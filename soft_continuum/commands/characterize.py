@@ -4,7 +4,6 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
-import csv
 from math import isfinite
 from pathlib import Path
 import sys
@@ -21,9 +20,8 @@ from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.results import claim, text_table, write_parameters
 from soft_continuum.analysis.stiffness_figure import MeasuredState, stiffness_figure
 from soft_continuum.commands.common import described_arm, guarded, new_parser, number_in
-from soft_continuum.description import arm_from_parameters
-from soft_continuum.mechanics.arm import ArmError, Segment
-from soft_continuum.mechanics.laws import MomentCurvature
+from soft_continuum.description import arm_from_parameters, table_parameters
+from soft_continuum.mechanics.arm import Arm, ArmError, Segment
 from soft_continuum.mechanics.stiffness import joint_stiffness
 
 NAME = 'characterize'
@@ -81,9 +79,7 @@ def _run(options: argparse.Namespace) -> None:
             else segment.bending_stiffness)
     if not options.trust_stiffness:
         _question(options, results, leaf.bending_stiffness, soft)
-    tables = [f'{NAME}_{s.name}_table.csv' for s in states if s.result.table]
-    figure, layer, *table_paths = claim(
-        options.output, [f'{NAME}.png', f'{NAME}.yaml', *tables], options.force)
+    figure, layer = claim(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
 
     print(f'Segment {options.segment}, bending length {segment.length:g} m, lever arm '
           f'{options.lever_arm:g} m\n')
@@ -92,14 +88,13 @@ def _run(options: argparse.Namespace) -> None:
         ratio = results['stiff'].bending_stiffness / soft
         over = 'the soft one' if 'soft' in results else f'E I = {soft:.4g} N m^2 as described'
         print(f'\nStiffness ratio K over {over}: {ratio:.4g}')
-    for path, state in zip(table_paths, (s for s in states if s.result.table), strict=True):
-        assert state.result.table is not None
-        _write_table(path, state.result.table)
+    for state in (s for s in states if s.result.table):
         print(f'\nThe {state.name} segment is not linear: {100 * state.result.linearity_error:.1f}'
-              f' % of the largest force off a line (more than {100 * NONLINEAR:g} % counts). '
-              f'Moment over curvature: {path}')
+              f' % of the largest force off a line (more than {100 * NONLINEAR:g} % counts). Its '
+              'moment over curvature is written as a table, which takes the place of '
+              + {'soft': 'E I.', 'stiff': 'K.'}[state.name])
     stiffness_figure(figure, states, f'segment {options.segment}')
-    write_parameters(layer, _parameters(results, values, arm.segments, index, soft), [
+    write_parameters(layer, _parameters(results, values, arm, index, soft), [
         f'Stiffness of segment {options.segment}, by {NAME} from',
         *(f'  {file.name} ({name})' for name, files in (
             ('soft', options.soft), ('stiff', options.stiff)) for file in files),
@@ -162,10 +157,17 @@ def _listed(items: Sequence[str]) -> str:
 
 
 def _parameters(results: dict[str, Characterisation], values: Mapping[str, object],
-                segments: Sequence[Segment], index: int, soft: float
-                ) -> dict[str, Sequence[float]]:
+                arm: Arm, index: int, soft: float) -> dict[str, Sequence[float]]:
     """Return what replaces the lists of the description, whole lists as these are."""
-    parameters = {}
+    parameters: dict[str, Sequence[float]] = {}
+    segments = arm.segments
+    for name, laws in (('soft', [s.soft_law for s in segments]),
+                       ('stiff', [s.jam.law for s in segments])):
+        before = list(laws)
+        if name in results:
+            laws[index] = results[name].table
+        if laws != before:
+            parameters |= table_parameters(laws, name)
     if 'soft' in results:
         parameters['bending_stiffnesses'] = _replaced(
             values['arm.bending_stiffnesses'], len(segments), index, soft)
@@ -181,14 +183,6 @@ def _replaced(given: object, count: int, index: int, value: float) -> Sequence[f
     whole = list(given if len(given) == count else given * count)
     whole[index] = value
     return whole
-
-
-def _write_table(path: Path, law: MomentCurvature) -> None:
-    with path.open('w', newline='', encoding='utf-8') as file:
-        writer = csv.writer(file, lineterminator='\n')
-        writer.writerow(['curvature [1/m]', 'moment [N m]'])
-        writer.writerows([f'{k:.6g}', f'{m:.6g}'] for k, m in zip(
-            law.curvatures, law.moments, strict=True))
 
 
 if __name__ == '__main__':

@@ -165,16 +165,35 @@ def test_stiffness_in_wrong_units_is_questioned_and_can_be_insisted_on(run, tmp_
     assert run(characterize, path, *CHARACTERIZE, '--trust-stiffness', '--output', 'x')[0] == 0
 
 
-def test_a_segment_that_is_not_linear_leaves_a_table(run, tmp_path):
+def test_a_segment_that_is_not_linear_becomes_a_table_that_the_arm_is_computed_with(run, tmp_path):
     law = MomentCurvature((0.0, 1.0, 6.0), (0.0, 0.03, 0.09))
     force = np.linspace(0.0, 0.9, 201)
     path = files.export(tmp_path / 'a.csv', [(files.cantilever(law, force), force)] * 2)
-    status, text, _ = run(characterize, path, *CHARACTERIZE)
+    stiffer = MomentCurvature((0.0, 1.0, 6.0), (0.0, 0.3, 0.9))
+    stiff = files.export(tmp_path / 'b.csv', [(files.cantilever(stiffer, 10 * force),
+                                               10 * force)] * 2)
+    status, text, _ = run(characterize, path, *CHARACTERIZE, '--stiff', stiff)
     assert status == 0
     assert 'The soft segment is not linear' in text
-    table = np.loadtxt('characterize_soft_table.csv', delimiter=',', skiprows=1)
-    assert table[0] == pytest.approx([0.0, 0.0])
-    assert np.all(np.diff(table, axis=0) > 0.0)
+    assert 'The stiff segment is not linear' in text
+    segments = load_arm('characterize.yaml').segments
+    for measured, found in ((law, segments[1].soft_law), (stiffer, segments[1].jam.law)):
+        for curvature in (0.5, 3.0, 5.0):
+            assert found.moment(curvature) == pytest.approx(
+                measured.moment(curvature), abs=0.05 * measured.moments[-1])
+    assert [s.soft_law for s in segments[::2]] == [s.jam.law for s in segments[::2]] == [None] * 2
+
+
+def test_a_linear_segment_takes_its_table_out_of_the_description(run, tmp_path):
+    table = tmp_path / 'table.yaml'
+    table.write_text('/**:\n  ros__parameters:\n    arm:\n'
+                     '      soft_curvatures: [0.0, 1.0, 0.0, 1.0, 4.0, 0.0]\n'
+                     '      soft_moments: [0.0, 0.1, 0.0, 0.03, 0.09, 0.0]\n', encoding='utf-8')
+    assert run(characterize, CURVES, *CHARACTERIZE, '--params-file', table)[0] == 0
+    segments = load_arm(table, 'characterize.yaml').segments
+    assert segments[0].soft_law == MomentCurvature((0.0, 1.0), (0.0, 0.1))
+    assert segments[1].soft_law is None
+    assert segments[1].bending_stiffness == pytest.approx(0.0202, rel=0.01)
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [
