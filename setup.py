@@ -34,7 +34,7 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (SHARE, ['package.xml']),
-        (f'{SHARE}/config', files('config/*.yaml', 'config/*.rviz', 'config/*.xml')),
+        (f'{SHARE}/config', files('config/*')),
         # On the path after sourcing the workspace.
         ('bin', ['bin/soft_continuum']),
         (f'{SHARE}/launch', files('launch/*.launch.py')),

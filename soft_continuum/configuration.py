@@ -69,14 +69,15 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         *driver_parameters(JAMMING_DRIVERS),
     ),
     'kinematics': (
-        *ARM_PARAMETERS, FRAME,
+        *ARM_PARAMETERS, FRAME, TENSION_LIMIT,
         Parameter('straight_tolerance', 0.0005,
                   'largest pull at which ~/reset takes a stiff arm to be straight, and by which '
                   'the tendons may be too short for a stiff arm, m',
                   0.0, 0.1),
     ),
     'shape_sequencer': (
-        *ARM_PARAMETERS, *SHAPE_PARAMETERS, PULL_LIMITS, TENSION_LIMIT, SILENCE, AMBIENT,
+        *ARM_PARAMETERS, *SHAPE_PARAMETERS, FRAME, PULL_LIMITS, TENSION_LIMIT, SILENCE,
+        AMBIENT,
         Parameter('tendon_speed', 0.015, 'largest tendon speed of a planned motion, m/s',
                   1e-4, 1.0, read_only=False),
         Parameter('tendon_acceleration', 0.1, 'largest tendon acceleration of a plan, m/s^2',

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures of the arm."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from matplotlib.axes import Axes
@@ -12,19 +12,21 @@ import numpy as np
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.chain import Array, LEFT, RIGHT, RigidChain
 
+SOFT = 'tab:orange'
 TENDON_STYLE = {RIGHT: ('right tendon', '-'), LEFT: ('left tendon', '--')}
 
 
-def draw_arm(axes: Axes, chain: RigidChain, joint_angles: Array) -> None:
-    """Draw discs, segments and tendons of one state; axes in mm."""
+def draw_arm(axes: Axes, chain: RigidChain, joint_angles: Array,
+             soft: Collection[int] = ()) -> None:
+    """Draw discs, segments (0-based; soft ones in colour) and tendons of one state; axes in mm."""
     points = chain.points(joint_angles) * [1e3, 1e3, 1.0]
     guides = chain.guide_points(joint_angles) * 1e3
     backbone = chain.backbone(joint_angles) * 1e3
     for s in range(chain.segments):
         first = s * chain.joints_per_segment
         body = backbone[first:first + chain.joints_per_segment]
-        axes.plot(body[:, 0], body[:, 1], color='0.55', linewidth=7, solid_capstyle='butt',
-                  label='segment' if s == 0 else None)
+        axes.plot(body[:, 0], body[:, 1], color=SOFT if s in soft else '0.55', linewidth=7,
+                  solid_capstyle='butt', label='segment' if s == 0 else None)
     for k in range(chain.segments + 1):
         corners = np.concatenate([guides[0, 2 * k:2 * k + 2], guides[1, 2 * k:2 * k + 2][::-1]])
         axes.fill(corners[:, 0], corners[:, 1], color='0.8', edgecolor='0.3', linewidth=0.8)

@@ -7,25 +7,22 @@ Handles are kept and moved; only what has changed is sent.
 """
 
 from collections.abc import Sequence
-from math import isnan
 
 import numpy as np
 import viser
 
 from soft_continuum.browser.state import ArmState, Description
+from soft_continuum.colours import (
+    DISC,
+    GHOST,
+    GHOST_OPACITY,
+    segment_colour,
+    SLACK,
+    tension_colour,
+    UNKNOWN,
+)
 from soft_continuum.mechanics.chain import Array, LEFT, orientation, RIGHT, RigidChain
 
-Colour = tuple[int, int, int]
-
-STIFF: Colour = (52, 73, 94)
-SOFT: Colour = (243, 150, 40)
-UNKNOWN: Colour = (170, 170, 170)
-DISC: Colour = (206, 211, 217)
-GHOST: Colour = (39, 174, 96)
-SLACK: Colour = (150, 155, 160)
-LOCKED: Colour = (90, 60, 130)
-TENSIONS: tuple[Colour, ...] = ((41, 128, 215), (240, 196, 25), (214, 40, 40))
-"""Of a taut tendon: from no tension over half to all of the limit."""
 SIDES = 32  # of skins and discs
 RINGS_PER_JOINT = 3
 PLEAT = 0.03  # of the radius: a skin is seen to bend by its pleats
@@ -86,8 +83,8 @@ class Scene:
             scene.add_label(f'/arm/label_{s + 1}', str(s + 1), anchor='center-center')
             for s in range(self._chain.segments)]
         self._ghost = scene.add_mesh_simple(
-            '/arm/ghost', *self._ghost_mesh(zero), color=GHOST, opacity=0.3, visible=False,
-            cast_shadow=False, side='double')
+            '/arm/ghost', *self._ghost_mesh(zero), color=GHOST, opacity=GHOST_OPACITY,
+            visible=False, cast_shadow=False, side='double')
 
     def show(self, state: ArmState, target: Sequence[float] | None) -> None:
         """Bring the scene up to date; ``target``: bending angles (rad) a sequence goes to."""
@@ -118,7 +115,7 @@ class Scene:
 
     def _colour(self, flags: Sequence[bool | None], tensions: Sequence[float]) -> None:
         for s, (skin, stiff) in enumerate(zip(self._skins, flags, strict=True)):
-            skin.color = UNKNOWN if stiff is None else STIFF if stiff else SOFT
+            skin.color = segment_colour(stiff)
             word = 'not known' if stiff is None else 'stiff' if stiff else 'soft'
             self._labels[s].text = f'{s + 1} {word}'
         for t in (RIGHT, LEFT):
@@ -170,18 +167,6 @@ class Scene:
         rows = np.vstack([[0.0, 0.0, 0.0], self._chain.backbone(joint_angles)])
         radius = np.full(len(rows), 0.3 * self._chain.arm.segments[0].outer_diameter)
         return _tube(rows[:, 0], rows[:, 1], rows[:, 2], radius), _faces(len(rows))
-
-
-def tension_colour(tension: float, limit: float) -> Colour:
-    """Return the colour of a tendon: slack, of unknown tension (nan), or by tension in N."""
-    if isnan(tension):
-        return LOCKED
-    if tension == 0.0:
-        return SLACK
-    at = min(1.0, tension / limit) * (len(TENSIONS) - 1)
-    r, g, b = (int(np.interp(at, range(len(TENSIONS)), channel))
-               for channel in zip(*TENSIONS, strict=True))
-    return r, g, b
 
 
 def _dashes(points: Array) -> Array:

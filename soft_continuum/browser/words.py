@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from html import escape
 from math import degrees, isnan
 
-from soft_continuum.browser.scene import (
+from soft_continuum.browser.state import ArmState, Description, Notice, Report
+from soft_continuum.colours import (
     Colour,
     LOCKED,
     SLACK,
@@ -15,7 +16,6 @@ from soft_continuum.browser.scene import (
     tension_colour,
     UNKNOWN,
 )
-from soft_continuum.browser.state import ArmState, Description, Notice, Report
 from soft_continuum.nodes.runtime import NODES
 
 GOOD: Colour = (39, 174, 96)

@@ -106,6 +106,8 @@ class Arm:
         """
         Draw the present shape, in mm, into ``axes`` or a new figure; return the axes.
 
+        Soft segments are in colour.
+
         Raises ClientError while the shape is unknown.
         """
         from matplotlib import pyplot
@@ -118,7 +120,8 @@ class Arm:
             raise ClientError('kinematics publishes no shape; it says: '
                               + (state.node('kinematics').message or 'nothing'))
         axes = pyplot.subplots()[1] if axes is None else axes
-        draw_arm(axes, chain, np.array(state.joint_angles))
+        soft = [i for i, stiff in enumerate(state.stiff) if not stiff]
+        draw_arm(axes, chain, np.array(state.joint_angles), soft)
         axes.set_ylabel('z in mm')
         return axes
 

@@ -112,7 +112,7 @@ class TendonController:
             raise MotionRefusedError('positions and times must be finite numbers')
         if np.any(np.diff(times) <= 0.0):
             raise MotionRefusedError('time_from_start must increase from point to point')
-        if times[-1] <= now:
+        if times[-1] <= now - LATE:  # else it was as short as its way here was long
             raise MotionRefusedError(
                 f'the trajectory ended {now - times[-1]:.3f} s ago; check header.stamp '
                 '(zero: start now) and the clocks')

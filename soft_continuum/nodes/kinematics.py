@@ -145,7 +145,8 @@ class Kinematics(Node):
         if abs(now - self._marked) >= MARKER_PERIOD and self._markers.get_subscription_count():
             self._marked = now
             self._markers.publish(shape_markers(
-                chain, state, self._stiff, self.parameters['frame_id'], stamp))
+                chain, state, self._stiff, self.parameters['tension_limit'],
+                self.parameters['frame_id'], stamp))
 
     def _solve(self) -> bool:
         """Bring the state up to date; False when there is none that can be published."""

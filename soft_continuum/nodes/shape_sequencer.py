@@ -16,6 +16,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.configuration import NODE_PARAMETERS
 from soft_continuum.description import (
@@ -27,6 +28,7 @@ from soft_continuum.description import (
 from soft_continuum.hardware.tendon_controller import TENDONS
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.nodes.conversions import seconds, trajectory_to_ros
+from soft_continuum.nodes.markers import target_markers
 from soft_continuum.nodes.support import (
     Age,
     EmergencyStop,
@@ -89,8 +91,9 @@ class ShapeSequencer(Node):
 
     Serves the action run_shape_sequence (soft_continuum_interfaces/RunShapeSequence).  Subscribes
     to tendon_states, joint_states, segment_N/stiff, segment_N/pressure, tendon_actuation/status,
-    jamming_valves/status and emergency_stop; publishes tendon_actuation/joint_trajectory, ~/status
-    and /diagnostics; calls jamming_valves/segment_N/set_stiff.
+    jamming_valves/status and emergency_stop; publishes tendon_actuation/joint_trajectory,
+    target_markers (visualization_msgs/MarkerArray, latched), ~/status and /diagnostics; calls
+    jamming_valves/segment_N/set_stiff.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -119,11 +122,14 @@ class ShapeSequencer(Node):
         self._runner: Runner | None = None
         self._handle: Any = None  # the goal that runs
         self._next: Any = None  # the goal that waits for it to be wound down
+        self._targets: list[tuple[float, ...]] = []  # bending angles of the shapes of the goal
+        self._target: tuple[float, ...] = ()  # that is shown
         load_model(self)
         self._planner = Planner(self._arm, self._plan_settings())
 
         self._trajectory = self.create_publisher(
             JointTrajectory, 'tendon_actuation/joint_trajectory', STREAM)
+        self._markers = self.create_publisher(MarkerArray, 'target_markers', LATCHED)
         self._set_stiff = [
             self.create_client(SetBool, f'jamming_valves/segment_{n}/set_stiff')
             for n in range(1, segments + 1)]
@@ -340,8 +346,10 @@ class ShapeSequencer(Node):
     def _begin(self, handle: Any) -> None:
         self._handle = handle
         self._failed, self._sent = '', set()
+        shapes = self._shapes(handle.request)
+        self._targets = [shape.bending_angles for shape in shapes]
         self._runner = Runner(
-            self._shapes(handle.request), lambda shape: self._plan([shape])[0], self,
+            shapes, lambda shape: self._plan([shape])[0], self,
             RunnerSettings(**{name: self.parameters[name] for name in (
                 'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum')}))
 
@@ -353,6 +361,7 @@ class ShapeSequencer(Node):
         self._handle.publish_feedback(RunShapeSequence.Feedback(
             shape_index=progress.shape_index, shape=progress.shape,
             segment=progress.segment, phase=progress.phase, progress=progress.fraction))
+        self._show_target(() if outcome else self._targets[progress.shape_index])
         if outcome is None:
             self._say(self._activity(), phase=progress.phase, segment=progress.segment)
             return
@@ -364,6 +373,13 @@ class ShapeSequencer(Node):
             self.get_logger().warning(f'sequence ended: {outcome.code.name}: {outcome.message}')
         self._last = {'last': outcome.code.name, 'reason': outcome.message}
         self._say('idle')
+
+    def _show_target(self, bending_angles: tuple[float, ...]) -> None:
+        if bending_angles != self._target:
+            self._target = bending_angles
+            self._markers.publish(target_markers(
+                self._planner.statics.chain, bending_angles, self.parameters['frame_id'],
+                self.get_clock().now().to_msg()))
 
     def _say(self, text: str, **values: object) -> None:
         rejected = {'rejected': self._rejected} if self._rejected else {}
