@@ -16,6 +16,7 @@ from ros_rig import SEGMENTS
 from soak.workbench import STEPS_PER_METRE, Workbench
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant
+from soft_continuum.nodes.shape_sequencer import RESULT_TIMEOUT
 
 PERIOD = 0.005  # s
 HEARD = 0.5  # s after which the other nodes no longer believe a flag (silence_timeout)
@@ -75,10 +76,15 @@ class Watch:
         self._thread.join()
 
     def memory_slope(self) -> float:
-        """Return by how much the nodes grew after the first third of the time, MB/h."""
-        if len(self.memory) < 6:
+        """
+        Return by how much the nodes grew in the last third of the time, MB/h; nan if it was short.
+
+        shape_sequencer keeps the results of goals for RESULT_TIMEOUT, so it grows for that long.
+        """
+        late = self.memory[2 * len(self.memory) // 3:]
+        if not late or late[0][0] - self.memory[0][0] < RESULT_TIMEOUT:
             return float('nan')
-        times, sizes = np.array(self.memory[len(self.memory) // 3:]).T
+        times, sizes = np.array(late).T
         return float(np.polyfit(times / 3600.0, sizes, 1)[0])
 
     def _run(self) -> None:

@@ -143,6 +143,11 @@ def _bench(job: Job, text: str, sets_zero: bool = False
             job.options.yes)
     tendons: TendonDriver = make_driver(
         TENDON_DRIVERS, values['tendon_driver'], values, monotonic)
+    if tendons.reference_moves:
+        raise CalibrationError(
+            'the tendons are homed (grbl.homed_pulls), which calibrate does not do: take '
+            'grbl.homed_pulls out of the files and set $22=0 for as long as this takes, as '
+            'docs/rig.md says')
     with _jamming(job) as jamming:
         bench = TendonBench(
             tendons, jamming, segments - 1,

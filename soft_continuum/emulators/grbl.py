@@ -108,11 +108,18 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='a symbolic link to make, as a port name that stays the same')
     parser.add_argument('--time-factor', type=float, default=1.0, metavar='FACTOR',
                         help='emulated seconds per second (default: 1)')
+    parser.add_argument('--switches', type=float, nargs=2, metavar=('RIGHT', 'LEFT'), default=[],
+                        help='limit switches that close when the motors of the tendons are at '
+                        'these mm, negative: let out; the board is then locked until it is homed')
     arguments = parser.parse_args(argv)
     if not 0.0 < arguments.time_factor <= 1000.0:
         parser.error('--time-factor must be above 0 and at most 1000')
+    if any(not -1000.0 <= switch < 0.0 for switch in arguments.switches):
+        parser.error('--switches must be negative, and not below -1000 mm')
+    homing = {22: 1.0, 23: 3.0} if arguments.switches else {}
     return serve(
-        parser.prog, lambda: GrblEmulator(arguments.link, arguments.time_factor),
+        parser.prog, lambda: GrblEmulator(
+            arguments.link, arguments.time_factor, homing, arguments.switches),
         lambda emulator: CONFIGURATION.format(
             port=emulator.port, x=emulator.firmware.settings[100],
             y=emulator.firmware.settings[101]), obey)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An emulated GRBL 1.1 board on a pseudo-terminal, with its motors and its faults."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import os
 from pathlib import Path
 import random
@@ -30,11 +30,13 @@ class GrblEmulator:
     """
 
     def __init__(self, link: str = '', time_factor: float = 1.0,
-                 settings: Mapping[int, float] | None = None) -> None:
+                 settings: Mapping[int, float] | None = None,
+                 switches: Sequence[float] = ()) -> None:
         """
         Switch the board on; ``link``: a path at which its port can always be found.
 
         time_factor: emulated per real time.  settings: ``$`` numbers that are not as usual.
+        switches: where the limit switches of X and Y close, mm from where the motors now are.
         """
         self.hang = False
         self.drop_ok = 0
@@ -46,7 +48,7 @@ class GrblEmulator:
         self._link = Path(link) if link else None
         self._factor = time_factor
         self._master = self._slave = -1
-        self.firmware = GrblFirmware(settings or {}, self.say, self._acknowledge)
+        self.firmware = GrblFirmware(settings or {}, self.say, self._acknowledge, switches)
         self._time = monotonic()
         self._closing = False
         self._thread = threading.Thread(target=self._run, name='grbl_emulator', daemon=True)

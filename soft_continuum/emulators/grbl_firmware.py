@@ -6,7 +6,7 @@ What GRBL 1.1 firmware does with bytes: lines, real-time commands, states, setti
 As much of it as moves three axes: jogs, G0 and G1, holds, resets, alarms, homing.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 import re
 
 from soft_continuum.emulators.grbl_planner import (
@@ -20,7 +20,6 @@ from soft_continuum.emulators.grbl_planner import (
 RECEIVE_BUFFER = 127  # characters; what does not fit is lost without a word
 LONGEST_LINE = 79
 OFF_TIME = 0.5  # s without current after a reset in motion
-HOMING_TIME = 1.0  # s
 PRESS_TIME = 0.15  # s that a button is held down
 WORD = re.compile(r'([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))')
 DEFAULTS = {
@@ -32,7 +31,7 @@ DEFAULTS = {
 WHOLE = frozenset((*range(11), *range(13, 24), 26, 30, 31, 32))  # settings without decimals
 OK, BAD_LETTER, BAD_NUMBER, BAD_STATEMENT, NO_HOMING, NOT_IDLE, LOCKED = 0, 1, 2, 3, 5, 8, 9
 NEEDS_HOMING, TOO_LONG, TRAVEL, BAD_JOG, UNSUPPORTED, NO_FEED = 10, 11, 15, 16, 20, 22
-HARD_LIMIT, SOFT_LIMIT, RESET_IN_MOTION, RESET_IN_HOMING = 1, 2, 3, 6
+HARD_LIMIT, SOFT_LIMIT, RESET_IN_MOTION, RESET_IN_HOMING, HOMING_FAILED = 1, 2, 3, 6, 9
 CODES = frozenset((0, 1, 20, 21, 43.1, 49, 53, 54, 90, 91, 92, 94))
 INCH = 25.4  # mm
 
@@ -46,10 +45,11 @@ class GrblFirmware:
     """
 
     def __init__(self, settings: Mapping[int, float], say: Callable[[str], None],
-                 acknowledge: Callable[[str], None]) -> None:
+                 acknowledge: Callable[[str], None], switches: Sequence[float] = ()) -> None:
         """
         Switch on; ``settings`` are ``$`` numbers that are not as usual.
 
+        switches: where the limit switches of X and Y close, mm from where the motors now are.
         say, acknowledge: take the lines that are sent unasked, and those that answer a line.
         """
         self.settings: dict[int, float] = {**DEFAULTS, **settings}
@@ -60,6 +60,7 @@ class GrblFirmware:
         self.buffer = bytearray()
         self._say_line = say
         self._acknowledge = acknowledge
+        self._switches = [round(mm * self.settings[100 + i]) for i, mm in enumerate(switches)]
         self._critical = self._cancelling = False
         self.planner = Planner(self._machine())
         self._switch_on()
@@ -82,7 +83,6 @@ class GrblFirmware:
         if not self.planner.standing:
             self.stood_since = self.time
         self._off_for -= step
-        self._homing_for -= step
         self._pressed_for -= step
         self._settle()
         self._work()
@@ -124,8 +124,8 @@ class GrblFirmware:
 
     def _settle(self) -> None:
         """Change the state when a motion, a hold or homing has come to its end."""
-        if self.state == 'Home' and self._homing_for <= 0.0:
-            self._forget()
+        if self.state == 'Home' and self.planner.empty:
+            self._place([self._homed(i) for i in (0, 1)])
             self.state = 'Idle'
             self._say('ok')
         if not self.planner.standing:
@@ -152,7 +152,7 @@ class GrblFirmware:
 
     def _switch_on(self) -> None:
         self.state = 'Alarm' if self.settings[22] else 'Idle'
-        self._off_for = self._homing_for = self._pressed_for = 0.0
+        self._off_for = self._pressed_for = 0.0
         self._restart()
 
     def _restart(self) -> None:
@@ -166,8 +166,37 @@ class GrblFirmware:
         self._until_offset = 0  # status reports before the next one with offsets
 
     def _forget(self) -> None:
-        self.forgotten = self.made
-        self.planner = Planner(self._machine())
+        self._place([0, 0])
+
+    def _place(self, position: Sequence[int]) -> None:
+        """Take the motors to be at a position (steps of X and Y; Z is at 0)."""
+        x, y, z = self.made
+        self.planner = Planner(self._machine(), (position[0], position[1], 0))
+        self.forgotten = x - position[0], y - position[1], z
+
+    def _homed(self, axis: int) -> int:
+        """Return where an axis counts as being when it has left its switch again, steps."""
+        mm = self.settings[27] - self.settings[130 + axis]
+        if not int(self.settings[23]) >> axis & 1:
+            mm = -self.settings[27]
+        return round(mm * self.settings[100 + axis])
+
+    def _home(self) -> int | None:
+        """Go to the switches and off them; return what is wrong."""
+        target = [a / self.settings[100 + i] for i, a in enumerate(self.planner.end)]
+        for i, switch in enumerate(self._switches):
+            way = (switch - self.made[i]) / self.settings[100 + i]
+            back = -1.0 if int(self.settings[23]) >> i & 1 else 1.0
+            if way * back < 0.0:  # it goes away from the switch
+                self.alarm(HOMING_FAILED)
+                return OK
+            target[i] += way - back * self.settings[27]
+        if not self._switches:
+            self.alarm(HOMING_FAILED)
+            return OK
+        self.state = 'Home'
+        self.planner.add(target, self.settings[25] / 60.0)
+        return None
 
     def _say(self, *lines: str) -> None:
         for line in lines:
@@ -272,8 +301,7 @@ class GrblFirmware:
         elif line == '$H':
             if not self.settings[22]:
                 return NO_HOMING
-            self.state, self._homing_for = 'Home', HOMING_TIME
-            return None
+            return self._home()
         elif found := re.fullmatch(r'\$(\d{1,3})=(\d+\.?\d*)', line):
             number, value = int(found[1]), float(found[2])
             if number not in self.settings:

@@ -57,10 +57,10 @@ class MachineSettings:
 class Planner:
     """Blocks, segments and motors; ``motors`` are the steps that were really made."""
 
-    def __init__(self, settings: MachineSettings) -> None:
-        """Stand at zero."""
+    def __init__(self, settings: MachineSettings, motors: Steps = (0, 0, 0)) -> None:
+        """Stand at ``motors``."""
         self.settings = settings
-        self.motors: Steps = (0, 0, 0)
+        self.motors = motors
         self.clear()
 
     def clear(self) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.grbl_link import GrblLink
-from soft_continuum.hardware.grbl_setup import find_controller, unfit_settings
+from soft_continuum.hardware.grbl_setup import find_controller, Homing, unfit_settings
 from soft_continuum.hardware.modbus_bus import LONGEST_QUIET, ModbusBus
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import describe_ports, open_serial
@@ -98,7 +98,9 @@ def _check_grbl(values: Mapping[str, Any]) -> Iterator[Check]:
         return
     yield Check(step, OK, f'{port} opened, no other program uses it')
     try:
-        found = find_controller(link)
+        homing = Homing.from_parameter(
+            values['grbl.homed_pulls'], values['grbl.signs'], values['pull_limits'][0])
+        found = find_controller(link, homes=homing is not None)
     except HardwareError as error:
         yield Check('tendon firmware', FAIL, str(error))
         return
@@ -106,12 +108,17 @@ def _check_grbl(values: Mapping[str, Any]) -> Iterator[Check]:
         link.close()
     yield Check('tendon firmware', OK, f'{found.firmware}, at rest')
     unfit = unfit_settings(found.settings, values['grbl.steps_per_mm'],
-                           1e3 * values['speed_limit'], 1e3 * values['acceleration_limit'])
+                           1e3 * values['speed_limit'], 1e3 * values['acceleration_limit'],
+                           homing)
     if unfit:
         yield Check('tendon settings', FAIL, f'{"; ".join(unfit)}; type these lines in a terminal '
                     '(docs/rig.md), or change the parameter file')
     else:
         yield Check('tendon settings', OK, 'fit the parameters')
+    if homing is not None and (found.locked or found.zero is None):
+        yield Check('tendon reference', WARN, 'the tendons have to be homed before any motion: '
+                    'straighten and stiffen the arm, and call /tendon_actuation/reference')
+        return
     yield _check_reference(found.zero is not None)
 
 

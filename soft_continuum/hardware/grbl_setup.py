@@ -8,9 +8,10 @@ nothing else tells that its position is still that of the motors.  So ``mark_ref
 both behind, and who finds them later knows that there was no reset since, and where zero is.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 import time
+from typing import Self
 
 from soft_continuum.hardware.grbl_link import (
     Acknowledgement,
@@ -26,6 +27,7 @@ from soft_continuum.hardware.grbl_link import (
     STATUS_QUERY,
 )
 from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.parameters import ParameterError
 
 FIND_TIME = 6.0
 """s for a controller to answer; an Arduino that opening the port has reset takes about two."""
@@ -61,29 +63,64 @@ class Controller:
     A controller that was found at rest.
 
     position, zero: of the motors and of zero pull, mm in machine coordinates.  zero is None when
-    there was a reset since the tendons were referenced, or they never were.
+    there was a reset since the tendons were referenced, or they never were.  locked: until homed.
     """
 
     firmware: str
     settings: Mapping[int, float]
     position: Coordinates
     zero: Coordinates | None
+    locked: bool = False
 
 
-def find_controller(link: GrblLink) -> Controller:
+@dataclass(frozen=True)
+class Homing:
+    """
+    How the tendons are let out to limit switches: the right and the left one.
+
+    pulls: where they then are, m, zero or negative.  signs: 1 where a positive motion pulls.
+    """
+
+    pulls: tuple[float, float]
+    signs: tuple[float, float]
+
+    @classmethod
+    def from_parameter(cls, pulls: Sequence[float], signs: tuple[float, float], lowest: float
+                       ) -> Self | None:
+        """
+        Return what grbl.homed_pulls says, None for 0 alone; lowest: pull that is allowed, m.
+
+        Raises ParameterError.
+        """
+        if tuple(pulls) == (0.0,):
+            return None
+        if len(pulls) != 2 or not all(lowest <= pull <= 0.0 for pull in pulls):
+            raise ParameterError(
+                f'parameter grbl.homed_pulls is {list(pulls)}; needed: right and left, from the '
+                f'lower of pull_limits, {lowest:g}, to 0 m')
+        return cls((pulls[0], pulls[1]), signs)
+
+    @property
+    def directions(self) -> int:
+        """Setting $23: a bit for each motor that goes in the negative direction to be let out."""
+        return sum(1 << i for i, sign in enumerate(self.signs) if sign > 0.0)
+
+
+def find_controller(link: GrblLink, homes: bool = False) -> Controller:
     """
     Return what answers at the other end, without moving anything.
 
-    Waits for a motion that is still under way to end.  A stop that was left half done (Hold) is
-    finished: its motion is thrown away, not resumed.  Raises HardwareError saying what to do.
+    homes: one that is locked until it is homed is taken, too.  Waits for a motion that is still
+    under way to end.  A stop that was left half done (Hold) is finished: its motion is thrown
+    away, not resumed.  Raises HardwareError saying what to do.
     """
     deadline = time.monotonic() + FIND_TIME
     # Whatever line an earlier program left unfinished becomes an error, not a command.
     link.write(b'=\n')
     while True:
         try:
-            _wait_for_rest(link, deadline)
-            return _interrogate(link, deadline)
+            locked = _wait_for_rest(link, deadline, homes)
+            return replace(_interrogate(link, deadline), locked=locked)
         except ResetSeenError:
             link.answered()
 
@@ -106,17 +143,24 @@ def mark_reference(offset: tuple[float, float]) -> list[str]:
 
 
 def unfit_settings(settings: Mapping[int, float], steps_per_mm: tuple[float, float],
-                   speed: float, acceleration: float) -> list[str]:
+                   speed: float, acceleration: float, homing: Homing | None = None) -> list[str]:
     """
     Say of each setting that contradicts the configuration what it is, must be, and how to set it.
 
-    speed: mm/s.  acceleration: mm/s^2.  Empty when all fit.
+    speed: mm/s.  acceleration: mm/s^2.  homing: None without switches.  Empty when all fit.
     """
+    by_switches = {22: (0.0, 0.0, 'tendons are referenced by hand: no grbl.homed_pulls')}
+    if homing is not None:
+        let_out = float(homing.directions)
+        by_switches = {
+            22: (1.0, 1.0, 'grbl.homed_pulls are given'),
+            23: (let_out, let_out, 'homing lets the tendons out, with these grbl.signs'),
+            **dict.fromkeys((24, 25), (0.0, 60.0 * speed, 'speed_limit in mm/min'))}
     wanted = {
         1: (255.0, 255.0, 'motors hold the tendons at rest'),
         13: (0.0, 0.0, 'reports are in mm'),
-        20: (0.0, 0.0, 'travel is limited by pull_limits; soft limits need homing'),
-        22: (0.0, 0.0, 'tendons are referenced by hand; no homing'),
+        20: (0.0, 0.0, 'travel is limited by pull_limits'),
+        **by_switches,
         **{100 + i: (steps * (1 - TOLERANCE), steps * (1 + TOLERANCE), 'grbl.steps_per_mm')
            for i, steps in enumerate(steps_per_mm)},
         **{110 + i: (60.0 * speed, float('inf'), 'speed_limit in mm/min') for i in (0, 1)},
@@ -125,7 +169,8 @@ def unfit_settings(settings: Mapping[int, float], steps_per_mm: tuple[float, flo
     complaints = []
     for number, (low, high, why) in wanted.items():
         value = settings.get(number)
-        fix = low if high == float('inf') else round((low + high) / 2, 3)
+        fix = (low if high == float('inf') else high if number in (24, 25)
+               else round((low + high) / 2, 3))
         # What is printed with three decimals must not fail for the fourth.
         if value is None or not low - 1e-3 <= value <= high + 1e-3:
             found = 'missing' if value is None else f'{value:g}'
@@ -135,8 +180,12 @@ def unfit_settings(settings: Mapping[int, float], steps_per_mm: tuple[float, flo
     return complaints
 
 
-def _wait_for_rest(link: GrblLink, deadline: float) -> None:
-    """Ask until the controller says that it rests, and everything sent before is answered."""
+def _wait_for_rest(link: GrblLink, deadline: float, homes: bool) -> bool:
+    """
+    Ask until the controller says that it rests, and everything sent before is answered.
+
+    Returns whether it is locked, where it may be because it ``homes``.
+    """
     seen = ''
     while time.monotonic() < deadline:
         link.write(STATUS_QUERY)
@@ -147,8 +196,8 @@ def _wait_for_rest(link: GrblLink, deadline: float) -> None:
                 seen = f'{message.state}:{message.substate}'.rstrip(':')
                 if seen == 'Hold:0':
                     link.write(SOFT_RESET)
-        if seen == 'Idle':
-            return
+        if seen == 'Idle' or (homes and seen == 'Alarm'):
+            return seen == 'Alarm'
         if seen.startswith(('Alarm', 'Door', 'Sleep', 'Check')):
             raise HardwareError(f'the GRBL controller is in the state {seen}; {UNLOCK}')
     if seen:

@@ -7,7 +7,7 @@ One thread owns the serial port.  It sends short jogs, watches the status, and e
 something is not as it must be; then only open() or reference() lets tendons move again.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 import contextlib
 from math import isfinite
 import threading
@@ -33,6 +33,7 @@ from soft_continuum.hardware.grbl_setup import (
     explain_alarm,
     explain_error,
     find_controller,
+    Homing,
     mark_reference,
     unfit_settings,
     UNLOCK,
@@ -54,6 +55,10 @@ BUTTONS = frozenset('HRD')
 NOT_IDLE = 8
 MM = 1e3  # per m
 MINUTE = 60.0  # s
+HOME = '$H'
+HOMING_TIME = 60.0  # s
+HOMING_SPEED = 0.005
+"""m/s with which tendons are pulled from the switches to zero."""
 REFERENCE = 'straighten the arm, make both tendons just taut and call reference'
 
 
@@ -70,6 +75,9 @@ class GrblTendons:
         Parameter('grbl.signs', (1.0, 1.0),
                   'right and left: 1 where a positive motion pulls the tendon, -1 where it lets '
                   'it out', -1.0, 1.0),
+        Parameter('grbl.homed_pulls', (0.0,),
+                  'right and left pull after homing, which lets both tendons out to switches, m; '
+                  '0 alone: no switches, the zero is set by hand', -10.0, 0.0),
     )
 
     @classmethod
@@ -82,16 +90,17 @@ class GrblTendons:
         return cls(
             values['grbl.port'], values['grbl.baud_rate'], values['grbl.steps_per_mm'],
             values['grbl.signs'], values['speed_limit'], values['acceleration_limit'],
-            values['pull_limits'])
+            values['pull_limits'], values['grbl.homed_pulls'])
 
     def __init__(self, port: str, baud_rate: int, steps_per_mm: Pair, signs: Pair,
-                 speed_limit: float, acceleration_limit: float, pull_limits: Pair) -> None:
+                 speed_limit: float, acceleration_limit: float, pull_limits: Pair,
+                 homed_pulls: Sequence[float] = (0.0,)) -> None:
         """
         Describe the device; nothing is opened yet.
 
         steps_per_mm, signs: of the right and the left motor.  speed_limit: m/s.
-        acceleration_limit: m/s^2.  pull_limits: smallest and largest pull, m.  Raises
-        ParameterError.
+        acceleration_limit: m/s^2.  pull_limits: smallest and largest pull, m.  homed_pulls: right
+        and left pull after homing, m, or 0 alone.  Raises ParameterError.
         """
         for name, pair in (('grbl.steps_per_mm', steps_per_mm), ('grbl.signs', signs)):
             if len(pair) != 2:
@@ -103,6 +112,7 @@ class GrblTendons:
         self._scale = (signs[0] * MM * steps_per_mm[0], signs[1] * MM * steps_per_mm[1])
         self._speed_limit, self._acceleration_limit = speed_limit, acceleration_limit
         self._pull_limits = pull_limits
+        self._homing = Homing.from_parameter(homed_pulls, signs, pull_limits[0])
         self._lock = threading.Lock()  # of all that follows
         self._link: GrblLink | None = None
         self._thread: threading.Thread | None = None
@@ -114,9 +124,10 @@ class GrblTendons:
         """Connect; raise HardwareError when the device or its settings are not as needed."""
         link = GrblLink(open_serial(self._port, self._baud_rate))
         try:
-            found = find_controller(link)
+            found = find_controller(link, homes=self.reference_moves)
             speed, acceleration = self._speed_limit * MM, self._acceleration_limit * MM
-            if unfit := unfit_settings(found.settings, self._steps_per_mm, speed, acceleration):
+            if unfit := unfit_settings(found.settings, self._steps_per_mm, speed, acceleration,
+                                       self._homing):
                 raise HardwareError(
                     'the settings of the GRBL controller contradict the configuration: '
                     + '; '.join(unfit))
@@ -125,7 +136,9 @@ class GrblTendons:
             raise
         self.firmware = found.firmware
         self._zero: Steps = (0, 0) if found.zero is None else self._in_steps(found.zero)
-        self._unreferenced = '' if found.zero is not None else 'the controller was reset'
+        known = found.zero is not None and not found.locked
+        self._unreferenced = '' if known else 'the controller was reset'
+        self._homing_since = 0.0  # s; 0 when it does not home
         self._jogs = JogStream(
             (self._steps_per_mm[0] * MM, self._steps_per_mm[1] * MM), self._speed_limit,
             self._acceleration_limit, min(found.settings[120], found.settings[121]) / MM)
@@ -201,12 +214,28 @@ class GrblTendons:
             self._halt(link)
         link.wake()
 
+    @property
+    def reference_moves(self) -> bool:
+        """Whether ``reference`` homes."""
+        return self._homing is not None
+
     def reference(self) -> None:
-        """Take the present position as zero pull; raise HardwareError while tendons move."""
+        """
+        Take the present position as zero pull, or home; raise HardwareError while tendons move.
+
+        Homing lets both tendons out to their switches and pulls them to zero, to be just taut on
+        the straight arm.  Until then the reading moves, or is not referenced.
+        """
         with self._lock:
             link = self._check()
             if self._busy():
                 raise HardwareError('the tendons are moving; wait until they rest')
+            if self.reference_moves:
+                self._unreferenced = 'homing has not come to its end'
+                self._homing_since = monotonic()
+                self._setup_lines = [HOME]
+                link.wake()
+                return
             self._zero = self._position
             self._unreferenced = ''
             self._jogs.place(self._position)
@@ -243,6 +272,12 @@ class GrblTendons:
 
     def _act(self, link: GrblLink, now: float) -> None:
         """Send what is due."""
+        if link.unanswered == HOME:  # no status query is answered either
+            if now - self._homing_since > HOMING_TIME:
+                raise HardwareError(
+                    f'homing has not come to its end within {HOMING_TIME:g} s; check switches, '
+                    'motors and $130, $131')
+            return
         # Counted, not only timed: a computer that is late itself must not blame the device.
         if link.unanswered and now - link.sent_at > LATEST_ANSWER and self._reports >= TRIES:
             raise HardwareError(
@@ -282,6 +317,8 @@ class GrblTendons:
                 self._begin_stop(link)
             elif message.error and line:
                 raise HardwareError(explain_error(line, message.error))
+            elif line == HOME:
+                self._queries = self._rested = 0
         elif isinstance(message, Status) and message.position is not None:
             self._on_status(link, message, self._in_steps(message.position), monotonic())
 
@@ -317,9 +354,13 @@ class GrblTendons:
             self._astray += 1
             if self._astray == CERTAIN:
                 self._lose_reference('the position jumped, as after a reset of the controller')
+        if status.state == 'Alarm' and self.reference_moves and self._unreferenced:
+            self._stopping = False  # locked, and at rest, until it is homed
+            self._jogs.place(steps)
+            return
         if status.state == 'Alarm':
             raise HardwareError(f'the GRBL controller is locked (Alarm); {UNLOCK}')
-        if status.state not in ('Idle', 'Jog', 'Run') and not (
+        if status.state not in ('Idle', 'Jog', 'Run', 'Home') and not (
                 status.state == 'Hold' and self._stopping):
             raise HardwareError(
                 f'the GRBL controller went into the state {status.state}, which nobody asked it '
@@ -331,12 +372,25 @@ class GrblTendons:
                 'H hold, R reset, D door); release it')
         if self._stopping:
             self._go_on_stopping(link, status, now)
+        elif self._homing is not None and self._homing_since and self._rested >= CERTAIN:
+            self._on_homed(self._homing, now)
         elif self._rested >= CERTAIN:
             if not self._jogs.arrived(steps) and not self._unreferenced:
                 raise HardwareError(
                     'the GRBL controller stopped short of where it was sent (a button or a pin '
                     'at the board?)')
             self._jogs.rest()
+
+    def _on_homed(self, homing: Homing, now: float) -> None:
+        """Take the zero from where the switches are, and go there."""
+        self._homing_since = 0.0
+        x, y = (p - round(pull * s)
+                for p, pull, s in zip(self._position, homing.pulls, self._scale, strict=True))
+        self._zero, self._unreferenced = (x, y), ''
+        self._jogs.place(self._position)
+        self._wanted = self._zero, now + max(-pull for pull in homing.pulls) / HOMING_SPEED
+        self._jogs.aim(*self._wanted, now)
+        self._mark()
 
     def _begin_stop(self, link: GrblLink) -> None:
         if self._jogs.moving and not self._stopping:
@@ -346,6 +400,10 @@ class GrblTendons:
 
     def _halt(self, link: GrblLink) -> None:
         self._wanted = None
+        if link.unanswered == HOME:  # nothing else stops it; the alarm that follows says the rest
+            link.write(SOFT_RESET)
+        elif self._homing_since:
+            self._homing_since, self._setup_lines = 0.0, []
         self._begin_stop(link)
 
     def _go_on_stopping(self, link: GrblLink, status: Status, now: float) -> None:
@@ -373,7 +431,7 @@ class GrblTendons:
         return self._link
 
     def _busy(self) -> bool:
-        return self._jogs.moving or self._stopping
+        return self._jogs.moving or self._stopping or self._homing_since > 0.0
 
     def _mark(self) -> None:
         x, y = ((a - b) / s for a, b, s in

@@ -38,6 +38,10 @@ class TendonDriver(Protocol):
     driver holds its tendons (motors energised) whenever it does not move them, also after close.
     """
 
+    @property
+    def reference_moves(self) -> bool:
+        """Whether ``reference`` moves the tendons, to find their zero by switches."""
+
     def open(self) -> None:
         """Connect and read the present position; move nothing."""
 
@@ -54,7 +58,12 @@ class TendonDriver(Protocol):
         """Brake as fast as no step is lost, then hold."""
 
     def reference(self) -> None:
-        """Take the present position, the straight arm, as zero pull of both tendons."""
+        """
+        Take the present position, the straight arm, as zero pull of both tendons, or look for it.
+
+        A driver that looks for it begins to, and reads as moving or not referenced until the
+        tendons rest at zero pull.
+        """
 
 
 @dataclass(frozen=True)

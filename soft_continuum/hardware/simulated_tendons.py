@@ -16,6 +16,7 @@ BRAKE_EARLY = 0.8  # of the acceleration limit is planned with, so that no targe
 class SimulatedTendons:
     """Two simulated steppers that start at zero pull, referenced and at rest."""
 
+    reference_moves = False
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter('simulated_tendons.step', 5e-6, 'pull per step of the simulated steppers, m',
                   1e-9, 1e-3),

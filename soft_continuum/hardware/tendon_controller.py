@@ -43,6 +43,7 @@ class TendonController:
         self.reading = driver.read()
         self.stopped = False
         self.stopped_because = ''
+        self.homing = False  # or on the way from the switches to zero pull
         self._busy = False  # until the driver has come to rest after a trajectory
         self._interval = 0.02
         self._times: Array = np.zeros(0)
@@ -74,6 +75,8 @@ class TendonController:
         if self.stopped:
             raise MotionRefusedError(
                 f'stopped ({self.stopped_because}); call ~/resume before any motion')
+        if self.homing:
+            raise MotionRefusedError('the tendons are being homed; wait until they rest')
         if not self.reading.referenced:
             raise MotionRefusedError(
                 'the position is not referenced; straighten the arm and call ~/reference')
@@ -141,13 +144,17 @@ class TendonController:
 
     def reference(self) -> None:
         """
-        Take the present position as zero pull: the arm must be straight.
+        Take the present position as zero pull, or begin to home: the arm must be straight.
 
-        Raises MotionRefusedError while the tendons move.
+        Raises MotionRefusedError while the tendons move, or are stopped and would move.
         """
         if self.following or self.reading.moving:
             raise MotionRefusedError('the tendons are moving; wait until they rest')
+        if self._driver.reference_moves and self.stopped:
+            raise MotionRefusedError(
+                f'stopped ({self.stopped_because}); call ~/resume before homing')
         self._driver.reference()
+        self._busy = self.homing = self._driver.reference_moves
         self.update(0.0, 0.0)
 
     def update(self, now: float, interval: float) -> TendonReading:
@@ -166,6 +173,6 @@ class TendonController:
                 self._times = np.zeros(0)
         self.reading = self._driver.read()
         if rested and not self.reading.moving:
-            self._busy = False
+            self._busy = self.homing = False
             self._setpoint = np.array(self.reading.pulls)
         return self.reading

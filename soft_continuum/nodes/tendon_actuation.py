@@ -208,6 +208,12 @@ class TendonActuation(ManagedNode):
                     f'joint_states from kinematics for {silence:g} s')
         return ''
 
+    def _homing_obstacle(self) -> str:
+        """Say why tendons must not be let out to their switches now; empty when they may."""
+        if None in self._stiff or self._jamming_age.seconds > self.parameters['silence_timeout']:
+            return 'it is not known whether the arm is stiff: nothing heard of jamming_valves'
+        return '' if all(self._stiff) else 'homing lets the tendons out: stiffen every segment'
+
     def _predict(self, pulls: Array) -> None:
         """Refuse pulls (k, 2) m in which the model sees too much tension, or no shape at all."""
         assert self._shape is not None
@@ -240,8 +246,8 @@ class TendonActuation(ManagedNode):
             return
         try:
             if controller.busy:
-                obstacle = self._obstacle()
-                if not obstacle and self._stiff != self._stiff_at_start:
+                obstacle = self._homing_obstacle() if controller.homing else self._obstacle()
+                if not obstacle and not controller.homing and self._stiff != self._stiff_at_start:
                     obstacle = 'a segment changed between soft and stiff during the motion'
                 if obstacle and not self._ended:
                     controller.hold()
@@ -264,7 +270,9 @@ class TendonActuation(ManagedNode):
             self.status.set(ERROR if self._lost else OK, self._lost or 'not connected',
                             stopped=self._stopped_because, refused=self._refused)
             return
-        if controller.stopped:
+        if controller.homing:
+            level, text = WARN, 'homing'
+        elif controller.stopped:
             level, text = WARN, f'stopped: {controller.stopped_because}'
         elif not controller.reading.referenced:
             level, text = WARN, 'position not referenced'
@@ -321,7 +329,12 @@ class TendonActuation(ManagedNode):
         if not self.active or self._controller is None:
             response.message = self._lost or 'the node is not active'
             return response
+        homes = self._driver is not None and self._driver.reference_moves
+        if homes and (obstacle := self._homing_obstacle()):
+            response.message = obstacle
+            return response
         try:
+            self._ended = ''
             self._controller.reference()
         except MotionRefusedError as error:
             response.message = str(error)
@@ -332,6 +345,7 @@ class TendonActuation(ManagedNode):
             return response
         self._say()
         response.success = True
-        response.message = ('the present position counts as the straight arm; '
+        response.message = ('homing; the tendons are at zero pull when they rest' if homes else
+                            'the present position counts as the straight arm; '
                             'call kinematics/reset if it was not known')
         return response

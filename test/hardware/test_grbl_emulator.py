@@ -178,14 +178,26 @@ def test_a_critical_alarm_is_silent_until_a_soft_reset(at_terminal, number):
     assert terminal.ask('$X')[-1] == 'ok'
 
 
-def test_homing_is_silent_and_soft_limits_follow(at_terminal):
+def test_homing_is_silent_and_soft_limits_follow():
+    with board(settings={22: 1, 23: 2}, switches=(3.0, -4.0)) as emulator:
+        terminal = Terminal(emulator)
+        terminal.ask('$20=1')
+        assert terminal.ask('$J=G91X1F100') == ['error:8']
+        terminal.send(b'$H\n?')
+        assert terminal.read('ok') == ['ok']
+        # Off the switches by $27; X counts from its switch down, Y from the other end up.
+        assert emulator.motors[:2] == (400, -600)
+        assert terminal.status().startswith('<Idle|MPos:-1.000,-199.000,0.000')
+        assert terminal.ask('$J=G53X1F100') == ['error:15']
+        assert 'ALARM:2' in terminal.ask('G53G0X1')
+        terminal.port.close()
+
+
+def test_homing_without_switches_is_an_alarm(at_terminal):
     emulator, terminal = at_terminal
     terminal.ask('$22=1')
-    terminal.ask('$20=1')
-    terminal.send(b'$H\n?')
-    assert terminal.read('ok') == ['ok']
-    assert terminal.ask('$J=G53X1F100') == ['error:15']
-    assert 'ALARM:2' in terminal.ask('G53G0X1')
+    assert 'ALARM:9' in terminal.ask('$H')
+    assert emulator.firmware.state == 'Alarm'
 
 
 def test_fifteen_motions_are_planned_and_what_no_buffer_holds_is_lost(at_terminal):

@@ -60,6 +60,8 @@ class ObedientDriver:
         self._called('stop')
         self.reading = replace(self.reading, speeds=(0.0, 0.0))
 
+    reference_moves = False
+
     def reference(self):
         self._called('reference')
         self.reading = replace(self.reading, pulls=(0.0, 0.0), referenced=True)

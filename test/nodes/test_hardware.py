@@ -278,3 +278,51 @@ def test_a_node_that_starts_during_an_emergency_stop_does_not_move(rig: Rig) -> 
     rig.start_arm()
     rig.wait_for_status('tendon_actuation', 'stopped', 'emergency_stop')
     assert not rig.trigger('tendon_actuation/resume').success
+
+
+HOMED = [-0.006, -0.005]  # m: switches at -7 and -6 mm of a straight arm, and 1 mm off them
+
+
+@pytest.fixture
+def homing(rig: Rig, tmp_path: Path) -> Iterator[Bench]:
+    """Return the nodes on a stepper board with limit switches, the arm straight and stiff."""
+    with (GrblEmulator(str(tmp_path / 'grbl'), settings={22: 1, 23: 3}, switches=(-7.0, -6.0))
+          as grbl, ModbusEmulator(link=tmp_path / 'modbus') as modbus):
+        bench = Bench(rig, grbl, modbus, tmp_path)
+        bench.start(**{'grbl.homed_pulls': HOMED})
+        yield bench
+
+
+def test_homing_waits_for_a_stiff_arm_and_ends_with_a_known_straight_one(homing: Bench) -> None:
+    rig = homing.rig
+    refused = rig.trigger('tendon_actuation/reference')
+    assert not refused.success
+    assert 'stiffen' in refused.message
+    assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
+    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
+    assert rig.trigger('tendon_actuation/reference').success
+    rig.wait_for(lambda: homing.grbl.moving, 'a motion')
+    rig.wait_for(lambda: rig.statuses['tendon_actuation'].last.message == 'holding', 'its end')
+    assert homing.grbl.motors[:2] == (0, 0)
+    rig.wait_for(lambda: len(rig.joints), 'joint_states')
+    assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
+    homing.assert_steps_agree()
+
+
+@pytest.mark.parametrize('how', ['stop', 'soften'])
+def test_homing_ends_when_it_is_stopped_or_the_arm_becomes_soft(homing: Bench, how: str) -> None:
+    rig = homing.rig
+    rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True)
+    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
+    assert rig.trigger('tendon_actuation/reference').success
+    rig.wait_for(lambda: homing.grbl.moving, 'a motion')
+    if how == 'stop':
+        assert rig.trigger('tendon_actuation/stop').success
+    else:
+        rig.set_stiff(2, False)
+    rig.wait_for(lambda: not homing.grbl.moving, 'rest')
+    where = homing.grbl.motors
+    rig.assert_rests()
+    assert homing.grbl.motors == where
+    assert where[0] < 0
+    assert not rig.trigger('tendon_actuation/reference').success

@@ -1,0 +1,159 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Homing: tendons are let out to limit switches, and pulled from there to zero."""
+
+from contextlib import contextmanager
+import time
+
+from grbl_rig import at_rest, board, driver, failed, standing, until
+import pytest
+
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.parameters import ParameterError
+
+HOMED = (-0.011, -0.009)  # m: switches at -12 and -10 mm of a straight arm, and 1 mm off them
+SWITCHES = (-12.0, -10.0)
+HOMES = {22: 1, 23: 3}
+
+
+@contextmanager
+def rig(**options):
+    """A board that is locked until it is homed, and an open driver that knows how to."""
+    with board(switches=SWITCHES, settings=HOMES, **options) as emulator:
+        tendons = driver(emulator.port, homed_pulls=HOMED)
+        tendons.open()
+        try:
+            yield emulator, tendons
+        finally:
+            tendons.close()
+
+
+def home(tendons):
+    tendons.reference()
+    until(lambda: tendons.read().referenced, 'homed')
+    return at_rest(tendons)
+
+
+def test_homing_ends_at_zero_pull_where_the_arm_is_straight():
+    with rig() as (emulator, tendons):
+        assert emulator.firmware.state == 'Alarm'
+        assert not tendons.read().referenced
+        assert home(tendons).pulls == (0.0, 0.0)
+        assert emulator.motors == (0, 0, 0)
+        tendons.move((0.004, -0.002), 0.3)
+        assert at_rest(tendons).pulls == pytest.approx((0.004, -0.002), abs=1e-9)
+        assert emulator.motors[:2] == (800, -400)
+
+
+def test_homing_finds_the_same_zero_from_anywhere():
+    with rig() as (emulator, tendons):
+        home(tendons)
+        tendons.move((0.004, -0.002), 0.3)
+        at_rest(tendons)
+        emulator.reset()
+        until(lambda: not tendons.read().referenced, 'the reset is seen')
+        at_rest(tendons)
+        assert home(tendons).pulls == (0.0, 0.0)
+        assert emulator.motors == (0, 0, 0)
+
+
+def test_a_motor_that_turns_the_other_way_is_let_out_the_other_way():
+    with board(switches=(12.0, -10.0), settings={22: 1, 23: 2}) as emulator:
+        tendons = driver(emulator.port, homed_pulls=HOMED, signs=(-1.0, 1.0))
+        tendons.open()
+        assert home(tendons).pulls == (0.0, 0.0)
+        assert emulator.motors == (0, 0, 0)
+        tendons.close()
+
+
+def test_nothing_homes_or_moves_by_itself():
+    with rig() as (emulator, tendons):
+        with pytest.raises(HardwareError, match='call reference'):
+            tendons.move((0.001, 0.0), 0.1)
+        time.sleep(0.3)
+        assert emulator.motors == (0, 0, 0)
+        assert not any(line in ('$H', '$X') for line in emulator.firmware.received)
+
+
+def test_it_moves_until_it_rests_at_zero_and_takes_no_other_motion_before():
+    with rig() as (emulator, tendons):
+        tendons.reference()
+        assert tendons.read().moving
+        with pytest.raises(HardwareError, match='homing'):
+            tendons.move((0.0, 0.0), 1.0)
+        with pytest.raises(HardwareError, match='moving'):
+            tendons.reference()
+        until(lambda: emulator.moving, 'it moves')
+        assert tendons.read().moving
+        until(lambda: tendons.read().referenced, 'homed')
+        assert emulator.moving or emulator.motors[:2] == (0, 0)
+
+
+def test_a_stop_while_it_looks_for_the_switches_ends_motion_and_locks_the_board():
+    with rig() as (emulator, tendons):
+        tendons.reference()
+        until(lambda: emulator.moving, 'it moves')
+        begin = emulator.time
+        tendons.stop()
+        standing(emulator)
+        assert emulator.firmware.stood_since - begin < 0.3
+        assert 'ALARM:6' in failed(tendons)
+        tendons.close()
+        tendons.open()
+        assert not tendons.read().referenced
+        assert home(tendons).pulls == (0.0, 0.0)
+        assert emulator.motors == (0, 0, 0)
+
+
+def test_a_stop_on_the_way_from_the_switches_holds_where_it_is_and_knows_where():
+    with rig() as (emulator, tendons):
+        tendons.reference()
+        until(lambda: tendons.read().referenced, 'homed')
+        until(lambda: emulator.moving, 'it moves')
+        tendons.stop()
+        reading = at_rest(tendons)
+        assert reading.referenced and max(reading.pulls) < 0.0
+        where = standing(emulator)
+        assert [round(p * 200e3) for p in reading.pulls] == list(where[:2])
+
+
+def test_a_new_process_finds_the_zero_without_homing_again():
+    with board(switches=SWITCHES, settings=HOMES) as emulator:
+        for known in (False, True):
+            tendons = driver(emulator.port, homed_pulls=HOMED)
+            tendons.open()
+            assert tendons.read().referenced == known
+            if not known:
+                home(tendons)
+                tendons.move((0.003, 0.0), 0.2)
+                at_rest(tendons)
+            tendons.close()
+        assert emulator.motors[:2] == (600, 0)
+        assert emulator.firmware.received.count('$H') == 1
+
+
+def test_switches_that_are_not_found_are_an_alarm_and_no_zero():
+    with board(settings=HOMES) as emulator:
+        tendons = driver(emulator.port, homed_pulls=HOMED)
+        tendons.open()
+        tendons.reference()
+        assert 'ALARM:9' in failed(tendons)
+        tendons.close()
+
+
+@pytest.mark.parametrize(('settings', 'homed', 'words'), [
+    ({22: 0, 23: 3}, HOMED, '$22=1'), ({22: 1, 23: 0}, HOMED, '$23=3'),
+    ({22: 1, 23: 3, 25: 5000}, HOMED, '$25=1800'), ({22: 1}, (0.0,), '$22=0')])
+def test_settings_that_contradict_homing_are_named(settings, homed, words):
+    with board(switches=SWITCHES, settings=settings) as emulator:
+        if not settings[22] or homed == (0.0,):
+            emulator.firmware.state = 'Idle'
+        with pytest.raises(HardwareError) as refused:
+            driver(emulator.port, homed_pulls=homed).open()
+        assert words in str(refused.value)
+
+
+@pytest.mark.parametrize('homed', [(-0.01,), (0.01, -0.01), (-0.1, -0.01), (0.0, 0.0, 0.0)])
+def test_pulls_that_homing_cannot_end_at_are_refused(homed):
+    with pytest.raises(ParameterError, match=r'grbl\.homed_pulls'):
+        driver('/dev/null', homed_pulls=homed)
