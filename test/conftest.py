@@ -10,8 +10,8 @@ from pathlib import Path
 
 SLOW = ('browser', 'client', 'commands', 'hardware/test_grbl_emulator.py',
         'hardware/test_grbl_faults.py', 'hardware/test_modbus_emulator.py',
-        'hardware/test_modbus_jamming.py', 'nodes/test_hardware.py', 'nodes/test_kills.py',
-        'nodes/test_processes.py')
+        'hardware/test_modbus_jamming.py', 'nodes/test_documents.py', 'nodes/test_hardware.py',
+        'nodes/test_kills.py', 'nodes/test_processes.py')
 
 
 def pytest_addoption(parser):

@@ -37,12 +37,13 @@ class NodeProcess:
     """One process and what it writes."""
 
     def __init__(self, command: Sequence[str], domain: int, output: Path,
-                 environment: dict[str, str] | None = None) -> None:
+                 environment: dict[str, str] | None = None,
+                 directory: Path | None = None) -> None:
         self._path = output
         self._signalled = 0.0, 0.0
         with output.open('wb') as stream:
             self.process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=stream, stderr=stream,
+                command, stdin=subprocess.DEVNULL, stdout=stream, stderr=stream, cwd=directory,
                 env={**os.environ, 'ROS_DOMAIN_ID': str(domain), 'PYTHONUNBUFFERED': '1',
                      **(environment or {})})
 
@@ -126,10 +127,12 @@ class Processes:
         self._started: list[NodeProcess] = []
 
     def start(self, command: Sequence[str], *,
-              environment: dict[str, str] | None = None) -> NodeProcess:
-        """Start a command as it is."""
+              environment: dict[str, str] | None = None,
+              directory: Path | None = None) -> NodeProcess:
+        """Start a command as it is, in a directory."""
         output = self._directory / f'output_{len(self._started)}.txt'
-        self._started.append(NodeProcess(command, self._domain, output, environment))
+        self._started.append(
+            NodeProcess(command, self._domain, output, environment, directory))
         return self._started[-1]
 
     def node(self, name: str, *, namespace: str = '/arm_under_test', installed: bool = False,
