@@ -45,6 +45,8 @@ def run(share: float) -> Report:
                 bench.start_apart()
                 while victims:
                     victim = victims.pop()
+                    if len(victims) % 20 == 0:
+                        progress(f'{len(victims) + 1} kills left')
                     _kill(bench, victim, results[victim], random)
                     bench.restore()
                     bench.check_nodes()

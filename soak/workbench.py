@@ -201,7 +201,7 @@ class Workbench:
         self._until(lambda: rig.trigger('tendon_actuation/resume').success, 'a resume')
         # Only now is it said whether position and shape are known.
         rig.wait_for(lambda: not rig.status_value('tendon_actuation', 'stopped'), 'no stop')
-        self._until(lambda: rig.statuses['kinematics'].last is not None, 'kinematics')
+        rig.wait_for_more(rig.tendons, 10)  # kinematics has seen these pulls of a stiff arm
         if not self.referenced or self._level('kinematics') != DiagnosticStatus.OK:
             self._reference()
         if self.motors != rests_at:
