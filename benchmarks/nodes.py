@@ -1,0 +1,142 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the kinematics node costs at 100 Hz, beside processes that only publish."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+import os
+from pathlib import Path
+from random import randrange
+import subprocess
+import sys
+import time
+
+from geometry_msgs.msg import PoseArray
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from benchmarks.tables import machine, number, Section, table
+from soft_continuum.nodes.support import LATCHED, SENSOR, STREAM
+
+RATE = 100.0  # Hz
+STIFF = True, True, False
+PULLS = 0.004, -0.0045  # m, the largest; the soft segment follows a sine
+PERIOD = 4.0  # s of that sine
+START, WARM = 30.0, 2.0  # s
+
+PUBLISHER = """
+import sys
+from geometry_msgs.msg import Pose, PoseArray
+import rclpy
+from sensor_msgs.msg import JointState
+from soft_continuum.nodes.runtime import make_executor
+from soft_continuum.nodes.support import STREAM
+rclpy.init()
+node = rclpy.create_node('bare')
+messages = {'segment_poses': PoseArray(poses=[Pose() for _ in range(3)])}
+if 'all' in sys.argv:
+    names = [f'joint_{i}' for i in range(39)]
+    messages |= {'disc_poses': PoseArray(poses=[Pose() for _ in range(8)]),
+                 'joint_states': JointState(name=names, position=[0.0] * 39),
+                 'tendon_tensions': JointState(name=['right', 'left'], effort=[0.0, 0.0])}
+publishers = [(node.create_publisher(type(m), name, STREAM), m) for name, m in messages.items()]
+
+def publish():
+    for publisher, message in publishers:
+        message.header.stamp = node.get_clock().now().to_msg()
+        publisher.publish(message)
+
+node.create_timer(0.01, publish)
+executor = make_executor()
+executor.add_node(node)
+while rclpy.ok():
+    executor.spin_once(timeout_sec=0.1)
+"""
+
+
+class Probe(Node):
+    """Says where the tendons are, and notes when the poses that follow come."""
+
+    def __init__(self) -> None:
+        """Say which segments are stiff."""
+        super().__init__('probe')
+        self.latencies: list[float] = []
+        self._sent = 0.0
+        self._message = JointState(name=['right_tendon', 'left_tendon'])
+        self._tendons = self.create_publisher(JointState, 'tendon_states', STREAM)
+        self._flags = [self.create_publisher(Bool, f'segment_{n}/stiff', LATCHED)
+                       for n in range(1, len(STIFF) + 1)]
+        for publisher, stiff in zip(self._flags, STIFF, strict=True):
+            publisher.publish(Bool(data=stiff))
+        self.create_subscription(PoseArray, 'segment_poses', self._on_poses, SENSOR)
+
+    def _on_poses(self, _: PoseArray) -> None:
+        self.latencies.append(time.perf_counter() - self._sent)
+
+    def drive(self, seconds: float, speak: bool) -> None:
+        """Publish tendon_states at RATE for a time, or only listen."""
+        begin = time.perf_counter()
+        for k in range(int(seconds * RATE)):
+            if speak:
+                part = 0.5 - 0.5 * np.cos(2 * np.pi * k / RATE / PERIOD)
+                self._message.position = [float(part * pull) for pull in PULLS]
+                self._sent = time.perf_counter()
+                self._tendons.publish(self._message)
+            while (left := begin + (k + 1) / RATE - time.perf_counter()) > 0.0:
+                rclpy.spin_once(self, timeout_sec=left)
+
+
+def run(quick: bool) -> Section:
+    """Measure all three processes and return the table."""
+    seconds = 3.0 if quick else 30.0
+    os.environ['ROS_DOMAIN_ID'] = str(randrange(1, 102))
+    rclpy.init()
+    probe = Probe()
+    commands = {
+        'a bare publisher of segment_poses': ['-c', PUBLISHER],
+        'a bare publisher of all four messages': ['-c', PUBLISHER, 'all'],
+        'kinematics': ['-m', 'soft_continuum.executables', 'kinematics'],
+    }
+    rows = [[name, *_measure(probe, command, seconds, speak=name == 'kinematics')]
+            for name, command in commands.items()]
+    rclpy.shutdown()
+    head = ['100 Hz', 'messages/s', 'CPU, % of a core', 'tendon_states to segment_poses, ms: '
+            'median', '99 %']
+    return Section('performance.md', 'nodes', f'{machine()}\n\n{table(head, rows)}')
+
+
+def _measure(probe: Probe, command: Sequence[str], seconds: float, speak: bool) -> list[str]:
+    with _process(command) as pid:
+        deadline = time.monotonic() + START
+        probe.latencies.clear()
+        while not probe.latencies:
+            if time.monotonic() > deadline:
+                raise RuntimeError(f'{command}: no segment_poses')
+            probe.drive(0.1, speak)
+        probe.drive(WARM, speak)
+        probe.latencies.clear()
+        before = _cpu_time(pid)
+        probe.drive(seconds, speak)
+        share = (_cpu_time(pid) - before) / seconds
+    latencies = 1e3 * np.array(probe.latencies)
+    times = [number(float(v)) for v in np.percentile(latencies, [50, 99])] if speak else ['', '']
+    return [f'{len(latencies) / seconds:.0f}', number(100.0 * share), *times]
+
+
+@contextmanager
+def _process(command: Sequence[str]) -> Iterator[int]:
+    process = subprocess.Popen([sys.executable, *command])
+    try:
+        yield process.pid
+    finally:
+        process.kill()
+        process.wait()
+
+
+def _cpu_time(pid: int) -> float:
+    """Return the processor time (s) that a process has taken, all of its threads."""
+    fields = Path(f'/proc/{pid}/stat').read_text(encoding='ascii').rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
