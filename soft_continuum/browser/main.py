@@ -75,16 +75,10 @@ class View:
             return
         with self._server.atomic():
             if self._scene is not None:
-                self._scene.show(self._node.state, self._target())
+                self._scene.show(self._node.state)
             if now > self._next_panel:
                 self._next_panel = now + PANEL_PERIOD
                 self._panel.show()
-
-    def _target(self) -> Sequence[float] | None:
-        progress, description = self._node.state.running, self._node.description
-        if progress is None or description is None:
-            return None
-        return description.shapes.get(progress.shape)
 
 
 def parser(program: str) -> argparse.ArgumentParser:

@@ -24,6 +24,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.browser.state import ArmState, Description, Notice, Progress, Report
 from soft_continuum.description import (
@@ -64,7 +65,8 @@ class Browser(Node):  # type: ignore[misc]  # rclpy is not typed
     Knows the arm's ``state`` and ``description``, and passes on what a browser asks for.
 
     Subscribes to ~/status of the four nodes, /diagnostics, joint_states, tendon_states,
-    tendon_tensions, segment_N/stiff, segment_N/pressure and the feedback of run_shape_sequence.
+    tendon_tensions, target_markers, segment_N/stiff, segment_N/pressure and the feedback of
+    run_shape_sequence.
     Publishes tendon_actuation/joint_trajectory.  Calls the services of tendon_actuation,
     jamming_valves and kinematics, the action, and get_parameters of kinematics and
     shape_sequencer.  All of it in the thread that spins: others go through ``soon``.
@@ -95,6 +97,7 @@ class Browser(Node):  # type: ignore[misc]  # rclpy is not typed
         self.create_subscription(
             RunShapeSequence.Impl.FeedbackMessage, 'run_shape_sequence/_action/feedback',
             self._on_feedback, SENSOR)
+        self.create_subscription(MarkerArray, 'target_markers', self._on_target, LATCHED)
         self._trajectory = self.create_publisher(
             JointTrajectory, 'tendon_actuation/joint_trajectory', STREAM)
         self._set_all = self.create_client(SetBool, 'jamming_valves/set_all_stiff')
@@ -176,6 +179,9 @@ class Browser(Node):  # type: ignore[misc]  # rclpy is not typed
     def _on_tensions(self, message: JointState) -> None:
         if len(message.effort) == len(TENDONS):
             self.state.tensions = message.effort[0], message.effort[1]
+
+    def _on_target(self, message: MarkerArray) -> None:
+        self.state.target = tuple((p.x, p.z) for m in message.markers for p in m.points)
 
     def _on_feedback(self, message: Any) -> None:
         feedback = message.feedback

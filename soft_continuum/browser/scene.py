@@ -41,7 +41,7 @@ class Scene:
         self._chain = RigidChain(arm)
         self._limit = description.tension_limit
         self._drawn: tuple[object, ...] = ()
-        self._ghost_shape: tuple[float, ...] = ()
+        self._ghost_line: tuple[tuple[float, float], ...] = ()
         scene = server.scene
         length = sum(d.height for d in arm.discs) + sum(s.length for s in arm.segments)
         turn = orientation(arm.mounting_angle)
@@ -83,11 +83,11 @@ class Scene:
             scene.add_label(f'/arm/label_{s + 1}', str(s + 1), anchor='center-center')
             for s in range(self._chain.segments)]
         self._ghost = scene.add_mesh_simple(
-            '/arm/ghost', *self._ghost_mesh(zero), color=GHOST, opacity=GHOST_OPACITY,
+            '/arm/ghost', np.zeros((2 * SIDES, 3)), _faces(2), color=GHOST, opacity=GHOST_OPACITY,
             visible=False, cast_shadow=False, side='double')
 
-    def show(self, state: ArmState, target: Sequence[float] | None) -> None:
-        """Bring the scene up to date; ``target``: bending angles (rad) a sequence goes to."""
+    def show(self, state: ArmState) -> None:
+        """Bring the scene up to date."""
         known = len(state.joint_angles) == self._chain.joints
         self._root.visible = known
         if not known:
@@ -99,7 +99,7 @@ class Scene:
             self._drawn = drawn
             self._move(np.array(state.joint_angles))
             self._colour(stiff, state.tensions)
-        self._show_ghost(tuple(target or ()))
+        self._show_ghost(state.target if state.running else ())
 
     def _move(self, joint_angles: Array) -> None:
         self._discs.vertices = self._disc_vertices(joint_angles).astype(np.float32)
@@ -129,13 +129,13 @@ class Scene:
             tendon.colors = np.array(tension_colour(tension, self._limit), dtype=np.uint8)
             tendon.thickness = ROPE if is_slack else 2 * ROPE
 
-    def _show_ghost(self, target: tuple[float, ...]) -> None:
-        if target and target != self._ghost_shape:
-            self._ghost_shape = target
-            state = self._chain.uniform(target)
-            vertices, _ = self._ghost_mesh(state.joint_angles)
-            self._ghost.vertices = vertices.astype(np.float32)
-        self._ghost.visible = bool(target)
+    def _show_ghost(self, line: tuple[tuple[float, float], ...]) -> None:
+        if len(line) > 1 and line != self._ghost_line:
+            if len(line) != len(self._ghost_line):  # another number of vertices needs other faces
+                self._ghost.faces = _faces(len(line)).astype(np.uint32)
+            self._ghost_line = line
+            self._ghost.vertices = self._ghost_vertices(np.array(line)).astype(np.float32)
+        self._ghost.visible = len(line) > 1
 
     # Shapes of meshes.
 
@@ -162,11 +162,11 @@ class Scene:
             skins.append(_tube(x, z, angle, 0.5 * SKIN * segment.outer_diameter * pleats))
         return skins
 
-    def _ghost_mesh(self, joint_angles: Array) -> tuple[Array, Array]:
-        """Return a thin tube along the backbone and beyond, as vertices and faces."""
-        rows = np.vstack([[0.0, 0.0, 0.0], self._chain.backbone(joint_angles)])
-        radius = np.full(len(rows), 0.3 * self._chain.arm.segments[0].outer_diameter)
-        return _tube(rows[:, 0], rows[:, 1], rows[:, 2], radius), _faces(len(rows))
+    def _ghost_vertices(self, line: Array) -> Array:
+        """Return a thin tube along points (k, 2), m."""
+        x, z = line.T
+        radius = np.full(len(line), 0.3 * self._chain.arm.segments[0].outer_diameter)
+        return _tube(x, z, np.arctan2(np.gradient(x), np.gradient(z)), radius)
 
 
 def _dashes(points: Array) -> Array:

@@ -71,7 +71,8 @@ class ArmState:
     The arm as it was last heard of.
 
     joint_angles: rad.  pulls: m.  tensions: N, nan where the model does not determine them.
-    stiff, vacuum (Pa): of each segment.  Tendons are in the order right, left.
+    stiff, vacuum (Pa): of each segment.  Tendons are in the order right, left.  target: points
+    (x, z) m along the shape that a sequence goes to.
     """
 
     joint_angles: tuple[float, ...] = ()
@@ -82,6 +83,7 @@ class ArmState:
     vacuum: list[float] = field(default_factory=list)
     reports: dict[str, Report] = field(default_factory=dict)
     progress: Progress | None = None
+    target: tuple[tuple[float, float], ...] = ()
 
     def hears(self, node: str) -> bool:
         """Whether a node was heard lately."""
