@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import ConvexHull
+from tqdm import tqdm
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
@@ -48,7 +49,8 @@ def reach(arm: Arm, order: Sequence[int], per_segment: int) -> Reach:
     states = [(statics.chain.straight(), np.zeros(len(arm.segments)))]
     for segment in order:
         after = []
-        for state, angles in states:
+        for state, angles in tqdm(
+                states, f'segment {segment + 1}', leave=False, disable=None):
             present = statics.chain.bending_angles(state.joint_angles)[segment]
             for angle in grids[segment]:
                 bent = angles.copy()

@@ -10,6 +10,7 @@ from pathlib import Path
 import sys
 
 import numpy as np
+from tqdm import tqdm
 
 from soft_continuum.analysis.identification import (
     Identification,
@@ -67,7 +68,8 @@ def _run(options: argparse.Namespace) -> None:
             unknowns, found.values, found.half_widths, strict=True)),
         'These values belong to the second-order chain.'])
     print(f'\nParameters: {layer}', flush=True)
-    results = [_held_out(arm, found, shape, kept, options.hold_out) for shape in shapes]
+    results = [_held_out(arm, found, shape, kept, options.hold_out) for shape in tqdm(
+        shapes, 'without each shape', leave=False, disable=None)]
     print('\nLargest position error of each shape in mm; without it: of a fit that has not seen '
           'it.\n')
     print(text_table(['shape', 'as described', 'identified', 'without it'], [
