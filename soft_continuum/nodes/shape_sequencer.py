@@ -269,6 +269,9 @@ class ShapeSequencer(Node):
             if not problem and self._stopped():
                 problem = (f'tendon motion is stopped ({self._stopped()}); '
                            'call tendon_actuation/resume first')
+            if not problem and self._tendon_status.get('referenced') == 'false':
+                problem = ('the position of the tendons is not referenced; straighten the arm and '
+                           'call tendon_actuation/reference first')
             if problem:
                 raise PlanError(problem)
             if self._runner is None and all(self._stiff):

@@ -282,7 +282,7 @@ class TendonActuation(ManagedNode):
             level, text = OK, 'following' if controller.following else 'holding'
         self.status.set(
             level, text, stopped=controller.stopped_because, ended=self._ended,
-            refused=self._refused,
+            referenced=str(controller.reading.referenced).lower(), refused=self._refused,
             refused_stamp=f'{self._refused_stamp.sec}.{self._refused_stamp.nanosec:09d}')
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

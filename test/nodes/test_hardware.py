@@ -107,10 +107,10 @@ def test_nothing_moves_before_somebody_says_that_the_arm_is_straight(devices: Be
     assert devices.rig.statuses['tendon_actuation'].last.message == 'position not referenced'
     devices.rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True)
     devices.rig.wait_for(lambda: devices.rig.all_stiff, 'a stiff arm')
-    goal = devices.rig.goal_when_heard(BEND)
-    status, result = goal.result()
-    assert status == 'ABORTED'
-    assert 'not referenced' in result.error_string
+    devices.rig.wait_for(lambda: len(devices.rig.joints), 'joint_states')
+    assert not devices.rig.goal(BEND).accepted
+    assert 'not referenced' in devices.rig.rejected()
+    assert devices.rig.all_stiff
     assert devices.grbl.motors[:2] == (0, 0)
 
 
@@ -143,9 +143,9 @@ def test_a_reset_of_the_board_in_motion_loses_the_reference(bench: Bench) -> Non
     rig.wait_for_status('tendon_actuation', 'stopped', 'the controller was reset')
     rests_at = bench.grbl.motors
     rig.wait_for(lambda: rig.trigger('tendon_actuation/resume').success, 'a resume')
-    status, result = rig.goal_when_heard(BEND).result()
-    assert status == 'ABORTED'
-    assert 'not referenced' in result.error_string
+    rig.wait_for(lambda: not rig.status_value('tendon_actuation', 'stopped'), 'no stop')
+    assert not rig.goal(BEND).accepted
+    assert 'not referenced' in rig.rejected()
     assert bench.grbl.motors == rests_at
 
 
