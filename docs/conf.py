@@ -14,4 +14,5 @@ html_title = 'soft_continuum'
 myst_enable_extensions = ['dollarmath']
 myst_fence_as_directive = ['math']
 myst_heading_anchors = 3
-suppress_warnings = ['myst.xref_missing']  # links to folders, which only a repository can show
+# Links to folders only a repository can show; test/test_links.py checks all links.
+suppress_warnings = ['myst.xref_missing']

@@ -10,7 +10,8 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from soft_continuum.configuration import load_arm
+from soft_continuum.configuration import load_description
+from soft_continuum.description import arm_from_parameters
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
 from soft_continuum.urdf import arm_urdf
 
@@ -55,11 +56,13 @@ def start(context):
         for name in NODES
     ]
     if given['rviz'] == 'true':
+        values = load_description(*files)
+        frame = values['frame_id']
         nodes += [
             Node(package='robot_state_publisher', executable='robot_state_publisher',
                  namespace=given['namespace'],
-                 parameters=[{'robot_description': arm_urdf(load_arm(*files))}]),
+                 parameters=[{'robot_description': arm_urdf(arm_from_parameters(values), frame)}]),
             Node(package='rviz2', executable='rviz2', namespace=given['namespace'],
-                 arguments=['-d', str(SHARE / 'config' / 'arm.rviz')]),
+                 arguments=['-d', str(SHARE / 'config' / 'arm.rviz'), '-f', frame]),
         ]
     return nodes

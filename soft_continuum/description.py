@@ -16,7 +16,7 @@ from soft_continuum.mechanics.arm import (
     STANDARD_GRAVITY,
     Tendon,
 )
-from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
+from soft_continuum.mechanics.laws import Jam, LawError, linear, MomentCurvature
 from soft_continuum.mechanics.stiffness import second_moment_of_area
 from soft_continuum.parameters import Parameter, ParameterError
 
@@ -123,7 +123,7 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
         raise ParameterError(f'parameter arm.guide_offsets is {list(offsets)}; allowed: 0.0001 m '
                              'and more, or 0 for half the outer diameter')
     try:
-        return Arm(
+        arm = Arm(
             segments=tuple(
                 Segment(length=length, outer_diameter=diameter, mass=mass,
                         bending_stiffness=measured or modulus * second_moment_of_area(
@@ -145,6 +145,15 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
             gravity=get['gravity'])
     except (ArmError, LawError) as error:
         raise ParameterError(f'arm: {error}') from None
+    for number, segment in enumerate(arm.segments, start=1):
+        if segment.jam.law is not None:
+            try:  # what the jam adds must be a law, too
+                segment.jam.law.minus(segment.soft_law or linear(segment.bending_stiffness))
+            except LawError as error:
+                raise ParameterError(
+                    f'parameters arm.stiff_curvatures and arm.stiff_moments, segment {number}: '
+                    f'{error}; is it softer than the soft one?') from None
+    return arm
 
 
 def _laws(get: Mapping[str, Any], state: str, count: int) -> list[MomentCurvature | None]:

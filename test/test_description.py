@@ -168,10 +168,12 @@ def test_measured_tables_take_the_place_of_stiffness_and_ratio(changed):
     ([0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0], ['segment 2', '2 curvatures and 1 moments']),
     ([0.0, 0.0, 2.0, 1.0, 0.0], [0.0, 0.0, 1.0, 2.0, 0.0], ['segment 2', 'must both increase']),
     ([0.0, -1.0], [0.0, -0.1], ['soft_curvatures', '0 to 1e+06']),
+    ([0.0, 1.0], [0.0, 3.0], ['stiff_moments, segment 1', 'softer than the soft one']),
 ])
 def test_a_table_that_is_none_is_refused(changed, curvatures, moments, words):
     with pytest.raises(ParameterError) as refused:
-        load_arm(changed({'arm.soft_curvatures': curvatures, 'arm.soft_moments': moments}))
+        load_arm(changed({'arm.soft_curvatures': curvatures, 'arm.soft_moments': moments,
+                          'arm.stiff_curvatures': [0.0, 2.0], 'arm.stiff_moments': [0.0, 1.2]}))
     assert all(word in str(refused.value) for word in words)
 
 

@@ -88,10 +88,15 @@ class Arm:
     def shapes(self) -> Mapping[str, tuple[float, ...]]:
         """The shape library: bending angles (rad) of each segment by name."""
         from soft_continuum.description import SHAPE_PREFIX, shapes_from_parameters
+        from soft_continuum.parameters import ParameterError
         node = 'shape_sequencer'
         names = self._connection.parameters(node, ['shape_names'])['shape_names']
         angles = self._connection.parameters(node, [SHAPE_PREFIX + name for name in names])
-        return shapes_from_parameters({'shape_names': tuple(names), **angles}, self.description)
+        try:
+            return shapes_from_parameters(
+                {'shape_names': tuple(names), **angles}, self.description)
+        except ParameterError as error:
+            raise ClientError(f'{node}: {error}') from None
 
     @property
     def description(self) -> 'Description':

@@ -173,6 +173,8 @@ class Connection:
     def parameters(self, node: str, names: Sequence[str]) -> Mapping[str, Any]:
         """Return parameters of a node by name, without those that have no value."""
         values = self.call(GetParameters, f'{node}/get_parameters', names=list(names)).values
+        if len(values) < len(names) > 1:  # a node that lacks one gives none
+            return {k: v for name in names for k, v in self.parameters(node, [name]).items()}
         read = {name: parameter_value_to_python(value)
                 for name, value in zip(names, values, strict=False)}
         return {name: value.tolist() if isinstance(value, array) else value

@@ -79,6 +79,9 @@ def _run(options: argparse.Namespace) -> None:
             else segment.bending_stiffness)
     if not options.trust_stiffness:
         _question(options, results, leaf.bending_stiffness, soft)
+    parameters = _parameters(results, values, arm, index, soft)
+    # What the nodes would refuse is not written.
+    arm_from_parameters(values | {f'arm.{name}': value for name, value in parameters.items()})
     figure, layer = claim(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
 
     print(f'Segment {options.segment}, bending length {segment.length:g} m, lever arm '
@@ -94,7 +97,7 @@ def _run(options: argparse.Namespace) -> None:
               'moment over curvature is written as a table, which takes the place of '
               + {'soft': 'E I.', 'stiff': 'K.'}[state.name])
     stiffness_figure(figure, states, f'segment {options.segment}')
-    write_parameters(layer, _parameters(results, values, arm, index, soft), [
+    write_parameters(layer, parameters, [
         f'Stiffness of segment {options.segment}, by {NAME} from',
         *(f'  {file.name} ({name})' for name, files in (
             ('soft', options.soft), ('stiff', options.stiff)) for file in files),

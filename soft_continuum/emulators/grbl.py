@@ -18,7 +18,7 @@ Put this into the parameter file of tendon_actuation:
     tendon_driver: grbl
     grbl:
       port: {port}
-      steps_per_mm: [{x:.1f}, {y:.1f}]
+      steps_per_mm: [{x:.1f}, {y:.1f}]{homing}
 Type a fault, or help.
 """
 
@@ -116,13 +116,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error('--time-factor must be above 0 and at most 1000')
     if any(not -1000.0 <= switch < 0.0 for switch in arguments.switches):
         parser.error('--switches must be negative, and not below -1000 mm')
-    homing = {22: 1.0, 23: 3.0} if arguments.switches else {}
+    settings, homing = {}, ''
+    if arguments.switches:
+        settings = {22: 1.0, 23: 3.0, 130: 100.0, 131: 100.0}
+        right, left = ((switch + 1.0) * 1e-3 for switch in arguments.switches)  # 1 mm off: $27
+        homing = f'\n      homed_pulls: [{right:.4f}, {left:.4f}]'
     return serve(
         parser.prog, lambda: GrblEmulator(
-            arguments.link, arguments.time_factor, homing, arguments.switches),
+            arguments.link, arguments.time_factor, settings, arguments.switches),
         lambda emulator: CONFIGURATION.format(
             port=emulator.port, x=emulator.firmware.settings[100],
-            y=emulator.firmware.settings[101]), obey)
+            y=emulator.firmware.settings[101], homing=homing), obey)
 
 
 if __name__ == '__main__':

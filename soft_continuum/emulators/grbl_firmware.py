@@ -127,7 +127,7 @@ class GrblFirmware:
         if self.state == 'Home' and self.planner.empty:
             self._place([self._homed(i) for i in (0, 1)])
             self.state = 'Idle'
-            self._say('ok')
+            self._acknowledge('ok')
         if not self.planner.standing:
             return
         if self._cancelling:
@@ -182,7 +182,7 @@ class GrblFirmware:
         return round(mm * self.settings[100 + axis])
 
     def _home(self) -> int | None:
-        """Go to the switches and off them; return what is wrong."""
+        """Go to where the motors are off their switches again; return what is wrong."""
         target = [a / self.settings[100 + i] for i, a in enumerate(self.planner.end)]
         for i, switch in enumerate(self._switches):
             way = (switch - self.made[i]) / self.settings[100 + i]

@@ -15,7 +15,7 @@ from typing import Any
 
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.grbl_link import GrblLink
-from soft_continuum.hardware.grbl_setup import find_controller, Homing, unfit_settings
+from soft_continuum.hardware.grbl_setup import find_controller, Homing, unfit_settings, UNLOCK
 from soft_continuum.hardware.modbus_bus import LONGEST_QUIET, ModbusBus
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import describe_ports, open_serial
@@ -99,14 +99,17 @@ def _check_grbl(values: Mapping[str, Any]) -> Iterator[Check]:
     yield Check(step, OK, f'{port} opened, no other program uses it')
     try:
         homing = Homing.from_parameter(
-            values['grbl.homed_pulls'], values['grbl.signs'], values['pull_limits'][0])
-        found = find_controller(link, homes=homing is not None)
+            values['grbl.homed_pulls'], values['grbl.signs'], values['pull_limits'])
+        found = find_controller(link)
     except HardwareError as error:
         yield Check('tendon firmware', FAIL, str(error))
         return
     finally:
         link.close()
-    yield Check('tendon firmware', OK, f'{found.firmware}, at rest')
+    if found.locked and homing is None:
+        yield Check('tendon firmware', FAIL, f'{found.firmware}, locked (Alarm); {UNLOCK}')
+    else:
+        yield Check('tendon firmware', OK, f'{found.firmware}, at rest')
     unfit = unfit_settings(found.settings, values['grbl.steps_per_mm'],
                            1e3 * values['speed_limit'], 1e3 * values['acceleration_limit'],
                            homing)

@@ -79,26 +79,25 @@ class Homing:
     How the tendons are let out to limit switches: the right and the left one.
 
     pulls: where they then are, m, zero or negative.  signs: 1 where a positive motion pulls.
+    travel: m between pull_limits, which no search for a switch may exceed by much.
     """
 
     pulls: tuple[float, float]
     signs: tuple[float, float]
+    travel: float
 
     @classmethod
-    def from_parameter(cls, pulls: Sequence[float], signs: tuple[float, float], lowest: float
-                       ) -> Self | None:
-        """
-        Return what grbl.homed_pulls says, None for 0 alone; lowest: pull that is allowed, m.
-
-        Raises ParameterError.
-        """
+    def from_parameter(cls, pulls: Sequence[float], signs: tuple[float, float],
+                       pull_limits: tuple[float, float]) -> Self | None:
+        """Return what grbl.homed_pulls says, None for 0 alone; raises ParameterError."""
+        lowest, highest = pull_limits
         if tuple(pulls) == (0.0,):
             return None
         if len(pulls) != 2 or not all(lowest <= pull <= 0.0 for pull in pulls):
             raise ParameterError(
                 f'parameter grbl.homed_pulls is {list(pulls)}; needed: right and left, from the '
                 f'lower of pull_limits, {lowest:g}, to 0 m')
-        return cls((pulls[0], pulls[1]), signs)
+        return cls((pulls[0], pulls[1]), signs, highest - lowest)
 
     @property
     def directions(self) -> int:
@@ -106,20 +105,19 @@ class Homing:
         return sum(1 << i for i, sign in enumerate(self.signs) if sign > 0.0)
 
 
-def find_controller(link: GrblLink, homes: bool = False) -> Controller:
+def find_controller(link: GrblLink) -> Controller:
     """
     Return what answers at the other end, without moving anything.
 
-    homes: one that is locked until it is homed is taken, too.  Waits for a motion that is still
-    under way to end.  A stop that was left half done (Hold) is finished: its motion is thrown
-    away, not resumed.  Raises HardwareError saying what to do.
+    Waits for a motion that is still under way to end.  A stop that was left half done (Hold) is
+    finished: its motion is thrown away, not resumed.  Raises HardwareError saying what to do.
     """
     deadline = time.monotonic() + FIND_TIME
     # Whatever line an earlier program left unfinished becomes an error, not a command.
     link.write(b'=\n')
     while True:
         try:
-            locked = _wait_for_rest(link, deadline, homes)
+            locked = _wait_for_rest(link, deadline)
             return replace(_interrogate(link, deadline), locked=locked)
         except ResetSeenError:
             link.answered()
@@ -151,10 +149,14 @@ def unfit_settings(settings: Mapping[int, float], steps_per_mm: tuple[float, flo
     """
     by_switches = {22: (0.0, 0.0, 'tendons are referenced by hand: no grbl.homed_pulls')}
     if homing is not None:
-        let_out = float(homing.directions)
+        let_out, travel = float(homing.directions), 1e3 * homing.travel
+        homes = settings.get(22, 0.0)  # grblHAL has more bits than the one that switches it on
+        homes = homes if int(homes) & 1 else 1.0
         by_switches = {
-            22: (1.0, 1.0, 'grbl.homed_pulls are given'),
+            22: (homes, homes, 'grbl.homed_pulls are given'),
             23: (let_out, let_out, 'homing lets the tendons out, with these grbl.signs'),
+            **dict.fromkeys((130, 131), (0.0, travel, 'not to look for a switch further than '
+                                         'pull_limits reach')),
             **dict.fromkeys((24, 25), (0.0, 60.0 * speed, 'speed_limit in mm/min'))}
     wanted = {
         1: (255.0, 255.0, 'motors hold the tendons at rest'),
@@ -169,7 +171,7 @@ def unfit_settings(settings: Mapping[int, float], steps_per_mm: tuple[float, flo
     complaints = []
     for number, (low, high, why) in wanted.items():
         value = settings.get(number)
-        fix = (low if high == float('inf') else high if number in (24, 25)
+        fix = (low if high == float('inf') else high if number in (24, 25, 130, 131)
                else round((low + high) / 2, 3))
         # What is printed with three decimals must not fail for the fourth.
         if value is None or not low - 1e-3 <= value <= high + 1e-3:
@@ -180,11 +182,11 @@ def unfit_settings(settings: Mapping[int, float], steps_per_mm: tuple[float, flo
     return complaints
 
 
-def _wait_for_rest(link: GrblLink, deadline: float, homes: bool) -> bool:
+def _wait_for_rest(link: GrblLink, deadline: float) -> bool:
     """
     Ask until the controller says that it rests, and everything sent before is answered.
 
-    Returns whether it is locked, where it may be because it ``homes``.
+    Returns whether it is locked.
     """
     seen = ''
     while time.monotonic() < deadline:
@@ -196,9 +198,9 @@ def _wait_for_rest(link: GrblLink, deadline: float, homes: bool) -> bool:
                 seen = f'{message.state}:{message.substate}'.rstrip(':')
                 if seen == 'Hold:0':
                     link.write(SOFT_RESET)
-        if seen == 'Idle' or (homes and seen == 'Alarm'):
+        if seen in ('Idle', 'Alarm'):
             return seen == 'Alarm'
-        if seen.startswith(('Alarm', 'Door', 'Sleep', 'Check')):
+        if seen.startswith(('Door', 'Sleep', 'Check')):
             raise HardwareError(f'the GRBL controller is in the state {seen}; {UNLOCK}')
     if seen:
         raise HardwareError(f'the GRBL controller does not come to rest: state {seen}')

@@ -56,6 +56,7 @@ NOT_IDLE = 8
 MM = 1e3  # per m
 MINUTE = 60.0  # s
 HOME = '$H'
+SEEKING, ABORTED, HOMED = 'seeking', 'aborted', 'homed'
 HOMING_TIME = 60.0  # s
 HOMING_SPEED = 0.005
 """m/s with which tendons are pulled from the switches to zero."""
@@ -112,7 +113,7 @@ class GrblTendons:
         self._scale = (signs[0] * MM * steps_per_mm[0], signs[1] * MM * steps_per_mm[1])
         self._speed_limit, self._acceleration_limit = speed_limit, acceleration_limit
         self._pull_limits = pull_limits
-        self._homing = Homing.from_parameter(homed_pulls, signs, pull_limits[0])
+        self._homing = Homing.from_parameter(homed_pulls, signs, pull_limits)
         self._lock = threading.Lock()  # of all that follows
         self._link: GrblLink | None = None
         self._thread: threading.Thread | None = None
@@ -124,13 +125,15 @@ class GrblTendons:
         """Connect; raise HardwareError when the device or its settings are not as needed."""
         link = GrblLink(open_serial(self._port, self._baud_rate))
         try:
-            found = find_controller(link, homes=self.reference_moves)
+            found = find_controller(link)
             speed, acceleration = self._speed_limit * MM, self._acceleration_limit * MM
             if unfit := unfit_settings(found.settings, self._steps_per_mm, speed, acceleration,
                                        self._homing):
                 raise HardwareError(
                     'the settings of the GRBL controller contradict the configuration: '
                     + '; '.join(unfit))
+            if found.locked and not self.reference_moves:
+                raise HardwareError(f'the GRBL controller is locked (Alarm); {UNLOCK}')
         except BaseException:
             link.close()
             raise
@@ -138,7 +141,8 @@ class GrblTendons:
         self._zero: Steps = (0, 0) if found.zero is None else self._in_steps(found.zero)
         known = found.zero is not None and not found.locked
         self._unreferenced = '' if known else 'the controller was reset'
-        self._homing_since = 0.0  # s; 0 when it does not home
+        self._homing_state = ''  # SEEKING, ABORTED, HOMED, or empty when it does not home
+        self._homing_since = self._aborted_at = 0.0  # s
         self._jogs = JogStream(
             (self._steps_per_mm[0] * MM, self._steps_per_mm[1] * MM), self._speed_limit,
             self._acceleration_limit, min(found.settings[120], found.settings[121]) / MM)
@@ -232,8 +236,9 @@ class GrblTendons:
                 raise HardwareError('the tendons are moving; wait until they rest')
             if self.reference_moves:
                 self._unreferenced = 'homing has not come to its end'
-                self._homing_since = monotonic()
+                self._homing_state, self._homing_since = SEEKING, monotonic()
                 self._setup_lines = [HOME]
+                self._rested = 0
                 link.wake()
                 return
             self._zero = self._position
@@ -268,7 +273,8 @@ class GrblTendons:
         with self._lock:
             self._failure = reason
             with contextlib.suppress(HardwareError):
-                link.write(JOG_CANCEL)  # the one stop that leaves nothing pending at rest
+                # The one stop that leaves nothing pending at rest, and the one that ends homing.
+                link.write(SOFT_RESET if link.unanswered == HOME else JOG_CANCEL)
 
     def _act(self, link: GrblLink, now: float) -> None:
         """Send what is due."""
@@ -277,6 +283,9 @@ class GrblTendons:
                 raise HardwareError(
                     f'homing has not come to its end within {HOMING_TIME:g} s; check switches, '
                     'motors and $130, $131')
+            if self._homing_state == ABORTED and now - self._aborted_at > AGAIN:
+                self._aborted_at = now
+                link.write(SOFT_RESET)
             return
         # Counted, not only timed: a computer that is late itself must not blame the device.
         if link.unanswered and now - link.sent_at > LATEST_ANSWER and self._reports >= TRIES:
@@ -319,6 +328,7 @@ class GrblTendons:
                 raise HardwareError(explain_error(line, message.error))
             elif line == HOME:
                 self._queries = self._rested = 0
+                self._homing_state = HOMED if self._homing_state == SEEKING else ''
         elif isinstance(message, Status) and message.position is not None:
             self._on_status(link, message, self._in_steps(message.position), monotonic())
 
@@ -334,7 +344,7 @@ class GrblTendons:
 
     def _lose_reference(self, why: str) -> None:
         self._unreferenced = why
-        self._wanted = None
+        self._wanted, self._homing_state = None, ''
         self._jogs.place(self._position)
         self._stopping = True
 
@@ -372,7 +382,7 @@ class GrblTendons:
                 'H hold, R reset, D door); release it')
         if self._stopping:
             self._go_on_stopping(link, status, now)
-        elif self._homing is not None and self._homing_since and self._rested >= CERTAIN:
+        elif self._homing is not None and self._homing_state == HOMED and self._rested >= CERTAIN:
             self._on_homed(self._homing, now)
         elif self._rested >= CERTAIN:
             if not self._jogs.arrived(steps) and not self._unreferenced:
@@ -383,7 +393,7 @@ class GrblTendons:
 
     def _on_homed(self, homing: Homing, now: float) -> None:
         """Take the zero from where the switches are, and go there."""
-        self._homing_since = 0.0
+        self._homing_state = ''
         x, y = (p - round(pull * s)
                 for p, pull, s in zip(self._position, homing.pulls, self._scale, strict=True))
         self._zero, self._unreferenced = (x, y), ''
@@ -401,9 +411,10 @@ class GrblTendons:
     def _halt(self, link: GrblLink) -> None:
         self._wanted = None
         if link.unanswered == HOME:  # nothing else stops it; the alarm that follows says the rest
+            self._homing_state, self._aborted_at = ABORTED, monotonic()
             link.write(SOFT_RESET)
-        elif self._homing_since:
-            self._homing_since, self._setup_lines = 0.0, []
+        elif self._homing_state:
+            self._homing_state, self._setup_lines = '', []
         self._begin_stop(link)
 
     def _go_on_stopping(self, link: GrblLink, status: Status, now: float) -> None:
@@ -431,7 +442,7 @@ class GrblTendons:
         return self._link
 
     def _busy(self) -> bool:
-        return self._jogs.moving or self._stopping or self._homing_since > 0.0
+        return self._jogs.moving or self._stopping or bool(self._homing_state)
 
     def _mark(self) -> None:
         x, y = ((a - b) / s for a, b, s in

@@ -11,6 +11,8 @@ from soft_continuum.hardware.protocols import HardwareError, JammingDriver, Jamm
 
 RESPONSE_TIME = 10.0
 """s after which the pressure of a segment must have followed its valve."""
+FOLLOW_TIME, FOLLOW_DROP = 0.3, 5e3
+"""s after venting, and Pa that must be lost by then, for a sensor to be believed in between."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class PressureWatch:
         self._settings = settings
         self._driven: list[tuple[bool, bool] | None] = [None] * segments
         self._since = [0.0] * segments
+        self._vacuum = [0.0] * segments  # when the valve was switched, Pa
         self._distrusted = [False] * segments
 
     def faults(self, reading: JammingReading, now: float) -> tuple[str, ...]:
@@ -55,11 +58,17 @@ class PressureWatch:
 
     def _fault(self, i: int, reading: JammingReading, now: float) -> str:
         evacuated = reading.evacuated[i]
-        driven = (evacuated, evacuated and reading.pump)
-        if driven != self._driven[i]:
-            self._driven[i], self._since[i] = driven, now
-        overdue = now - self._since[i] >= RESPONSE_TIME
+        driven, before = (evacuated, evacuated and reading.pump), self._driven[i]
         vacuum = self._settings.ambient_pressure - reading.pressures[i]
+        vented = now - self._since[i]
+        if (before == (False, False) and evacuated and vented >= FOLLOW_TIME
+                and vacuum > max(self._vacuum[i] - FOLLOW_DROP, self._settings.release_vacuum)):
+            self._distrusted[i] = True  # it did not notice the venting that ends now
+        if driven != before:
+            self._driven[i], self._since[i] = driven, now
+            if before is None or before[0] != evacuated:
+                self._vacuum[i] = vacuum
+        overdue = now - self._since[i] >= RESPONSE_TIME
         name, kilopascals = f'segment {i + 1}', f'{vacuum / 1e3:.1f} kPa of vacuum'
         if not isfinite(vacuum):
             return f'{name}: no pressure; check the wire and the supply of its pressure sensor'
@@ -69,8 +78,8 @@ class PressureWatch:
         elif overdue and not evacuated:
             self._distrusted[i] = True
         if self._distrusted[i]:
-            return (f'{name}: has {kilopascals} though it was vented for {RESPONSE_TIME:g} s; '
-                    'its pressure sensor or its valve is stuck, or its vent is blocked')
+            return (f'{name}: has {kilopascals} though it was vented; its pressure sensor or its '
+                    'valve is stuck, or its vent is blocked. Vent it until the pressure says so')
         if overdue and driven == (True, True) and vacuum < self._settings.stiff_vacuum:
             return (f'{name}: has only {kilopascals} after {RESPONSE_TIME:g} s with the pump '
                     'running; it leaks, its valve or its pressure sensor is stuck, or the pump '

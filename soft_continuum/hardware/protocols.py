@@ -61,8 +61,8 @@ class TendonDriver(Protocol):
         """
         Take the present position, the straight arm, as zero pull of both tendons, or look for it.
 
-        A driver that looks for it begins to, and reads as moving or not referenced until the
-        tendons rest at zero pull.
+        A driver that looks for it begins to, and reads as moving until the tendons rest at zero
+        pull, or not referenced until it gave up.
         """
 
 

@@ -41,6 +41,7 @@ from soft_continuum.nodes.support import (
     WARN,
 )
 
+STRAIGHT = 0.02  # rad: largest bending angle of a segment that counts as straight
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
 
 
@@ -212,7 +213,16 @@ class TendonActuation(ManagedNode):
         """Say why tendons must not be let out to their switches now; empty when they may."""
         if None in self._stiff or self._jamming_age.seconds > self.parameters['silence_timeout']:
             return 'it is not known whether the arm is stiff: nothing heard of jamming_valves'
-        return '' if all(self._stiff) else 'homing lets the tendons out: stiffen every segment'
+        if not all(self._stiff):
+            return 'homing lets the tendons out: stiffen every segment'
+        fresh = self._shape_age.seconds < self.parameters['silence_timeout']
+        if self._shape is not None and fresh:
+            bent = np.abs(self._statics.chain.bending_angles(self._shape.joint_angles)).max()
+            if bent > STRAIGHT:
+                return ('homing ends where the straight arm has its tendons just taut, but a '
+                        f'segment is bent by {bent:.3f} rad: straighten the arm, and call '
+                        'kinematics/reset if kinematics is wrong')
+        return ''
 
     def _predict(self, pulls: Array) -> None:
         """Refuse pulls (k, 2) m in which the model sees too much tension, or no shape at all."""
@@ -257,6 +267,9 @@ class TendonActuation(ManagedNode):
             self._lose(error)
             return
         if not self.active:
+            return
+        if controller.homing and not reading.referenced:  # positions mean nothing meanwhile
+            self._say()
             return
         message = JointState(name=list(TENDONS), position=list(reading.pulls),
                              velocity=list(reading.speeds), effort=list(reading.tensions or ()))

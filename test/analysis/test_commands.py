@@ -172,8 +172,8 @@ def test_a_segment_that_is_not_linear_becomes_a_table_that_the_arm_is_computed_w
     stiffer = MomentCurvature((0.0, 1.0, 6.0), (0.0, 0.3, 0.9))
     stiff = files.export(tmp_path / 'b.csv', [(files.cantilever(stiffer, 10 * force),
                                                10 * force)] * 2)
-    status, text, _ = run(characterize, path, *CHARACTERIZE, '--stiff', stiff)
-    assert status == 0
+    status, text, error = run(characterize, path, *CHARACTERIZE, '--stiff', stiff)
+    assert status == 0, error
     assert 'The soft segment is not linear' in text
     assert 'The stiff segment is not linear' in text
     segments = load_arm('characterize.yaml').segments

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Homing: tendons are let out to limit switches, and pulled from there to zero."""
 
+import contextlib
 from contextlib import contextmanager
 import time
 
@@ -13,7 +14,7 @@ from soft_continuum.parameters import ParameterError
 
 HOMED = (-0.011, -0.009)  # m: switches at -12 and -10 mm of a straight arm, and 1 mm off them
 SWITCHES = (-12.0, -10.0)
-HOMES = {22: 1, 23: 3}
+HOMES = {22: 1, 23: 3, 130: 100, 131: 100}
 
 
 @contextmanager
@@ -58,7 +59,7 @@ def test_homing_finds_the_same_zero_from_anywhere():
 
 
 def test_a_motor_that_turns_the_other_way_is_let_out_the_other_way():
-    with board(switches=(12.0, -10.0), settings={22: 1, 23: 2}) as emulator:
+    with board(switches=(12.0, -10.0), settings={**HOMES, 23: 2}) as emulator:
         tendons = driver(emulator.port, homed_pulls=HOMED, signs=(-1.0, 1.0))
         tendons.open()
         assert home(tendons).pulls == (0.0, 0.0)
@@ -86,7 +87,8 @@ def test_it_moves_until_it_rests_at_zero_and_takes_no_other_motion_before():
         until(lambda: emulator.moving, 'it moves')
         assert tendons.read().moving
         until(lambda: tendons.read().referenced, 'homed')
-        assert emulator.moving or emulator.motors[:2] == (0, 0)
+        assert tendons.read().moving or tendons.read().pulls == (0.0, 0.0)
+        assert at_rest(tendons).pulls == (0.0, 0.0)
 
 
 def test_a_stop_while_it_looks_for_the_switches_ends_motion_and_locks_the_board():
@@ -132,6 +134,84 @@ def test_a_new_process_finds_the_zero_without_homing_again():
         assert emulator.firmware.received.count('$H') == 1
 
 
+def test_a_stop_at_any_moment_of_homing_wins():
+    for delay in (0.0, 0.02, 0.3, 0.8, 1.25, 1.4, 1.6, 2.0):
+        with rig() as (emulator, tendons):
+            tendons.reference()
+            time.sleep(delay)
+            with contextlib.suppress(HardwareError):
+                tendons.stop()
+            where = standing(emulator)
+            time.sleep(0.5)
+            assert emulator.motors == where, f'moved on after a stop at {delay} s'
+
+
+def test_a_stop_whose_byte_is_lost_is_sent_again():
+    with rig() as (emulator, tendons):
+        tendons.reference()
+        until(lambda: emulator.moving, 'it moves')
+        emulator.hang = True  # what the board does not hear, it does not do
+        tendons.stop()
+        time.sleep(0.1)
+        emulator.hang = False
+        failed(tendons)
+        where = standing(emulator)
+        time.sleep(0.3)
+        assert emulator.motors == where and where[0] < -20
+
+
+def test_a_stop_that_comes_when_the_switches_are_just_found_pulls_nothing():
+    with rig() as (emulator, tendons):
+        emulator.late_ok = 1.0
+        tendons.reference()
+        until(lambda: emulator.firmware.state == 'Home', 'it homes')
+        until(lambda: emulator.firmware.state == 'Idle', 'it has homed, and says so later')
+        where = emulator.motors
+        tendons.stop()
+        time.sleep(1.5)
+        assert emulator.motors == where
+        assert not tendons.read().referenced
+
+
+@pytest.mark.parametrize('state', ['Alarm', 'Idle'])
+def test_a_reset_of_the_board_while_it_homes_is_no_zero(state):
+    with rig() as (emulator, tendons):
+        tendons.reference()
+        until(lambda: emulator.moving, 'it moves')
+        with emulator.lock:
+            emulator.reset()
+            emulator.firmware.state = state  # Idle: a build that is not locked when switched on
+        where = standing(emulator)
+        at_rest(tendons)
+        time.sleep(0.3)
+        assert emulator.motors == where
+        assert not tendons.read().referenced
+        emulator.firmware.state = 'Alarm'
+        time.sleep(0.3)
+
+
+def test_homing_that_takes_too_long_is_ended(monkeypatch):
+    monkeypatch.setattr('soft_continuum.hardware.grbl_tendons.HOMING_TIME', 0.3)
+    with rig() as (emulator, tendons):
+        tendons.reference()
+        assert 'not come to its end' in failed(tendons)
+        where = standing(emulator)
+        time.sleep(0.3)
+        assert emulator.motors == where and where[0] > -2000
+
+
+def test_a_status_that_was_on_its_way_does_not_end_homing_before_it_began():
+    with rig() as (emulator, tendons):
+        home(tendons)
+        for count in range(2, 8):
+            until(lambda: tendons._queries, 'a status is on its way')
+            tendons.reference()
+            until(lambda: tendons.read().referenced, 'homed')
+            at_rest(tendons)
+            assert emulator.firmware.received.count('$H') == count
+        assert emulator.motors == (0, 0, 0)
+
+
 def test_switches_that_are_not_found_are_an_alarm_and_no_zero():
     with board(settings=HOMES) as emulator:
         tendons = driver(emulator.port, homed_pulls=HOMED)
@@ -142,12 +222,10 @@ def test_switches_that_are_not_found_are_an_alarm_and_no_zero():
 
 
 @pytest.mark.parametrize(('settings', 'homed', 'words'), [
-    ({22: 0, 23: 3}, HOMED, '$22=1'), ({22: 1, 23: 0}, HOMED, '$23=3'),
-    ({22: 1, 23: 3, 25: 5000}, HOMED, '$25=1800'), ({22: 1}, (0.0,), '$22=0')])
+    ({22: 0}, HOMED, '$22=1'), ({23: 0}, HOMED, '$23=3'), ({25: 5000}, HOMED, '$25=1800'),
+    ({130: 200}, HOMED, '$130=120'), ({}, (0.0,), '$22=0')])
 def test_settings_that_contradict_homing_are_named(settings, homed, words):
-    with board(switches=SWITCHES, settings=settings) as emulator:
-        if not settings[22] or homed == (0.0,):
-            emulator.firmware.state = 'Idle'
+    with board(switches=SWITCHES, settings={**HOMES, **settings}) as emulator:
         with pytest.raises(HardwareError) as refused:
             driver(emulator.port, homed_pulls=homed).open()
         assert words in str(refused.value)

@@ -423,3 +423,41 @@ def test_an_evacuated_segment_becomes_stiff_whatever_was_switched_before(script)
         controller.update()
         clock.now += 0.5
     assert all(controller.stiff)
+
+
+@pytest.mark.parametrize('vented', [0.4, 4.0])
+def test_a_sensor_that_did_not_notice_a_venting_is_not_believed_when_it_ends(vented):
+    driver, clock = ScriptedJamming(80e3), Clock()
+    controller = JammingController(driver, 1, SETTINGS, clock)
+    controller.update()
+    assert controller.stiff == [True]
+    controller.set_stiff(0, False)
+    controller.update()
+    clock.now += vented
+    controller.update()
+    controller.set_stiff(0, True)
+    controller.update()
+    assert controller.stiff == [False]
+    assert 'stuck' in controller.faults[0]
+    clock.now += 1.0
+    driver.vacuum[0] = 10e3  # it does move
+    controller.update()
+    driver.vacuum[0] = 70e3
+    controller.update()
+    assert controller.stiff == [True]
+    assert not controller.faults[0]
+
+
+def test_a_segment_that_is_evacuated_again_before_it_became_soft_is_stiff_by_its_pressure():
+    driver, clock = ScriptedJamming(80e3), Clock()
+    controller = JammingController(driver, 1, SETTINGS, clock)
+    controller.update()
+    for vented, vacuum in ((0.05, 80e3), (0.4, 70e3)):
+        controller.set_stiff(0, False)
+        controller.update()
+        clock.now += vented
+        driver.vacuum[0] = vacuum
+        controller.update()
+        controller.set_stiff(0, True)
+        controller.update()
+        assert controller.stiff == [True]

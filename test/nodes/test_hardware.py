@@ -286,8 +286,9 @@ HOMED = [-0.006, -0.005]  # m: switches at -7 and -6 mm of a straight arm, and 1
 @pytest.fixture
 def homing(rig: Rig, tmp_path: Path) -> Iterator[Bench]:
     """Return the nodes on a stepper board with limit switches, the arm straight and stiff."""
-    with (GrblEmulator(str(tmp_path / 'grbl'), settings={22: 1, 23: 3}, switches=(-7.0, -6.0))
-          as grbl, ModbusEmulator(link=tmp_path / 'modbus') as modbus):
+    settings = {22: 1, 23: 3, 130: 100, 131: 100}
+    with (GrblEmulator(str(tmp_path / 'grbl'), settings=settings, switches=(-7.0, -6.0)) as grbl,
+          ModbusEmulator(link=tmp_path / 'modbus') as modbus):
         bench = Bench(rig, grbl, modbus, tmp_path)
         bench.start(**{'grbl.homed_pulls': HOMED})
         yield bench
@@ -325,4 +326,6 @@ def test_homing_ends_when_it_is_stopped_or_the_arm_becomes_soft(homing: Bench, h
     rig.assert_rests()
     assert homing.grbl.motors == where
     assert where[0] < 0
-    assert not rig.trigger('tendon_actuation/reference').success
+    rig.wait_for(lambda: rig.trigger('tendon_actuation/resume').success, 'a resume')
+    assert not rig.goal(BEND).accepted
+    assert 'not referenced' in rig.rejected() or 'tendon_states' in rig.rejected()
