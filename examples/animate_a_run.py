@@ -21,7 +21,8 @@ with Arm() as arm:
     chain = RigidChain(arm.description)
     running = arm.start(*arm.shapes, hold=1.5)
     while not running.done:
-        looks.append((arm.state, running.progress))
+        if arm.state.joint_angles is not None:
+            looks.append((arm.state, running.progress))
         sleep(PERIOD)
     running.result()
 
@@ -31,7 +32,7 @@ reach = 1.05e3 * chain.arm.length
 images = []
 for state, progress in looks:
     axes.clear()
-    soft = [i for i, stiff in enumerate(state.stiff) if not stiff]
+    soft = [i for i, stiff in enumerate(state.stiff) if stiff is False]
     draw_arm(axes, chain, np.array(state.joint_angles), soft)
     axes.set(xlim=(-0.35 * reach, 0.8 * reach), ylim=(-0.05 * reach, reach), ylabel='z in mm')
     phase = f'{progress.shape}: {progress.phase}' if progress else 'accepted'

@@ -37,6 +37,7 @@ class Tally:
     worth: float = 0.0
     goals: Counter[str] = field(default_factory=Counter)
     undisturbed: Counter[str] = field(default_factory=Counter)
+    reasons: list[str] = field(default_factory=list)
     faults: Counter[str] = field(default_factory=Counter)
     compared: int = 0
     unknown: int = 0
@@ -116,7 +117,8 @@ def _round(bench: Workbench, tally: Tally, random: Random, fault: Fault | None) 
     if fault is None and not disturbance:
         tally.undisturbed.update(statuses)
         if statuses != ['SUCCEEDED']:
-            progress(f'{statuses[0]} without a fault: {goal.result()[1].error_string}')
+            tally.reasons.append(goal.result()[1].error_string)
+            progress(f'{statuses[0]} without a fault: {tally.reasons[-1]}')
     bench.wait_for_rest()
     _compare(bench, tally, commanded=statuses[-1] == 'SUCCEEDED')
     bench.restore()
@@ -188,4 +190,7 @@ def _body(tally: Tally) -> str:
          str(len(tally.failures)), '0'),
     ]
     faults = ', '.join(f'{name} {count}' for name, count in sorted(tally.faults.items()))
-    return f'{table(("", "measured", "allowed"), rows)}\n\nRounds by fault: {faults}.'
+    reasons = ''.join(f'\n- {reason}' for reason in tally.reasons)
+    if reasons:
+        reasons = f'\n\nWhy goals were aborted that nothing had been done to:\n{reasons}'
+    return f'{table(("", "measured", "allowed"), rows)}\n\nRounds by fault: {faults}.{reasons}'

@@ -20,7 +20,7 @@ DONE, FAILED, BAD_USAGE, NO_NODES, INTERRUPTED = 0, 1, 2, 3, 130
 TOOLS = {
     'doctor': 'check a rig step by step, without nodes',
     'calibrate': 'calibrate a rig',
-    'characterize': 'from measured shapes to bending stiffness',
+    'characterize': 'from force-displacement curves to bending stiffness',
     'identify': 'identify parameters of the arm from measurements',
     'validate': 'compare the model with measurements',
     'converge': 'show how the model converges with its resolution',
@@ -28,7 +28,7 @@ TOOLS = {
     'record': 'record a run into files',
     'report': 'turn a recording into one page',
 }
-"""The commands of soft_continuum.commands, which need no nodes and have options of their own."""
+"""The commands of soft_continuum.commands, which have options of their own."""
 
 
 def angles(text: str) -> tuple[float, ...]:

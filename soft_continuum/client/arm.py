@@ -125,7 +125,7 @@ class Arm:
             raise ClientError('kinematics publishes no shape; it says: '
                               + (state.node('kinematics').message or 'nothing'))
         axes = pyplot.subplots()[1] if axes is None else axes
-        soft = [i for i, stiff in enumerate(state.stiff) if not stiff]
+        soft = [i for i, stiff in enumerate(state.stiff) if stiff is False]
         draw_arm(axes, chain, np.array(state.joint_angles), soft)
         axes.set_ylabel('z in mm')
         return axes

@@ -96,6 +96,11 @@ def _run(options: argparse.Namespace) -> None:
               f' % of the largest force off a line (more than {100 * NONLINEAR:g} % counts). Its '
               'moment over curvature is written as a table, which takes the place of '
               + {'soft': 'E I.', 'stiff': 'K.'}[state.name])
+    for state in states:
+        if not isfinite(state.result.linearity_error):
+            print(f'\nE I of the {state.name} segment is a mean only: its curves are no line '
+                  f'(R^2 = {state.result.regression.determination:.3f}), and no law that rises '
+                  'fits them. Look at the figure; leave out where it slips.')
     stiffness_figure(figure, states, f'segment {options.segment}')
     write_parameters(layer, parameters, [
         f'Stiffness of segment {options.segment}, by {NAME} from',

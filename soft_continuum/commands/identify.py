@@ -90,7 +90,6 @@ def _held_out(arm: Arm, found: Identification, shape: MeasuredShape,
     elif not named and len(kept) > 1:
         begin = [replace(u, start=float(v))
                  for u, v in zip(found.unknowns, found.values, strict=True)]
-        print(f'holding out {shape.name}', file=sys.stderr, flush=True)
         try:
             rest = identify(arm, begin, without(kept, [shape.name]))
             held_out = _largest(rest.arm, shape)

@@ -123,7 +123,7 @@ class ShapeSequencer(Node):
         self._handle: Any = None  # the goal that runs
         self._next: Any = None  # the goal that waits for it to be wound down
         self._targets: list[tuple[float, ...]] = []  # bending angles of the shapes of the goal
-        self._target: tuple[float, ...] = ()  # that is shown
+        self._target: tuple[float, ...] | None = None  # that is shown
         load_model(self)
         self._planner = Planner(self._arm, self._plan_settings())
 
@@ -156,6 +156,7 @@ class ShapeSequencer(Node):
         self._rejected = ''  # why the newest goal was, as long as none is accepted
         self._last: dict[str, str] = {}
         self._say('idle')
+        self._show_target(())  # one that ended before its goal did has left another
 
     def start(self) -> None:
         """Nothing to do: the node waits for goals."""
@@ -164,6 +165,7 @@ class ShapeSequencer(Node):
         """Hold the tendons before the process ends; segments stay as they are."""
         if self._runner is not None:
             self.hold()
+        self._show_target(())
 
     def destroy_node(self) -> None:
         """Take down the action server before the node, as rclpy needs it."""

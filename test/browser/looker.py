@@ -77,3 +77,8 @@ def dark(colours: Any) -> Any:
 def orange(colours: Any) -> Any:
     """Whether pixels are as orange as a soft skin."""
     return (colours[..., 0] > 120) & (colours[..., 2] < colours[..., 0] // 2)
+
+
+def green(colours: Any) -> Any:
+    """Whether pixels are as green as the ghost of a target, which is seen through."""
+    return (colours[..., 1] > colours[..., 0] + 15) & (colours[..., 1] > colours[..., 2] + 10)

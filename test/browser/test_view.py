@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 import signal
 
-from looker import dark, DEADLINE, orange, Page
+from looker import dark, DEADLINE, green, orange, Page
 from playwright.sync_api import expect
 import pytest
 from ros_rig import ALL, Rig
@@ -64,6 +64,7 @@ def test_stop_stops_a_sequence_and_resume_is_needed_to_go_on(page: Page, rig: Ri
     page.click('c_form')
     rig.wait_for(lambda: rig.moving and abs(rig.pulls[0]) > 1e-4, 'a motion')
     page.wait_for_text('segment 1, moving')
+    page.wait_for_pixels(green, 200, 10**6, 'green, as the shape it goes to is')
     page.click('soften', 2)
     expect(page.notification('Segment 3 soft: refused')).to_contain_text('sequence is running')
     assert rig.soft_segments() == [1]
@@ -71,6 +72,7 @@ def test_stop_stops_a_sequence_and_resume_is_needed_to_go_on(page: Page, rig: Ri
     rig.wait_for_status('tendon_actuation', 'stopped', 'stop was called')
     rig.assert_rests()
     page.wait_for_text('STOPPED')
+    page.wait_for_pixels(green, 0, 20, 'green, though it goes nowhere any more')
 
     page.click('s_form')
     expect(page.notification('Sequence refused')).to_contain_text('resume')

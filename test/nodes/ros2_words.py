@@ -77,8 +77,11 @@ def publish(rig: Rig, words: Sequence[str]) -> None:
     assert _type_of(rig, topic) is interface(kind)
     durability = DurabilityPolicy[given.get('--qos-durability', 'volatile').upper()]
     message = fill(interface(kind)(), yaml.safe_load(text[0]))
+    before = len(rig.statuses['tendon_actuation'])
     rig.publisher(interface(kind), topic, QoSProfile(depth=1, durability=durability)).publish(
         message)
+    rig.wait_for(lambda: len(rig.statuses['tendon_actuation']) > before, 'an effect')
+    assert not rig.status_value('tendon_actuation', 'refused')
 
 
 def call(rig: Rig, words: Sequence[str]) -> None:

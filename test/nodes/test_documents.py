@@ -23,10 +23,9 @@ from ros_rig import Rig
 from soft_continuum.nodes.runtime import NODES
 
 ROOT = Path(__file__).resolve().parents[2]
-BLOCK = re.compile(r'^ *```(\w*)\n(.*?)^ *```', re.MULTILINE | re.DOTALL)
+FENCE = re.compile(r' *```(.*)')
 COMMANDS = ('./run', 'soft_continuum', 'ros2', 'python', 'colcon', '.', 'sudo', 'ls', 'ssh')
 NOT_HERE = {
-    './run demo': 'a minute long; test/nodes/test_processes.py',
     './run test': 'runs this',
     './run ui': 'test/browser',
     './run exec bash': 'opens a shell',
@@ -35,7 +34,6 @@ NOT_HERE = {
     'sudo ': 'changes the machine',
     'ls -l /dev/serial': 'needs a rig',
     'ssh ': 'needs another machine',
-    '--show-args': 'needs launch, which the wheels have not',
     'calibrate all': 'needs hands; test/commands/test_calibrate.py',
     'tendon_driver:=servo': 'the driver is an example; test/hardware/test_drivers.py',
 }
@@ -46,19 +44,31 @@ SHORTER = {'--leak-time 30': '--leak-time 1'}
 PATIENCE = 120.0  # s for a command
 
 
+def blocks(page: Path) -> Iterator[tuple[str, str]]:
+    """Return language and text of the fenced blocks of a page."""
+    language, lines = None, list[str]()
+    for line in page.read_text(encoding='utf-8').splitlines():
+        fence = FENCE.fullmatch(line)
+        if fence and language is None:
+            language, lines = fence[1], []
+        elif fence and language is not None:
+            yield language, '\n'.join(lines)
+            language = None
+        else:
+            lines.append(line)
+
+
 def command_lines(page: Path) -> list[str]:
-    """Return the command lines of a page that can be run; a continued line is one."""
-    blocks = [text for language, text in BLOCK.findall(page.read_text(encoding='utf-8'))
-              if language in ('', 'sh')]
-    lines = (line.strip().removeprefix('$ ') for block in blocks
-             for line in block.replace('\\\n', ' ').splitlines())
-    return [line for line in lines if line.split(' ')[0] in COMMANDS
-            and not any(part in line for part in NOT_HERE)]
+    """Return the command lines of a page; a continued line is one."""
+    return [line.strip() for language, text in blocks(page) if language == 'sh'
+            for line in text.replace('\\\n', ' ').splitlines() if line.strip()]
 
 
-PAGES = {page.relative_to(ROOT).as_posix(): lines
-         for page in (*ROOT.glob('*.md'), *ROOT.glob('docs/*.md'), *ROOT.glob('msg_docs/*.md'))
-         if (lines := command_lines(page))}
+PAGES = {page.relative_to(ROOT).as_posix(): page for page in (
+    *ROOT.glob('*.md'), *ROOT.glob('docs/*.md'), *ROOT.glob('msg_docs/*.md'))}
+LINES = {name: lines for name, page in PAGES.items() if (
+    lines := [line for line in command_lines(page)
+              if not any(part in line for part in NOT_HERE)])}
 
 
 class Terminal:
@@ -88,7 +98,7 @@ class Terminal:
             words = words[2:]
         elif words[0] == './run':
             words = module_command(words[1]) + words[2:]
-        if words[:2] == ['ros2', 'launch']:
+        if words[:4] == ['ros2', 'launch', 'soft_continuum', 'bringup.launch.py']:
             words = self._launched(words[4:])
         elif words[:3] == ['ros2', 'run', 'soft_continuum']:
             words = module_command(words[3]) + words[4:]
@@ -131,6 +141,10 @@ class Terminal:
         if name in ('doctor', 'calibrate'):
             self._command(words, name)
             return
+        if name == 'demo':
+            self._command(words, name)
+            assert (self._directory / 'demo_shapes.png').exists()
+            return
         process = self._elsewhere.start(words, directory=self._directory)
         if 'emulator' in name:
             link = Path(words[words.index('--link') + 1])
@@ -165,8 +179,22 @@ def terminal(make_rig: Callable[..., Rig], take_domain: Callable[[], int], tmp_p
 
 
 @pytest.mark.timeout(600)  # sequences in real time
-@pytest.mark.parametrize('page', PAGES)
+@pytest.mark.parametrize('page', LINES)
 def test_the_command_lines_of_a_page_do_what_they_say(terminal: Terminal, page: str) -> None:
-    lines = PAGES[page]
-    for line in sorted(lines, key=lambda line: 'emulator' not in line):
+    for line in sorted(LINES[page], key=lambda line: 'emulator' not in line):
         terminal.type(line)
+
+
+def test_no_command_line_hides_in_another_block() -> None:
+    for name, page in PAGES.items():
+        for language, text in blocks(page):
+            assert language in ('', 'sh', 'text', 'json', 'yaml', 'python', 'math', '{toctree}'), (
+                f'{name}: {language}')
+            for line in text.splitlines():
+                assert language == 'sh' or line.strip().split(' ')[0] not in COMMANDS[:5], (
+                    f'{name}: {line}')
+
+
+def test_what_is_not_run_is_still_in_the_documents() -> None:
+    lines = [line for page in PAGES.values() for line in command_lines(page)]
+    assert [part for part in NOT_HERE if not any(part in line for line in lines)] == []
