@@ -238,7 +238,7 @@ def test_a_segment_that_does_not_become_stiff_ends_the_goal_with_its_vacuum(rig:
 
 
 def test_a_segment_that_does_not_become_soft_ends_the_goal_stiff(rig: Rig) -> None:
-    rig.start_arm(simulated_jamming__venting_time=60.0, jamming_timeout=1.0)
+    rig.start_arm(simulated_jamming__venting_time=4.0, jamming_timeout=1.0)
     goal = rig.goal(BEND)
     status, result = goal.result()
     assert (status, result.error_code) == ('ABORTED', Result.TIMEOUT)
