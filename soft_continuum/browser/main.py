@@ -25,6 +25,7 @@ from soft_continuum.browser.node import Browser
 from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.scene import Scene
 from soft_continuum.nodes.runtime import (
+    argument_error,
     check_parameter_files,
     end,
     make_executor,
@@ -137,15 +138,12 @@ def run(names: Sequence[str], arguments: Sequence[str], options: argparse.Namesp
         executor.add_node(nodes[-1])
         View(server, nodes[-1])
         print(f'The arm is at {address(server, token)} (Ctrl-C ends it)', flush=True)
-        signals.starting = False
-        while not signals.received and rclpy.ok():
-            executor.spin_once(timeout_sec=0.1)
+        signals.spin(executor)
     except (DoorError, ParameterError) as error:
         print(f'{error}', file=sys.stderr)
         return 2
     except ROS_ARGUMENT_ERRORS as error:
-        print(f'ROS does not take these arguments: {" ".join(arguments[1:])}: '
-              f'{str(error).splitlines()[0]}', file=sys.stderr)
+        print(argument_error(arguments, error), file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 0

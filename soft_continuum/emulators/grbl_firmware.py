@@ -184,14 +184,13 @@ class GrblFirmware:
     def _home(self) -> int | None:
         """Go to where the motors are off their switches again; return what is wrong."""
         target = [a / self.settings[100 + i] for i, a in enumerate(self.planner.end)]
+        found = bool(self._switches)
         for i, switch in enumerate(self._switches):
             way = (switch - self.made[i]) / self.settings[100 + i]
             back = -1.0 if int(self.settings[23]) >> i & 1 else 1.0
-            if way * back < 0.0:  # it goes away from the switch
-                self.alarm(HOMING_FAILED)
-                return OK
+            found = found and way * back >= 0.0  # else it goes away from the switch
             target[i] += way - back * self.settings[27]
-        if not self._switches:
+        if not found:
             self.alarm(HOMING_FAILED)
             return OK
         self.state = 'Home'

@@ -168,9 +168,7 @@ def _run(signals: Signals) -> DemoClient | None:
             executor.add_node(node)
             node.start()
         deadline = time.monotonic() + TIMEOUT
-        signals.starting = False
-        while not signals.received and not client.ended and time.monotonic() < deadline:
-            executor.spin_once(timeout_sec=0.1)
+        signals.spin(executor, lambda: client.ended or time.monotonic() >= deadline)
     finally:
         signals.starting = False
         end(executor, nodes)

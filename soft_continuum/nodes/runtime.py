@@ -56,6 +56,12 @@ class Signals:
             self.starting = False
             raise KeyboardInterrupt
 
+    def spin(self, executor: Executor, ended: Callable[[], bool] = lambda: False) -> None:
+        """Spin until a signal comes, ROS is shut down, or ``ended`` says so."""
+        self.starting = False
+        while not self.received and rclpy.ok() and not ended():
+            executor.spin_once(timeout_sec=0.1)
+
 
 def make_executor() -> Executor:
     """Return the executor that serves these nodes best: events, in one thread."""
@@ -81,16 +87,13 @@ def run(names: Sequence[str], args: Sequence[str] | None = None) -> int:
             executor.add_node(nodes[-1])
         for node in nodes:
             node.start()
-        signals.starting = False
-        while not signals.received and rclpy.ok():
-            executor.spin_once(timeout_sec=0.1)
+        signals.spin(executor)
     except ParameterError as error:
         print(f'{names[len(nodes)] if len(nodes) < len(names) else names[-1]}: {error}',
               file=sys.stderr)
         return 2
     except ROS_ARGUMENT_ERRORS as error:
-        print(f'{names[0]}: ROS does not take these arguments: {" ".join(arguments[1:])}: '
-              f'{str(error).splitlines()[0]}', file=sys.stderr)
+        print(f'{names[0]}: {argument_error(arguments, error)}', file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 0
@@ -98,6 +101,12 @@ def run(names: Sequence[str], args: Sequence[str] | None = None) -> int:
         signals.starting = False
         end(executor, nodes)
     return 0
+
+
+def argument_error(arguments: Sequence[str], error: Exception) -> str:
+    """Say which arguments ROS did not take, and why."""
+    return (f'ROS does not take these arguments: {" ".join(arguments[1:])}: '
+            f'{str(error).splitlines()[0]}')
 
 
 def end(executor: Executor | None, nodes: Sequence[Any]) -> None:

@@ -195,29 +195,38 @@ class TendonActuation(ManagedNode):
         self.get_logger().error(f'trajectory refused: {reason}')
         self._say()
 
+    @property
+    def _knows_stiffness(self) -> bool:
+        return (None not in self._stiff
+                and self._jamming_age.seconds <= self.parameters['silence_timeout'])
+
+    @property
+    def _known_shape(self) -> Equilibrium | None:
+        fresh = self._shape_age.seconds <= self.parameters['silence_timeout']
+        return self._shape if fresh else None
+
     def _obstacle(self) -> str:
         """Say why the arm must not be moved at all now; empty when nothing speaks against it."""
         silence = self.parameters['silence_timeout']
-        if None in self._stiff or self._jamming_age.seconds > silence:
+        if not self._knows_stiffness:
             return ('it is not known which segments are soft: nothing heard of jamming_valves '
                     f'for {silence:g} s')
         if all(self._stiff):
             return ('every segment is stiff; soften one first '
                     '(jamming_valves/segment_N/set_stiff)')
-        if self._shape is None or self._shape_age.seconds > silence:
+        if self._known_shape is None:
             return ('the shape of the arm is not known, so no tension can be predicted: no '
                     f'joint_states from kinematics for {silence:g} s')
         return ''
 
     def _homing_obstacle(self) -> str:
         """Say why tendons must not be let out to their switches now; empty when they may."""
-        if None in self._stiff or self._jamming_age.seconds > self.parameters['silence_timeout']:
+        if not self._knows_stiffness:
             return 'it is not known whether the arm is stiff: nothing heard of jamming_valves'
         if not all(self._stiff):
             return 'homing lets the tendons out: stiffen every segment'
-        fresh = self._shape_age.seconds < self.parameters['silence_timeout']
-        if self._shape is not None and fresh:
-            bent = np.abs(self._statics.chain.bending_angles(self._shape.joint_angles)).max()
+        if (shape := self._known_shape) is not None:
+            bent = np.abs(self._statics.chain.bending_angles(shape.joint_angles)).max()
             if bent > STRAIGHT:
                 return ('homing ends where the straight arm has its tendons just taut, but a '
                         f'segment is bent by {bent:.3f} rad: straighten the arm, and call '
