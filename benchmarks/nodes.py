@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from benchmarks.tables import machine, number, Section, table
-from soft_continuum.nodes.support import LATCHED, SENSOR, STREAM
+from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 
 RATE = 100.0  # Hz
 STIFF = True, True, False
@@ -34,7 +34,7 @@ from geometry_msgs.msg import Pose, PoseArray
 import rclpy
 from sensor_msgs.msg import JointState
 from soft_continuum.nodes.runtime import make_executor
-from soft_continuum.nodes.support import STREAM
+from soft_continuum.ros.qos import STREAM
 rclpy.init()
 node = rclpy.create_node('bare')
 messages = {'segment_poses': PoseArray(poses=[Pose() for _ in range(3)])}

@@ -11,9 +11,9 @@ from launch.substitutions import EnvironmentVariable
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from soft_continuum.configuration import load_description
-from soft_continuum.description import arm_from_parameters
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_description
 from soft_continuum.urdf import arm_urdf
 
 NODES = ('tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer')

@@ -10,22 +10,12 @@ from hypothesis import strategies as st
 import pytest
 import yaml
 
-from soft_continuum.configuration import (
-    ALL_PARAMETERS,
-    load_arm,
-    load_description,
-    load_shapes,
-    NODE_PARAMETERS,
-)
-from soft_continuum.description import (
-    angles_problem,
-    arm_from_parameters,
-    ARM_PARAMETERS,
-    SHAPE_PREFIX,
-    shapes_from_parameters,
-)
 from soft_continuum.mechanics.laws import MomentCurvature
-from soft_continuum.parameters import ParameterError
+from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
+from soft_continuum.parameters.files import load_arm, load_description, load_shapes
+from soft_continuum.parameters.nodes import ALL_PARAMETERS, NODE_PARAMETERS
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.shapes import angles_problem, SHAPE_PREFIX, shapes_from_parameters
 
 DESCRIPTION = Path(__file__).resolve().parents[1] / 'config' / 'manipulator.yaml'
 SEGMENTS = 3

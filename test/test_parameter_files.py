@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 import pytest
 import yaml
 
-from soft_continuum.configuration import ALL_PARAMETERS, NODE_PARAMETERS
-from soft_continuum.description import SHAPE_PREFIX
-from soft_continuum.parameters import load_parameters, Parameter, ParameterError
+from soft_continuum.parameters.files import load_parameters
+from soft_continuum.parameters.nodes import ALL_PARAMETERS, NODE_PARAMETERS
+from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.parameters.shapes import SHAPE_PREFIX
 
 RATE = Parameter('rate', 50.0, 'how often, Hz', 5.0, 500.0)
 COUNT = Parameter('count', 3, 'how many', 1, 10)

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from soft_continuum.configuration import load_arm
 from soft_continuum.mechanics import Arm, Disc, RigidChain, Segment
 from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.urdf import arm_urdf, joint_names
 
 PAPER = load_arm(description_file())

@@ -21,12 +21,12 @@ import numpy as np
 
 from soft_continuum.analysis.measured_shapes import Step
 from soft_continuum.analysis.results import write_parameters
-from soft_continuum.configuration import load_description
-from soft_continuum.description import arm_from_parameters
 from soft_continuum.mechanics import SLACK, Statics
 from soft_continuum.mechanics.arm import Arm, SECOND_ORDER
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.stiffness import bending_stiffness_from_slope
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_description
 
 SLOPE = 72.0  # N/m, soft segment 2 (paper, eq. 7)
 LEVER_ARM = 0.025  # m, with which eq. 8 gives the paper's E I

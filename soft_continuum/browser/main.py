@@ -35,7 +35,7 @@ from soft_continuum.nodes.runtime import (
     Signals,
 )
 from soft_continuum.nodes.up import ros_arguments
-from soft_continuum.parameters import ParameterError
+from soft_continuum.parameters.parameter import ParameterError
 
 PORT = 8080
 PERIOD = 0.04  # s between two looks at the scene

@@ -27,17 +27,13 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.browser.state import ArmState, Description, Notice, Progress, Report
-from soft_continuum.description import (
-    arm_from_parameters,
-    ARM_PARAMETERS,
-    SHAPE_PREFIX,
-    shapes_from_parameters,
-)
 from soft_continuum.hardware.tendon_controller import TENDONS
-from soft_continuum.nodes.conversions import trajectory_to_ros
 from soft_continuum.nodes.runtime import NODES
-from soft_continuum.nodes.support import LATCHED, SENSOR, STREAM
-from soft_continuum.parameters import ParameterError
+from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.shapes import SHAPE_PREFIX, shapes_from_parameters
+from soft_continuum.ros.conversions import trajectory_to_ros
+from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape
 

@@ -87,8 +87,8 @@ class Arm:
     @property
     def shapes(self) -> Mapping[str, tuple[float, ...]]:
         """The shape library: bending angles (rad) of each segment by name."""
-        from soft_continuum.description import SHAPE_PREFIX, shapes_from_parameters
-        from soft_continuum.parameters import ParameterError
+        from soft_continuum.parameters.parameter import ParameterError
+        from soft_continuum.parameters.shapes import SHAPE_PREFIX, shapes_from_parameters
         node = 'shape_sequencer'
         names = self._connection.parameters(node, ['shape_names'])['shape_names']
         angles = self._connection.parameters(node, [SHAPE_PREFIX + name for name in names])
@@ -102,7 +102,7 @@ class Arm:
     def description(self) -> 'Description':
         """The mechanical description that the kinematics node works with."""
         if self._description is None:
-            from soft_continuum.description import arm_from_parameters, ARM_PARAMETERS
+            from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
             self._description = arm_from_parameters(self._connection.parameters(
                 'kinematics', [p.name for p in ARM_PARAMETERS]))
         return self._description

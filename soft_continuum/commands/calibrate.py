@@ -18,7 +18,6 @@ from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.commands.common import BAD_INPUT, guarded, new_parser, number_in
 from soft_continuum.commands.prompts import ask, confirm, DeclinedError, number, one_of
 from soft_continuum.commands.rig import as_list, rig_parameters, write_parameters
-from soft_continuum.configuration import jamming_settings
 from soft_continuum.hardware.calibration import (
     CalibrationError,
     corrected_steps,
@@ -33,6 +32,7 @@ from soft_continuum.hardware.calibration import (
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, TendonDriver
 from soft_continuum.hardware.tendon_controller import TendonLimits
+from soft_continuum.parameters.nodes import jamming_settings
 
 NAME = 'calibrate'
 FAILED = 1

@@ -20,9 +20,9 @@ from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.results import claim, text_table, write_parameters
 from soft_continuum.analysis.stiffness_figure import MeasuredState, stiffness_figure
 from soft_continuum.commands.common import described_arm, guarded, new_parser, number_in
-from soft_continuum.description import arm_from_parameters, table_parameters
 from soft_continuum.mechanics.arm import Arm, ArmError, Segment
 from soft_continuum.mechanics.stiffness import joint_stiffness
+from soft_continuum.parameters.arm import arm_from_parameters, table_parameters
 
 NAME = 'characterize'
 COLUMNS = ('force', 'displacement', 'time', 'repetition')

@@ -11,12 +11,12 @@ import sys
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.analysis.unknowns import IdentificationError
-from soft_continuum.configuration import load_description
-from soft_continuum.description import arm_from_parameters
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.laws import LawError
 from soft_continuum.mechanics.statics import StaticsError
-from soft_continuum.parameters import ParameterError, Value
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_description
+from soft_continuum.parameters.parameter import ParameterError, Value
 
 BAD_INPUT = 2  # exit status, as argparse has it for bad options
 INTERRUPTED = 130

@@ -21,7 +21,7 @@ from soft_continuum.hardware.checks import (
     OK,
     WARN,
 )
-from soft_continuum.parameters import ParameterError
+from soft_continuum.parameters.parameter import ParameterError
 
 NAME = 'doctor'
 INTERRUPTED = 130

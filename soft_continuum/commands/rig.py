@@ -8,8 +8,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from soft_continuum.configuration import load_description, NODE_PARAMETERS
-from soft_continuum.parameters import ParameterError
+from soft_continuum.parameters.files import load_description
+from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.parameters.parameter import ParameterError
 
 
 def rig_parameters(paths: Sequence[Path]) -> dict[str, Any]:

@@ -15,9 +15,9 @@ from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.analysis.validation import predict, Prediction
 from soft_continuum.analysis.validation_figure import validation_figure
 from soft_continuum.commands.common import described_arm, guarded, new_parser
-from soft_continuum.configuration import load_description
-from soft_continuum.description import arm_from_parameters
 from soft_continuum.mechanics.arm import Arm, ArmError
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_description
 
 NAME = 'validate'
 

@@ -19,7 +19,7 @@ from soft_continuum.hardware.grbl_setup import find_controller, Homing, unfit_se
 from soft_continuum.hardware.modbus_bus import LONGEST_QUIET, ModbusBus
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import describe_ports, open_serial
-from soft_continuum.parameters import ParameterError
+from soft_continuum.parameters.parameter import ParameterError
 
 OK, WARN, FAIL = 'OK', 'WARN', 'FAIL'
 ROUND_TRIPS, MOST_LOST = 5, 1

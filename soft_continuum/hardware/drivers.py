@@ -16,7 +16,7 @@ from importlib.metadata import entry_points, EntryPoint
 from typing import Any
 
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.parameters import Parameter
+from soft_continuum.parameters.parameter import Parameter
 
 TENDON_DRIVERS = 'soft_continuum.tendon_drivers'
 JAMMING_DRIVERS = 'soft_continuum.jamming_drivers'

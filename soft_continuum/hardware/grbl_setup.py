@@ -27,7 +27,7 @@ from soft_continuum.hardware.grbl_link import (
     STATUS_QUERY,
 )
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.parameters import ParameterError
+from soft_continuum.parameters.parameter import ParameterError
 
 FIND_TIME = 6.0
 """s for a controller to answer; an Arduino that opening the port has reset takes about two."""

@@ -40,7 +40,7 @@ from soft_continuum.hardware.grbl_setup import (
 )
 from soft_continuum.hardware.protocols import HardwareError, TendonReading
 from soft_continuum.hardware.serial_ports import open_serial
-from soft_continuum.parameters import Parameter, ParameterError
+from soft_continuum.parameters.parameter import Parameter, ParameterError
 
 QUERY_MOVING, QUERY_RESTING = 0.025, 0.1  # s between two status queries
 PATIENCE, TRIES = 0.2, 4

@@ -23,7 +23,7 @@ from soft_continuum.hardware.modbus_bus import (
     RefusedError,
 )
 from soft_continuum.hardware.protocols import HardwareError, JammingReading
-from soft_continuum.parameters import Parameter, ParameterError
+from soft_continuum.parameters.parameter import Parameter, ParameterError
 
 BROKEN_WIRE, SHORT_CIRCUIT = 3600, 21000
 """uA; a current below the one or above the other comes from no working transmitter."""

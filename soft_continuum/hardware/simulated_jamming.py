@@ -8,7 +8,7 @@ from math import exp
 from typing import Any, ClassVar, Self
 
 from soft_continuum.hardware.protocols import JammingReading
-from soft_continuum.parameters import Parameter
+from soft_continuum.parameters.parameter import Parameter
 
 
 @dataclass(frozen=True)

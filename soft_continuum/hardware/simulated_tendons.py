@@ -7,7 +7,7 @@ from math import copysign, sqrt
 from typing import Any, ClassVar, Self
 
 from soft_continuum.hardware.protocols import TendonReading
-from soft_continuum.parameters import Parameter
+from soft_continuum.parameters.parameter import Parameter
 
 TIME_STEP = 0.001  # s
 BRAKE_EARLY = 0.8  # of the acceleration limit is planned with, so that no target is overrun

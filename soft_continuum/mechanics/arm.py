@@ -114,6 +114,8 @@ class PointForce:
 
 
 PAPER, SECOND_ORDER = 'paper', 'second_order'
+TENDONS = ('right_tendon', 'left_tendon')
+"""The tendons of a planar arm, at +x and -x."""
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,11 @@ class Arm:
         _check('payload', self.payload, 0.0, 100.0, 'kg')
         _check('mounting angle', self.mounting_angle, -2 * pi, 2 * pi, 'rad')
         _check('gravity', self.gravity, 0.0, 100.0, 'm/s^2')
+
+    @property
+    def tendon_names(self) -> tuple[str, ...]:
+        """Names of the tendons, in the order of every list of tendons."""
+        return TENDONS
 
     @property
     def length(self) -> float:

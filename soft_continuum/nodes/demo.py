@@ -26,13 +26,13 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from soft_continuum.analysis.figures import shapes_figure
-from soft_continuum.configuration import load_arm, load_shapes
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.chain import Array, RigidChain
-from soft_continuum.nodes.conversions import poses_from_ros
 from soft_continuum.nodes.runtime import end, make_executor, node_class, NODES, Signals
-from soft_continuum.nodes.support import SENSOR
 from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm, load_shapes
+from soft_continuum.ros.conversions import poses_from_ros
+from soft_continuum.ros.qos import SENSOR
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape
 

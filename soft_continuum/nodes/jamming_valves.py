@@ -10,19 +10,13 @@ from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-from soft_continuum.configuration import jamming_settings, NODE_PARAMETERS
-from soft_continuum.description import arm_from_parameters
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
 from soft_continuum.hardware.jamming_controller import JammingController
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver
-from soft_continuum.nodes.support import (
-    EmergencyStop,
-    ERROR,
-    LATCHED,
-    ManagedNode,
-    OK,
-    STREAM,
-)
+from soft_continuum.nodes.support import EmergencyStop, ERROR, ManagedNode, OK
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.nodes import jamming_settings, NODE_PARAMETERS
+from soft_continuum.ros.qos import LATCHED, STREAM
 
 
 class JammingValves(ManagedNode):

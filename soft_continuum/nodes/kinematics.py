@@ -13,25 +13,23 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.configuration import NODE_PARAMETERS
-from soft_continuum.description import arm_from_parameters
 from soft_continuum.hardware.tendon_controller import TENDONS
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.statics import Statics, StaticsError
-from soft_continuum.nodes.conversions import poses_to_ros
 from soft_continuum.nodes.markers import shape_markers
 from soft_continuum.nodes.support import (
     ERROR,
-    LATCHED,
     load_model,
     NodeParameters,
     OK,
-    SENSOR,
+    SLACK_ALLOWANCE,
     Status,
-    STREAM,
-    TAKEN_UP,
     WARN,
 )
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.ros.conversions import poses_to_ros
+from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.urdf import arm_urdf, joint_names
 
 MARKER_PERIOD = 0.05  # s
@@ -182,7 +180,7 @@ class Kinematics(Node):
         Return the state for pulls (2,) m; raises StaticsError.
 
         The tendons of the model do not give: a micrometre too short both, as steppers round, would
-        buckle the arm.  Up to TAKEN_UP the one that carries less is let go.
+        buckle the arm.  Up to SLACK_ALLOWANCE the one that carries less is let go.
         """
         assert self._state is not None
         sliding = self._sliding.tolist()
@@ -191,7 +189,7 @@ class Kinematics(Node):
             less = RIGHT if state.tensions[RIGHT] < state.tensions[LEFT] else LEFT
             for tendon in (less, 1 - less):
                 eased = np.array(pulls)
-                eased[tendon] -= TAKEN_UP
+                eased[tendon] -= SLACK_ALLOWANCE
                 other = self._statics.solve(self._state, eased, soft, sliding=sliding)
                 if not other.taut[tendon]:
                     return other

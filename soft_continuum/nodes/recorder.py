@@ -20,9 +20,9 @@ from std_msgs.msg import Bool
 
 from soft_continuum.analysis.recording import RecordingWriter
 from soft_continuum.hardware.tendon_controller import TENDONS
-from soft_continuum.nodes.conversions import poses_from_ros
 from soft_continuum.nodes.runtime import end, make_executor, NODES, Signals
-from soft_continuum.nodes.support import LATCHED, SENSOR
+from soft_continuum.ros.conversions import poses_from_ros
+from soft_continuum.ros.qos import LATCHED, SENSOR
 from soft_continuum_interfaces.action import RunShapeSequence
 
 FEEDBACK = RunShapeSequence.Impl.FeedbackMessage

@@ -16,8 +16,9 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from soft_continuum.configuration import ALL_PARAMETERS, load_description
-from soft_continuum.parameters import Parameter, ParameterError, read_parameter_file
+from soft_continuum.parameters.files import load_description, read_parameter_file
+from soft_continuum.parameters.nodes import ALL_PARAMETERS
+from soft_continuum.parameters.parameter import Parameter, ParameterError
 
 try:
     from rclpy.experimental import EventsExecutor as BestExecutor

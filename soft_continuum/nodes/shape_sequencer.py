@@ -18,31 +18,24 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.configuration import NODE_PARAMETERS
-from soft_continuum.description import (
-    angles_problem,
-    arm_from_parameters,
-    SHAPE_PREFIX,
-    shapes_from_parameters,
-)
 from soft_continuum.hardware.tendon_controller import TENDONS
 from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.nodes.conversions import seconds, trajectory_to_ros
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.nodes.support import (
-    Age,
     EmergencyStop,
     ERROR,
-    LATCHED,
-    LivedTime,
     load_model,
     NodeParameters,
     OK,
-    SENSOR,
     Status,
-    STREAM,
 )
-from soft_continuum.parameters import ParameterError
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.shapes import angles_problem, SHAPE_PREFIX, shapes_from_parameters
+from soft_continuum.ros.age import Age
+from soft_continuum.ros.conversions import seconds, trajectory_to_ros
+from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, Shape, ShapePlan
 from soft_continuum.sequencing.runner import (
     Code,
@@ -110,10 +103,9 @@ class ShapeSequencer(Node):
         self._vacuum = [0.0] * segments
         self._tendons: JointState | None = None
         self._shape: Equilibrium | None = None
-        lived = self._lived = LivedTime()
-        self._ages = {'tendon_actuation (tendon_states)': Age(lived),
-                      'jamming_valves (segment_1/pressure)': Age(lived),
-                      'kinematics (joint_states)': Age(lived)}
+        self._ages = {'tendon_actuation (tendon_states)': Age(),
+                      'jamming_valves (segment_1/pressure)': Age(),
+                      'kinematics (joint_states)': Age()}
         self._tendon_age, self._jamming_age, self._shape_age = self._ages.values()
         self._tendon_status: dict[str, str] = {}
         self._errors: dict[str, tuple[str, Age]] = {}  # by node: what it says, and for how long
@@ -200,7 +192,7 @@ class ShapeSequencer(Node):
         if message.level != ERROR:
             self._errors.pop(node, None)
             return
-        _, age = self._errors.get(node, ('', Age(self._lived)))
+        _, age = self._errors.get(node, ('', Age()))
         if age.seconds == inf:
             age.refresh()
         self._errors[node] = message.message, age
@@ -337,7 +329,6 @@ class ShapeSequencer(Node):
         return CancelResponse.ACCEPT
 
     def _tick(self) -> None:
-        self._lived.tick()
         if self._next is not None and self._next.is_cancel_requested:
             self._server.finish(self._next, Outcome(
                 Code.CANCELED, 'canceled by the client before it started', 0))

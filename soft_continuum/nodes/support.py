@@ -21,24 +21,16 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool
 
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.mechanics._compile import is_compiled
 from soft_continuum.mechanics.statics import warm_up
-from soft_continuum.parameters import Parameter, ParameterError
+from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 
-LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
-                     durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""State that late joiners need."""
-STREAM = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
-"""Streams that we publish."""
-SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Streams that we subscribe to: compatible with any publisher."""
-
-TAKEN_UP = 1e-4
-"""m that rope and guides take up; the model's tendons would buckle the arm at once."""
+SLACK_ALLOWANCE = 1e-4
+"""m of pull that rope and guides absorb; the model's inextensible tendons would buckle the arm."""
 
 LOG_PERIOD = 1.0  # s between two lines of the same severity
 RETRY = 2.0  # s between attempts to connect to a device
@@ -185,52 +177,6 @@ def load_model(node: Node) -> None:
     if not is_compiled():
         node.get_logger().info('compiling the model, this once; it takes about half a minute')
     warm_up()
-
-
-class LivedTime:
-    """
-    Steady time without the gaps in which this node itself did not get to run.
-
-    After such a gap what others have said still waits to be read: they were not silent.
-    """
-
-    LONGEST = 0.25  # s between two ticks that count: some more than the slowest timer
-
-    def __init__(self) -> None:
-        """Start at zero."""
-        self._clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._lived = 0.0
-        self._ticked = self._steady()
-
-    def _steady(self) -> float:
-        return float(self._clock.now().nanoseconds * 1e-9)
-
-    def tick(self) -> None:
-        """Say that the node runs; call it from a timer faster than LONGEST."""
-        self._lived, self._ticked = self.seconds, self._steady()
-
-    @property
-    def seconds(self) -> float:
-        """Seconds lived."""
-        return self._lived + min(self._steady() - self._ticked, self.LONGEST)
-
-
-class Age:
-    """How long ago something was last heard."""
-
-    def __init__(self, lived: LivedTime) -> None:
-        """Start unheard."""
-        self._lived = lived
-        self._heard = float('-inf')
-
-    def refresh(self) -> None:
-        """Note that it was heard now."""
-        self._heard = self._lived.seconds
-
-    @property
-    def seconds(self) -> float:
-        """Seconds since it was heard; infinite before the first time."""
-        return self._lived.seconds - self._heard
 
 
 class EmergencyStop:

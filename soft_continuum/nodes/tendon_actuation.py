@@ -12,8 +12,6 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from soft_continuum.configuration import NODE_PARAMETERS
-from soft_continuum.description import arm_from_parameters
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver
 from soft_continuum.hardware.tendon_controller import (
@@ -24,22 +22,21 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.statics import Statics, StaticsError
-from soft_continuum.nodes.conversions import seconds, trajectory_from_ros
 from soft_continuum.nodes.support import (
-    Age,
     EmergencyStop,
     ERROR,
-    LATCHED,
-    LivedTime,
     load_model,
     ManagedNode,
     OK,
     RETRY,
-    SENSOR,
-    STREAM,
-    TAKEN_UP,
+    SLACK_ALLOWANCE,
     WARN,
 )
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.ros.age import Age
+from soft_continuum.ros.conversions import seconds, trajectory_from_ros
+from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 
 STRAIGHT = 0.02  # rad: largest bending angle of a segment that counts as straight
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
@@ -68,16 +65,15 @@ class TendonActuation(ManagedNode):
         self._driver: TendonDriver | None = None
         self._stopped_because = ''  # while there is no controller to keep it
         self._lost = ''  # why the device was lost
-        lived = self._lived = LivedTime()
-        self._connect_age = Age(lived)  # since the last attempt to connect to it again
+        self._connect_age = Age()  # since the last attempt to connect to it again
         self._refused = ''
         self._refused_stamp = Time()
         self._ended = ''
         self._stiff: list[bool | None] = [None] * len(self._arm.segments)
         self._stiff_at_start: list[bool | None] = []
-        self._jamming_age = Age(lived)
+        self._jamming_age = Age()
         self._shape: Equilibrium | None = None
-        self._shape_age = Age(lived)
+        self._shape_age = Age()
         self._states = self.create_publisher(JointState, 'tendon_states', STREAM)
         self.create_subscription(
             JointTrajectory, '~/joint_trajectory', self._on_trajectory, STREAM)
@@ -245,7 +241,7 @@ class TendonActuation(ManagedNode):
                 steps = int(np.ceil(np.abs(after - before).max() / PREDICTION_STEP)) or 1
                 for part in np.arange(1, steps + 1) / steps:
                     wanted = before + part * (after - before)
-                    state = self._statics.solve(state, wanted - TAKEN_UP, soft)
+                    state = self._statics.solve(state, wanted - SLACK_ALLOWANCE, soft)
                     right, left = state.tensions
                     if max(right, left) > limit or min(right, left) > both_limit:
                         raise MotionRefusedError(
@@ -257,7 +253,6 @@ class TendonActuation(ManagedNode):
             raise MotionRefusedError(str(error)) from None
 
     def _update(self) -> None:
-        self._lived.tick()
         controller = self._controller
         if controller is None:
             if self._lost:

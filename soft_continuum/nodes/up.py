@@ -14,8 +14,8 @@ import sys
 
 from ament_index_python.packages import get_package_share_directory
 
-from soft_continuum.configuration import NODE_PARAMETERS
 from soft_continuum.nodes.runtime import NODES, run
+from soft_continuum.parameters.nodes import NODE_PARAMETERS
 
 DRIVERS = ('tendon_driver', 'jamming_driver')
 

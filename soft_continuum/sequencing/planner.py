@@ -15,10 +15,10 @@ from math import ceil, sqrt
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from soft_continuum.description import angles_problem
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.statics import Statics, StaticsError
+from soft_continuum.parameters.shapes import angles_problem
 
 
 class PlanError(ValueError):

@@ -6,8 +6,8 @@ import numpy as np
 
 from soft_continuum.analysis import specimen
 from soft_continuum.analysis.measured_shapes import MeasuredShape
-from soft_continuum.configuration import load_description
-from soft_continuum.description import arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_description
 
 TRUE = specimen.specimen()
 DESCRIBED = arm_from_parameters(load_description() | specimen.weighed())

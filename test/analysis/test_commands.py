@@ -16,9 +16,9 @@ import pytest
 
 from soft_continuum.analysis import specimen
 from soft_continuum.commands import characterize, converge, identify, validate, workspace
-from soft_continuum.configuration import load_arm, load_description
-from soft_continuum.description import arm_from_parameters
 from soft_continuum.mechanics.laws import MomentCurvature
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_arm, load_description
 
 DATA = Path(__file__).resolve().parents[2] / 'data' / 'simulated_specimen'
 MASSES = str(DATA / 'SIMULATED_masses.yaml')

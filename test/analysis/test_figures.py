@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from soft_continuum.analysis.figures import draw_arm, shapes_figure
-from soft_continuum.configuration import load_arm, load_shapes
 from soft_continuum.mechanics import RigidChain
+from soft_continuum.parameters.files import load_arm, load_shapes
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 CHAIN = RigidChain(load_arm(DESCRIPTION))

@@ -23,8 +23,8 @@ from soft_continuum.client import (
     sequence,
     SequenceError,
 )
-from soft_continuum.configuration import load_arm, load_shapes
 from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm, load_shapes
 
 matplotlib.use('Agg')
 DEADLINE = 30.0  # s

@@ -27,7 +27,7 @@ METHODS = {
 
 @pytest.mark.parametrize('group', METHODS)
 def test_our_drivers_do_what_the_protocol_asks_for(group):
-    from soft_continuum.configuration import load_description
+    from soft_continuum.parameters.files import load_description
 
     for name in driver_names(group):
         driver = make_driver(group, name, load_description(), lambda: 0.0)
@@ -63,7 +63,8 @@ def test_the_driver_of_the_page_is_found_declared_and_made(tmp_path):
     code = re.search(r'```python\n(# my_rig.*?)```', PAGE.read_text('utf-8'), re.DOTALL)
     other_package(tmp_path, code[1])
     assert run_with(tmp_path, """
-        from soft_continuum.configuration import load_description, NODE_PARAMETERS
+        from soft_continuum.parameters.files import load_description
+        from soft_continuum.parameters.nodes import NODE_PARAMETERS
         from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
         table = {p.name: p for p in NODE_PARAMETERS['tendon_actuation']}
         print(table['tendon_driver'].choices, table['servo.drum_radius'].high)
@@ -76,7 +77,7 @@ def test_the_driver_of_the_page_is_found_declared_and_made(tmp_path):
 def test_a_package_that_cannot_be_loaded_fails_only_when_it_is_chosen(tmp_path):
     other_package(tmp_path, 'import no_such_module')
     said = run_with(tmp_path, """
-        from soft_continuum.configuration import load_description
+        from soft_continuum.parameters.files import load_description
         from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
         from soft_continuum.hardware.protocols import HardwareError
         try:

@@ -10,7 +10,7 @@ from grbl_rig import at_rest, board, driver, failed, standing, until
 import pytest
 
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.parameters import ParameterError
+from soft_continuum.parameters.parameter import ParameterError
 
 HOMED = (-0.011, -0.009)  # m: switches at -12 and -10 mm of a straight arm, and 1 mm off them
 SWITCHES = (-12.0, -10.0)

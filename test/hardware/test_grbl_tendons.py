@@ -24,7 +24,7 @@ import pytest
 
 from soft_continuum.hardware.grbl_tendons import GrblTendons
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.parameters import ParameterError
+from soft_continuum.parameters.parameter import ParameterError
 
 INTERVAL = 0.02  # s between set-points
 QUEUE_LIMIT = 0.2  # s of motion in the controller

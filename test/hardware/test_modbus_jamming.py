@@ -22,7 +22,7 @@ from soft_continuum.hardware.jamming_controller import (
 )
 from soft_continuum.hardware.modbus_jamming import COILS_EVERY, ModbusJamming
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.parameters import ParameterError
+from soft_continuum.parameters.parameter import ParameterError
 
 READ_COILS, READ_REGISTERS, WRITE_COIL = 1, 4, 5
 

@@ -17,7 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_rig import Rig
 import yaml
 
-from soft_continuum.nodes.support import SENSOR
+from soft_continuum.ros.qos import SENSOR
 
 
 def interface(name: str) -> Any:

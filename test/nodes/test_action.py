@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from ros_rig import DEADLINE, Rig
 
-from soft_continuum.configuration import load_arm, load_shapes
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.nodes.conversions import poses_from_ros
 from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm, load_shapes
+from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum_interfaces.action import RunShapeSequence
 

@@ -11,8 +11,8 @@ import pytest
 from rclpy.action import get_action_server_names_and_types_by_node
 from ros_rig import ALL, Rig
 
-from soft_continuum.configuration import NODE_PARAMETERS
-from soft_continuum.parameters import Value
+from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.parameters.parameter import Value
 
 PAGES = Path(__file__).resolve().parents[2] / 'msg_docs'
 OF_EVERY_NODE = {

@@ -11,9 +11,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from visualization_msgs.msg import Marker, MarkerArray
 
-from soft_continuum.configuration import load_arm
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
 
 ARM = load_arm(description_file())
 DISC_HEIGHT, LENGTH = 0.03, 0.07

@@ -16,9 +16,9 @@ from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from ros_rig import ALL, Rig
 
-from soft_continuum.configuration import NODE_PARAMETERS
 from soft_continuum.nodes.runtime import run
 from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.nodes import NODE_PARAMETERS
 
 GOOD = description_file().read_text(encoding='utf-8')
 

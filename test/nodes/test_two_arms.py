@@ -12,8 +12,8 @@ from processes import module_command, Processes
 import pytest
 from ros_rig import ALL, Rig
 
-from soft_continuum.nodes.conversions import poses_from_ros
 from soft_continuum.nodes.up import description_file
+from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum_interfaces.action import RunShapeSequence
 
 SHAPES = {'left': (0.0, 0.4, 0.2), 'right': (0.0, -0.3, 0.5)}

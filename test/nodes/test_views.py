@@ -17,8 +17,8 @@ from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 import yaml
 
-from soft_continuum.configuration import load_arm
 from soft_continuum.mechanics import RigidChain
+from soft_continuum.parameters.files import load_arm
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 RVIZ = yaml.safe_load((CONFIG / 'arm.rviz').read_text(encoding='utf-8'))

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from soft_continuum.configuration import load_arm, load_shapes
 from soft_continuum.mechanics import LEFT, RIGHT, Statics
+from soft_continuum.parameters.files import load_arm, load_shapes
 from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, Shape, timed
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'

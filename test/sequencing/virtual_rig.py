@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from soft_continuum.configuration import load_arm, load_shapes
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
@@ -18,6 +17,7 @@ from soft_continuum.hardware.tendon_controller import (
     TendonLimits,
 )
 from soft_continuum.mechanics import Statics
+from soft_continuum.parameters.files import load_arm, load_shapes
 from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.runner import Observation, Runner, RunnerSettings
 

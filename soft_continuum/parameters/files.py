@@ -1,95 +1,59 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Parameters: one table of what exists, read by the nodes and by the library from the same file.
+Parameter files: what ``--params-file`` names, read without ROS.
 
 A ROS 2 parameter file is YAML: node names (``/**`` for all) over ``ros__parameters`` over nested
-keys.  ``load_parameters`` reads it without ROS and refuses what the tables do not know.
+keys.  What the tables of parameters do not know is refused.
 """
 
-from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 import difflib
-from math import inf
 from pathlib import Path
-import re
 from typing import Any
 
 import yaml
 
-ROS_NUMBER = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?')
-"""What ROS reads as a number; YAML 1.1 takes some of it, such as 2e2, as text."""
-MOST = 1e308
-DEEPEST = 20  # keys below one another in a parameter file
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.nodes import ALL_PARAMETERS, jamming_settings
+from soft_continuum.parameters.parameter import Parameter, ParameterError, Value
+from soft_continuum.parameters.shapes import SHAPE_PREFIX, shapes_from_parameters
 
-Value = bool | int | float | str | tuple[float, ...] | tuple[str, ...]
+MAX_DEPTH = 20  # keys below one another in a parameter file
+
+# What every ROS node takes besides its own.
+FREE = (SHAPE_PREFIX, 'use_sim_time', 'qos_overrides.', 'start_type_description_service')
 
 
-class ParameterError(ValueError):
-    """A parameter, or the file it stands in, is not usable; the message says which and why."""
-
-
-@dataclass(frozen=True)
-class Parameter:
+def load_description(*paths: str | Path, node: str = '') -> dict[str, Value]:
     """
-    One parameter: its name, default (whose type it has), what it means and what it may be.
+    Read description files as ``node`` (or the library, without one) sees them; later ones win.
 
-    low, high: bounds of a number, or of every number of an array.  choices: the allowed strings.
-    read_only: cannot change while the node runs.  is_range: two numbers, the smaller first.
+    Raises ParameterError naming the file and the key: also for keys that no node has, lists that
+    do not fit together, shapes outside the limits, and thresholds in the wrong order.
     """
+    values: dict[str, Value] = {p.name: p.default for p in ALL_PARAMETERS}
+    for path in paths:
+        values |= given_parameters(path, ALL_PARAMETERS, node, prefixes=FREE)
+    try:
+        arm = arm_from_parameters(values)
+        shapes_from_parameters(values, arm)
+        jamming_settings(values)
+    except ParameterError as error:
+        raise ParameterError(f'{", ".join(str(path) for path in paths)}: {error}') from None
+    return values
 
-    name: str
-    default: Value
-    description: str
-    low: float = -inf
-    high: float = inf
-    choices: tuple[str, ...] = ()
-    read_only: bool = True
-    is_range: bool = False
 
-    def check(self, value: Any) -> Value:
-        """Return ``value`` in this parameter's type; raise ParameterError when it does not fit."""
-        if isinstance(self.default, tuple):
-            return self._list(value)
-        if isinstance(self.default, bool):
-            if not isinstance(value, bool):
-                raise self._error(value, 'true or false')
-            return value
-        if isinstance(self.default, str):
-            if not isinstance(value, str) or (self.choices and value not in self.choices):
-                raise self._error(value, ' or '.join(self.choices) or 'text')
-            return value
-        if isinstance(self.default, int) and not (
-                isinstance(value, int) and not isinstance(value, bool)):
-            raise self._error(value, 'a whole number')
-        number = self._number(value, value)
-        return int(number) if isinstance(self.default, int) else number
+def load_arm(*paths: str | Path) -> Arm:
+    """Read the arm from description files; raises ParameterError as load_description does."""
+    return arm_from_parameters(load_description(*paths))
 
-    def _list(self, value: Any) -> Value:
-        if isinstance(value, str | bytes | Mapping | Set) or not hasattr(value, '__iter__'):
-            raise self._error(value, 'a list')
-        if self.default and isinstance(self.default[0], str):  # type: ignore[index]
-            if not all(isinstance(item, str) for item in value):
-                raise self._error(value, 'a list of texts')
-            return tuple(value)
-        numbers = tuple(self._number(item, value) for item in value)
-        if self.is_range and not (len(numbers) == 2 and numbers[0] < numbers[1]):
-            raise self._error(value, 'two numbers, the smaller first')
-        return numbers
 
-    def _number(self, item: Any, given: Any) -> float:
-        if isinstance(item, str) and ROS_NUMBER.fullmatch(item):
-            item = float(item)
-        if isinstance(item, bool) or not isinstance(item, int | float) or not (
-                abs(item) <= MOST):  # also what is too large for a float, or nan
-            raise self._error(given, 'finite numbers')
-        if not self.low <= item <= self.high:
-            raise self._error(given, f'{self.low:g} to {self.high:g}')
-        return float(item)
-
-    def _error(self, value: Any, allowed: str) -> ParameterError:
-        return ParameterError(
-            f'parameter {self.name} is {value!r}; allowed: {allowed} ({self.description})')
+def load_shapes(path: str | Path) -> dict[str, tuple[float, ...]]:
+    """Read the shape library (bending angles in rad by name) from a description file."""
+    values = load_description(path)
+    return shapes_from_parameters(values, arm_from_parameters(values))
 
 
 def load_parameters(path: str | Path, known: Sequence[Parameter], node: str = '',
@@ -172,7 +136,7 @@ def read_parameter_file(path: str | Path, node: str = '') -> dict[str, Any]:
 def _flatten(path: str | Path, tree: Any, prefix: str, flat: dict[str, Any]) -> None:
     if not isinstance(tree, Mapping):
         raise ParameterError(f'{path}: key {prefix or "ros__parameters"}: expected keys below it')
-    if prefix.count('.') > DEEPEST:
+    if prefix.count('.') > MAX_DEPTH:
         raise ParameterError(f'{path}: keys are nested too deeply: {prefix[:40]}...')
     for key, value in tree.items():
         name = f'{prefix}{key}'

@@ -1,20 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Every parameter of every node, and the description file that all of them share."""
+"""The parameters of every node."""
 
 from collections.abc import Mapping
 from dataclasses import fields
 from math import radians
-from pathlib import Path
 from typing import Any
 
-from soft_continuum.description import (
-    arm_from_parameters,
-    ARM_PARAMETERS,
-    SHAPE_PARAMETERS,
-    SHAPE_PREFIX,
-    shapes_from_parameters,
-)
 from soft_continuum.hardware.drivers import (
     driver_names,
     driver_parameters,
@@ -22,8 +14,9 @@ from soft_continuum.hardware.drivers import (
     TENDON_DRIVERS,
 )
 from soft_continuum.hardware.jamming_controller import JammingSettings
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.parameters import given_parameters, Parameter, ParameterError, Value
+from soft_continuum.parameters.arm import ARM_PARAMETERS
+from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.parameters.shapes import SHAPE_PARAMETERS
 
 AUTOSTART = Parameter(
     'autostart', True, 'configure and activate the node by itself when it starts')
@@ -104,43 +97,9 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
 ALL_PARAMETERS = tuple({p.name: p for table in NODE_PARAMETERS.values() for p in table}.values())
 
 
-# What every ROS node takes besides its own.
-FREE = (SHAPE_PREFIX, 'use_sim_time', 'qos_overrides.', 'start_type_description_service')
-
-
-def load_description(*paths: str | Path, node: str = '') -> dict[str, Value]:
-    """
-    Read description files as ``node`` (or the library, without one) sees them; later ones win.
-
-    Raises ParameterError naming the file and the key: also for keys that no node has, lists that
-    do not fit together, shapes outside the limits, and thresholds in the wrong order.
-    """
-    values: dict[str, Value] = {p.name: p.default for p in ALL_PARAMETERS}
-    for path in paths:
-        values |= given_parameters(path, ALL_PARAMETERS, node, prefixes=FREE)
-    try:
-        arm = arm_from_parameters(values)
-        shapes_from_parameters(values, arm)
-        jamming_settings(values)
-    except ParameterError as error:
-        raise ParameterError(f'{", ".join(str(path) for path in paths)}: {error}') from None
-    return values
-
-
 def jamming_settings(values: Mapping[str, Any]) -> JammingSettings:
     """Return the thresholds of jamming_valves; raises ParameterError when out of order."""
     try:
         return JammingSettings(**{f.name: values[f.name] for f in fields(JammingSettings)})
     except ValueError as error:
         raise ParameterError(str(error)) from None
-
-
-def load_arm(*paths: str | Path) -> Arm:
-    """Read the arm from description files; raises ParameterError as load_description does."""
-    return arm_from_parameters(load_description(*paths))
-
-
-def load_shapes(path: str | Path) -> dict[str, tuple[float, ...]]:
-    """Read the shape library (bending angles in rad by name) from a description file."""
-    values = load_description(path)
-    return shapes_from_parameters(values, arm_from_parameters(values))

@@ -13,7 +13,7 @@ from soft_continuum.mechanics.chain import Array, orientation
 
 def seconds(stamp: object) -> float:
     """Return a builtin_interfaces Time or Duration in s."""
-    return stamp.sec + stamp.nanosec * 1e-9  # type: ignore[attr-defined]
+    return float(stamp.sec + stamp.nanosec * 1e-9)  # type: ignore[attr-defined]
 
 
 def poses_to_ros(poses: Array, message: PoseArray) -> PoseArray:

@@ -1,0 +1,10 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The names of the nodes, and of what they publish and serve; relative, so namespaces work."""
+
+TENDON_ACTUATION = 'tendon_actuation'
+JAMMING_VALVES = 'jamming_valves'
+KINEMATICS = 'kinematics'
+SHAPE_SEQUENCER = 'shape_sequencer'
+NODES = (TENDON_ACTUATION, JAMMING_VALVES, KINEMATICS, SHAPE_SEQUENCER)
+"""The nodes of the suite, in the order in which they start."""

@@ -1,0 +1,13 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The QoS profiles of the suite."""
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                     durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""State that late joiners need."""
+STREAM = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+"""Streams that we publish."""
+SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Streams that we subscribe to: compatible with any publisher."""
