@@ -69,16 +69,16 @@ class GrblTendons:
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter('grbl.port', '', 'serial port of the stepper controller, best the name below '
                   '/dev/serial/by-id that stays with the device'),
-        Parameter('grbl.baud_rate', 115200, 'baud rate of that port', 1200, 4000000, unit='bit/s'),
+        Parameter('grbl.baud_rate', 115200, 'bits/s of that port', 1200, 4000000),
         Parameter('grbl.steps_per_mm', (200.0, 200.0),
-                  'motor steps per mm of pull, right and left; $100 and $101 must be the same',
-                  0.1, 1e5, unit='1/mm'),
+                  'motor steps per mm of pull, right and left; $100 and $101 must say the same',
+                  0.1, 1e5),
         Parameter('grbl.signs', (1.0, 1.0),
-                  'right and left: 1 where a positive motion pulls the tendon, -1 where it pays '
+                  'right and left: 1 where a positive motion pulls the tendon, -1 where it lets '
                   'it out', -1.0, 1.0),
         Parameter('grbl.homed_pulls', (0.0,),
-                  'right and left pull after homing, which pays both tendons out to switches; '
-                  '0 alone: no switches, the zero is set by hand', -10.0, 0.0, unit='m'),
+                  'right and left pull after homing, which lets both tendons out to switches, m; '
+                  '0 alone: no switches, the zero is set by hand', -10.0, 0.0),
     )
 
     @classmethod
