@@ -315,7 +315,8 @@ def test_a_default_given_in_millimetres_is_refused(parameter):
 def test_the_documented_tables_are_those_of_the_code():
     for name, parameters in tables():
         text = (PAGES / name).read_text(encoding='utf-8')
-        assert text == page_with_table(text, parameters), f'{name} is out of date: ./run exec {COMMAND}'
+        assert text == page_with_table(text, parameters), (
+            f'{name} is out of date: ./run exec {COMMAND}')
 
 
 def test_every_parameter_is_documented_and_those_of_the_arm_once():
