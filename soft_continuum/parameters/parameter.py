@@ -129,5 +129,5 @@ def degrees_hint(angle: float, low: float, high: float) -> str:
 
 def name_hint(name: str, known: Iterable[str]) -> str:
     """Return a question for an error message with the known name closest to ``name``, or ''."""
-    close = difflib.get_close_matches(name, list(known), n=1)
+    close = difflib.get_close_matches(name, sorted(known), n=1)
     return f'; did you mean {close[0]}?' if close else ''
