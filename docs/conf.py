@@ -2,6 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The documentation as a site, by ``./run docs``; the pages read well without it."""
 
+from soft_continuum.parameters.reference import main as write_parameter_tables
+
+write_parameter_tables()
+
 project = 'soft_continuum'
 copyright = '2026 The soft_continuum authors'
 extensions = ['myst_parser', 'sphinx.ext.apidoc', 'sphinx.ext.autodoc', 'sphinx.ext.mathjax']
