@@ -83,6 +83,10 @@ class RunnerSettings:
     retry: float = 2.0
 
 
+Plan = Callable[[Sequence[Shape]], 'Future[list[ShapePlan]]']
+"""Begins to plan shapes from the present state of the arm; the future carries what it raises."""
+
+
 class _EndError(Exception):
     """Ends the run with a code and a reason."""
 
@@ -94,13 +98,12 @@ class _EndError(Exception):
 class Runner:
     """Runs shapes one after the other; ``outcome`` is set when it has ended."""
 
-    def __init__(self, shapes: Sequence[Shape], plan: 'Callable[[Shape], Future[ShapePlan]]',
+    def __init__(self, shapes: Sequence[Shape], plan: Plan,
                  port: ArmPort, settings: RunnerSettings, tendons: Sequence[str]) -> None:
         """
         Prepare to run ``shapes``.
 
-        plan: begins to plan a shape when its turn comes; what it raises is the future's.
-        tendons: their names.
+        plan: begins to plan a shape when its turn comes.  tendons: their names.
         """
         self.progress = Progress(shape=shapes[0].name)
         self.outcome: Outcome | None = None
@@ -189,13 +192,13 @@ class Runner:
 
     def _planned(self, shape: Shape) -> Generator[None, None, tuple[Move, ...]]:
         """Wait for the moves that set ``shape``, with every segment stiff."""
-        plan = self._plan(shape)
+        plan = self._plan([shape])
         while not plan.done():
             self._check_stiff(None)
             yield
         error = plan.exception()
         if error is None:
-            return plan.result().moves
+            return plan.result()[0].moves
         name = '' if isinstance(error, PlanError) else f'{type(error).__name__}: '
         raise _EndError(Code.MODEL_FAILURE, f'{name}{error}')
 
@@ -283,14 +286,15 @@ class Runner:
             self._report(index, done + part * elapsed / move.duration, Phase.MOVING)
             yield
         deadline = self._now + settings.settle_timeout
-        while self._observed.moving or np.abs(
-                np.subtract(self._observed.pulls, move.pulls[-1])).max() > settings.settle_tolerance:
+        target = move.pulls[-1]
+        while (self._observed.moving or np.abs(
+                np.subtract(self._observed.pulls, target)).max() > settings.settle_tolerance):
             self._check_motion(move.segment)
             if self._now > deadline:
                 where = ', '.join(
-                    f'{name} is at {pull * 1e3:.3f} mm instead of {target * 1e3:.3f} mm'
-                    for name, pull, target in zip(
-                        self._tendons, self._observed.pulls, move.pulls[-1], strict=True))
+                    f'{name} is at {pull * 1e3:.3f} mm instead of {planned * 1e3:.3f} mm'
+                    for name, pull, planned in zip(
+                        self._tendons, self._observed.pulls, target, strict=True))
                 raise _EndError(Code.TIMEOUT, f'{where} after {settings.settle_timeout:g} s')
             yield
 
