@@ -13,8 +13,7 @@ from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
-    from soft_continuum.client.sequence import Progress
-    from soft_continuum.client.state import ArmState, Pose
+    from soft_continuum.client.state import ArmState, Pose, Progress
 
 WATCH_PERIOD = 0.5  # s
 WIND_DOWN = 60.0  # s that a canceled sequence may take to come to rest
@@ -125,8 +124,7 @@ def soften(arm: 'Arm', options: argparse.Namespace, output: Output) -> int:
 def jog(arm: 'Arm', options: argparse.Namespace, output: Output) -> int:
     """Move the tendons."""
     arm.jog(right=options.right * 1e-3, left=options.left * 1e-3)
-    pulls = arm.state.pulls
-    return output.done('pulls: ' + (_millimetres(pulls) if pulls else UNKNOWN))
+    return output.done(f'pulls: {_millimetres(arm.state)}')
 
 
 def status(arm: 'Arm', _: argparse.Namespace, output: Output) -> int:
@@ -181,8 +179,11 @@ def _degrees(values: 'tuple[float, ...]') -> str:
     return ' '.join(f'{degrees(v):+6.1f}' for v in values) + ' deg'
 
 
-def _millimetres(pulls: tuple[float, float]) -> str:
-    return f'right {pulls[0] * 1e3:+.2f} mm, left {pulls[1] * 1e3:+.2f} mm'
+def _millimetres(state: 'ArmState') -> str:
+    """Return the pulls of all tendons."""
+    return UNKNOWN if state.pulls is None else ', '.join(
+        f'{name} {pull * 1e3:+.2f} mm'
+        for name, pull in zip(state.tendons, state.pulls, strict=True))
 
 
 def _place(pose: 'Pose | None') -> str:
@@ -197,7 +198,7 @@ def _stiffness(stiff: bool | None) -> str:
 def _line(state: 'ArmState') -> str:
     """Return a state in a line."""
     return ' | '.join((
-        _millimetres(state.pulls) if state.pulls else UNKNOWN,
+        _millimetres(state),
         ' '.join(_stiffness(s) for s in state.stiff),
         _degrees(state.bending_angles) if state.bending_angles else UNKNOWN,
         state.node('shape_sequencer').message or UNKNOWN))
@@ -205,12 +206,13 @@ def _line(state: 'ArmState') -> str:
 
 def _page(state: 'ArmState') -> str:
     """Return a state in full."""
-    lines = [f'tendons    {_millimetres(state.pulls) if state.pulls else UNKNOWN}']
+    lines = [f'tendons    {_millimetres(state)}']
     for label, tensions in (('by the model', state.tensions),
                             ('measured', state.measured_tensions)):
         if tensions and all(map(isfinite, tensions)):
-            lines.append(f'tensions   right {tensions[0]:.1f} N, left {tensions[1]:.1f} N '
-                         f'({label})')
+            each = ', '.join(f'{name} {tension:.1f} N'
+                             for name, tension in zip(state.tendons, tensions, strict=True))
+            lines.append(f'tensions   {each} ({label})')
     for i, (stiff, pressure) in enumerate(zip(state.stiff, state.pressures, strict=True)):
         kilopascals = UNKNOWN if pressure is None else f'{pressure * 1e-3:.1f}'
         pose = state.segment_poses[i] if state.segment_poses else None

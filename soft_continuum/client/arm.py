@@ -132,8 +132,8 @@ class Arm:
         progress: called whenever there is any.
 
         Raises RefusedError before anything moves, SequenceError when it ends early, LostError
-        when the shape_sequencer reports nothing any more.  When the wait is left by an exception, such as
-        KeyboardInterrupt, the sequence is canceled.
+        when the shape_sequencer reports nothing any more.  When the wait is left by an exception,
+        such as KeyboardInterrupt, the sequence is canceled.
         """
         sequence = self.start(*shapes, hold=hold)
         try:

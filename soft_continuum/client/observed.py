@@ -4,7 +4,6 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from time import monotonic
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -78,6 +77,11 @@ class ObservedArm:
 
     def _on_message(self, topic: str, source: str, message: Any) -> None:
         self._messages[topic] = message
+        if topic == f'{SHAPE_SEQUENCER}/status':  # until shape_sequencer publishes its state
+            values = {pair.key: pair.value for pair in message.values}
+            self._messages[SEQUENCER_STATE] = ShapeSequencerState(
+                running='phase' in values, phase=values.get('phase', ''),
+                rejected=values.get('rejected', ''))
         for name in (topic, source):
             self._ages.setdefault(name, Age()).refresh()
         if topic == JAMMING_STATE:

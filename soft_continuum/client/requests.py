@@ -20,6 +20,7 @@ from soft_continuum.client.errors import (
     SequenceError,
 )
 from soft_continuum.client.tasks import Tasks, until
+from soft_continuum.ros.age import Age
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
     KINEMATICS,
@@ -55,7 +56,8 @@ class Requests(Tasks):
 
     def __init__(self, node: Node, timeout: float, discovery_timeout: float | None = None) -> None:
         """``timeout``: s for an answer, and for a node to be found unless that is given."""
-        super().__init__(node, timeout, timeout if discovery_timeout is None else discovery_timeout)
+        super().__init__(
+            node, timeout, timeout if discovery_timeout is None else discovery_timeout)
         self._numbers = count(1)
         self._jog: tuple[str, dict[str, float]] = '', {}  # id and target (m) of the running one
 
@@ -235,7 +237,7 @@ class Requests(Tasks):
         if request is None:
             raise NoAnswerError(f'the tendons did not arrive within {duration + self.timeout:g} s')
         if request.id != this or request.reason == MotionRequest.REPLACED:
-            raise ReplacedError(f'{TENDON_ACTUATION}: a newer trajectory took the place of the jog')
+            raise ReplacedError(f'{TENDON_ACTUATION}: a newer trajectory took its place')
         if request.status != MotionRequest.DONE:
             raise RefusedError(f'{TENDON_ACTUATION}: {request.message}')
         # The pulls that it reports come on another topic, maybe later.
@@ -286,7 +288,7 @@ class Requests(Tasks):
         if not handle.accepted:
             observed = self.observed
             state = await until(lambda: (state := observed.shape_sequencer)
-                                and state.rejected_goal_id == handle.goal_id and state,
+                                and state.rejected and state,
                                 REASON_TIMEOUT)
             raise RefusedError(f'{SHAPE_SEQUENCER}: '
                                f'{state.rejected if state else "the goal was rejected"}')
@@ -299,7 +301,13 @@ class Requests(Tasks):
         from soft_continuum.client.sequence import sequence_result
         answer, observed = handle.get_result_async(), self.observed
         answer.add_done_callback(self.step)
-        await until(lambda: answer.done() or observed.age(SHAPE_SEQUENCER) >= LOST_TIMEOUT, inf)
+        accepted = Age()
+        accepted.refresh()
+
+        def lost() -> bool:
+            return min(accepted.seconds, observed.age(SHAPE_SEQUENCER)) >= LOST_TIMEOUT
+
+        await until(lambda: answer.done() or lost(), inf)
         if not answer.done():
             raise LostError(
                 f'nothing received of {SHAPE_SEQUENCER} for {LOST_TIMEOUT:g} s; the arm may be '

@@ -86,7 +86,8 @@ class RunningSequence:
         before: Progress | None = None
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self.done or self._progress != before)
+                while not self.done and self._progress == before:
+                    self._changed.wait()
             done, now = self.done, self._progress
             if now is not None and now != before:
                 before = now

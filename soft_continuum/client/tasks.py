@@ -105,7 +105,11 @@ class Tasks:
     # Services.
 
     async def found(self, condition: Callable[[], T], what: str, node: str) -> T:
-        """Return what ``condition`` gives once it is true; raises NodesMissing or NoAnswerError."""
+        """
+        Return what ``condition`` gives once it is true.
+
+        Raises NodesMissingError or NoAnswerError, about ``node``, after the discovery timeout.
+        """
         value = await until(condition, self.discovery_timeout)
         if not value:
             raise self.not_found(what, [node], self.discovery_timeout)
