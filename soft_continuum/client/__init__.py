@@ -14,10 +14,11 @@ from soft_continuum.client.errors import (
     NoAnswerError,
     NodesMissingError,
     RefusedError,
+    ReplacedError,
     SequenceError,
 )
-from soft_continuum.client.sequence import Progress, RunningSequence
-from soft_continuum.client.state import ArmState, NodeReport, Pose, SequenceResult
+from soft_continuum.client.sequence import RunningSequence
+from soft_continuum.client.state import ArmState, NodeReport, Pose, Progress, SequenceResult
 
 __all__ = [
     'Arm',
@@ -30,6 +31,7 @@ __all__ = [
     'Pose',
     'Progress',
     'RefusedError',
+    'ReplacedError',
     'RunningSequence',
     'SequenceError',
     'SequenceResult',

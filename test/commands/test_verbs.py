@@ -189,7 +189,7 @@ def complete(*lines, cache):
     """Return what bash offers for the last word of each line."""
     script = '\n'.join((
         f'soft_continuum() {{ "{sys.executable}" "{SCRIPT}" "$@"; }}',
-        f'source <(soft_continuum completion bash)',
+        'source <(soft_continuum completion bash)',
         *(f"COMP_LINE='{line}' COMP_POINT={len(line)} COMP_TYPE=9 IFS=$' \\t\\n'\n"
           '_python_argcomplete soft_continuum\necho "${COMPREPLY[*]}"' for line in lines)))
     ran = subprocess.run(['bash', '-c', script], capture_output=True, text=True, timeout=60,
