@@ -42,7 +42,7 @@ from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.shapes import SHAPE_PREFIX
 from soft_continuum_interfaces.action import RunShapeSequence
-from soft_continuum_interfaces.msg import Shape
+from soft_continuum_interfaces.msg import Shape, ShapeSequencerState
 
 DEADLINE = 30.0  # s: for what takes a fraction of a second on an idle machine
 SEGMENTS = 3
@@ -250,6 +250,7 @@ class Rig:
         self.action = self.observer.action
         self.statuses = {
             name: self.record(DiagnosticStatus, f'{name}/status', LATCHED) for name in ALL}
+        self.sequencer = self.record(ShapeSequencerState, 'shape_sequencer/state', LATCHED)
         self.tendons = self.record(JointState, 'tendon_states', RELIABLE)
         self.stiff = [self.record(Bool, f'segment_{n}/stiff', LATCHED)
                       for n in range(1, SEGMENTS + 1)]
@@ -445,7 +446,7 @@ class Rig:
             goal = self.goal(*shapes, hold=hold)
             if goal.accepted:
                 return goal
-            assert 'nothing heard' in self.rejected()
+            assert 'nothing received' in self.rejected()
             return None
         return self.wait_for(accepted, 'an accepted goal')  # type: ignore[no-any-return]
 
@@ -457,13 +458,14 @@ class Rig:
                           'a motion')
             if not goal.ended:
                 return goal
-            assert 'nothing heard' in goal.result()[1].error_string
+            assert 'nothing received' in goal.result()[1].error_string
             return None
         return self.wait_for(moving, 'a moving arm')  # type: ignore[no-any-return]
 
     def rejected(self) -> str:
-        """Return why the last goal was rejected, as the sequencer's status says."""
-        return self.wait_for_status('shape_sequencer', 'rejected')
+        """Return why the last goal was rejected, as the state of the sequencer says."""
+        return str(self.wait_for(
+            lambda: self.sequencer.last and self.sequencer.last.rejected, 'a rejection'))
 
     # Claims about the arm.
 
