@@ -292,7 +292,7 @@ class Requests(Tasks):
         if not handle.accepted:
             observed = self.observed
             state = await until(lambda: (state := observed.shape_sequencer)
-                                and state.rejected and state,
+                                and state.rejected_goal_id == handle.goal_id and state,
                                 REASON_TIMEOUT)
             raise RefusedError(f'{SHAPE_SEQUENCER}: '
                                f'{state.rejected if state else "the goal was rejected"}')
