@@ -10,12 +10,15 @@ from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from unique_identifier_msgs.msg import UUID
 
 from soft_continuum.sequencing.progress import Code, Outcome
 from soft_continuum_interfaces.action import RunShapeSequence
 
 RESULT_TIMEOUT = 900  # s for which a client can still ask for a result
+GOALS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+"""Of many goals at once each is answered; rclpy would forget all but ten."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,8 @@ class SequenceServer(ActionServer):
         super().__init__(
             node, RunShapeSequence, 'run_shape_sequence', lambda handle: None,
             goal_callback=lambda goal: self._answer, handle_accepted_callback=on_accepted,
-            cancel_callback=lambda handle: CancelResponse.ACCEPT, result_timeout=RESULT_TIMEOUT)
+            cancel_callback=lambda handle: CancelResponse.ACCEPT,
+            goal_service_qos_profile=GOALS, result_timeout=RESULT_TIMEOUT)
 
     async def _execute_goal_request(self, request: Any) -> None:
         """Leave the answer to whoever takes the request."""

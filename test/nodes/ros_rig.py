@@ -200,6 +200,11 @@ class Goal:
             self._result.add_done_callback(self._on_end)
         return bool(handle.accepted)
 
+    @property
+    def goal_id(self) -> Any:
+        """The identity of the goal, of a rejected one too."""
+        return self._rig.wait_future(self._future, 'an answer to the goal').goal_id
+
     def result(self, within: float = DEADLINE) -> tuple[str, Any]:
         """Return the status and the result, once the goal has ended."""
         assert self.accepted, f'the goal was rejected: {self._rig.rejected()}'
@@ -466,6 +471,13 @@ class Rig:
         """Return why the last goal was rejected, as the state of the sequencer says."""
         return str(self.wait_for(
             lambda: self.sequencer.last and self.sequencer.last.rejected, 'a rejection'))
+
+    def rejection(self, goal: Goal) -> str:
+        """Return why ``goal`` was rejected, as the state of the sequencer says."""
+        return str(self.wait_for(
+            lambda: next((state.rejected for state in self.sequencer
+                          if state.rejected_goal_id == goal.goal_id), ''),
+            'the reason of the rejection'))
 
     # Claims about the arm.
 
