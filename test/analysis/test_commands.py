@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.analysis import specimen
-from soft_continuum.commands import characterize, converge, identify, validate, workspace
+from soft_continuum.cli import characterize, converge, identify, validate, workspace
 from soft_continuum.mechanics.laws import MomentCurvature
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description
@@ -111,10 +111,10 @@ def test_a_bad_description_is_named(run, tmp_path, name):
 @pytest.mark.parametrize('name', COMMANDS)
 def test_a_command_runs_as_a_module(name):
     done = subprocess.run(
-        [sys.executable, '-m', f'soft_continuum.commands.{name}', '--help'], check=True,
+        [sys.executable, '-m', f'soft_continuum.cli.{name}', '--help'], check=True,
         capture_output=True, text=True, timeout=60)
     assert f'usage: {name}' in done.stdout
-    assert name == import_module(f'soft_continuum.commands.{name}').NAME
+    assert name == import_module(f'soft_continuum.cli.{name}').NAME
 
 
 # characterize
