@@ -11,10 +11,10 @@ from soft_continuum.client.arm import Arm
 from soft_continuum.client.errors import (
     ClientError,
     LostError,
+    MotionEndedError,
     NoAnswerError,
     NodesMissingError,
     RefusedError,
-    ReplacedError,
     SequenceError,
 )
 from soft_continuum.client.sequence import RunningSequence
@@ -25,13 +25,13 @@ __all__ = [
     'ArmState',
     'ClientError',
     'LostError',
+    'MotionEndedError',
     'NoAnswerError',
     'NodeReport',
     'NodesMissingError',
     'Pose',
     'Progress',
     'RefusedError',
-    'ReplacedError',
     'RunningSequence',
     'SequenceError',
     'SequenceResult',

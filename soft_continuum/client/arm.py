@@ -82,9 +82,13 @@ class Arm:
     @property
     def state(self) -> 'ArmState':
         """What is known now; raises NodesMissingError when none of the nodes runs."""
+        return self._observe().snapshot()
+
+    def _observe(self) -> 'ObservedArm':
+        """Return the observed arm; the first time as soon as its nodes have reported."""
         if self._observed is None:
             self._observed = self._do(self._requests.observe())
-        return self._observed.snapshot()
+        return self._observed
 
     @property
     def shapes(self) -> Mapping[str, tuple[float, ...]]:
@@ -155,10 +159,12 @@ class Arm:
 
     def stiffen(self, segment: int | None = None) -> None:
         """Evacuate a segment (from 1 at the base), or all; wait until it is confirmed stiff."""
+        self._observe()
         self._do(self._requests.set_stiff(segment, True))
 
     def soften(self, segment: int) -> None:
         """Vent a segment (from 1 at the base); wait until it is soft enough to be bent."""
+        self._observe()
         self._do(self._requests.set_stiff(segment, False))
 
     # Tendons.
@@ -174,6 +180,7 @@ class Arm:
         for name, change in changes.items():
             if not isfinite(change):
                 raise ValueError(f'{name} is {change}; give a finite number, m')
+        self._observe()
         try:
             self._do(self._requests.jog(changes))
         except ClientError:

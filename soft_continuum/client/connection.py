@@ -9,12 +9,12 @@ import traceback
 import rclpy
 from rclpy.context import Context
 from rclpy.exceptions import NameValidationException
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
+from soft_continuum.ros.executor import BestExecutor
 
 
 class Connection:
@@ -47,7 +47,7 @@ class Connection:
             raise ClientError(f'namespace {namespace!r} is not one that ROS takes: '
                               f'{str(error).splitlines()[0]}') from None
         self.requests = Requests(self.node, timeout, discovery_timeout)
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = BestExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._spin, name='soft_continuum', daemon=True)
         self._thread.start()

@@ -21,8 +21,13 @@ class RefusedError(ClientError):
     """A node refused a request, or ended it early."""
 
 
-class ReplacedError(RefusedError):
-    """A newer trajectory took the place of a jog."""
+class MotionEndedError(RefusedError):
+    """A motion was accepted and ended early; ``reason`` is a value of MotionRequest.reason."""
+
+    def __init__(self, message: str, reason: int) -> None:
+        """Keep ``reason``."""
+        super().__init__(message)
+        self.reason = reason
 
 
 class LostError(ClientError):

@@ -22,6 +22,7 @@ from soft_continuum.ros.names import (
     TENDON_ACTUATION,
 )
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
+from soft_continuum.sequencing.progress import Phase
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import (
     JammingValvesState,
@@ -77,11 +78,6 @@ class ObservedArm:
 
     def _on_message(self, topic: str, source: str, message: Any) -> None:
         self._messages[topic] = message
-        if topic == f'{SHAPE_SEQUENCER}/status':  # until shape_sequencer publishes its state
-            values = {pair.key: pair.value for pair in message.values}
-            self._messages[SEQUENCER_STATE] = ShapeSequencerState(
-                running='phase' in values, phase=values.get('phase', ''),
-                rejected=values.get('rejected', ''))
         for name in (topic, source):
             self._ages.setdefault(name, Age()).refresh()
         if topic == JAMMING_STATE:
@@ -171,7 +167,7 @@ class ObservedArm:
         if state is None or not state.running:
             return None
         this = message is not None and message.goal_id == state.goal_id
-        return Progress(state.shape_index, state.shape, state.segment, state.phase,
+        return Progress(state.shape_index, state.shape, state.segment, Phase(state.phase),
                         float(message.feedback.progress) if this else 0.0)
 
     def running(self) -> dict[str, bool]:

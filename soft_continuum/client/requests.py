@@ -14,9 +14,9 @@ from std_srvs.srv import SetBool, Trigger
 from soft_continuum.client.errors import (
     ClientError,
     LostError,
+    MotionEndedError,
     NoAnswerError,
     RefusedError,
-    ReplacedError,
     SequenceError,
 )
 from soft_continuum.client.tasks import Tasks, until
@@ -137,10 +137,11 @@ class Requests(Tasks):
 
         A segment counts as soft from ``soft_vacuum`` of the shape_sequencer on.
         """
-        observed = await self.observe()
+        observed = self.observed
         await self._refuse_during_sequence()
+        await self.found(lambda: observed.segments, f'{JAMMING_VALVES}/state', JAMMING_VALVES)
         numbers = list(range(1, observed.segments + 1)) if segment is None else [segment]
-        if observed.segments and not 1 <= numbers[0] <= observed.segments:
+        if not 1 <= numbers[0] <= observed.segments:
             raise RefusedError(f'there is no segment {segment}; '
                                f'the segments are 1 to {observed.segments}')
         limit, timeout = 0.0, SWITCHING_TIMEOUT
@@ -185,8 +186,8 @@ class Requests(Tasks):
         changes: by name of the tendon, such as 'right_tendon', or 'right' for short.
 
         A jog that is asked for while another one moves starts where that would have ended.
-        Raises RefusedError with the reason of tendon_actuation; ReplacedError when a newer
-        trajectory took its place.
+        Raises RefusedError with the reason of tendon_actuation; MotionEndedError when it was
+        accepted but ended early, also when a newer trajectory took its place.
         """
         from builtin_interfaces.msg import Duration
         from trajectory_msgs.msg import JointTrajectoryPoint
@@ -236,9 +237,12 @@ class Requests(Tasks):
             self._jog = '', {}
         if request is None:
             raise NoAnswerError(f'the tendons did not arrive within {duration + self.timeout:g} s')
-        if request.id != this or request.reason == MotionRequest.REPLACED:
-            raise ReplacedError(f'{TENDON_ACTUATION}: a newer trajectory took its place')
-        if request.status != MotionRequest.DONE:
+        if request.id != this:
+            raise MotionEndedError(f'{TENDON_ACTUATION}: a newer trajectory took its place',
+                                   MotionRequest.REPLACED)
+        if request.status == MotionRequest.ENDED:
+            raise MotionEndedError(f'{TENDON_ACTUATION}: {request.message}', request.reason)
+        if request.status == MotionRequest.REFUSED:
             raise RefusedError(f'{TENDON_ACTUATION}: {request.message}')
         # The pulls that it reports come on another topic, maybe later.
         received = observed.message('tendon_states')
@@ -288,7 +292,7 @@ class Requests(Tasks):
         if not handle.accepted:
             observed = self.observed
             state = await until(lambda: (state := observed.shape_sequencer)
-                                and state.rejected and state,
+                                and state.rejected_goal_id == handle.goal_id and state,
                                 REASON_TIMEOUT)
             raise RefusedError(f'{SHAPE_SEQUENCER}: '
                                f'{state.rejected if state else "the goal was rejected"}')

@@ -11,13 +11,11 @@ from builtin_interfaces.msg import Duration
 
 from soft_continuum.client.errors import NoAnswerError
 from soft_continuum.client.state import Progress, SequenceResult
+from soft_continuum.sequencing.progress import Code, Phase
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape
 
 LONGEST_HOLD = 86400.0  # s
-OUTCOMES = {getattr(RunShapeSequence.Result, name): name for name in (
-    'SUCCESSFUL', 'PREEMPTED', 'CANCELED', 'STOPPED', 'TIMEOUT', 'HARDWARE_FAULT',
-    'MODEL_FAILURE')}
 
 
 def goal(shapes: Sequence[str | Sequence[float]], hold: float) -> RunShapeSequence.Goal:
@@ -37,8 +35,8 @@ def goal(shapes: Sequence[str | Sequence[float]], hold: float) -> RunShapeSequen
 
 def sequence_result(message: RunShapeSequence.Result) -> SequenceResult:
     """Return the result of a goal."""
-    return SequenceResult(OUTCOMES.get(message.error_code, str(message.error_code)),
-                          message.error_string, message.shapes_completed)
+    return SequenceResult(Code(message.error_code).name, message.error_string,
+                          message.shapes_completed)
 
 
 class RunningSequence:
@@ -64,7 +62,7 @@ class RunningSequence:
         """Keep the progress of the goal."""
         feedback = message.feedback
         self._progress = Progress(feedback.shape_index, feedback.shape, feedback.segment,
-                                  feedback.phase, float(feedback.progress))
+                                  Phase(feedback.phase), float(feedback.progress))
         self._notify()
 
     def _notify(self) -> None:

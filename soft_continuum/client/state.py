@@ -6,6 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import atan2
 
+from soft_continuum.sequencing.progress import Progress
+
+__all__ = ['ArmState', 'NodeReport', 'Pose', 'Progress', 'SequenceResult']
+
 
 @dataclass(frozen=True)
 class Pose:
@@ -47,22 +51,6 @@ class NodeReport:
     values: Mapping[str, str]
     age: float | None
     stale: bool
-
-
-@dataclass(frozen=True)
-class Progress:
-    """
-    How far a sequence is.
-
-    shape_index: from 0.  segment: from 1, 0 for the whole arm.  phase: 'preparing', 'softening',
-    'moving', 'stiffening' or 'holding'.  fraction: 0 to 1, of the whole sequence.
-    """
-
-    shape_index: int
-    shape: str
-    segment: int
-    phase: str
-    fraction: float
 
 
 @dataclass(frozen=True)
