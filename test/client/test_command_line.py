@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line operates the arm, and says by its exit status how it went."""
 
+import faulthandler
 import json
 from math import radians
 from pathlib import Path
@@ -24,6 +25,8 @@ TIMEOUT = 30.0  # s
 def call(here, capsys, monkeypatch, tmp_path):
     """Return a function that runs a verb in this process: exit status, stdout, stderr."""
     monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
+    # The events executor calls it with a stderr that has no file descriptor here.
+    monkeypatch.setattr(faulthandler, 'enable', lambda: None)
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
 
     def run(*words, namespace='/arm_under_test', timeout=TIMEOUT):
