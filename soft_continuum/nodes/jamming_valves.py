@@ -13,10 +13,11 @@ from std_srvs.srv import SetBool
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
 from soft_continuum.hardware.jamming_controller import JammingController
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver
-from soft_continuum.nodes.support import EmergencyStop, ERROR, ManagedNode, OK
+from soft_continuum.nodes.support import EmergencyStop, ERROR, ManagedNode, OK, StatePublisher
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import jamming_settings, NODE_PARAMETERS
 from soft_continuum.ros.qos import LATCHED, STREAM
+from soft_continuum_interfaces.msg import JammingValvesState
 
 
 class JammingValves(ManagedNode):
@@ -24,10 +25,11 @@ class JammingValves(ManagedNode):
     Switches segments soft or stiff and says, from the pressure, which they are.
 
     Publishes segment_N/stiff (std_msgs/Bool, latched), segment_N/pressure
-    (sensor_msgs/FluidPressure), ~/status and /diagnostics.  Subscribes to emergency_stop.  Serves
+    (sensor_msgs/FluidPressure), ~/state (soft_continuum_interfaces/JammingValvesState, latched),
+    ~/status and /diagnostics.  Subscribes to emergency_stop.  Serves
     ~/segment_N/set_stiff and ~/set_all_stiff (std_srvs/SetBool).  N counts from 1 at the base.
 
-    While a device does not answer nothing is published but ~/status and /diagnostics: whether
+    While a device does not answer only ~/state, ~/status and /diagnostics are published: whether
     its segments are stiff is then not known to anybody.
     """
 
@@ -53,6 +55,8 @@ class JammingValves(ManagedNode):
             lambda request, response: self._set_stiff(
                 list(range(self._segments)), request, response))
         self._emergency = EmergencyStop(self)
+        self._state = StatePublisher(self, JammingValvesState)
+        self._publish_state()
         self._timer = self.create_timer(1.0 / self.parameters['jamming_rate'], self._update)
 
     def hardware_id(self) -> str:
@@ -71,6 +75,7 @@ class JammingValves(ManagedNode):
     def deactivate(self) -> None:
         """Leave pump and valves as they are."""
         self.status.set(OK, 'inactive')
+        self._publish_state()
 
     def clean_up(self) -> None:
         """Disconnect; pump and valves stay as they are."""
@@ -88,6 +93,7 @@ class JammingValves(ManagedNode):
             reading = self._controller.update()
         except HardwareError as error:
             self.status.set(ERROR, str(error))
+            self._publish_state(str(error))
             return
         stamp = self.get_clock().now().to_msg()
         for i in range(self._segments):
@@ -100,6 +106,20 @@ class JammingValves(ManagedNode):
         self.status.set(ERROR if faults else OK, faults or 'working',
                         pump='on' if reading.pump else 'off',
                         stiff=' '.join(str(s).lower() for s in self._controller.stiff))
+
+        self._publish_state()
+
+    def _publish_state(self, fault: str = '') -> None:
+        controller = self._controller
+        state = JammingValvesState(
+            fault=fault, stiffness=[JammingValvesState.UNKNOWN] * self._segments,
+            segment_faults=[''] * self._segments)
+        if self.active and controller is not None and not fault:
+            state.connected, state.pump = True, controller.reading.pump
+            state.stiffness = [JammingValvesState.STIFF if stiff else JammingValvesState.NOT_STIFF
+                               for stiff in controller.stiff]
+            state.segment_faults = list(controller.faults)
+        self._state.publish(state)
 
     def _say_stiff(self, segments: Iterable[int]) -> None:
         assert self._controller is not None

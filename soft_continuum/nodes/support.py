@@ -4,6 +4,7 @@
 """What every node does alike: parameters, status, diagnostics and the lifecycle."""
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 import time
 import traceback
 from typing import Any
@@ -170,6 +171,24 @@ class Status:
         array = DiagnosticArray(status=[self._message])
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._diagnostics.publish(array)
+
+
+class StatePublisher:
+    """Publishes a typed state latched on ``~/state``, whenever more than its stamp changes."""
+
+    def __init__(self, node: Node, message_type: Any) -> None:
+        """Create the publisher of ``node``."""
+        self._node = node
+        self._publisher = node.create_publisher(message_type, '~/state', LATCHED)
+        self._last: Any = None
+
+    def publish(self, message: Any) -> None:
+        """Publish ``message``, whose stamp is still zero, if it differs from the last one."""
+        if message == self._last:
+            return
+        self._last = deepcopy(message)
+        message.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
 
 
 def load_model(node: Node) -> None:

@@ -22,6 +22,7 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.statics import Statics, StaticsError
+from soft_continuum.nodes.motion_requests import MotionRequests
 from soft_continuum.nodes.support import (
     EmergencyStop,
     ERROR,
@@ -30,6 +31,7 @@ from soft_continuum.nodes.support import (
     OK,
     RETRY,
     SLACK_ALLOWANCE,
+    StatePublisher,
     WARN,
 )
 from soft_continuum.parameters.arm import arm_from_parameters
@@ -37,9 +39,14 @@ from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import seconds, trajectory_from_ros
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
+from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
 
 STRAIGHT = 0.02  # rad: largest bending angle of a segment that counts as straight
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
+
+
+class PredictionError(MotionRefusedError):
+    """The model predicts too much tension, or finds no shape."""
 
 
 class TendonActuation(ManagedNode):
@@ -48,7 +55,8 @@ class TendonActuation(ManagedNode):
 
     Subscribes to ~/joint_trajectory (trajectory_msgs/JointTrajectory), segment_N/stiff,
     segment_N/pressure, joint_states and emergency_stop (std_msgs/Bool).  Publishes tendon_states
-    (sensor_msgs/JointState), ~/status and /diagnostics.  Serves ~/stop, ~/resume and ~/reference
+    (sensor_msgs/JointState), ~/state (soft_continuum_interfaces/TendonActuationState, latched),
+    ~/status and /diagnostics.  Serves ~/stop, ~/resume and ~/reference
     (std_srvs/Trigger).
 
     A device that fails counts as lost: it is connected to again as soon as it answers, and then
@@ -63,6 +71,9 @@ class TendonActuation(ManagedNode):
         self._statics = Statics(self._arm)
         self._controller: TendonController | None = None
         self._driver: TendonDriver | None = None
+        self._requests = MotionRequests()
+        self._state = StatePublisher(self, TendonActuationState)
+        self._stopped = TendonActuationState.NOT_STOPPED
         self._stopped_because = ''  # while there is no controller to keep it
         self._lost = ''  # why the device was lost
         self._connect_age = Age()  # since the last attempt to connect to it again
@@ -114,7 +125,9 @@ class TendonActuation(ManagedNode):
             except HardwareError as error:
                 self._lose(error)
                 return
+        self._requests.end(MotionRequest.INACTIVE, 'the node was deactivated')
         self.status.set(OK, 'inactive')
+        self._publish_state()
 
     def clean_up(self) -> None:
         """Hold and disconnect."""
@@ -132,7 +145,10 @@ class TendonActuation(ManagedNode):
         """Disconnect from a device that failed; nothing moves before it is back and ~/resume."""
         self._disconnect()
         self._lost = str(error)
-        self._stopped_because = self._stopped_because or f'the device failed: {error}'
+        if not self._stopped_because:
+            self._stopped = TendonActuationState.STOPPED_BY_DEVICE
+            self._stopped_because = f'the device failed: {error}'
+        self._requests.end(MotionRequest.DEVICE, str(error))
         self._connect_age.refresh()
         self._say()
 
@@ -166,29 +182,54 @@ class TendonActuation(ManagedNode):
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         if not self.active or self._controller is None:
-            self._refuse(message, self._lost or 'the node is not active')
+            reason = MotionRequest.DEVICE if self._lost else MotionRequest.INACTIVE
+            self._refuse(message, reason, self._lost or 'the node is not active')
             return
         try:
             if not message.points:
                 self._controller.hold()
+                self._requests.end(
+                    MotionRequest.HELD, 'a trajectory without points asked the tendons to hold')
+                self._say()
                 return
-            obstacle = self._obstacle()
-            if obstacle:
-                raise MotionRefusedError(obstacle)
+            if interlock := self._interlock():
+                self._refuse(message, *interlock)
+                return
             now = self._seconds()
             times, pulls = trajectory_from_ros(message, now)
             begin = seconds(message.header.stamp) or now
             self._controller.accept(times, pulls, now, self._predict, begin)
-            self._refused = self._ended = ''
-            self._stiff_at_start = list(self._stiff)
         except MotionRefusedError as error:
-            self._refuse(message, str(error))
+            self._refuse(message, self._refusal_reason(error), str(error))
+            return
         except HardwareError as error:
             self._lose(error)
+            return
+        if self._requests.following:
+            self._requests.end(MotionRequest.REPLACED, 'a newer trajectory took its place')
+            self._publish_state()
+        self._requests.accept(message.header.frame_id)
+        self._refused = self._ended = ''
+        self._stiff_at_start = list(self._stiff)
+        self._say()
 
-    def _refuse(self, message: JointTrajectory, reason: str) -> None:
-        self._refused, self._refused_stamp = reason, message.header.stamp
-        self.get_logger().error(f'trajectory refused: {reason}')
+    def _refusal_reason(self, error: MotionRefusedError) -> int:
+        assert self._controller is not None
+        if isinstance(error, PredictionError):
+            return int(MotionRequest.TENSION)
+        if self._controller.stopped:
+            return int(MotionRequest.STOPPED)
+        if self._controller.homing:
+            return int(MotionRequest.HOMING)
+        if not self._controller.reading.referenced:
+            return int(MotionRequest.NOT_REFERENCED)
+        return int(MotionRequest.BEYOND_LIMITS if '_limit' in str(error)
+                   else MotionRequest.INVALID)
+
+    def _refuse(self, trajectory: JointTrajectory, reason: int, message: str) -> None:
+        self._refused, self._refused_stamp = message, trajectory.header.stamp
+        self._requests.refuse(trajectory.header.frame_id, reason, message)
+        self.get_logger().error(f'trajectory refused: {message}')
         self._say()
 
     @property
@@ -201,26 +242,28 @@ class TendonActuation(ManagedNode):
         fresh = self._shape_age.seconds <= self.parameters['silence_timeout']
         return self._shape if fresh else None
 
-    def _obstacle(self) -> str:
-        """Say why the arm must not be moved at all now; empty when nothing speaks against it."""
-        silence = self.parameters['silence_timeout']
+    def _interlock(self) -> tuple[int, str] | None:
+        """Return why the arm must not be moved at all now, None when it may be."""
+        timeout = self.parameters['silence_timeout']
         if not self._knows_stiffness:
-            return ('it is not known which segments are soft: nothing heard of jamming_valves '
-                    f'for {silence:g} s')
+            return (MotionRequest.STIFFNESS_UNKNOWN,
+                    'it is not known which segments are soft: nothing received from '
+                    f'jamming_valves for {timeout:g} s')
         if all(self._stiff):
-            return ('every segment is stiff; soften one first '
+            return (MotionRequest.ALL_STIFF, 'every segment is stiff; soften one first '
                     '(jamming_valves/segment_N/set_stiff)')
         if self._known_shape is None:
-            return ('the shape of the arm is not known, so no tension can be predicted: no '
-                    f'joint_states from kinematics for {silence:g} s')
-        return ''
+            return (MotionRequest.SHAPE_UNKNOWN,
+                    'the shape of the arm is not known, so no tension can be predicted: no '
+                    f'joint_states from kinematics for {timeout:g} s')
+        return None
 
-    def _homing_obstacle(self) -> str:
-        """Say why tendons must not be let out to their switches now; empty when they may."""
+    def _homing_interlock(self) -> str:
+        """Return why tendons must not be paid out to their switches now, empty when they may."""
         if not self._knows_stiffness:
-            return 'it is not known whether the arm is stiff: nothing heard of jamming_valves'
+            return 'it is not known whether the arm is stiff: nothing received from jamming_valves'
         if not all(self._stiff):
-            return 'homing lets the tendons out: stiffen every segment'
+            return 'homing pays out the tendons: stiffen every segment'
         if (shape := self._known_shape) is not None:
             bent = np.abs(self._statics.chain.bending_angles(shape.joint_angles)).max()
             if bent > STRAIGHT:
@@ -244,13 +287,13 @@ class TendonActuation(ManagedNode):
                     state = self._statics.solve(state, wanted - SLACK_ALLOWANCE, soft)
                     right, left = state.tensions
                     if max(right, left) > limit or min(right, left) > both_limit:
-                        raise MotionRefusedError(
+                        raise PredictionError(
                             f'at pulls of right {wanted[RIGHT] * 1e3:.2f} mm, left '
                             f'{wanted[LEFT] * 1e3:.2f} mm the tension would be {right:.1f} and '
                             f'{left:.1f} N; tension_limit: {limit:g} N, co_contraction_limit '
                             f'(both at once): {both_limit:g} N')
         except StaticsError as error:
-            raise MotionRefusedError(str(error)) from None
+            raise PredictionError(str(error)) from None
 
     def _update(self) -> None:
         controller = self._controller
@@ -260,16 +303,24 @@ class TendonActuation(ManagedNode):
             return
         try:
             if controller.busy:
-                obstacle = self._homing_obstacle() if controller.homing else self._obstacle()
-                if not obstacle and not controller.homing and self._stiff != self._stiff_at_start:
-                    obstacle = 'a segment changed between soft and stiff during the motion'
-                if obstacle and not self._ended:
+                if controller.homing:
+                    message = self._homing_interlock()
+                    interlock = (MotionRequest.HOMING, message) if message else None
+                else:
+                    interlock = self._interlock()
+                if not interlock and not controller.homing and self._stiff != self._stiff_at_start:
+                    interlock = (MotionRequest.STIFFNESS_CHANGED,
+                                 'a segment changed between soft and stiff during the motion')
+                if interlock and not self._ended:
                     controller.hold()
-                    self._ended = f'motion ended: {obstacle}'
+                    self._requests.end(*interlock)
+                    self._ended = f'motion ended: {interlock[1]}'
             reading = controller.update(self._seconds(), self._interval)
         except HardwareError as error:
             self._lose(error)
             return
+        if not controller.busy:
+            self._requests.done()
         if not self.active:
             return
         if controller.homing and not reading.referenced:  # positions mean nothing meanwhile
@@ -281,7 +332,20 @@ class TendonActuation(ManagedNode):
         self._states.publish(message)
         self._say()
 
+    def _publish_state(self) -> None:
+        controller = self._controller
+        state = TendonActuationState(
+            tendons=list(TENDONS), connected=controller is not None, fault=self._lost,
+            stopped=self._stopped, stop_message=self._stopped_because,
+            accepted=self._requests.accepted, refused=self._requests.refused)
+        if controller is not None:
+            state.referenced = controller.reading.referenced
+            state.moving, state.homing = controller.busy, controller.homing
+            state.stop_message = controller.stopped_because
+        self._state.publish(state)
+
     def _say(self) -> None:
+        self._publish_state()
         controller = self._controller
         if controller is None:
             self.status.set(ERROR if self._lost else OK, self._lost or 'not connected',
@@ -303,17 +367,20 @@ class TendonActuation(ManagedNode):
             refused_stamp=f'{self._refused_stamp.sec}.{self._refused_stamp.nanosec:09d}')
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = self._stop('~/stop was called')
+        response.success, response.message = self._stop(
+            TendonActuationState.STOPPED_BY_SERVICE, '~/stop was called')
         return response
 
     def _on_emergency(self, on: bool) -> None:
         if on:
-            self._stop('emergency_stop is on')
+            self._stop(TendonActuationState.STOPPED_BY_EMERGENCY, 'emergency_stop is on')
         else:
             self.get_logger().warning('emergency_stop is off; nothing moves before ~/resume')
 
-    def _stop(self, reason: str) -> tuple[bool, str]:
-        """Stop all motion; return whether the device was reached, and what to say."""
+    def _stop(self, kind: int, reason: str) -> tuple[bool, str]:
+        """Stop all motion; return whether the device was reached, and the answer."""
+        self._stopped = kind
+        self._requests.end(MotionRequest.STOPPED, reason)
         if self._controller is None:
             self._stopped_because = reason
             self._say()
@@ -336,6 +403,7 @@ class TendonActuation(ManagedNode):
             response.message = self._lost or 'the node is not active'
             return response
         self._controller.resume()
+        self._stopped = TendonActuationState.NOT_STOPPED
         self._ended = ''
         self._say()
         response.success = True
@@ -347,8 +415,8 @@ class TendonActuation(ManagedNode):
             response.message = self._lost or 'the node is not active'
             return response
         homes = self._driver is not None and self._driver.reference_moves
-        if homes and (obstacle := self._homing_obstacle()):
-            response.message = obstacle
+        if homes and (interlock := self._homing_interlock()):
+            response.message = interlock
             return response
         try:
             self._ended = ''

@@ -3,6 +3,8 @@
 
 """Conversions between the library's arrays and ROS messages."""
 
+from collections.abc import Sequence
+
 from geometry_msgs.msg import Pose, PoseArray
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -34,11 +36,12 @@ def poses_from_ros(message: PoseArray) -> Array:
                      for p in message.poses])
 
 
-def trajectory_to_ros(times: Array, pulls: Array) -> JointTrajectory:
-    """Return times (k,) s and pulls (k, 2) m as a JointTrajectory without a stamp."""
-    message = JointTrajectory(joint_names=list(TENDONS))
+def trajectory_to_ros(times: Array, pulls: Array, tendons: Sequence[str] = TENDONS
+                      ) -> JointTrajectory:
+    """Return times (k,) s and pulls (k, tendons) m as a JointTrajectory without a stamp."""
+    message = JointTrajectory(joint_names=list(tendons))
     for time, pull in zip(times, pulls, strict=True):
-        point = JointTrajectoryPoint(positions=[float(pull[0]), float(pull[1])])
+        point = JointTrajectoryPoint(positions=[float(p) for p in pull])
         point.time_from_start.sec = int(time)
         point.time_from_start.nanosec = min(999_999_999, int((time % 1.0) * 1e9))
         message.points.append(point)

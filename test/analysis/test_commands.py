@@ -3,11 +3,8 @@
 """The commands print tables, write figures and parameters, and answer bad input with one line."""
 
 import csv
-from importlib import import_module
 from pathlib import Path
 import re
-import subprocess
-import sys
 
 import curve_files as files
 from matplotlib.image import imread
@@ -15,12 +12,13 @@ import numpy as np
 import pytest
 
 from soft_continuum.analysis import specimen
-from soft_continuum.commands import characterize, converge, identify, validate, workspace
+from soft_continuum.cli import characterize, converge, identify, validate, workspace
 from soft_continuum.mechanics.laws import MomentCurvature
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description
 
 DATA = Path(__file__).resolve().parents[2] / 'data' / 'simulated_specimen'
+DOCUMENT = DATA.parents[1] / 'docs' / 'how_to' / 'measure_your_arm.md'
 MASSES = str(DATA / 'SIMULATED_masses.yaml')
 CURVES = str(DATA / 'SIMULATED_segment_2_soft.csv')
 PAPER = [str(DATA / f'SIMULATED_paper_{kind}.csv') for kind in ('points', 'pulls')]
@@ -106,15 +104,6 @@ def test_a_bad_description_is_named(run, tmp_path, name):
     assert status == 2
     assert 'none.yaml: cannot be read' in error
     assert error.count('\n') == 1
-
-
-@pytest.mark.parametrize('name', COMMANDS)
-def test_a_command_runs_as_a_module(name):
-    done = subprocess.run(
-        [sys.executable, '-m', f'soft_continuum.commands.{name}', '--help'], check=True,
-        capture_output=True, text=True, timeout=60)
-    assert f'usage: {name}' in done.stdout
-    assert name == import_module(f'soft_continuum.commands.{name}').NAME
 
 
 # characterize
@@ -311,7 +300,7 @@ def test_the_shipped_data_are_what_the_script_writes_and_say_that_they_are_simul
 # Documents
 
 def documented():
-    text = (DATA.parents[1] / 'docs' / 'how_to' / 'measure_your_arm.md').read_text(encoding='utf-8')
+    text = DOCUMENT.read_text(encoding='utf-8')
     blocks = re.findall(r'```sh\n(.*?)```', text, re.DOTALL)
     return [line for block in blocks for line in block.splitlines()]
 
@@ -321,14 +310,14 @@ def test_every_command_line_in_the_document_runs(run, tmp_path):
     assert len(lines) == 5
     (tmp_path / 'data').symlink_to(DATA.parent)
     for line in lines:
-        python, module, name, *arguments = line.split()
-        assert (python, module) == ('python', '-m')
-        status, _, error = run(import_module(name), *arguments)
+        program, name, *arguments = line.split()
+        assert program == 'soft_continuum'
+        status, _, error = run(COMMANDS[name][0], *arguments)
         assert status == 0, error
     results = tmp_path / 'results'
     assert len(list(results.glob('*.png'))) == 5
     # The tables of the document have the same numbers.
-    text = (DATA.parents[1] / 'docs' / 'how_to' / 'measure_your_arm.md').read_text(encoding='utf-8')
+    text = DOCUMENT.read_text(encoding='utf-8')
     for segment in load_arm(results / 'identify.yaml').segments:
         assert f'{segment.bending_stiffness:.5f} |' in text
     worst = {}
@@ -344,7 +333,7 @@ def test_every_command_line_in_the_document_runs(run, tmp_path):
 
 
 def test_what_the_document_shows_is_what_characterize_prints(run):
-    text = (DATA.parents[1] / 'docs' / 'how_to' / 'measure_your_arm.md').read_text(encoding='utf-8')
+    text = DOCUMENT.read_text(encoding='utf-8')
     shown = re.search(r'```text\n(k, N/mm.*?)```', text, re.DOTALL)[1]
     _, printed, _ = run(characterize, CURVES, *CHARACTERIZE)
     for line in shown.splitlines():

@@ -3,19 +3,21 @@
 """Reachable tips with and without gravity, by the order in which segments are set."""
 
 import argparse
+from collections.abc import Sequence
 import sys
 
 from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.analysis.workspace import furthest_apart, reach
 from soft_continuum.analysis.workspace_figure import workspace_figure
-from soft_continuum.commands.common import described_arm, guarded, new_parser, whole_number_in
+from soft_continuum.arguments import whole_number_in
+from soft_continuum.cli.common import described_arm, guarded, new_parser
 from soft_continuum.mechanics.arm import ArmError
 
 NAME = 'workspace'
 MOST_SHAPES = 50000  # some minutes
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
     parser = new_parser(NAME, 'Where the tip can go, with and without gravity, when segments are '
                         'set from the base on or from the tip on.')
@@ -56,7 +58,3 @@ def _run(options: argparse.Namespace) -> None:
           'bending angles without gravity.')
     workspace_figure(figure, reaches, reference, arm.length)
     print(f'Figure: {figure}')
-
-
-if __name__ == '__main__':
-    sys.exit(main())
