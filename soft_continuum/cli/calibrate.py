@@ -291,8 +291,8 @@ def _zero(job: Job) -> None:
         print('The controller keeps it: start the nodes.')
     else:
         print('The controller does not keep it, because opening its port resets it '
-              f'({GUIDE}): start the nodes, and with the arm straight and all tendons just taut type '
-              'soft_continuum reference.')
+              f'({GUIDE}): start the nodes, and with the arm straight and all tendons just '
+              'taut type soft_continuum reference.')
 
 
 def _jog(bench: TendonBench) -> None:
