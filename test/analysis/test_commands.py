@@ -190,7 +190,7 @@ def test_a_linear_segment_takes_its_table_out_of_the_description(run, tmp_path):
     ([CURVES, '--segment', '2'], '--lever-arm'),
     ([CURVES, '--segment', '4', '--lever-arm', '0.025'],
      'there is no segment 4; --segment is 1 to 3'),
-    ([CURVES, '--segment', '2', '--lever-arm', '25'], '25 given; allowed: 0.0001 to 1 m'),
+    ([CURVES, '--segment', '2', '--lever-arm', '25'], "'25' given; allowed: 0.0001 to 1 m"),
     (['none.csv', *CHARACTERIZE], 'none.csv: cannot be read'),
     ([CURVES, *CHARACTERIZE, '--stiff', CURVES], 'have the files of the two states been swapped'),
 ])
@@ -273,6 +273,20 @@ def test_converge_prints_the_papers_twelve(run):
     assert status == 0
     assert 'Converged at n = 12' in text
     assert 'Not converged' in run(converge, '--most', '8', '--output', 'x')[1]
+
+
+def test_workspace_says_how_long_it_takes_and_is_coarser_for_more_segments(run, tmp_path):
+    one = tmp_path / 'one.yaml'
+    one.write_text('/**:\n  ros__parameters:\n    arm:\n      segment_lengths: [0.07]\n'
+                   '      outer_diameters: [0.05]\n      leaf_thicknesses: [0.0005]\n'
+                   '      leaf_widths: [0.0127]\n      segment_masses: [0.069]\n'
+                   '      disc_heights: [0.03]\n      disc_masses: [0.06]\n'
+                   '      bending_angle_limits: [1.0]\n', encoding='utf-8')
+    status, _, progress = run(workspace, '--params-file', one)
+    assert status == 0
+    assert re.search(r'3 times 11 shapes, about \d+ s', progress)
+    assert '3 of 3, gravity, tip first' in progress
+    assert [workspace.default_angles(n) for n in (1, 3, 4, 5, 12)] == [11, 11, 6, 4, 2]
 
 
 def test_workspace_refuses_what_would_take_hours(run):

@@ -147,8 +147,8 @@ def test_segments_and_tendons_are_operated_by_hand(arm, call, documents):
     assert call('soften', '3')[:2] == (DONE, 'segment 3 is soft\n')
     assert call('jog', '--right', '1', '--left', '-1.5')[:2] == (
         DONE, 'pulls: right_tendon +1.00 mm, left_tendon -1.50 mm\n')
-    assert call('jog', 'left=1.5', 'right_tendon=-0.5') == (
-        DONE, 'pulls: right_tendon +0.50 mm, left_tendon +0.00 mm\n')
+    assert call('jog', 'left=-0.5', 'right_tendon=0.5')[:2] == (
+        DONE, 'pulls: right_tendon +1.50 mm, left_tendon -2.00 mm\n')
     status, _, errors = call('jog', 'middle=1')
     assert status == FAILED
     assert 'there is no tendon middle; the tendons are right_tendon, left_tendon' in errors
