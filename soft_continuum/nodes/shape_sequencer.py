@@ -20,15 +20,10 @@ from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.hardware.tendon_controller import TENDONS
 from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.markers import target_markers
-from soft_continuum.nodes.support import (
-    EmergencyStop,
-    ERROR,
-    load_model,
-    NodeParameters,
-    OK,
-    Status,
-)
+from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.status import ERROR, OK, Status
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
@@ -116,7 +111,6 @@ class ShapeSequencer(Node):
         self._next: Any = None  # the goal that waits for it to be wound down
         self._targets: list[tuple[float, ...]] = []  # bending angles of the shapes of the goal
         self._target: tuple[float, ...] | None = None  # that is shown
-        load_model(self)
         self._planner = Planner(self._arm, self._plan_settings())
 
         self._trajectory = self.create_publisher(
