@@ -50,7 +50,7 @@ def _program(module: str) -> Callable[[], NoReturn]:
     return run
 
 
-# The devices to try the hardware drivers on, and the commands of docs/rig.md and measurement.md.
+# The devices to try the hardware drivers on, and the commands of docs/how_to/set_up_a_rig.md and measurement.md.
 grbl_emulator = _program('emulators.grbl')
 modbus_emulator = _program('emulators.modbus')
 doctor = _program('commands.doctor')

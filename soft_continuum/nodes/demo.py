@@ -31,12 +31,13 @@ from soft_continuum.mechanics.chain import Array, RigidChain
 from soft_continuum.nodes.runtime import end, make_executor, node_class, NODES, Signals
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm, load_shapes
+from soft_continuum.parameters.shapes import PAPER_SHAPES
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape
 
-SHAPES = ('c_form', 'upright_c_form', 's_form')
+SHAPES = tuple(PAPER_SHAPES)
 TIMEOUT = 120.0  # s
 DISCOVERY_TIMEOUT = 20.0  # s
 

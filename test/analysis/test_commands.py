@@ -311,7 +311,7 @@ def test_the_shipped_data_are_what_the_script_writes_and_say_that_they_are_simul
 # Documents
 
 def documented():
-    text = (DATA.parents[1] / 'docs' / 'measurement.md').read_text(encoding='utf-8')
+    text = (DATA.parents[1] / 'docs' / 'how_to' / 'measure_your_arm.md').read_text(encoding='utf-8')
     blocks = re.findall(r'```sh\n(.*?)```', text, re.DOTALL)
     return [line for block in blocks for line in block.splitlines()]
 
@@ -328,7 +328,7 @@ def test_every_command_line_in_the_document_runs(run, tmp_path):
     results = tmp_path / 'results'
     assert len(list(results.glob('*.png'))) == 5
     # The tables of the document have the same numbers.
-    text = (DATA.parents[1] / 'docs' / 'measurement.md').read_text(encoding='utf-8')
+    text = (DATA.parents[1] / 'docs' / 'how_to' / 'measure_your_arm.md').read_text(encoding='utf-8')
     for segment in load_arm(results / 'identify.yaml').segments:
         assert f'{segment.bending_stiffness:.5f} |' in text
     worst = {}
@@ -344,7 +344,7 @@ def test_every_command_line_in_the_document_runs(run, tmp_path):
 
 
 def test_what_the_document_shows_is_what_characterize_prints(run):
-    text = (DATA.parents[1] / 'docs' / 'measurement.md').read_text(encoding='utf-8')
+    text = (DATA.parents[1] / 'docs' / 'how_to' / 'measure_your_arm.md').read_text(encoding='utf-8')
     shown = re.search(r'```text\n(k, N/mm.*?)```', text, re.DOTALL)[1]
     _, printed, _ = run(characterize, CURVES, *CHARACTERIZE)
     for line in shown.splitlines():
