@@ -17,7 +17,7 @@ SLACK_ALLOWANCE = 1e-4
 COMPILING = 'compiling the model, this once; it takes about half a minute'
 
 
-def load_model(node: Node, loaded: Callable[[], None]) -> None:
+def load_model(node: Node, loaded: Callable[[], None] | None = None) -> None:
     """
     Load the compiled model on a thread of its own; compiling takes tens of seconds.
 
@@ -26,6 +26,7 @@ def load_model(node: Node, loaded: Callable[[], None]) -> None:
     def load() -> None:
         warm_up()
         gc.freeze()  # to look through all that numba has made takes 0.2 s, in which nothing runs
-        on_ros_thread(node, loaded)
+        if loaded is not None:
+            on_ros_thread(node, loaded)
 
     threading.Thread(target=load, name='model', daemon=True).start()

@@ -3,154 +3,98 @@
 
 """The node that runs sequences of shapes, by the topics and services of the other three."""
 
-from math import inf, isfinite
+from collections.abc import Sequence
+from concurrent.futures import Future
+from copy import copy
+from dataclasses import dataclass
 from typing import Any
 
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
-from rclpy.task import Future
-from rclpy.time import Time as RosTime
-from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Bool
-from std_srvs.srv import SetBool
-from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.hardware.tendon_controller import TENDONS
-from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.nodes.emergency_stop import EmergencyStop
+from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.nodes.arm_commander import ArmCommander
+from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.markers import target_markers
+from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.status import ERROR, OK, Status
+from soft_continuum.nodes.sequence_server import GoalRequest, SequenceServer
+from soft_continuum.nodes.status import OK, StatePublisher, Status
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.shapes import angles_problem, SHAPE_PREFIX, shapes_from_parameters
-from soft_continuum.ros.age import Age
-from soft_continuum.ros.conversions import seconds, trajectory_to_ros
-from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
-from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, Shape, ShapePlan
-from soft_continuum.sequencing.runner import (
-    Code,
-    Observation,
-    Outcome,
-    Runner,
-    RunnerSettings,
-)
+from soft_continuum.ros.conversions import seconds
+from soft_continuum.ros.names import SHAPE_SEQUENCER
+from soft_continuum.ros.qos import LATCHED
+from soft_continuum.sequencing.background import PlanningThread
+from soft_continuum.sequencing.planner import PlanError, PlanSettings, Shape, ShapePlan
+from soft_continuum.sequencing.progress import Code, Outcome
+from soft_continuum.sequencing.runner import Runner, RunnerSettings
 from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import ShapeSequencerState, TendonActuationState
 
-TICK = 0.05  # s
-RESULT_TIMEOUT = 900  # s for which a client can still ask for a result
+TICK_PERIOD = 0.05  # s
 
 
-class ManualActionServer(ActionServer):
-    """
-    An action server whose goals end when ``finish`` is called.
+@dataclass(frozen=True)
+class Check:
+    """A goal that is planned before it is accepted."""
 
-    rclpy wants one callback that runs as long as the goal; a coroutine that waits would be polled
-    by its executors with a whole core.
-    """
-
-    def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
-        """Leave the goal executing."""
-
-    def finish(self, handle: Any, outcome: Outcome) -> None:
-        """End a goal, in the state that its outcome calls for, and send the result."""
-
-        def result(handle: Any) -> RunShapeSequence.Result:
-            if outcome.code is Code.SUCCESSFUL:
-                handle.succeed()
-            elif outcome.code is Code.CANCELED and handle.is_cancel_requested:
-                handle.canceled()
-            else:
-                handle.abort()
-            return RunShapeSequence.Result(
-                error_code=int(outcome.code), error_string=outcome.message,
-                shapes_completed=outcome.shapes_completed)
-
-        super().notify_execute(handle, result)
+    request: GoalRequest
+    plans: 'Future[list[ShapePlan]]'
 
 
 class ShapeSequencer(Node):
     """
-    Sets shapes one segment at a time.
+    Sets the arm to one shape after another.
 
     Serves the action run_shape_sequence (soft_continuum_interfaces/RunShapeSequence).  Subscribes
-    to tendon_states, joint_states, segment_N/stiff, segment_N/pressure, tendon_actuation/status,
-    jamming_valves/status and emergency_stop; publishes tendon_actuation/joint_trajectory,
-    target_markers (visualization_msgs/MarkerArray, latched), ~/status and /diagnostics; calls
+    to tendon_states, joint_states, segment_N/pressure, tendon_actuation/state and
+    jamming_valves/state; publishes tendon_actuation/joint_trajectory, target_markers
+    (visualization_msgs/MarkerArray, latched), ~/state, ~/status and /diagnostics; calls
     jamming_valves/segment_N/set_stiff.
+
+    Plans are made on a thread of their own; all else happens on the thread that spins the node.
     """
 
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and the action."""
-        super().__init__('shape_sequencer', **options)
-        self.parameters = NodeParameters(self, NODE_PARAMETERS['shape_sequencer'])
+        super().__init__(SHAPE_SEQUENCER, **options)
+        self.parameters = NodeParameters(self, NODE_PARAMETERS[SHAPE_SEQUENCER])
         for name in self.parameters['shape_names']:
             self.parameters.declare_angles(f'{SHAPE_PREFIX}{name}')
         self.status = Status(self, 'shape sequencer')
         self._arm = arm_from_parameters(self.parameters)
+        self._chain = RigidChain(self._arm)
         self._library = shapes_from_parameters(self.parameters, self._arm)
-        segments = len(self._arm.segments)
-        self._stiff: list[bool | None] = [None] * segments
-        self._vacuum = [0.0] * segments
-        self._tendons: JointState | None = None
-        self._shape: Equilibrium | None = None
-        self._ages = {'tendon_actuation (tendon_states)': Age(),
-                      'jamming_valves (segment_1/pressure)': Age(),
-                      'kinematics (joint_states)': Age()}
-        self._tendon_age, self._jamming_age, self._shape_age = self._ages.values()
-        self._tendon_status: dict[str, str] = {}
-        self._errors: dict[str, tuple[str, Age]] = {}  # by node: what it says, and for how long
-        self._sent: set[str] = set()
-        self._failed = ''
-        self._runner: Runner | None = None
+        self._check: Check | None = None
+        self._next: Any = None  # the goal that waits for the running one to be wound down
         self._handle: Any = None  # the goal that runs
-        self._next: Any = None  # the goal that waits for it to be wound down
+        self._runner: Runner | None = None
         self._targets: list[tuple[float, ...]] = []  # bending angles of the shapes of the goal
         self._target: tuple[float, ...] | None = None  # that is shown
-        self._planner = Planner(self._arm, self._plan_settings())
-
-        self._trajectory = self.create_publisher(
-            JointTrajectory, 'tendon_actuation/joint_trajectory', STREAM)
+        self._rejected = ''  # why the last goal was, until one is accepted
+        self._last: dict[str, str] = {}  # how the last goal ended, for ~/status
+        self._state = ShapeSequencerState()
+        self._planning = PlanningThread(self._arm)
+        self._commander = ArmCommander(self, self._arm)
+        self._observed = ArmObserver(self, self._arm, self.parameters, self._on_tendon_state)
         self._markers = self.create_publisher(MarkerArray, 'target_markers', LATCHED)
-        self._set_stiff = [
-            self.create_client(SetBool, f'jamming_valves/segment_{n}/set_stiff')
-            for n in range(1, segments + 1)]
-        self.create_subscription(JointState, 'tendon_states', self._on_tendons, SENSOR)
-        self.create_subscription(JointState, 'joint_states', self._on_shape, SENSOR)
-        self.create_subscription(
-            DiagnosticStatus, 'tendon_actuation/status', self._on_tendon_status, LATCHED)
-        self.create_subscription(
-            DiagnosticStatus, 'jamming_valves/status',
-            lambda message: self._on_status('jamming_valves', message), LATCHED)
-        self._emergency = EmergencyStop(self)
-        for i in range(segments):
-            self.create_subscription(
-                Bool, f'segment_{i + 1}/stiff',
-                lambda message, i=i: self._on_stiff(i, message.data), LATCHED)
-            self.create_subscription(
-                FluidPressure, f'segment_{i + 1}/pressure',
-                lambda message, i=i: self._on_pressure(i, message.fluid_pressure), SENSOR)
-        self._server = ManualActionServer(
-            self, RunShapeSequence, 'run_shape_sequence', lambda handle: None,
-            goal_callback=self._on_goal, cancel_callback=self._on_cancel,
-            handle_accepted_callback=self._on_accepted, result_timeout=RESULT_TIMEOUT)
-        self._timer = self.create_timer(TICK, self._tick)
-        self._rejected = ''  # why the newest goal was, as long as none is accepted
-        self._last: dict[str, str] = {}
-        self._say('idle')
-        self._show_target(())  # one that ended before its goal did has left another
+        self._states = StatePublisher(self, ShapeSequencerState)
+        self._server = SequenceServer(self, self._on_request, self._on_accepted)
+        self._timer = self.create_timer(TICK_PERIOD, self._tick)
+        self._report()
+        self._show_target(())  # an earlier process may have left one
 
     def start(self) -> None:
-        """Nothing to do: the node waits for goals."""
+        """Load the model; goals are planned once that is done."""
+        load_model(self)
 
     def quit(self) -> None:
         """Hold the tendons before the process ends; segments stay as they are."""
         if self._runner is not None:
-            self.hold()
+            self._commander.hold()
+        self._planning.close()
         self._show_target(())
 
     def destroy_node(self) -> None:
@@ -158,119 +102,59 @@ class ShapeSequencer(Node):
         self._server.destroy()
         super().destroy_node()
 
-    # What is heard of the arm.
+    # Goals before they run.
 
-    def _on_tendons(self, message: JointState) -> None:
-        if list(message.name) == list(TENDONS) and len(message.position) == len(TENDONS):
-            self._tendons = message
-            self._tendon_age.refresh()
-
-    def _on_shape(self, message: JointState) -> None:
-        if (len(message.position) == self._planner.statics.chain.joints
-                and all(isfinite(angle) for angle in message.position)):
-            self._shape = self._planner.statics.chain.state(message.position)
-            self._shape_age.refresh()
-
-    def _on_stiff(self, segment: int, stiff: bool) -> None:
-        self._stiff[segment] = stiff
-
-    def _on_pressure(self, segment: int, pressure: float) -> None:
-        self._vacuum[segment] = self.parameters['ambient_pressure'] - pressure
-        self._jamming_age.refresh()
-
-    def _on_tendon_status(self, message: DiagnosticStatus) -> None:
-        self._tendon_status = {pair.key: pair.value for pair in message.values}
-        self._on_status('tendon_actuation', message)
-
-    def _on_status(self, node: str, message: DiagnosticStatus) -> None:
-        if message.level != ERROR:
-            self._errors.pop(node, None)
-            return
-        _, age = self._errors.get(node, ('', Age()))
-        if age.seconds == inf:
-            age.refresh()
-        self._errors[node] = message.message, age
-
-    def _error(self) -> str:
-        """Say which error lasts; a device may miss one answer."""
-        timeout = self.parameters['silence_timeout']
-        return '; '.join(f'{node}: {message}' for node, (message, age) in self._errors.items()
-                         if age.seconds > timeout)
-
-    def _stopped(self) -> str:
-        if self._emergency.on:
-            return 'emergency_stop is on'
-        return self._tendon_status.get('stopped', '')
-
-    def _silent(self) -> str:
-        """Say which node is not heard; empty when all are."""
-        timeout = self.parameters['silence_timeout']
-        silent = [name for name, age in self._ages.items() if age.seconds > timeout]
-        if None in self._stiff:
-            silent.append('jamming_valves (segment_N/stiff)')
-        return f'nothing heard for {timeout:g} s of {", ".join(silent)}' if silent else ''
-
-    def _observe(self) -> Observation:
-        tendons = self._tendons
-        pulls = (tendons.position[0], tendons.position[1]) if tendons else (0.0, 0.0)
-        refused = ''
-        if self._tendon_status.get('refused_stamp') in self._sent:
-            refused = self._tendon_status.get('refused', '') or self._tendon_status.get(
-                'ended', '')
-        return Observation(
-            pulls=pulls, moving=bool(tendons and any(tendons.velocity)),
-            stiff=tuple(bool(s) for s in self._stiff), vacuum=tuple(self._vacuum),
-            stopped=self._stopped(),
-            fault=self._error() or self._silent() or self._failed, refused=refused)
-
-    # How the runner acts on the arm (ArmPort).
-
-    def set_stiff(self, segment: int, stiff: bool) -> None:
-        """Ask jamming_valves to evacuate or vent a segment (0-based)."""
-        client = self._set_stiff[segment]
-        future = client.call_async(SetBool.Request(data=stiff))
-
-        def answered(future: Future) -> None:
-            response = future.result()
-            if response is not None and not response.success:
-                self._failed = f'jamming_valves: {response.message}'
-
-        future.add_done_callback(answered)
-
-    def follow(self, start: float, times: Array, pulls: Array) -> None:
-        """Send the next piece of the motion."""
-        message = trajectory_to_ros(times, pulls)
-        message.header.stamp = RosTime(nanoseconds=int(start * 1e9)).to_msg()
-        self._sent.add(_stamp_text(message.header.stamp))
-        self._trajectory.publish(message)
-
-    def hold(self) -> None:
-        """Tell the tendons to brake and hold: a trajectory without points."""
-        self._trajectory.publish(JointTrajectory(joint_names=list(TENDONS)))
-
-    # The action.
-
-    def _on_goal(self, goal: RunShapeSequence.Goal) -> GoalResponse:
+    def _on_request(self, request: GoalRequest) -> None:
+        """Reject a goal, accept it, or have it planned first: out of reach it moves nothing."""
+        if self._check is not None:
+            self._reject(self._check.request, 'superseded by a newer goal before it was accepted')
+            self._check = None
         try:
-            shapes = self._shapes(goal)
-            problem = self._error() or self._silent()
-            if not problem and self._stopped():
-                problem = (f'tendon motion is stopped ({self._stopped()}); '
-                           'call tendon_actuation/resume first')
-            if not problem and self._tendon_status.get('referenced') == 'false':
-                problem = ('the position of the tendons is not referenced; straighten the arm and '
-                           'call tendon_actuation/reference first')
-            if problem:
-                raise PlanError(problem)
-            if self._runner is None and all(self._stiff):
-                self._plan(shapes)  # a goal out of reach is refused before anything moves
-        except (PlanError, ParameterError) as error:
-            self.get_logger().error(f'goal rejected: {error}')
-            self._rejected = str(error)
-            self._say(self._activity())
-            return GoalResponse.REJECT
+            shapes = self._shapes(request.goal)
+            if interlock := self._observed.interlock:
+                raise PlanError(interlock)
+        except PlanError as error:
+            self._reject(request, str(error))
+            return
+        if self._runner is None and self._next is None and self._observed.all_stiff:
+            self._check = Check(request, self._plan(shapes))
+        else:
+            self._accept(request)
+
+    def _go_on_checking(self, check: Check) -> None:
+        problem = self._observed.interlock
+        if not problem and not check.plans.done():
+            return
+        self._check = None
+        if not problem and (error := check.plans.exception()):
+            problem = _text(error)
+        if problem:
+            self._planning.abandon()
+            self._reject(check.request, problem)
+        else:
+            self._accept(check.request)
+
+    def _accept(self, request: GoalRequest) -> None:
         self._rejected = ''
-        return GoalResponse.ACCEPT
+        request.answer(True)
+
+    def _reject(self, request: GoalRequest, reason: str) -> None:
+        """Publish why, then answer: ROS 2 has no reason in its answer."""
+        self.get_logger().error(f'goal rejected: {reason}')
+        self._rejected = self._state.rejected = reason
+        self._state.rejected_goal_id = request.goal_id
+        self._report()
+        request.answer(False)
+
+    def _on_accepted(self, handle: Any) -> None:
+        """Run now, or when the present run has been wound down; only the newest goal waits."""
+        handle.execute()
+        if self._next is not None:
+            self._server.finish(self._next, Outcome(
+                Code.PREEMPTED, 'superseded by a newer goal before it started', 0))
+        if self._runner is not None:
+            self._runner.cancel(Code.PREEMPTED, 'superseded by a newer goal')
+        self._next = handle
 
     def _shapes(self, goal: RunShapeSequence.Goal) -> list[Shape]:
         """Return the shapes of a goal; raises PlanError for what is not allowed."""
@@ -294,93 +178,116 @@ class ShapeSequencer(Node):
             shapes.append(Shape(item.name or f'shape {number}', angles, hold))
         return shapes
 
-    def _plan_settings(self) -> PlanSettings:
+    def _plan(self, shapes: Sequence[Shape]) -> 'Future[list[ShapePlan]]':
+        """Begin to plan from the present state of the arm."""
         low, high = self.parameters['pull_limits']
-        return PlanSettings(
+        settings = PlanSettings(
             pull_limits=(low, high), speed=self.parameters['tendon_speed'],
             acceleration=self.parameters['tendon_acceleration'],
             **{name: self.parameters[name] for name in (
                 'tension_limit', 'antagonist_slack', 'angle_step', 'angle_tolerance')})
+        assert self._observed.shape is not None  # goals wait for kinematics
+        return self._planning.start(
+            self._observed.shape, self._observed.pulls, shapes, settings)
 
-    def _plan(self, shapes: list[Shape]) -> list[ShapePlan]:
-        if self._shape is None or self._tendons is None:
-            raise PlanError('the shape of the arm is not known: no joint_states or tendon_states')
-        self._planner.settings = self._plan_settings()
-        return self._planner.plan(self._shape, self._tendons.position, shapes)
+    # The goal that runs.
 
-    def _on_accepted(self, handle: Any) -> None:
-        """Run now, or when the present run has been wound down; only the newest goal waits."""
-        handle.execute()
-        if self._next is not None:
-            self._server.finish(self._next, Outcome(
-                Code.PREEMPTED, 'superseded by a newer goal before it started', 0))
-        if self._runner is not None:
-            self._runner.cancel(Code.PREEMPTED, 'superseded by a newer goal')
-        self._next = handle
-
-    def _on_cancel(self, handle: Any) -> CancelResponse:
-        self.get_logger().info('cancel requested')
-        return CancelResponse.ACCEPT
+    def _on_tendon_state(self, state: TendonActuationState) -> None:
+        """Act on a stop or the end of a motion at once, however soon it is followed by others."""
+        self._commander.on_tendon_state(state)
+        if self._observed.stopped or self._commander.motion_failure is not None:
+            self._tick()
 
     def _tick(self) -> None:
-        if self._next is not None and self._next.is_cancel_requested:
-            self._server.finish(self._next, Outcome(
-                Code.CANCELED, 'canceled by the client before it started', 0))
-            self._next = None
-        if self._runner is None and self._next is not None:
-            self._begin(self._next)
-            self._next = None
+        if self._check is not None:
+            self._go_on_checking(self._check)
         if self._runner is not None:
             self._go_on(self._runner)
+        if self._next is not None:
+            self._go_on_waiting(self._next)
+
+    def _go_on_waiting(self, handle: Any) -> None:
+        outcome = None
+        if handle.is_cancel_requested:
+            outcome = Outcome(Code.CANCELED, 'canceled by the client before it started', 0)
+        elif self._observed.stopped:
+            outcome = Outcome(Code.STOPPED, f'stopped: {self._observed.stopped}', 0)
+        elif self._runner is not None:
+            return
+        self._next = None
+        if outcome is None:
+            self._begin(handle)
+        else:
+            self._end(handle, outcome)
 
     def _begin(self, handle: Any) -> None:
         self._handle = handle
-        self._failed, self._sent = '', set()
+        self._commander.begin()
         shapes = self._shapes(handle.request)
         self._targets = [shape.bending_angles for shape in shapes]
         self._runner = Runner(
-            shapes, lambda shape: self._plan([shape])[0], self,
+            shapes, self._plan, self._commander,
             RunnerSettings(**{name: self.parameters[name] for name in (
-                'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum')}))
+                'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum')}),
+            self._arm.tendon_names)
+        self._state.goal_id = handle.goal_id
+        self._go_on(self._runner)
 
     def _go_on(self, runner: Runner) -> None:
         if self._handle.is_cancel_requested:
             runner.cancel(Code.CANCELED, 'canceled by the client')
-        runner.tick(self.get_clock().now().nanoseconds * 1e-9, self._observe())
+        runner.tick(self.get_clock().now().nanoseconds * 1e-9, self._observed.observation(
+            self._commander.motion_failure, self._commander.switch_failure))
         progress, outcome = runner.progress, runner.outcome
         self._handle.publish_feedback(RunShapeSequence.Feedback(
             shape_index=progress.shape_index, shape=progress.shape,
             segment=progress.segment, phase=progress.phase, progress=progress.fraction))
         self._show_target(() if outcome else self._targets[progress.shape_index])
         if outcome is None:
-            self._say(self._activity(), phase=progress.phase, segment=progress.segment)
+            self._report()
             return
         self._runner = None
-        self._server.finish(self._handle, outcome)
+        self._planning.abandon()
+        self._end(self._handle, outcome)
+
+    def _end(self, handle: Any, outcome: Outcome) -> None:
         if outcome.code is Code.SUCCESSFUL:
             self.get_logger().info(f'sequence done, {outcome.shapes_completed} shapes')
         else:
             self.get_logger().warning(f'sequence ended: {outcome.code.name}: {outcome.message}')
         self._last = {'last': outcome.code.name, 'reason': outcome.message}
-        self._say('idle')
+        self._state.goal_id = handle.goal_id
+        self._state.error_code, self._state.error_string = int(outcome.code), outcome.message
+        self._report()
+        self._server.finish(handle, outcome)
+
+    # What is published.
+
+    def _report(self) -> None:
+        """Publish ~/state and ~/status, if they changed."""
+        values = dict(self._last)
+        text, state = 'idle', self._state
+        state.running = self._runner is not None
+        if self._runner is not None:
+            progress = self._runner.progress
+            state.shape_index, state.shape = progress.shape_index, progress.shape
+            state.segment, state.phase = progress.segment, progress.phase
+            text = f'running {progress.shape}'
+            values = {'phase': progress.phase, 'segment': str(progress.segment), **values}
+        else:
+            state.shape_index, state.shape, state.segment, state.phase = 0, '', 0, ''
+        if self._rejected:
+            values['rejected'] = self._rejected
+        self._states.publish(copy(state))
+        self.status.set(OK, text, **values)
 
     def _show_target(self, bending_angles: tuple[float, ...]) -> None:
         if bending_angles != self._target:
             self._target = bending_angles
             self._markers.publish(target_markers(
-                self._planner.statics.chain, bending_angles, self.parameters['frame_id'],
+                self._chain, bending_angles, self.parameters['frame_id'],
                 self.get_clock().now().to_msg()))
 
-    def _say(self, text: str, **values: object) -> None:
-        rejected = {'rejected': self._rejected} if self._rejected else {}
-        self.status.set(OK, text, **values, **self._last, **rejected)
 
-    def _activity(self) -> str:
-        return f'running {self._runner.progress.shape}' if self._runner else 'idle'
-
-
-def _stamp_text(stamp: Time) -> str:
-    """Return a stamp as tendon_actuation's status shows it."""
-    return f'{stamp.sec}.{stamp.nanosec:09d}'
-
-
+def _text(error: BaseException) -> str:
+    return str(error) if isinstance(error, PlanError) else f'{type(error).__name__}: {error}'

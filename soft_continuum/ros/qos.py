@@ -9,5 +9,8 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
 """State that late joiners need."""
 STREAM = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
 """Streams that we publish."""
+EVERY_STATE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE,
+                         durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""State of which no change may be missed by a subscriber."""
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Streams that we subscribe to: compatible with any publisher."""

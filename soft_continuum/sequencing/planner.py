@@ -1,14 +1,14 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plans: which segment to soften in which order, and how both tendons move meanwhile.
+Plans: which segment to soften in which order, and how the tendons move meanwhile.
 
 Segments are set from the base to the tip, one soft at a time (paper, IV-B).  The model, under
 gravity, gives for every bending angle on the way the tendon that carries the arm and its pull;
-the other tendon follows with a little slack.
+the others follow with a little slack.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil, sqrt
 
@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
+from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.parameters.shapes import angles_problem
 
@@ -37,11 +37,11 @@ class Shape:
 @dataclass(frozen=True)
 class PlanSettings:
     """
-    Limits and habits of a plan.
+    Limits and resolution of a plan.
 
-    pull_limits: m.  tension_limit: N.  antagonist_slack: m left in the tendon that does not carry.
-    speed, acceleration: of the faster tendon, m/s and m/s^2.  angle_step: rad between two points.
-    angle_tolerance: rad, a segment this close is not set again.
+    pull_limits: m.  tension_limit: N.  antagonist_slack: m left in a tendon that does not carry
+    the arm.  speed, acceleration: of the fastest tendon, m/s and m/s^2.  angle_step: rad between
+    two points.  angle_tolerance: rad, a segment this close is not set again.
     """
 
     pull_limits: tuple[float, float] = (-0.06, 0.06)
@@ -58,7 +58,7 @@ class Move:
     """
     One segment (0-based) softened, bent and stiffened.
 
-    times: (points,) s from the start of the motion.  pulls: (points, 2) m, right and left.
+    times: (points,) s from the start of the motion.  pulls: (points, tendons) m.
     largest_tension: N, as the model predicts.
     """
 
@@ -70,13 +70,13 @@ class Move:
 
     @property
     def duration(self) -> float:
-        """How long the tendons move, s."""
+        """Time for which the tendons move, s."""
         return float(self.times[-1])
 
 
 @dataclass(frozen=True, eq=False)
 class ShapePlan:
-    """The moves that set one shape, and the state they end in by the model."""
+    """The moves that set one shape, and the state of the model after them."""
 
     shape: Shape
     moves: tuple[Move, ...]
@@ -86,20 +86,23 @@ class ShapePlan:
 class Planner:
     """Plans shapes for one arm."""
 
-    def __init__(self, arm: Arm, settings: PlanSettings) -> None:
-        """Prepare the model of ``arm``."""
+    def __init__(self, arm: Arm, settings: PlanSettings,
+                 abandoned: Callable[[], bool] = lambda: False) -> None:
+        """Prepare the model of ``arm``; ``abandoned``: whether the plan is no longer wanted."""
         self.statics = Statics(arm)
         self.settings = settings
+        self._abandoned = abandoned
 
     def plan(self, state: Equilibrium, pulls: Sequence[float],
              shapes: Sequence[Shape]) -> list[ShapePlan]:
         """
         Return the plans of ``shapes`` one after the other, from a state with all segments stiff.
 
-        pulls: (right, left) at present, m.  Raises PlanError when a shape is out of reach.
+        pulls: (tendons,) at present, m.  Raises PlanError when a shape is out of reach, or when
+        the plan was abandoned.
         """
         plans = []
-        at = np.array(pulls, dtype=float)
+        start = np.array(pulls, dtype=float)
         for shape in shapes:
             problem = angles_problem(shape.bending_angles, self.statics.chain.arm)
             if problem:
@@ -110,28 +113,30 @@ class Planner:
                 if abs(present - angle) <= self.settings.angle_tolerance:
                     continue
                 try:
-                    move, state = self._move(state, at, segment, angle)
+                    move, state = self._move(state, start, segment, angle)
                 except (StaticsError, PlanError) as error:
                     raise PlanError(
                         f'{shape.name}: segment {segment + 1} to {np.degrees(angle):.1f} degrees: '
                         f'{error}') from None
-                at = move.pulls[-1]
+                start = move.pulls[-1]
                 moves.append(move)
             plans.append(ShapePlan(shape, tuple(moves), state))
         return plans
 
-    def _move(self, state: Equilibrium, at: Array, segment: int,
+    def _move(self, state: Equilibrium, start: Array, segment: int,
               angle: float) -> tuple[Move, Equilibrium]:
         """Plan one segment; return the move and the state at its end."""
         chain, settings = self.statics.chain, self.settings
         soft = [i == segment for i in range(chain.segments)]
-        softened = self.statics.solve(state, at, soft)
+        softened = self.statics.solve(state, start, soft)
         present = chain.bending_angles(softened.joint_angles)[segment]
         steps = max(1, ceil(abs(angle - present) / settings.angle_step))
-        points, tension = [at], float(softened.tensions.max())
+        points, tension = [start], float(softened.tensions.max())
         bent = softened
-        for goal in np.linspace(present, angle, steps + 1)[1:]:
-            bent = self.statics.bend(bent, segment, float(goal))
+        for target in np.linspace(present, angle, steps + 1)[1:]:
+            if self._abandoned():
+                raise PlanError('the plan was abandoned')
+            bent = self.statics.bend(bent, segment, float(target))
             tension = max(tension, float(bent.tensions.max()))
             points.append(self._with_slack(bent))
         pulls = np.array(points)
@@ -148,29 +153,29 @@ class Planner:
         return Move(segment, angle, times, pulls, tension), end
 
     def _with_slack(self, bent: Equilibrium) -> Array:
-        """Return the pulls of a bent state with slack in the tendon that does not carry."""
+        """Return the pulls of a bent state with slack in the tendons that do not carry it."""
         pulls = self.statics.commanded_pulls(bent)
-        if bent.tensions.max() > 0.0:  # where neither carries, both hold the arm
-            carrying = RIGHT if bent.tensions[RIGHT] >= bent.tensions[LEFT] else LEFT
-            pulls[1 - carrying] -= self.settings.antagonist_slack
+        if bent.tensions.max() > 0.0:  # where none carries, all hold the arm
+            others = np.arange(len(pulls)) != np.argmax(bent.tensions)
+            pulls[others] -= self.settings.antagonist_slack
         return pulls
 
 
 def timed(points: Array, speed: float, acceleration: float,
           interval: float = 0.05) -> tuple[Array, Array]:
     """
-    Return times (k,) s and pulls (k, 2) m of a smooth motion through ``points`` (m, 2).
+    Return times (k,) s and pulls (k, tendons) m of a smooth motion through points (m, tendons).
 
-    The way through the points is smooth in space and follows a minimum-jerk profile in time, as
-    slow as keeps each tendon within ``speed`` (m/s) and ``acceleration`` (m/s^2).
+    The path through the points is smooth in space and follows a minimum-jerk profile in time,
+    just slow enough to keep each tendon within ``speed`` (m/s) and ``acceleration`` (m/s^2).
     """
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points, axis=0)).max(axis=1))])
-    keep = np.concatenate([[True], np.diff(way) > 1e-12])
-    way, points = way[keep], points[keep]
-    total = way[-1]
+    path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points, axis=0)).max(axis=1))])
+    keep = np.concatenate([[True], np.diff(path) > 1e-12])
+    path, points = path[keep], points[keep]
+    total = path[-1]
     if total == 0.0:
         return np.array([0.0]), points[:1].copy()
-    smooth = PchipInterpolator(way, points)
+    smooth = PchipInterpolator(path, points)
     # Peak speed and acceleration of the profile: 15/8 and 10/sqrt(3) of the mean.
     duration = max(15 / 8 * total / speed, sqrt(10 / sqrt(3) * total / acceleration))
     for _ in range(50):
@@ -178,10 +183,11 @@ def timed(points: Array, speed: float, acceleration: float,
         t = times / duration
         pulls: Array = smooth(total * t**3 * (10.0 - 15.0 * t + 6.0 * t**2))
         speeds = np.diff(pulls, axis=0) / times[1]
-        jumps = np.diff(speeds, axis=0, prepend=0.0, append=0.0) / times[1]
-        too_much = max(np.abs(speeds).max() / speed, sqrt(np.abs(jumps).max() / acceleration))
-        if too_much <= 1.0:
+        accelerations = np.diff(speeds, axis=0, prepend=0.0, append=0.0) / times[1]
+        excess = max(np.abs(speeds).max() / speed,
+                     sqrt(np.abs(accelerations).max() / acceleration))
+        if excess <= 1.0:
             break
-        duration *= max(1.01, too_much)  # bends in the way, which the profile does not know
+        duration *= max(1.01, excess)  # corners of the path, which the profile ignores
     pulls[0], pulls[-1] = points[0], points[-1]
     return times, pulls

@@ -3,68 +3,66 @@
 """
 The state machine that runs shapes: all stiff, soften one, move, stiffen, wait, next.
 
-A Runner is ticked with what is observed of the arm and acts through an ArmPort.  At most one
-segment is softened at a time.  Whatever ends a run early, other than a stop, ends with tendons at
-rest and every segment stiff; a stop leaves everything as it is.
+A Runner is ticked with an observation of the arm and acts through an ArmPort.  At most one segment
+is softened at a time.  Whatever ends a run early, other than a stop, ends with tendons at rest and
+every segment stiff; a stop leaves everything as it is.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from enum import IntEnum
 from typing import Protocol
 
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.sequencing.planner import Move, PlanError, Shape, ShapePlan
+from soft_continuum.sequencing.progress import Code, Outcome, Phase, Progress
 
 
-class Code(IntEnum):
-    """How a run ended; the values of error_code in RunShapeSequence's result."""
+@dataclass(frozen=True)
+class Failure:
+    """Why a run cannot go on."""
 
-    SUCCESSFUL = 0
-    PREEMPTED = -1
-    CANCELED = -2
-    STOPPED = -3
-    TIMEOUT = -4
-    HARDWARE_FAULT = -5
-    MODEL_FAILURE = -6
-
-
-PREPARING, SOFTENING, MOVING, STIFFENING, HOLDING = (
-    'preparing', 'softening', 'moving', 'stiffening', 'holding')
+    code: Code
+    message: str
 
 
 @dataclass(frozen=True)
 class Observation:
     """
-    What is known of the arm at one tick.
+    The state of the arm at one tick.
 
-    pulls: (2,) m.  moving: whether a tendon moves.  stiff: per segment, confirmed by pressure.
-    vacuum: per segment, Pa below ambient.  stopped: why tendon motion is stopped.  fault: why
-    the arm cannot be operated, such as a silent node.  refused: why the last motion was refused.
+    pulls: (tendons,) m.  moving: whether a tendon moves or may still move to what it was sent.
+    stiff: per segment, confirmed by pressure.  vacuum: per segment, Pa below ambient.  stopped:
+    why tendon motion is stopped.  fault: why the arm cannot be operated, such as a stale node.
+    motion_failure: why the motion that was sent last was refused or ended early.
     """
 
-    pulls: tuple[float, float]
+    pulls: tuple[float, ...]
     moving: bool
     stiff: tuple[bool, ...]
     vacuum: tuple[float, ...]
     stopped: str = ''
     fault: str = ''
-    refused: str = ''
+    motion_failure: Failure | None = None
 
 
 class ArmPort(Protocol):
     """How a Runner acts on the arm; every call may be repeated without harm."""
 
     def set_stiff(self, segment: int, stiff: bool) -> None:
-        """Ask for a segment (0-based) to be evacuated or vented."""
+        """Request that a segment (0-based) is evacuated or vented."""
 
-    def follow(self, start: float, times: Array, pulls: Array) -> None:
-        """Ask for the pulls (k, 2) m at ``start + times`` s, on the clock of the ticks."""
+    def follow(self, motion: int, start: float, times: Array, pulls: Array) -> None:
+        """
+        Request the pulls (k, tendons) m at ``start + times`` s, on the clock of the ticks.
+
+        A motion is sent in pieces, each replacing the one before; ``motion`` numbers the motions.
+        """
 
     def hold(self) -> None:
-        """Ask the tendons to brake and hold."""
+        """Request that the tendons brake and hold."""
 
 
 @dataclass(frozen=True)
@@ -85,63 +83,53 @@ class RunnerSettings:
     retry: float = 2.0
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Where a run is: shape (0-based), segment (1-based, 0: whole arm), phase, part done 0-1."""
-
-    shape_index: int = 0
-    shape: str = ''
-    segment: int = 0
-    phase: str = PREPARING
-    fraction: float = 0.0
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How a run ended, and how many shapes were completed."""
-
-    code: Code
-    message: str
-    shapes_completed: int
+Plan = Callable[[Sequence[Shape]], 'Future[list[ShapePlan]]']
+"""Begins to plan shapes from the present state of the arm; the future carries what it raises."""
 
 
 class _EndError(Exception):
     """Ends the run with a code and a reason."""
 
-    def __init__(self, code: Code, reason: str) -> None:
-        super().__init__(reason)
+    def __init__(self, code: Code, message: str) -> None:
+        super().__init__(message)
         self.code = code
 
 
 class Runner:
     """Runs shapes one after the other; ``outcome`` is set when it has ended."""
 
-    def __init__(self, shapes: Sequence[Shape], plan: Callable[[Shape], ShapePlan],
-                 port: ArmPort, settings: RunnerSettings) -> None:
-        """Plan every shape with ``plan`` (raises PlanError) when its turn comes."""
+    def __init__(self, shapes: Sequence[Shape], plan: Plan,
+                 port: ArmPort, settings: RunnerSettings, tendons: Sequence[str]) -> None:
+        """
+        Prepare to run ``shapes``.
+
+        plan: begins to plan a shape when its turn comes.  tendons: their names.
+        """
         self.progress = Progress(shape=shapes[0].name)
         self.outcome: Outcome | None = None
         self._shapes = shapes
         self._plan = plan
         self._port = port
         self._settings = settings
+        self._tendons = tendons
         self._completed = 0
+        self._motions = 0
         self._now = 0.0
-        self._seen = Observation((0.0, 0.0), False, (), ())
+        self._observed = Observation((0.0,) * len(tendons), False, (), ())
         self._script = self._run()
         self._end: _EndError | None = None
         self._winding_down = False
 
-    def cancel(self, code: Code, reason: str) -> None:
+    def cancel(self, code: Code, message: str) -> None:
         """End the run at the next tick: stop the motion, stiffen every segment."""
         if self._end is None:
-            self._end = _EndError(code, reason)
+            self._end = _EndError(code, message)
 
     def tick(self, now: float, observation: Observation) -> None:
-        """Go on, at time ``now`` (s, on the clock of the motion), with what is observed."""
+        """Go on at time ``now`` (s, on the clock of the motion)."""
         if self.outcome is not None:
             return
-        self._now, self._seen = now, observation
+        self._now, self._observed = now, observation
         try:
             if observation.stopped:
                 raise _EndError(Code.STOPPED, f'stopped: {observation.stopped}')
@@ -155,7 +143,7 @@ class Runner:
             self._finish()
         except _EndError as end:
             if end.code is Code.STOPPED or self._winding_down:
-                self._end = end if end.code is Code.STOPPED else self._worse(end)
+                self._end = end if end.code is Code.STOPPED else self._combined(end)
                 self._finish()
             else:
                 self._end = end
@@ -163,7 +151,8 @@ class Runner:
                 self._script = self._wind_down()
                 self.tick(now, observation)
 
-    def _worse(self, end: _EndError) -> _EndError:
+    def _combined(self, end: _EndError) -> _EndError:
+        """Keep the first code, and both reasons."""
         first = self._end or end
         return _EndError(first.code, f'{first}; then {end}')
 
@@ -177,69 +166,76 @@ class Runner:
     def _run(self) -> Iterator[None]:
         yield from self._all_stiff()
         for index, shape in enumerate(self._shapes):
-            self._at(index, 0.0, phase=PREPARING, segment=0)
-            try:
-                moves = self._plan(shape).moves
-            except PlanError as error:
-                raise _EndError(Code.MODEL_FAILURE, str(error)) from None
-            except Exception as error:
-                raise _EndError(
-                    Code.MODEL_FAILURE, f'{type(error).__name__}: {error}') from error
+            self._report(index, 0.0, Phase.PREPARING, segment=0)
+            moves = yield from self._planned(shape)
             for number, move in enumerate(moves):
                 done = number / len(moves)
                 part = 1.0 / len(moves)
-                self._at(index, done, phase=SOFTENING, segment=move.segment + 1)
+                self._report(index, done, Phase.SOFTENING, segment=move.segment + 1)
                 yield from self._soften(move.segment)
-                self._at(index, done + 0.3 * part, phase=MOVING)
+                self._report(index, done + 0.3 * part, Phase.MOVING)
                 yield from self._move(move, index, done + 0.3 * part, 0.4 * part)
-                self._at(index, done + 0.7 * part, phase=STIFFENING)
+                self._report(index, done + 0.7 * part, Phase.STIFFENING)
                 yield from self._stiffen(move.segment)
-            self._at(index, 1.0, phase=HOLDING, segment=0)
+            self._report(index, 1.0, Phase.HOLDING, segment=0)
             until = self._now + shape.hold_time
             while self._now < until:
                 self._check_stiff(None)
                 yield
             self._completed += 1
 
-    def _at(self, index: int, part: float, phase: str | None = None,
-            segment: int | None = None) -> None:
+    def _report(self, index: int, part: float, phase: Phase, segment: int | None = None) -> None:
         self.progress = Progress(
             index, self._shapes[index].name,
-            self.progress.segment if segment is None else segment,
-            phase or self.progress.phase, (index + part) / len(self._shapes))
+            self.progress.segment if segment is None else segment, phase,
+            (index + part) / len(self._shapes))
+
+    def _planned(self, shape: Shape) -> Generator[None, None, tuple[Move, ...]]:
+        """Wait for the moves that set ``shape``, with every segment stiff."""
+        plan = self._plan([shape])
+        while not plan.done():
+            self._check_stiff(None)
+            yield
+        error = plan.exception()
+        if error is None:
+            return plan.result()[0].moves
+        name = '' if isinstance(error, PlanError) else f'{type(error).__name__}: '
+        raise _EndError(Code.MODEL_FAILURE, f'{name}{error}')
 
     def _all_stiff(self) -> Iterator[None]:
-        """Stiffen what is not stiff; the shape may only be planned from a locked arm."""
+        """Stiffen what is not stiff; plans start from a stiff arm at rest."""
         yield from self._stiffen_all(
-            [i for i, stiff in enumerate(self._seen.stiff) if not stiff])
+            [i for i, stiff in enumerate(self._observed.stiff) if not stiff])
         deadline = self._now + self._settings.settle_timeout
-        while self._seen.moving:
+        while self._observed.moving:
             if self._now > deadline:
-                raise _EndError(Code.TIMEOUT, 'the tendons do not come to rest')
+                raise _EndError(
+                    Code.TIMEOUT, 'the tendons did not come to rest within '
+                    f'{self._settings.settle_timeout:g} s')
             yield
 
     def _soften(self, segment: int) -> Iterator[None]:
         def softened() -> bool:
-            return (not self._seen.stiff[segment]
-                    and self._seen.vacuum[segment] <= self._settings.soft_vacuum)
+            return (not self._observed.stiff[segment]
+                    and self._observed.vacuum[segment] <= self._settings.soft_vacuum)
 
         yield from self._switch(segment, False, softened)
 
     def _stiffen(self, segment: int) -> Iterator[None]:
-        yield from self._switch(segment, True, lambda: self._seen.stiff[segment])
+        yield from self._switch(segment, True, lambda: self._observed.stiff[segment])
 
     def _stiffen_all(self, segments: Sequence[int]) -> Iterator[None]:
-        """Stiffen several segments at once; every one is asked for before any is waited for."""
+        """Stiffen several segments at once; every one is requested before any is waited for."""
         deadline = self._now + self._settings.jamming_timeout
-        asked = -np.inf
+        requested = -np.inf
         while segments:
-            if self._now >= asked + self._settings.retry:
+            if self._now >= requested + self._settings.retry:
                 for segment in segments:
                     self._port.set_stiff(segment, True)
-                asked = self._now
+                requested = self._now
                 yield
                 continue
-            soft = [i for i in segments if not self._seen.stiff[i]]
+            soft = [i for i in segments if not self._observed.stiff[i]]
             if not soft:
                 return
             if self._now > deadline:
@@ -250,11 +246,11 @@ class Runner:
 
     def _switch(self, segment: int, stiff: bool, reached: Callable[[], bool]) -> Iterator[None]:
         deadline = self._now + self._settings.jamming_timeout
-        asked = -np.inf
+        requested = -np.inf
         while True:
-            if self._now >= asked + self._settings.retry:
+            if self._now >= requested + self._settings.retry:
                 self._port.set_stiff(segment, stiff)
-                asked = self._now
+                requested = self._now
                 yield
                 continue
             if reached():
@@ -264,15 +260,16 @@ class Runner:
                     Code.TIMEOUT,
                     f'segment {segment + 1} did not become {"stiff" if stiff else "soft"} within '
                     f'{self._settings.jamming_timeout:g} s; its vacuum is '
-                    f'{self._seen.vacuum[segment] / 1e3:.1f} kPa')
+                    f'{self._observed.vacuum[segment] / 1e3:.1f} kPa')
             self._check_stiff(segment)
             yield
 
     def _move(self, move: Move, index: int, done: float, part: float) -> Iterator[None]:
-        """Send the motion piece by piece, so that it ends soon when this program does."""
+        """Send the motion piece by piece, so that it ends soon when this process does."""
+        self._motions += 1
         start, end, sent, settings = self._now, 0.0, 0.0, self._settings
         while True:
-            # After a pause longer than what was sent ahead, go on from where that ended.
+            # After a pause longer than the horizon, go on from where the last piece ended.
             elapsed = min(self._now - start, end)
             start = self._now - elapsed
             if elapsed >= move.duration:
@@ -280,38 +277,38 @@ class Runner:
             self._check_motion(move.segment)
             end = min(elapsed + settings.horizon, move.duration)
             inside = (move.times > elapsed) & (move.times < end)
-            if sent < move.duration:  # the end is sent once: what comes late is not too late
+            if sent < move.duration:  # the last piece is sent once
                 times = np.append(move.times[inside], end)
                 pulls = np.stack(
-                    [np.interp(times, move.times, move.pulls[:, i]) for i in (0, 1)], axis=1)
-                self._port.follow(start, times, pulls)
+                    [np.interp(times, move.times, tendon) for tendon in move.pulls.T], axis=1)
+                self._port.follow(self._motions, start, times, pulls)
             sent = end
-            self._at(index, done + part * elapsed / move.duration)
+            self._report(index, done + part * elapsed / move.duration, Phase.MOVING)
             yield
         deadline = self._now + settings.settle_timeout
-        while self._seen.moving or np.abs(
-                np.subtract(self._seen.pulls, move.pulls[-1])).max() > settings.settle_tolerance:
+        target = move.pulls[-1]
+        while (self._observed.moving or np.abs(
+                np.subtract(self._observed.pulls, target)).max() > settings.settle_tolerance):
             self._check_motion(move.segment)
             if self._now > deadline:
-                raise _EndError(
-                    Code.TIMEOUT,
-                    f'the tendons are at {self._seen.pulls[0] * 1e3:.3f}, '
-                    f'{self._seen.pulls[1] * 1e3:.3f} mm instead of {move.pulls[-1][0] * 1e3:.3f}'
-                    f', {move.pulls[-1][1] * 1e3:.3f} mm after {settings.settle_timeout:g} s')
+                where = ', '.join(
+                    f'{name} is at {pull * 1e3:.3f} mm instead of {planned * 1e3:.3f} mm'
+                    for name, pull, planned in zip(
+                        self._tendons, self._observed.pulls, target, strict=True))
+                raise _EndError(Code.TIMEOUT, f'{where} after {settings.settle_timeout:g} s')
             yield
 
     def _check_motion(self, segment: int) -> None:
         self._check_stiff(segment)
-        if self._seen.refused:
-            raise _EndError(Code.HARDWARE_FAULT,
-                            f'the tendon motion was refused: {self._seen.refused}')
-        if self._seen.stiff[segment]:
+        if failure := self._observed.motion_failure:
+            raise _EndError(failure.code, failure.message)
+        if self._observed.stiff[segment]:
             raise _EndError(Code.HARDWARE_FAULT,
                             f'segment {segment + 1} was stiffened during its motion')
 
     def _check_stiff(self, soft: int | None) -> None:
         """Every segment but the one being set must stay stiff."""
-        for segment, stiff in enumerate(self._seen.stiff):
+        for segment, stiff in enumerate(self._observed.stiff):
             if segment != soft and not stiff:
                 raise _EndError(Code.HARDWARE_FAULT,
                                 f'segment {segment + 1} lost its stiffness')
@@ -321,10 +318,10 @@ class Runner:
         deadline = self._now + self._settings.settle_timeout
         self._port.hold()
         yield
-        while self._seen.moving and self._now < deadline:
+        while self._observed.moving and self._now < deadline:
             yield
-        # Also the segment that was last asked to soften, whatever has been heard of it.
-        wanted = [i for i, stiff in enumerate(self._seen.stiff)
+        # Also the segment that was last requested to soften, whatever its state was since.
+        wanted = [i for i, stiff in enumerate(self._observed.stiff)
                   if not stiff or i + 1 == self.progress.segment]
-        self.progress = replace(self.progress, phase=STIFFENING)
+        self.progress = replace(self.progress, phase=Phase.STIFFENING)
         yield from self._stiffen_all(wanted)

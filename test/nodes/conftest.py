@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 import fcntl
 import gc
 import itertools
@@ -53,8 +54,8 @@ def _is_silent(domain: int) -> bool:
     return _used_ports().isdisjoint(range(first, first + 250))
 
 
-@pytest.fixture
-def take_domain() -> Iterator[Callable[[], int]]:
+@contextmanager
+def domains() -> Iterator[Callable[[], int]]:
     """Take ROS domains: not those of the other workers, of other runs, or of leftover nodes."""
     worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
     workers = int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))
@@ -83,6 +84,13 @@ def take_domain() -> Iterator[Callable[[], int]]:
     yield take
     for lock in locks:
         lock.close()
+
+
+@pytest.fixture
+def take_domain() -> Iterator[Callable[[], int]]:
+    """Return a function that takes a ROS domain for this test alone."""
+    with domains() as take:
+        yield take
 
 
 @pytest.fixture
@@ -116,6 +124,16 @@ def arm(rig: Rig) -> Rig:
     """Return the four nodes of a quick arm, straight and stiff."""
     rig.start_arm()
     return rig
+
+
+@pytest.fixture(scope='module')
+def shared_arm() -> Iterator[Rig]:
+    """Return the four nodes of a quick arm that all tests of a module use, one after the other."""
+    with domains() as take:
+        rig = Rig(take())
+        rig.start_arm()
+        yield rig
+        rig.close()
 
 
 @pytest.fixture

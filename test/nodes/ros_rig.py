@@ -42,7 +42,12 @@ from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.shapes import SHAPE_PREFIX
 from soft_continuum_interfaces.action import RunShapeSequence
-from soft_continuum_interfaces.msg import Shape
+from soft_continuum_interfaces.msg import (
+    JammingValvesState,
+    Shape,
+    ShapeSequencerState,
+    TendonActuationState,
+)
 
 DEADLINE = 30.0  # s: for what takes a fraction of a second on an idle machine
 SEGMENTS = 3
@@ -68,6 +73,8 @@ RELIABLE = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
+STATES = {'tendon_actuation': TendonActuationState, 'jamming_valves': JammingValvesState,
+          'shape_sequencer': ShapeSequencerState}
 STATUS_NAMES = {
     GoalStatus.STATUS_SUCCEEDED: 'SUCCEEDED', GoalStatus.STATUS_CANCELED: 'CANCELED',
     GoalStatus.STATUS_ABORTED: 'ABORTED',
@@ -200,6 +207,11 @@ class Goal:
             self._result.add_done_callback(self._on_end)
         return bool(handle.accepted)
 
+    @property
+    def goal_id(self) -> Any:
+        """The identity of the goal, of a rejected one too."""
+        return self._rig.wait_future(self._future, 'an answer to the goal').goal_id
+
     def result(self, within: float = DEADLINE) -> tuple[str, Any]:
         """Return the status and the result, once the goal has ended."""
         assert self.accepted, f'the goal was rejected: {self._rig.rejected()}'
@@ -250,6 +262,9 @@ class Rig:
         self.action = self.observer.action
         self.statuses = {
             name: self.record(DiagnosticStatus, f'{name}/status', LATCHED) for name in ALL}
+        self.states = {
+            name: self.record(kind, f'{name}/state', LATCHED) for name, kind in STATES.items()}
+        self.sequencer = self.states['shape_sequencer']
         self.tendons = self.record(JointState, 'tendon_states', RELIABLE)
         self.stiff = [self.record(Bool, f'segment_{n}/stiff', LATCHED)
                       for n in range(1, SEGMENTS + 1)]
@@ -445,7 +460,7 @@ class Rig:
             goal = self.goal(*shapes, hold=hold)
             if goal.accepted:
                 return goal
-            assert 'nothing heard' in self.rejected()
+            assert 'nothing received' in self.rejected()
             return None
         return self.wait_for(accepted, 'an accepted goal')  # type: ignore[no-any-return]
 
@@ -457,13 +472,21 @@ class Rig:
                           'a motion')
             if not goal.ended:
                 return goal
-            assert 'nothing heard' in goal.result()[1].error_string
+            assert 'nothing received' in goal.result()[1].error_string
             return None
         return self.wait_for(moving, 'a moving arm')  # type: ignore[no-any-return]
 
     def rejected(self) -> str:
-        """Return why the last goal was rejected, as the sequencer's status says."""
-        return self.wait_for_status('shape_sequencer', 'rejected')
+        """Return why the last goal was rejected, as the state of the sequencer says."""
+        return str(self.wait_for(
+            lambda: self.sequencer.last and self.sequencer.last.rejected, 'a rejection'))
+
+    def rejection(self, goal: Goal) -> str:
+        """Return why ``goal`` was rejected, as the state of the sequencer says."""
+        return str(self.wait_for(
+            lambda: next((state.rejected for state in self.sequencer
+                          if state.rejected_goal_id == goal.goal_id), ''),
+            'the reason of the rejection'))
 
     # Claims about the arm.
 

@@ -1,23 +1,27 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Goals that end early: canceled, superseded, stopped, or left alone by another node."""
+"""
+Goals that end early: canceled, superseded, stopped, or because of another node.
+
+That they do so in every phase is claimed in test/sequencing, without ROS.
+"""
 
 from collections.abc import Callable
 
 import numpy as np
 import pytest
-from ros_rig import Rig
+from ros_rig import Rig, trajectory
+from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum_interfaces.action import RunShapeSequence
 
 Result = RunShapeSequence.Result
-PHASES = ('softening', 'moving', 'stiffening', 'holding')
-# Long enough to be met in every phase, however busy the machine is.
+# Slow enough to be met in the phase, however busy the machine is.
 SLOW = {
     'softening': {'simulated_jamming__venting_time': 1.0},
     'moving': {'tendon_speed': 0.01},
-    'stiffening': {'simulated_jamming__evacuation_time': 2.0},
+    'stiffening': {'simulated_jamming__evacuation_time': 1.0},
     'holding': {},
 }
 BEND = (0.0, 0.0, 0.4)
@@ -36,7 +40,7 @@ def assert_bends(rig: Rig, angles: tuple[float, ...]) -> None:
     assert joints.sum(axis=1) == pytest.approx(angles, abs=np.radians(0.1))
 
 
-@pytest.mark.parametrize('phase', PHASES)
+@pytest.mark.parametrize('phase', ['softening', 'moving'])
 def test_cancel_leaves_the_arm_at_rest_with_every_segment_stiff(rig: Rig, phase: str) -> None:
     slow_arm(rig, phase)
     goal = rig.goal(BEND, hold=60.0)
@@ -66,7 +70,7 @@ def test_cancel_in_mid_motion_stops_short_and_the_next_goal_goes_on_from_there(r
 
 def test_cancel_while_the_arm_is_made_ready_ends_stiff(rig: Rig) -> None:
     rig.start_arm(simulated_jamming__initially_stiff=False,
-                  simulated_jamming__evacuation_time=1.5)
+                  simulated_jamming__evacuation_time=1.0)
     goal = rig.goal(BEND)
     goal.wait_for_phase('preparing')
     goal.cancel()
@@ -74,7 +78,7 @@ def test_cancel_while_the_arm_is_made_ready_ends_stiff(rig: Rig) -> None:
     rig.assert_rests_stiff(goal)
 
 
-@pytest.mark.parametrize('phase', PHASES)
+@pytest.mark.parametrize('phase', ['moving', 'holding'])
 def test_a_new_goal_aborts_the_running_one_and_succeeds(rig: Rig, phase: str) -> None:
     slow_arm(rig, phase)
     old = rig.goal(BEND, hold=60.0)
@@ -120,7 +124,7 @@ def test_a_goal_can_be_canceled_while_it_waits_for_its_turn(rig: Rig) -> None:
     rig.assert_rests_stiff()
 
 
-@pytest.mark.parametrize('phase', PHASES)
+@pytest.mark.parametrize('phase', ['softening', 'moving', 'holding'])
 def test_a_stop_aborts_the_goal_and_leaves_the_valves_as_they_are(rig: Rig, phase: str) -> None:
     slow_arm(rig, phase)
     goal = rig.goal(BEND, hold=60.0)
@@ -132,9 +136,8 @@ def test_a_stop_aborts_the_goal_and_leaves_the_valves_as_they_are(rig: Rig, phas
     assert (status, result.error_code) == ('ABORTED', Result.STOPPED)
     assert 'stop' in result.error_string
     rig.assert_rests()
-    rig.wait_for_more(rig.pressures[0], 60)
-    if phase != 'stiffening':  # where the segment goes on to become stiff
-        assert rig.soft_segments() == soft
+    rig.wait_for_more(rig.pressures[0], 30)
+    assert rig.soft_segments() == soft
 
 
 def test_after_a_stop_nothing_moves_until_resume_and_then_from_where_the_arm_is(rig: Rig) -> None:
@@ -185,6 +188,34 @@ def deactivate_tendons(rig: Rig) -> None:
     assert rig.transition('tendon_actuation', 'deactivate')
 
 
+def stop_and_resume(rig: Rig) -> None:
+    assert rig.trigger('tendon_actuation/stop').success
+    assert rig.trigger('tendon_actuation/resume').success
+
+
+def test_a_stop_that_is_resumed_at_once_ends_the_goal_all_the_same(rig: Rig) -> None:
+    slow_arm(rig, 'moving')
+    running = rig.goal(BEND)
+    rig.wait_for(lambda: rig.tendons.last.position[0] > 0.001, 'a pull')
+    stop_and_resume(rig)
+    assert running.result()[1].error_code == Result.STOPPED
+    rig.assert_rests()
+    assert 0.0 < rig.pulls[0] < 0.006
+
+
+def test_a_motion_that_is_replaced_by_others_ends_the_goal(rig: Rig) -> None:
+    slow_arm(rig, 'moving')
+    goal = rig.goal(BEND)
+    rig.wait_for(lambda: rig.tendons.last.position[0] > 0.001, 'a pull')
+    message = trajectory([(1.0, rig.pulls)])
+    message.header.frame_id = 'somebody_else/1'
+    rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(message)
+    status, result = goal.result()
+    assert (status, result.error_code) == ('ABORTED', Result.HARDWARE_FAULT)
+    assert 'somebody_else/1' in result.error_string
+    rig.assert_rests_stiff(goal)
+
+
 def stiffen(rig: Rig) -> None:
     assert rig.set_stiff(3, True).success
 
@@ -195,13 +226,14 @@ def soften_another(rig: Rig) -> None:
 
 @pytest.mark.parametrize(('disturb', 'named'), [
     (deactivate_valves, 'jamming_valves'),
-    (deactivate_tendons, 'not active'),
+    (deactivate_tendons, 'deactivated'),
     (stiffen, 'segment'),
     (soften_another, 'segment'),
 ])
 def test_a_disturbance_in_mid_motion_ends_the_goal_with_its_name(
         rig: Rig, disturb: Callable[[Rig], None], named: str) -> None:
-    rig.start_arm(tendon_speed=0.01, silence_timeout=3.0, jamming_timeout=3.0)
+    rig.start_arm(tendon_speed=0.01, silence_timeout=1.0, jamming_timeout=1.0,
+                  settle_timeout=1.0)
     goal = rig.goal(BEND)
     goal.wait_for_phase('moving')
     rig.wait_for(lambda: rig.moving, 'motion')
@@ -228,20 +260,20 @@ def test_segments_that_are_found_soft_are_stiffened_before_the_goal_is_run(rig: 
 def test_a_segment_that_does_not_become_stiff_ends_the_goal_with_its_vacuum(rig: Rig) -> None:
     # A leak as strong as the pump.
     rig.start_arm(simulated_jamming__ultimate_vacuum=49e3,
-                  simulated_jamming__initially_stiff=False, jamming_timeout=1.0)
+                  simulated_jamming__initially_stiff=False, jamming_timeout=0.5)
     status, result = rig.goal(BEND).result()
     assert (status, result.error_code) == ('ABORTED', Result.TIMEOUT)
     assert 'segment 1' in result.error_string
-    assert 'did not become stiff within 1 s' in result.error_string
+    assert 'did not become stiff within 0.5 s' in result.error_string
     rig.assert_rests()
     assert rig.pulls == (0.0, 0.0)
 
 
 def test_a_segment_that_does_not_become_soft_ends_the_goal_stiff(rig: Rig) -> None:
-    rig.start_arm(simulated_jamming__venting_time=4.0, jamming_timeout=1.0)
+    rig.start_arm(simulated_jamming__venting_time=4.0, jamming_timeout=0.5)
     goal = rig.goal(BEND)
     status, result = goal.result()
     assert (status, result.error_code) == ('ABORTED', Result.TIMEOUT)
-    assert 'segment 3 did not become soft within 1 s; its vacuum is' in result.error_string
+    assert 'segment 3 did not become soft within 0.5 s; its vacuum is' in result.error_string
     rig.assert_rests_stiff(goal)
     assert rig.pulls == (0.0, 0.0)

@@ -3,12 +3,18 @@
 
 """Goals that must not be accepted: each says why and what is allowed, and nothing moves."""
 
+import itertools
+import time
+from typing import Any
+
 from builtin_interfaces.msg import Duration
 import numpy as np
 import pytest
-from ros_rig import Rig, shape_message
+from ros_rig import ALL, Rig, shape_message
 from sensor_msgs.msg import JointState
 
+from soft_continuum.sequencing.planner import PlanError, Planner
+from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape
 
 LIBRARY = 'c_form, upright_c_form, s_form'
@@ -39,80 +45,125 @@ BAD_GOALS = {
 
 
 @pytest.mark.parametrize('case', BAD_GOALS)
-def test_a_bad_goal_is_rejected_with_the_reason_and_moves_nothing(arm: Rig, case: str) -> None:
+def test_a_bad_goal_is_rejected_with_the_reason_and_moves_nothing(
+        shared_arm: Rig, case: str) -> None:
     shapes, reasons = BAD_GOALS[case]
-    goal = arm.goal(*shapes)
+    pulls, flags = shared_arm.pulls, [len(r) for r in shared_arm.stiff]
+    goal = shared_arm.goal(*shapes)
     assert not goal.accepted
-    said = arm.rejected()
+    rejection = shared_arm.rejection(goal)
     for reason in reasons:
-        assert reason in said
-    arm.assert_rests_stiff()
-    assert arm.pulls == (0.0, 0.0)
+        assert reason in rejection
+    shared_arm.wait_for_more(shared_arm.tendons, 3)
+    assert not shared_arm.moving
+    assert (shared_arm.pulls, [len(r) for r in shared_arm.stiff]) == (pulls, flags)
 
 
-def test_a_shape_beyond_the_tension_limit_is_rejected_before_anything_moves(rig: Rig) -> None:
-    rig.start_arm(tension_limit=1.0)
-    assert not rig.goal('c_form').accepted
-    said = rig.rejected()
-    assert 'c_form' in said
-    assert 'tension_limit: 1 N' in said
-    rig.assert_rests_stiff()
+def test_a_shape_beyond_the_tension_limit_is_rejected_before_anything_moves(
+        shared_arm: Rig) -> None:
+    assert shared_arm.set_parameter('shape_sequencer', 'tension_limit', 1.0).successful
+    goal = shared_arm.goal((0.0, 0.0, 0.0), 'c_form')
+    assert not goal.accepted
+    rejection = shared_arm.rejection(goal)
+    assert 'c_form' in rejection
+    assert 'tension_limit: 1 N' in rejection
+    shared_arm.assert_rests_stiff()
+    assert shared_arm.set_parameter('shape_sequencer', 'tension_limit', 60.0).successful
 
 
 def test_a_shape_beyond_the_travel_of_the_tendons_is_rejected(rig: Rig) -> None:
     rig.start_arm(pull_limits=(-0.01, 0.01))
-    assert not rig.goal('c_form').accepted
-    assert 'pull_limits: -0.01 to 0.01 m' in rig.rejected()
+    goal = rig.goal('c_form')
+    assert not goal.accepted
+    assert 'pull_limits: -0.01 to 0.01 m' in rig.rejection(goal)
     rig.assert_rests_stiff()
 
 
-def test_a_rejected_goal_leaves_the_running_one_alone(arm: Rig) -> None:
-    running = arm.goal((0.0, 0.0, 0.3), hold=1.5)
-    running.wait_for_phase('moving')
-    assert not arm.goal('d_form').accepted
-    assert "'d_form'" in arm.rejected()
-    assert running.result()[0] == 'SUCCEEDED'
+@pytest.fixture
+def endless(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make planning last until the plan is abandoned."""
+    def plan(planner: Planner, *_: Any) -> None:
+        while not planner._abandoned():
+            time.sleep(0.005)
+        raise PlanError('the plan was abandoned')
+
+    monkeypatch.setattr(Planner, 'plan', plan)
 
 
-def test_why_a_goal_was_rejected_is_still_told_while_another_one_runs(arm: Rig) -> None:
-    running = arm.goal((0.0, 0.0, 0.3), hold=20.0)
+@pytest.mark.usefixtures('endless')
+def test_a_stop_is_obeyed_and_rejects_the_goal_while_it_is_being_planned(shared_arm: Rig) -> None:
+    goal = shared_arm.goal('c_form')
+    assert shared_arm.trigger('tendon_actuation/stop').success
+    assert not goal.accepted
+    assert '~/stop was called' in shared_arm.rejection(goal)
+    assert shared_arm.trigger('tendon_actuation/resume').success
+    shared_arm.wait_for(
+        lambda: not shared_arm.status_value('tendon_actuation', 'stopped'), 'no more stop')
+
+
+@pytest.mark.usefixtures('endless')
+def test_of_many_goals_that_are_being_planned_each_is_answered(shared_arm: Rig) -> None:
+    goals = [shared_arm.goal('c_form') for _ in range(20)]
+    for goal in goals[:-1]:
+        assert not goal.accepted
+        assert 'superseded by a newer goal' in shared_arm.rejection(goal)
+    bad = shared_arm.goal('d_form')
+    assert not bad.accepted
+    assert not goals[-1].accepted
+
+
+def test_a_goal_that_runs_can_be_canceled_while_its_next_shape_is_being_planned(
+        shared_arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, calls = Planner.plan, itertools.count()
+
+    def plan_once(planner: Planner, *arguments: Any) -> Any:
+        while next(calls) > 0 and not planner._abandoned():  # the first is that of the check
+            time.sleep(0.005)
+        return plan(planner, *arguments)
+
+    monkeypatch.setattr(Planner, 'plan', plan_once)
+    goal = shared_arm.goal('c_form')
+    goal.wait_for_phase('preparing')
+    goal.cancel()
+    assert goal.result()[1].error_code == RunShapeSequence.Result.CANCELED
+    assert shared_arm.pulls == (0.0, 0.0)
+
+
+def test_a_rejected_goal_leaves_the_running_one_alone_and_its_reason_stays(
+        shared_arm: Rig) -> None:
+    running = shared_arm.goal((0.0, 0.0, 0.3), hold=20.0)
     running.wait_for_phase('softening')
-    assert not arm.goal('d_form').accepted
+    rejected = shared_arm.goal('d_form')
+    assert not rejected.accepted
     running.wait_for_phase('holding')
-    arm.wait_for_more(arm.tendons)
-    # What a late joiner gets is the latest status only.
-    assert "'d_form'" in arm.status_value('shape_sequencer', 'rejected')
+    # A late joiner gets the latest state and status only.
+    last = shared_arm.sequencer.last
+    assert (last.running, last.goal_id) == (True, running.goal_id)
+    assert last.rejected_goal_id == rejected.goal_id
+    assert "'d_form'" in last.rejected
+    assert "'d_form'" in shared_arm.status_value('shape_sequencer', 'rejected')
     running.cancel()
     assert running.result()[0] == 'CANCELED'
+    assert shared_arm.sequencer.last.error_code == RunShapeSequence.Result.CANCELED
 
 
-@pytest.mark.parametrize(('missing', 'named'), [
-    ('tendon_actuation', 'tendon_actuation'),
-    ('jamming_valves', 'jamming_valves'),
-    ('kinematics', 'kinematics'),
-])
-def test_a_goal_is_rejected_naming_the_node_that_is_not_heard(
-        rig: Rig, missing: str, named: str) -> None:
-    present = [name for name in (
-        'tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer') if name != missing]
-    rig.start(*present)
-    assert not rig.goal('c_form').accepted
-    assert named in rig.rejected()
+@pytest.mark.parametrize('missing', ['tendon_actuation', 'jamming_valves', 'kinematics'])
+def test_a_goal_is_rejected_naming_the_node_that_is_missing(rig: Rig, missing: str) -> None:
+    rig.start(*(name for name in ALL if name != missing))
+    goal = rig.goal('c_form')
+    assert not goal.accepted
+    assert missing in rig.rejection(goal)
 
 
-def test_a_goal_after_a_rejected_one_runs(arm: Rig) -> None:
-    assert not arm.goal('d_form').accepted
-    assert arm.goal((0.0, 0.0, 0.2)).result()[0] == 'SUCCEEDED'
-
-
-def test_a_state_that_is_not_a_number_ends_no_node(arm: Rig) -> None:
+def test_a_state_that_is_not_a_number_ends_no_node(shared_arm: Rig) -> None:
     # As from a broken node on the same topics; the nodes must neither die nor believe it.
-    joints = len(arm.joints.last.position)
-    arm.publisher(JointState, 'joint_states').publish(JointState(position=[np.nan] * joints))
-    states = arm.publisher(JointState, 'tendon_states')
-    states.publish(JointState(name=['right_tendon', 'left_tendon'], position=[np.nan] * 2,
-                              velocity=[np.nan] * 2))
-    assert not arm.goal('d_form').accepted
-    arm.wait_for_more(arm.joints)
-    assert not np.isnan(arm.joints.last.position).any()
-    assert arm.goal((0.0, 0.0, 0.2)).result()[0] == 'SUCCEEDED'
+    joints = len(shared_arm.joints.last.position)
+    shapes = shared_arm.publisher(JointState, 'joint_states')
+    shapes.publish(JointState(position=[np.nan] * joints))
+    shapes.publish(JointState(position=[1.7e308] * joints))
+    shared_arm.publisher(JointState, 'tendon_states').publish(JointState(
+        name=['right_tendon', 'left_tendon'], position=[np.nan] * 2, velocity=[np.nan] * 2))
+    assert not shared_arm.goal('d_form').accepted
+    shared_arm.wait_for_more(shared_arm.joints)
+    assert not np.isnan(shared_arm.joints.last.position).any()
+    assert shared_arm.goal((0.0, 0.0, 0.2)).result()[0] == 'SUCCEEDED'

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run sets its shapes or ends with the reason, and never leaves the arm in between."""
 
+from concurrent.futures import Future
 from dataclasses import replace
 from math import degrees, inf
 import re
@@ -10,26 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from virtual_rig import ARM, LIBRARY, PLAN_SETTINGS, RUNNER_SETTINGS, STEP, TICK, VirtualRig
+from virtual_rig import ARM, LIBRARY, PLAN_SETTINGS, RUNNER_SETTINGS, STEP, TICK_STEPS, VirtualRig
 
 from soft_continuum.sequencing.planner import PlanSettings, Shape
-from soft_continuum.sequencing.runner import (
-    Code,
-    HOLDING,
-    MOVING,
-    Observation,
-    PREPARING,
-    Progress,
-    Runner,
-    SOFTENING,
-    STIFFENING,
-)
+from soft_continuum.sequencing.progress import Code, Phase, Progress
+from soft_continuum.sequencing.runner import Failure, Observation
 
 SHAPES = tuple(Shape(name, angles, 0.2) for name, angles in LIBRARY.items())
 C_FORM, UPRIGHT, S_FORM = SHAPES
 BOW = Shape('bow', (0.3, 0.0, 0.2), 0.2)
-PHASES = {PREPARING: 'p', SOFTENING: 's', MOVING: 'm', STIFFENING: 't', HOLDING: 'h'}
-WORKING_PHASES = (SOFTENING, MOVING, STIFFENING, HOLDING)
+LETTERS = dict(zip(Phase, 'psmth', strict=True))
+WORKING_PHASES = (Phase.SOFTENING, Phase.MOVING, Phase.STIFFENING, Phase.HOLDING)
 REACTION = 0.2  # s from an event until the tendons rest
 
 property_test = settings(deadline=None, derandomize=True, max_examples=40)
@@ -45,7 +37,7 @@ def one_soft_at_most_and_none_moved_stiff(rig):
 
 def phase_letters(rig):
     """The phases of a run, each change one letter."""
-    letters = ''.join(PHASES[p.phase] for p in rig.progress)
+    letters = ''.join(LETTERS[p.phase] for p in rig.progress)
     return re.sub(r'(.)\1+', r'\1', letters)
 
 
@@ -73,7 +65,7 @@ def running(phase, segment=None, **rig):
     rig = VirtualRig((BOW, C_FORM), **rig)
     rig.run(until=reaches(phase, segment))
     assert rig.runner.outcome is None
-    rig.go_on(2 * TICK * STEP)
+    rig.go_on(2 * TICK_STEPS * STEP)
     return rig
 
 
@@ -108,7 +100,7 @@ def undisturbed():
 
     def check(rig):
         one_soft_at_most_and_none_moved_stiff(rig)
-        if rig.runner.progress.phase == HOLDING:
+        if rig.runner.progress.phase == Phase.HOLDING:
             rig.angles_at[rig.runner.progress.shape] = rig.angles
 
     rig.run(check)
@@ -162,8 +154,8 @@ def test_motions_are_sent_no_further_ahead_than_the_horizon(undisturbed):
 
 def test_the_pieces_of_a_motion_lie_on_the_planned_one():
     rig = VirtualRig((C_FORM,), plan_settings=PlanSettings())
-    move = rig.plan(C_FORM).moves[0]
-    rig.run(until=reaches(STIFFENING))
+    move = rig.planned(C_FORM).moves[0]
+    rig.run(until=reaches(Phase.STIFFENING))
     pieces = [command[2:] for command in rig.commands if command[1] == 'follow']
     assert len(pieces) > 10
     for start, times, pulls in pieces:
@@ -176,10 +168,10 @@ def test_the_pieces_of_a_motion_lie_on_the_planned_one():
 
 def test_a_shape_is_held_for_its_time():
     rig = VirtualRig((replace(BOW, hold_time=2.0),))
-    rig.run(until=reaches(HOLDING))
+    rig.run(until=reaches(Phase.HOLDING))
     start = rig.now
     assert rig.run().code is Code.SUCCESSFUL
-    assert 2.0 <= rig.now - start <= 2.0 + 2 * TICK * STEP
+    assert 2.0 <= rig.now - start <= 2.0 + 2 * TICK_STEPS * STEP
 
 
 def test_a_shape_that_the_arm_has_already_takes_no_move():
@@ -240,7 +232,7 @@ def test_a_run_at_the_speed_of_the_default_settings_succeeds():
 
 
 def test_the_tendons_rest_soon_after_the_sequencer_is_gone():
-    rig = running(MOVING, plan_settings=PlanSettings())
+    rig = running(Phase.MOVING, plan_settings=PlanSettings())
     rig.runner = None
     rig.go_on(RUNNER_SETTINGS.horizon + REACTION)
     assert not rig.moving and not rig.tendons.following
@@ -248,7 +240,7 @@ def test_the_tendons_rest_soon_after_the_sequencer_is_gone():
 
 @pytest.mark.parametrize('pause', [0.2, 0.6, 3.0])
 def test_a_run_goes_on_after_a_pause_from_where_the_tendons_are(pause):
-    rig = running(MOVING, plan_settings=PlanSettings())
+    rig = running(Phase.MOVING, plan_settings=PlanSettings())
     runner, rig.runner = rig.runner, None
     rig.go_on(pause)
     rig.runner = runner
@@ -264,11 +256,11 @@ def test_a_run_on_a_soft_arm_stiffens_it_first(soft):
     rig.go_on(3.0)
     stiff = []
 
-    def plan(shape):
+    def plan(shapes):
         stiff.append(list(rig.jamming.stiff))
-        return rig.plan(shape)
+        return rig.plan(shapes)
 
-    rig.runner = Runner((BOW,), plan, rig, rig.settings)
+    rig.runner = rig.run_of((BOW,), plan)
     outcome = rig.run()
     assert (outcome.code, outcome.message) == (Code.SUCCESSFUL, '')
     assert stiff == [[True, True, True]]
@@ -285,17 +277,17 @@ def test_a_run_waits_until_the_tendons_rest():
     rig = VirtualRig()
     rig.jamming.set_stiff(1, False)
     rig.go_on(2.0)
-    rig.follow(rig.now, np.array([0.5]), np.array([[0.002, -0.004]]))
+    rig.follow(0, rig.now, np.array([0.5]), np.array([[0.002, -0.004]]))
     rig.go_on(0.2)
     rig.jamming.set_stiff(1, True)
     assert rig.moving
     moving = []
 
-    def plan(shape):
+    def plan(shapes):
         moving.append(rig.moving)
-        return rig.plan(shape)
+        return rig.plan(shapes)
 
-    rig.runner = Runner((BOW,), plan, rig, rig.settings)
+    rig.runner = rig.run_of((BOW,), plan)
     outcome = rig.run()
     assert (outcome.code, outcome.message) == (Code.SUCCESSFUL, '')
     assert moving == [False]
@@ -313,7 +305,7 @@ def test_a_canceled_run_ends_at_rest_and_stiff(phase, code):
 
 
 def test_a_canceled_run_brakes_at_once_and_stiffens_when_the_tendons_rest():
-    rig = running(MOVING, plan_settings=PlanSettings(), acceleration=0.12)
+    rig = running(Phase.MOVING, plan_settings=PlanSettings(), acceleration=0.12)
     rig.go_on(0.5)
     moved_at = []
 
@@ -343,18 +335,18 @@ def test_a_run_that_is_canceled_before_it_started_softens_and_moves_nothing():
 
 
 def test_the_first_of_two_reasons_to_end_counts():
-    rig = running(MOVING)
+    rig = running(Phase.MOVING)
     rig.runner.cancel(Code.CANCELED, 'canceled')
     rig.runner.cancel(Code.PREEMPTED, 'preempted')
     check_ends(rig, Code.CANCELED, 'canceled')
 
 
 def test_a_cancel_while_winding_down_changes_nothing():
-    rig = running(MOVING)
-    rig.silent = 'nothing heard of kinematics'
-    rig.go_on(2 * TICK * STEP)
+    rig = running(Phase.MOVING)
+    rig.fault = 'nothing received from kinematics'
+    rig.go_on(2 * TICK_STEPS * STEP)
     rig.runner.cancel(Code.CANCELED, 'canceled')
-    check_ends(rig, Code.HARDWARE_FAULT, 'nothing heard of kinematics')
+    check_ends(rig, Code.HARDWARE_FAULT, 'nothing received from kinematics')
 
 
 @pytest.mark.parametrize('late', [0.0, 0.05, 0.1, 0.2])
@@ -374,7 +366,7 @@ def test_a_stop_ends_the_run_at_once_and_leaves_everything_as_it_is(phase):
     rig = running(phase)
     before, valves = list(rig.commands), rig.air.read().evacuated
     rig.tendons.stop('~/stop was called')
-    rig.go_on(TICK * STEP)
+    rig.go_on(TICK_STEPS * STEP)
     outcome = rig.runner.outcome
     assert (outcome.code, outcome.message) == (Code.STOPPED, 'stopped: ~/stop was called')
     rig.go_on(10.0)
@@ -392,12 +384,12 @@ def test_a_run_does_not_begin_while_tendon_motion_is_stopped():
 
 @pytest.mark.parametrize('wait', [0, 1, 2, 5])
 def test_a_stop_while_winding_down_ends_that_too(wait):
-    rig = running(MOVING)
+    rig = running(Phase.MOVING)
     rig.runner.cancel(Code.CANCELED, 'canceled')
-    rig.go_on(wait * TICK * STEP)
+    rig.go_on(wait * TICK_STEPS * STEP)
     rig.tendons.stop('~/stop was called')
     before, valves = list(rig.commands), rig.air.read().evacuated
-    rig.go_on(TICK * STEP)
+    rig.go_on(TICK_STEPS * STEP)
     assert rig.runner.outcome.code is Code.STOPPED
     rig.go_on(5.0)
     assert rig.commands == before
@@ -405,10 +397,10 @@ def test_a_stop_while_winding_down_ends_that_too(wait):
 
 
 @pytest.mark.parametrize('phase', WORKING_PHASES)
-def test_a_silent_node_ends_the_run_at_rest_and_stiff(phase):
+def test_a_stale_node_ends_the_run_at_rest_and_stiff(phase):
     rig = running(phase)
-    rig.silent = 'nothing heard for 0.5 s of kinematics (joint_states)'
-    check_ends(rig, Code.HARDWARE_FAULT, rig.silent)
+    rig.fault = 'nothing received for 0.5 s from kinematics (joint_states)'
+    check_ends(rig, Code.HARDWARE_FAULT, rig.fault)
 
 
 def test_a_segment_that_never_softens_ends_the_run():
@@ -423,7 +415,7 @@ def test_a_segment_that_never_softens_ends_the_run():
 def test_a_request_that_got_lost_is_repeated():
     rig = VirtualRig((BOW,))
     rig.broken.add(0)
-    rig.run(until=reaches(SOFTENING))
+    rig.run(until=reaches(Phase.SOFTENING))
     rig.go_on(1.0)
     rig.broken.clear()
     assert rig.run(one_soft_at_most_and_none_moved_stiff).code is not Code.HARDWARE_FAULT
@@ -431,7 +423,7 @@ def test_a_request_that_got_lost_is_repeated():
 
 
 def test_a_segment_that_never_stiffens_ends_the_run_with_the_tendons_holding():
-    rig = running(MOVING)
+    rig = running(Phase.MOVING)
     rig.broken.add(0)
     outcome = rig.run(one_soft_at_most_and_none_moved_stiff, most=10.0)
     assert outcome.code is Code.TIMEOUT
@@ -450,7 +442,7 @@ def test_a_segment_that_loses_its_vacuum_ends_the_run(phase):
 
 
 def test_a_segment_that_cannot_be_stiffened_does_not_keep_the_others_soft():
-    rig = running(MOVING, segment=3)
+    rig = running(Phase.MOVING, segment=3)
     rig.leaking.add(0)
     outcome = rig.run(most=20.0)
     assert outcome.code is Code.HARDWARE_FAULT
@@ -459,7 +451,7 @@ def test_a_segment_that_cannot_be_stiffened_does_not_keep_the_others_soft():
 
 
 def test_a_segment_that_is_stiffened_by_others_during_its_motion_ends_the_run():
-    rig = running(MOVING, plan_settings=PlanSettings())
+    rig = running(Phase.MOVING, plan_settings=PlanSettings())
     rig.jamming.set_stiff(0, True)
     outcome = rig.run(most=10.0)
     assert outcome.code is Code.HARDWARE_FAULT
@@ -468,7 +460,7 @@ def test_a_segment_that_is_stiffened_by_others_during_its_motion_ends_the_run():
 
 
 def test_a_segment_that_is_softened_by_others_is_stiffened_again():
-    rig = running(MOVING, plan_settings=PlanSettings())
+    rig = running(Phase.MOVING, plan_settings=PlanSettings())
     rig.jamming.set_stiff(1, False)
     outcome = rig.run(most=10.0)
     assert outcome.code is Code.HARDWARE_FAULT
@@ -477,16 +469,16 @@ def test_a_segment_that_is_softened_by_others_is_stiffened_again():
 
 
 def test_a_refused_motion_ends_the_run_with_the_reason():
-    rig = running(SOFTENING)
+    rig = running(Phase.SOFTENING)
     rig.tendons.limits = replace(rig.tendons.limits, speed_limit=1e-4)
     outcome = check_ends(rig, Code.HARDWARE_FAULT, 'the tendon motion was refused: ')
     assert 'speed_limit: 0.0001 m/s' in outcome.message
 
 
 def test_tendons_that_do_not_arrive_end_the_run():
-    rig = running(SOFTENING)
+    rig = running(Phase.SOFTENING)
     rig.stuck = True
-    outcome = check_ends(rig, Code.TIMEOUT, 'the tendons are at 0.000, 0.000 mm instead of ')
+    outcome = check_ends(rig, Code.TIMEOUT, 'right_tendon is at 0.000 mm instead of ')
     assert 'after 1 s' in outcome.message
 
 
@@ -508,7 +500,7 @@ def observed(stiff=(True, True, True), **changes):
 
 def test_a_segment_that_is_seen_stiff_during_its_motion_ends_the_run():
     rig = VirtualRig()
-    runner = Runner((BOW,), rig.plan, rig, RUNNER_SETTINGS)
+    runner = rig.run_of((BOW,))
     seen = [observed()] + 4 * [observed((False, True, True))] + 40 * [observed()]
     for number, observation in enumerate(seen):
         runner.tick(0.05 * number, observation)
@@ -516,22 +508,53 @@ def test_a_segment_that_is_seen_stiff_during_its_motion_ends_the_run():
     assert runner.outcome.message == 'segment 1 was stiffened during its motion'
 
 
-def test_an_unexpected_error_of_the_planner_is_no_success():
-    def plan(shape):
-        raise ZeroDivisionError
+def test_an_unexpected_error_of_the_planner_ends_the_run_with_its_name():
+    plan = Future()
+    plan.set_exception(ZeroDivisionError('half a shape'))
+    runner = VirtualRig().run_of((BOW,), lambda shapes: plan)
+    for number in range(10):
+        runner.tick(0.05 * number, observed())
+    assert runner.outcome.code is Code.MODEL_FAILURE
+    assert runner.outcome.message == 'ZeroDivisionError: half a shape'
 
-    rig = VirtualRig((BOW,))
-    rig.runner._plan = plan
-    for number in range(100):
-        try:
-            rig.runner.tick(0.05 * number, observed())
-        except ZeroDivisionError:
-            assert rig.runner.outcome is None
-    assert rig.runner.outcome is None or rig.runner.outcome.code is Code.MODEL_FAILURE
+
+def test_nothing_is_requested_while_a_plan_is_being_made():
+    rig = VirtualRig((BOW,), plan_ticks=20)
+    rig.go_on(0.9)
+    assert rig.commands == []
+    assert rig.runner.progress.phase is Phase.PREPARING
+    assert rig.run().code is Code.SUCCESSFUL
+
+
+@pytest.mark.parametrize('event, code', [
+    (lambda rig: rig.runner.cancel(Code.CANCELED, 'event'), Code.CANCELED),
+    (lambda rig: rig.tendons.stop('event'), Code.STOPPED),
+    (lambda rig: setattr(rig, 'fault', 'event'), Code.HARDWARE_FAULT),
+    (lambda rig: rig.leaking.add(1), Code.HARDWARE_FAULT),
+], ids=['cancel', 'stop', 'fault', 'leak'])
+def test_a_run_ends_while_its_plan_is_still_being_made(event, code):
+    rig = VirtualRig((BOW,), plan_ticks=10000)
+    rig.go_on(0.2)
+    event(rig)
+    assert rig.run(most=8.0).code is code
+    assert {command[1] for command in rig.commands} <= {'hold', 'set_stiff'}
+
+
+@pytest.mark.parametrize('code', [Code.STOPPED, Code.TIMEOUT, Code.MODEL_FAILURE])
+def test_the_end_of_a_motion_ends_the_run_at_the_next_tick_with_its_code_and_reason(code):
+    rig = running(Phase.MOVING, plan_settings=PlanSettings())
+    before = list(rig.commands)
+    rig.runner.tick(rig.now, replace(rig.observe(), motion_failure=Failure(code, 'the reason')))
+    if code is Code.STOPPED:  # everything stays as it is
+        assert rig.commands == before
+        assert rig.runner.outcome.message == 'the reason'
+    else:
+        assert [command[1] for command in rig.commands[len(before):]] == ['hold']
+        check_ends(rig, code, 'the reason')
 
 
 def test_tendons_that_never_rest_end_the_run():
-    runner = Runner((BOW,), lambda shape: None, VirtualRig(), RUNNER_SETTINGS)
+    runner = VirtualRig().run_of((BOW,))
     for number in range(2000):
         runner.tick(0.05 * number, observed(moving=True))
     assert runner.outcome is not None and runner.outcome.code is Code.TIMEOUT
@@ -539,13 +562,13 @@ def test_tendons_that_never_rest_end_the_run():
 
 def test_a_run_begins_with_its_first_shape_in_preparation():
     runner = VirtualRig(SHAPES).runner
-    assert runner.progress == Progress(0, 'c_form', 0, PREPARING, 0.0)
+    assert runner.progress == Progress(0, 'c_form', 0, Phase.PREPARING, 0.0)
     assert runner.outcome is None
 
 
 def test_a_shape_held_for_ever_can_be_canceled():
     rig = VirtualRig((replace(BOW, hold_time=inf),))
-    rig.run(until=reaches(HOLDING))
+    rig.run(until=reaches(Phase.HOLDING))
     rig.go_on(30.0)
     rig.runner.cancel(Code.CANCELED, 'enough')
     check_ends(rig, Code.CANCELED, 'enough')
@@ -553,7 +576,7 @@ def test_a_shape_held_for_ever_can_be_canceled():
 
 def test_a_segment_that_loses_its_vacuum_while_a_shape_is_held_is_noticed():
     rig = VirtualRig((replace(BOW, hold_time=30.0),))
-    rig.run(until=reaches(HOLDING))
+    rig.run(until=reaches(Phase.HOLDING))
     rig.leaking.add(1)
     outcome = rig.run(most=10.0)
     assert outcome.code is Code.HARDWARE_FAULT and outcome.shapes_completed == 0
@@ -565,7 +588,7 @@ EVENTS = {
     'cancel': (lambda rig, i: rig.runner.cancel(Code.CANCELED, 'event'), {Code.CANCELED}),
     'preempt': (lambda rig, i: rig.runner.cancel(Code.PREEMPTED, 'event'), {Code.PREEMPTED}),
     'stop': (lambda rig, i: rig.tendons.stop('event'), {Code.STOPPED}),
-    'silence': (lambda rig, i: setattr(rig, 'silent', 'event'), {Code.HARDWARE_FAULT}),
+    'fault': (lambda rig, i: setattr(rig, 'fault', 'event'), {Code.HARDWARE_FAULT}),
     'a valve breaks': (lambda rig, i: rig.broken.add(i), {Code.TIMEOUT, Code.SUCCESSFUL}),
     'a segment leaks': (
         lambda rig, i: rig.leaking.add(i), {Code.HARDWARE_FAULT, Code.TIMEOUT, Code.SUCCESSFUL}),

@@ -3,6 +3,7 @@
 """The arm on simulated hardware in virtual time: what the three other nodes do, without ROS."""
 
 from collections import deque
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,11 +20,13 @@ from soft_continuum.hardware.tendon_controller import (
 from soft_continuum.mechanics import Statics
 from soft_continuum.parameters.files import load_arm, load_shapes
 from soft_continuum.sequencing.planner import Planner, PlanSettings
-from soft_continuum.sequencing.runner import Observation, Runner, RunnerSettings
+from soft_continuum.sequencing.progress import Code
+from soft_continuum.sequencing.runner import Failure, Observation, Runner, RunnerSettings
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 ARM, LIBRARY = load_arm(DESCRIPTION), load_shapes(DESCRIPTION)
-STEP, TENDONS, JAMMING, TICK = 0.01, 2, 5, 5  # s, and the nodes' periods in steps
+STEP = 0.01  # s
+TENDON_STEPS, JAMMING_STEPS, TICK_STEPS = 2, 5, 5  # periods of the nodes in steps
 SPEED, ACCELERATION = 0.1, 2.0
 JAMMING_SETTINGS = JammingSettings()
 RUNNER_SETTINGS = RunnerSettings(jamming_timeout=3.0, settle_timeout=1.0)
@@ -43,10 +46,10 @@ class VirtualRig:
     """
     Simulated tendons and jamming with their controllers, the model, and one Runner on top.
 
-    It is the Runner's ArmPort.  latency: s that a command takes to arrive, and what is observed
-    to be heard.  broken: valves that do not move any more.  leaking: segments that lose their
-    vacuum.  stuck: steppers that do not move.  silent: what is reported as a fault.  commands:
-    all that the runner asked for, with the time.  progress: of every tick.
+    It is the Runner's ArmPort.  latency: s that a command and an observation take to arrive.
+    broken: valves that no longer move.  leaking: segments that lose their vacuum.  stuck: steppers
+    that do not move.  fault: what is reported as one.  plan_ticks: how long a plan takes.
+    commands: every request of the runner, with the time.  progress: of every tick.
     """
 
     shapes: tuple = ()
@@ -57,7 +60,8 @@ class VirtualRig:
     plan_settings: PlanSettings = PLAN_SETTINGS
     acceleration: float = ACCELERATION
     now: float = 1000.0
-    silent: str = ''
+    fault: str = ''
+    plan_ticks: int = 0
     stuck: bool = False
     broken: set = field(default_factory=set)
     leaking: set = field(default_factory=set)
@@ -76,11 +80,30 @@ class VirtualRig:
         self.statics = Statics(self.arm)
         self.state = self.statics.chain.straight()
         self.planner = Planner(self.arm, self.plan_settings)
-        self.refused, self.stiff_since, self.count = '', None, 0
-        self.inbox, self.heard = deque(), deque()
-        self.runner = Runner(self.shapes, self.plan, self, self.settings) if self.shapes else None
+        self.motion, self.motion_failure, self.stiff_since, self.count = None, None, None, 0
+        self.inbox, self.observed, self.plans = deque(), deque(), deque()
+        self.runner = self.run_of(self.shapes) if self.shapes else None
 
-    def plan(self, shape):
+    def run_of(self, shapes, plan=None):
+        """A Runner of this rig."""
+        return Runner(shapes, plan or self.plan, self, self.settings, self.arm.tendon_names)
+
+    def plan(self, shapes):
+        """Plan, and deliver the plan after ``plan_ticks``."""
+        future = Future()
+        self.plans.append((self.now + self.plan_ticks * TICK_STEPS * STEP, future, shapes))
+        self.deliver_plans()
+        return future
+
+    def deliver_plans(self):
+        while self.plans and self.plans[0][0] <= self.now + 1e-9:
+            _, future, shapes = self.plans.popleft()
+            try:
+                future.set_result([self.planned(shape) for shape in shapes])
+            except Exception as error:
+                future.set_exception(error)
+
+    def planned(self, shape):
         return self.planner.plan(self.state, self.tendons.reading.pulls, [shape])[0]
 
     # ArmPort.
@@ -88,8 +111,9 @@ class VirtualRig:
     def set_stiff(self, segment, stiff):
         self._send(('set_stiff', segment, stiff), lambda: self._switch(segment, stiff))
 
-    def follow(self, start, times, pulls):
-        self._send(('follow', start, times, pulls), lambda: self._follow(start + times, pulls))
+    def follow(self, motion, start, times, pulls):
+        self._send(('follow', start, times, pulls),
+                   lambda: self._follow(motion, start + times, pulls))
 
     def hold(self):
         self._send(('hold',), self.tendons.hold)
@@ -101,18 +125,23 @@ class VirtualRig:
         else:
             action()
 
-    # What the nodes make of it.
+    # What the nodes do.
 
     def _switch(self, segment, stiff):
         if segment not in self.broken:
             self.jamming.set_stiff(segment, stiff)
 
-    def _follow(self, times, pulls):
+    def _follow(self, motion, times, pulls):
+        if motion != self.motion:
+            self.motion, self.motion_failure = motion, None
         try:
             self.tendons.accept(times, pulls, self.now, self._predict)
-            self.refused, self.stiff_since = '', list(self.jamming.stiff)
+            self.stiff_since = list(self.jamming.stiff)
         except MotionRefusedError as error:
-            self.refused = str(error)
+            self._fail(f'the tendon motion was refused: {error}')
+
+    def _fail(self, message):
+        self.motion_failure = self.motion_failure or Failure(Code.HARDWARE_FAULT, message)
 
     def _predict(self, pulls):
         if all(self.jamming.stiff):
@@ -140,33 +169,34 @@ class VirtualRig:
         return self.statics.chain.bending_angles(self.state.joint_angles)
 
     def observe(self):
-        self.heard.append((self.now, Observation(
+        self.observed.append((self.now, Observation(
             self.tendons.reading.pulls, self.moving, tuple(self.jamming.stiff), self.vacuum,
-            self.tendons.stopped_because, self.silent, self.refused)))
-        while len(self.heard) > 1 and self.heard[1][0] <= self.now - self.latency + 1e-9:
-            self.heard.popleft()
-        return self.heard[0][1]
+            self.tendons.stopped_because, self.fault, self.motion_failure)))
+        while len(self.observed) > 1 and self.observed[1][0] <= self.now - self.latency + 1e-9:
+            self.observed.popleft()
+        return self.observed[0][1]
 
     def step(self):
         """Let 10 ms pass for every node."""
         self.now += STEP
         self.count += 1
+        self.deliver_plans()
         while self.inbox and self.inbox[0][0] <= self.now + 1e-9:
             self.inbox.popleft()[1]()
         for segment in self.leaking:
             self.air._vacuum[segment] *= 0.8  # faster than any pump
-        if self.count % JAMMING == 0:
+        if self.count % JAMMING_STEPS == 0:
             self.jamming.update()
-        if self.count % TENDONS == 0:
+        if self.count % TENDON_STEPS == 0:
             if self.tendons.following and list(self.jamming.stiff) != self.stiff_since:
                 self.tendons.hold()
-                self.refused = 'a segment changed between soft and stiff during the motion'
+                self._fail('a segment changed between soft and stiff during the motion')
             before = self.tendons.reading.pulls
-            pulls = self.tendons.update(self.now, TENDONS * STEP).pulls
-            if any(self.soft) and (pulls != before or self.count % JAMMING == 0):
+            pulls = self.tendons.update(self.now, TENDON_STEPS * STEP).pulls
+            if any(self.soft) and (pulls != before or self.count % JAMMING_STEPS == 0):
                 self.state = self.statics.solve(self.state, pulls, self.soft)
         observation = self.observe()
-        if self.runner and self.runner.outcome is None and self.count % TICK == 0:
+        if self.runner and self.runner.outcome is None and self.count % TICK_STEPS == 0:
             self.runner.tick(self.now, observation)
             self.progress.append(self.runner.progress)
 

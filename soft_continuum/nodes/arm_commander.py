@@ -1,0 +1,106 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The requests that shape_sequencer sends to tendon_actuation and jamming_valves."""
+
+from collections.abc import Sequence
+from uuid import uuid4
+
+from rclpy.node import Node
+from rclpy.task import Future
+from rclpy.time import Time
+from std_srvs.srv import SetBool
+from trajectory_msgs.msg import JointTrajectory
+
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.ros.conversions import trajectory_to_ros
+from soft_continuum.ros.names import JAMMING_VALVES, SHAPE_SEQUENCER, TENDON_ACTUATION
+from soft_continuum.ros.qos import STREAM
+from soft_continuum.sequencing.progress import Code
+from soft_continuum.sequencing.runner import Failure
+from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
+
+CODES = {
+    MotionRequest.STOPPED: Code.STOPPED,
+    MotionRequest.TENSION: Code.MODEL_FAILURE,
+    MotionRequest.LATE: Code.TIMEOUT,
+}
+"""What a refused or ended motion ends a sequence with; other reasons: HARDWARE_FAULT."""
+
+
+class ArmCommander:
+    """
+    The ArmPort of a Runner, over ROS; knows which requests failed and why.
+
+    motion_failure: of the present motion.  switch_failure: why jamming_valves did not switch.
+    """
+
+    def __init__(self, node: Node, arm: Arm) -> None:
+        """Create the publisher and the clients."""
+        self.motion_failure: Failure | None = None
+        self.switch_failure = ''
+        self._tendons: Sequence[str] = arm.tendon_names
+        self._process = uuid4().hex[:8]
+        self._run = 0
+        self._motion_id = ''
+        self._followed = False
+        self._trajectory = node.create_publisher(
+            JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', STREAM)
+        self._set_stiff = [
+            node.create_client(SetBool, f'{JAMMING_VALVES}/segment_{n}/set_stiff')
+            for n in range(1, len(arm.segments) + 1)]
+
+    def begin(self) -> None:
+        """Begin a run: failures of earlier requests no longer count."""
+        self._run += 1
+        self._motion_id = self.switch_failure = ''
+        self.motion_failure = None
+
+    def set_stiff(self, segment: int, stiff: bool) -> None:
+        """Request that jamming_valves evacuates or vents a segment (0-based)."""
+        run = self._run
+
+        def on_response(future: Future) -> None:
+            response = future.result()
+            if run == self._run and response is not None and not response.success:
+                self.switch_failure = f'{JAMMING_VALVES}: {response.message}'
+
+        self._set_stiff[segment].call_async(
+            SetBool.Request(data=stiff)).add_done_callback(on_response)
+
+    def follow(self, motion: int, start: float, times: Array, pulls: Array) -> None:
+        """Send the next piece of a motion; all pieces of one motion have the same id."""
+        motion_id = f'{SHAPE_SEQUENCER}/{self._process}/{self._run}.{motion}'
+        if motion_id != self._motion_id:
+            self._motion_id, self._followed, self.motion_failure = motion_id, False, None
+        message = trajectory_to_ros(times, pulls, self._tendons)
+        message.header.stamp = Time(nanoseconds=int(start * 1e9)).to_msg()
+        message.header.frame_id = motion_id
+        self._trajectory.publish(message)
+
+    def hold(self) -> None:
+        """Request that the tendons brake and hold: a trajectory without points."""
+        self._trajectory.publish(JointTrajectory(joint_names=list(self._tendons)))
+
+    def on_tendon_state(self, state: TendonActuationState) -> None:
+        """Note what happened to the present motion."""
+        accepted, refused = state.accepted, state.refused
+        if not self._motion_id or self.motion_failure is not None:
+            return
+        if refused.id == self._motion_id:
+            self._fail(refused, 'was refused')
+        elif accepted.id == self._motion_id:
+            self._followed = True
+            # A newer piece of the same motion may be what replaced it.
+            if (accepted.status == MotionRequest.ENDED
+                    and accepted.reason != MotionRequest.REPLACED):
+                self._fail(accepted, 'was ended')
+        elif self._followed:
+            self.motion_failure = Failure(
+                Code.HARDWARE_FAULT, 'the tendon motion was replaced by another trajectory '
+                f'({accepted.id or "without an id"})')
+
+    def _fail(self, request: MotionRequest, what: str) -> None:
+        self.motion_failure = Failure(
+            CODES.get(request.reason, Code.HARDWARE_FAULT),
+            f'the tendon motion {what}: {request.message}')

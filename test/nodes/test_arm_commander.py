@@ -1,0 +1,118 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Only what happened to the sequencer's own motion ends its goal, with the reason it was given."""
+
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+
+from soft_continuum.nodes.arm_commander import ArmCommander
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.sequencing.progress import Code
+from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
+
+ARM = load_arm(description_file())
+REASONS = {
+    MotionRequest.STIFFNESS_UNKNOWN: Code.HARDWARE_FAULT,
+    MotionRequest.DEVICE: Code.HARDWARE_FAULT,
+    MotionRequest.INVALID: Code.HARDWARE_FAULT,
+    MotionRequest.TENSION: Code.MODEL_FAILURE,
+    MotionRequest.STOPPED: Code.STOPPED,
+    MotionRequest.LATE: Code.TIMEOUT,
+}
+
+
+@pytest.fixture
+def commander() -> ArmCommander:
+    """Return a commander that has sent a motion."""
+    commander = ArmCommander(Mock(), ARM)
+    commander.begin()
+    follow(commander, 1)
+    return commander
+
+
+def follow(commander: ArmCommander, motion: int) -> str:
+    """Send a piece of a motion; return its id."""
+    commander.follow(motion, 100.0, np.array([0.5]), np.array([[0.001, -0.002]]))
+    return str(commander._trajectory.publish.call_args.args[0].header.frame_id)
+
+
+def accepted(request_id: str, status: int = MotionRequest.FOLLOWING,
+             reason: int = MotionRequest.NO_REASON) -> TendonActuationState:
+    """Return a state with the last request that was accepted."""
+    return TendonActuationState(accepted=MotionRequest(
+        id=request_id, status=status, reason=reason, message='the reason'))
+
+
+def refused(request_id: str, reason: int) -> TendonActuationState:
+    """Return a state with the last request that was refused."""
+    return TendonActuationState(refused=MotionRequest(
+        id=request_id, status=MotionRequest.REFUSED, reason=reason, message='the reason'))
+
+
+@pytest.mark.parametrize(('reason', 'code'), REASONS.items())
+def test_the_reason_of_a_refusal_decides_how_the_goal_ends(
+        commander: ArmCommander, reason: int, code: Code) -> None:
+    commander.on_tendon_state(refused(follow(commander, 1), reason))
+    assert commander.motion_failure is not None
+    assert commander.motion_failure.code is code
+    assert commander.motion_failure.message == 'the tendon motion was refused: the reason'
+
+
+def test_an_end_counts_although_the_next_piece_is_followed(commander: ArmCommander) -> None:
+    own = follow(commander, 1)
+    for state in (accepted(own),
+                  accepted(own, MotionRequest.ENDED, MotionRequest.STIFFNESS_UNKNOWN),
+                  accepted(own)):
+        commander.on_tendon_state(state)
+    assert commander.motion_failure is not None
+    assert commander.motion_failure.message == 'the tendon motion was ended: the reason'
+
+
+def test_pieces_of_one_motion_replace_each_other_without_ending_it(
+        commander: ArmCommander) -> None:
+    own = follow(commander, 1)
+    assert follow(commander, 1) == own
+    for state in (accepted(own), accepted(own, MotionRequest.ENDED, MotionRequest.REPLACED),
+                  accepted(own), accepted(own, MotionRequest.DONE)):
+        commander.on_tendon_state(state)
+    assert commander.motion_failure is None
+
+
+def test_what_happened_to_requests_of_others_and_earlier_ones_is_ignored(
+        commander: ArmCommander) -> None:
+    earlier = follow(commander, 1)
+    own = follow(commander, 2)
+    assert own != earlier
+    for state in (refused('client/7', MotionRequest.TENSION),
+                  accepted('client/7', MotionRequest.ENDED, MotionRequest.HELD),
+                  refused(earlier, MotionRequest.INVALID), accepted(own)):
+        commander.on_tendon_state(state)
+    assert commander.motion_failure is None
+
+
+def test_a_motion_that_others_replaced_has_failed(commander: ArmCommander) -> None:
+    commander.on_tendon_state(accepted(follow(commander, 1)))
+    commander.on_tendon_state(accepted('client/7'))
+    assert commander.motion_failure is not None
+    assert 'client/7' in commander.motion_failure.message
+
+
+def test_a_new_motion_begins_without_the_failure_of_the_one_before(
+        commander: ArmCommander) -> None:
+    commander.on_tendon_state(refused(follow(commander, 1), MotionRequest.TENSION))
+    follow(commander, 2)
+    assert commander.motion_failure is None
+
+
+def test_no_two_processes_and_no_two_runs_use_the_same_id() -> None:
+    ids = set()
+    for _ in range(2):
+        commander = ArmCommander(Mock(), ARM)
+        for _ in range(2):
+            commander.begin()
+            ids |= {follow(commander, motion) for motion in (1, 2)}
+    assert len(ids) == 8
