@@ -27,7 +27,7 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.browser.state import ArmState, Description, Notice, Progress, Report
-from soft_continuum.hardware.tendon_controller import TENDONS
+from soft_continuum.mechanics.arm import TENDONS
 from soft_continuum.nodes.runtime import NODES
 from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError

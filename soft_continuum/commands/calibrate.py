@@ -23,7 +23,7 @@ from soft_continuum.hardware.calibration import (
     corrected_steps,
     forget_reference,
     judge,
-    LONGEST_MOVE,
+    MAX_MOVE,
     MARK_TIME,
     measure_segment,
     SegmentVacuum,
@@ -32,6 +32,7 @@ from soft_continuum.hardware.calibration import (
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, TendonDriver
 from soft_continuum.hardware.tendon_controller import TendonLimits
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import jamming_settings
 
 NAME = 'calibrate'
@@ -67,7 +68,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--measured', nargs=2, type=number_in(0.01, 1000.0, 'mm'),
                         metavar=('RIGHT', 'LEFT'),
                         help='steps: travel in mm measured before; nothing moves')
-    parser.add_argument('--distance', type=number_in(1.0, MM * LONGEST_MOVE, 'mm'), metavar='MM',
+    parser.add_argument('--distance', type=number_in(1.0, MM * MAX_MOVE, 'mm'), metavar='MM',
                         help='steps: commanded travel in mm (default: 5)')
     parser.add_argument('--seen', nargs=2, choices=(PULLED, LET_OUT), metavar=('RIGHT', 'LEFT'),
                         help=f'signs: {PULLED} or {LET_OUT}, seen before; nothing moves')
@@ -151,7 +152,8 @@ def _bench(job: Job, text: str, sets_zero: bool = False
     with _jamming(job) as jamming:
         bench = TendonBench(
             tendons, jamming, segments - 1,
-            TendonLimits(values['pull_limits'], values['speed_limit']),
+            TendonLimits(arm_from_parameters(values).tendon_names, values['pull_limits'],
+                         values['speed_limit']),
             values['ambient_pressure'] - values['soft_vacuum'])
         tendons.open()
         provisional = False

@@ -13,7 +13,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.hardware.tendon_controller import TENDONS
+from soft_continuum.mechanics.arm import TENDONS
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.nodes.markers import shape_markers

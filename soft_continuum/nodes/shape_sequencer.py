@@ -18,7 +18,7 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.hardware.tendon_controller import TENDONS
+from soft_continuum.mechanics.arm import TENDONS
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.nodes.support import (

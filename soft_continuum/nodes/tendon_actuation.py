@@ -16,10 +16,11 @@ from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
+    Reason,
     TendonController,
     TendonLimits,
-    TENDONS,
 )
+from soft_continuum.mechanics.arm import TENDONS
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.nodes.support import (
@@ -148,7 +149,7 @@ class TendonActuation(ManagedNode):
 
     def _limits(self) -> TendonLimits:
         low, high = self.parameters['pull_limits']
-        return TendonLimits((low, high), self.parameters['speed_limit'])
+        return TendonLimits(TENDONS, (low, high), self.parameters['speed_limit'])
 
     def _seconds(self) -> float:
         return self.get_clock().now().nanoseconds * 1e-9
@@ -174,7 +175,7 @@ class TendonActuation(ManagedNode):
                 return
             obstacle = self._obstacle()
             if obstacle:
-                raise MotionRefusedError(obstacle)
+                raise MotionRefusedError(Reason.ALL_STIFF, obstacle)
             now = self._seconds()
             times, pulls = trajectory_from_ros(message, now)
             begin = seconds(message.header.stamp) or now
@@ -245,12 +246,13 @@ class TendonActuation(ManagedNode):
                     right, left = state.tensions
                     if max(right, left) > limit or min(right, left) > both_limit:
                         raise MotionRefusedError(
+                            Reason.TENSION,
                             f'at pulls of right {wanted[RIGHT] * 1e3:.2f} mm, left '
                             f'{wanted[LEFT] * 1e3:.2f} mm the tension would be {right:.1f} and '
                             f'{left:.1f} N; tension_limit: {limit:g} N, co_contraction_limit '
                             f'(both at once): {both_limit:g} N')
         except StaticsError as error:
-            raise MotionRefusedError(str(error)) from None
+            raise MotionRefusedError(Reason.TENSION, str(error)) from None
 
     def _update(self) -> None:
         controller = self._controller

@@ -7,7 +7,8 @@ from geometry_msgs.msg import Pose, PoseArray
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from soft_continuum.hardware.tendon_controller import MotionRefusedError, TENDONS
+from soft_continuum.hardware.tendon_controller import MotionRefusedError, Reason
+from soft_continuum.mechanics.arm import TENDONS
 from soft_continuum.mechanics.chain import Array, orientation
 
 
@@ -54,10 +55,12 @@ def trajectory_from_ros(message: JointTrajectory, now: float) -> tuple[Array, Ar
     """
     if sorted(message.joint_names) != sorted(TENDONS):
         raise MotionRefusedError(
+            Reason.INVALID,
             f'joint_names are {list(message.joint_names)}; needed: {list(TENDONS)}')
     for number, point in enumerate(message.points, start=1):
         if len(point.positions) != len(TENDONS):
             raise MotionRefusedError(
+                Reason.INVALID,
                 f'point {number} has {len(point.positions)} positions; needed: one for each of '
                 f'{list(message.joint_names)}')
     order = [list(message.joint_names).index(name) for name in TENDONS]
