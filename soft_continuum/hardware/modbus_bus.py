@@ -54,7 +54,7 @@ class ModbusBus:
 
     def __init__(self, port: str, baud_rate: int, timeout: float, clock: Clock = STEADY) -> None:
         """Use ``port``, 8N1, once it is opened; timeout: s from a request to its whole reply."""
-        self._clock = clock
+        self.clock = clock
         self._lock = threading.Lock()  # of all that follows, during a request
         self._port = port
         self._baud_rate = baud_rate
@@ -124,7 +124,7 @@ class ModbusBus:
             reply = self._read(line, size)
         except (OSError, ValueError):
             raise self._lost() from None
-        self._used_at = self._clock()
+        self._used_at = self.clock()
         who = f'Modbus unit {request.dev_id} on {self._port}'
         if not reply:
             raise self._failed(
@@ -146,9 +146,9 @@ class ModbusBus:
 
     def _read(self, line: serial.Serial, size: int) -> bytes:
         """Return ``size`` bytes, or what was received within the timeout."""
-        deadline = self._clock() + self._timeout
+        deadline = self.clock() + self._timeout
         reply = b''
-        while len(reply) < size and self._clock.wait([line.fileno()], deadline - self._clock()):
+        while len(reply) < size and self.clock.wait([line.fileno()], deadline - self.clock()):
             received = os.read(line.fileno(), size - len(reply))
             if not received:
                 raise OSError('hung up')
@@ -172,7 +172,7 @@ class ModbusBus:
             raise HardwareError(f'serial port {self._port} is not open; configure the node')
         line = self._serial or self._connect()
         try:
-            ready = self._clock.wait([line.fileno()], 0.0)
+            ready = self.clock.wait([line.fileno()], 0.0)
             unrequested = os.read(line.fileno(), 4096) if ready else b''
             if ready and not unrequested:
                 raise OSError('hung up')
@@ -184,11 +184,11 @@ class ModbusBus:
                 'device answers later than modbus.timeout, or another program or controller uses '
                 'the bus')
         if unrequested:
-            self._paused_until = self._clock() + self._pause
-        if self._clock() < self._paused_until:
+            self._paused_until = self.clock() + self._pause
+        if self.clock() < self._paused_until:
             raise HardwareError(f'{self._error} (waiting until nothing is received)')
         self._error = ''
-        self._clock.sleep(self._used_at + self._gap - self._clock())
+        self.clock.sleep(self._used_at + self._gap - self.clock())
         return line
 
     def _failed(self, message: str) -> HardwareError:
@@ -196,7 +196,7 @@ class ModbusBus:
         shortest = PAUSE * self._timeout
         self._pause = max(shortest, min(shortest * 2 ** self._failures, MAX_PAUSE))
         self._failures = min(self._failures + 1, 10)  # enough for any timeout
-        self._paused_until = self._clock() + self._pause
+        self._paused_until = self.clock() + self._pause
         self._error = message
         self.out_of_step = True
         return HardwareError(message)

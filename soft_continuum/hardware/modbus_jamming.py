@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from math import nan
 from typing import Any, ClassVar, Self
 
-from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.modbus_bus import (
     BITS_PER_CHARACTER,
     ModbusBus,
@@ -103,9 +102,8 @@ class ModbusJamming:
                   'vacuum below ambient at which a transmitter gives 20 mA, Pa', -1e6, 1e6),
     )
 
-    def __init__(self, bus: ModbusBus, registers: RegisterMap, clock: Clock = STEADY) -> None:
+    def __init__(self, bus: ModbusBus, registers: RegisterMap) -> None:
         """Use ``bus``, which nothing else may use."""
-        self._clock = clock
         self._bus = bus
         self._map = registers
         self._coils: tuple[bool, ...] | None = None  # None: not known
@@ -119,33 +117,7 @@ class ModbusJamming:
         clock: not used; a device continues when a node's clock is paused or set.
         Raises ParameterError when the values do not fit together.
         """
-        segments = len(values['arm.segment_lengths'])
-        registers = RegisterMap(
-            relay_unit=values['modbus.relay_unit'],
-            pump_coil=values['modbus.pump_coil'],
-            valve_coils=_addresses(values, 'modbus.valve_coils', segments),
-            energised_valve_evacuates=values['modbus.energised_valve_evacuates'],
-            analog_unit=values['modbus.analog_unit'],
-            pressure_registers=_addresses(values, 'modbus.pressure_registers', segments),
-            ambient_pressure=values['ambient_pressure'],
-            vacuum_at_4_ma=values['modbus.vacuum_at_4_ma'],
-            vacuum_at_20_ma=values['modbus.vacuum_at_20_ma'])
-        if registers.pump_coil in registers.valve_coils:
-            raise ParameterError(
-                f'parameter modbus.pump_coil is {registers.pump_coil}, which is also one of '
-                'modbus.valve_coils; every coil switches one thing')
-        if registers.vacuum_at_4_ma == registers.vacuum_at_20_ma:
-            raise ParameterError(
-                f'parameters modbus.vacuum_at_4_ma and modbus.vacuum_at_20_ma are both '
-                f'{registers.vacuum_at_4_ma:g} Pa; give the two ends of the range')
-        # What one reply can carry.
-        for name, addresses, most in (('modbus.pump_coil and modbus.valve_coils',
-                                       registers.coils, 2000),
-                                      ('modbus.pressure_registers', registers.registers, 125)):
-            if len(addresses) > most:
-                raise ParameterError(
-                    f'{name} reach from {addresses[0]} to {addresses[-1]}; one request reads at '
-                    f'most {most}, so put them closer together')
+        registers = registers_from_parameters(values)
         baud_rate, timeout = values['modbus.baud_rate'], values['modbus.timeout']
         largest = max(2 * len(registers.registers), (len(registers.coils) + 7) // 8, 3)
         on_wire = (REQUEST_SIZE + OVERHEAD + largest) * BITS_PER_CHARACTER / baud_rate
@@ -173,7 +145,7 @@ class ModbusJamming:
         """Return pressures as of now, relays as of at most COILS_INTERVAL ago."""
         self._get_in_step()
         coils = self._coils
-        if coils is None or self._clock() >= self._coils_at + COILS_INTERVAL:
+        if coils is None or self._bus.clock() >= self._coils_at + COILS_INTERVAL:
             coils = self._read_coils()
         addresses = self._map.registers
         currents = self._bus.read_input_registers(
@@ -209,7 +181,7 @@ class ModbusJamming:
     def _read_coils(self) -> tuple[bool, ...]:
         addresses = self._map.coils
         self._coils = self._bus.read_coils(self._map.relay_unit, addresses[0], len(addresses))
-        self._coils_at = self._clock()
+        self._coils_at = self._bus.clock()
         return self._coils
 
     def _get_in_step(self) -> None:
@@ -235,6 +207,38 @@ class ModbusJamming:
             if len(registers) > 1:
                 raise
         self._bus.set_in_step()
+
+
+def registers_from_parameters(values: Mapping[str, Any]) -> RegisterMap:
+    """Return the addresses in the parameters; raises ParameterError when they do not fit."""
+    segments = len(values['arm.segment_lengths'])
+    registers = RegisterMap(
+        relay_unit=values['modbus.relay_unit'],
+        pump_coil=values['modbus.pump_coil'],
+        valve_coils=_addresses(values, 'modbus.valve_coils', segments),
+        energised_valve_evacuates=values['modbus.energised_valve_evacuates'],
+        analog_unit=values['modbus.analog_unit'],
+        pressure_registers=_addresses(values, 'modbus.pressure_registers', segments),
+        ambient_pressure=values['ambient_pressure'],
+        vacuum_at_4_ma=values['modbus.vacuum_at_4_ma'],
+        vacuum_at_20_ma=values['modbus.vacuum_at_20_ma'])
+    if registers.pump_coil in registers.valve_coils:
+        raise ParameterError(
+            f'parameter modbus.pump_coil is {registers.pump_coil}, which is also one of '
+            'modbus.valve_coils; every coil switches one thing')
+    if registers.vacuum_at_4_ma == registers.vacuum_at_20_ma:
+        raise ParameterError(
+            f'parameters modbus.vacuum_at_4_ma and modbus.vacuum_at_20_ma are both '
+            f'{registers.vacuum_at_4_ma:g} Pa; give the two ends of the range')
+    # What one reply can carry.
+    for name, addresses, limit in (('modbus.pump_coil and modbus.valve_coils',
+                                   registers.coils, 2000),
+                                  ('modbus.pressure_registers', registers.registers, 125)):
+        if len(addresses) > limit:
+            raise ParameterError(
+                f'{name} reach from {addresses[0]} to {addresses[-1]}; one request reads at '
+                f'most {limit}, so put them closer together')
+    return registers
 
 
 def _addresses(values: Mapping[str, Any], name: str, segments: int) -> tuple[int, ...]:

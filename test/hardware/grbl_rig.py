@@ -52,8 +52,9 @@ def rig(referenced=True, settings=None, **changes):
             tendons.close()
 
 
-def until(clock, condition, what=''):
-    """Wait until something is true; fail if it never is."""
+def until(device, condition, what=''):
+    """Wait until something is true, on the clock of an emulator or driver; fail if it never is."""
+    clock = getattr(device, 'clock', device)
     deadline = clock() + TIMEOUT
     while not condition():
         assert clock() < deadline, f'never: {what or condition}'
@@ -62,7 +63,7 @@ def until(clock, condition, what=''):
 
 def at_rest(tendons):
     """Wait for the end of all motion; return the reading there."""
-    until(tendons.clock, lambda: not tendons.read().moving, 'at rest')
+    until(tendons, lambda: not tendons.read().moving, 'at rest')
     return tendons.read()
 
 
@@ -74,7 +75,7 @@ def failed(tendons):
         except HardwareError:
             return True
         return False
-    until(tendons.clock, gives_up, 'a HardwareError')
+    until(tendons, gives_up, 'a HardwareError')
     with pytest.raises(HardwareError) as error:
         tendons.read()
     with pytest.raises(HardwareError):
@@ -86,12 +87,12 @@ def in_motion(emulator, tendons, pull=0.04):
     """Start a long motion and wait until it is well under way."""
     start = emulator.motors[0]
     tendons.move((pull, -pull), 2.0)
-    until(emulator.clock, lambda: abs(emulator.motors[0] - start) > 300, 'in motion')
+    until(emulator, lambda: abs(emulator.motors[0] - start) > 300, 'in motion')
 
 
 def standing(emulator):
     """Wait until the motors stand; return where."""
-    until(emulator.clock, lambda: not emulator.moving, 'motors stand')
+    until(emulator, lambda: not emulator.moving, 'motors stand')
     return emulator.motors
 
 
@@ -102,4 +103,4 @@ def steps(pulls):
 
 def settled(tendons):
     """Wait until no line to the controller is under way."""
-    until(tendons.clock, lambda: tendons._session.settled, 'settled')
+    until(tendons, lambda: tendons._session.settled, 'settled')

@@ -94,7 +94,7 @@ def test_every_line_is_answered_once(at_terminal, line, answer):
 def test_a_motion_ends_on_its_step(at_terminal, line, end):
     emulator, terminal = at_terminal
     assert terminal.ask(line) == ['ok']
-    until(emulator.clock, lambda: terminal.status().startswith('<Idle'))
+    until(emulator, lambda: terminal.status().startswith('<Idle'))
     assert emulator.motors == end
 
 
@@ -102,7 +102,7 @@ def test_work_offsets_shift_what_g90_means_but_not_the_machine(at_terminal):
     emulator, terminal = at_terminal
     terminal.ask('G92X5')
     terminal.ask('$J=G90X6F1000')
-    until(emulator.clock, lambda: emulator.motors == (200, 0, 0) and not emulator.moving)
+    until(emulator, lambda: emulator.motors == (200, 0, 0) and not emulator.moving)
     terminal.ask('$10=0')
     assert 'WPos:6.000,' in terminal.status()
 
@@ -111,32 +111,32 @@ def test_a_motion_takes_the_time_that_speed_and_acceleration_need(at_terminal):
     emulator, terminal = at_terminal
     begin = emulator.time
     terminal.ask('$J=G91X30F1800')  # 1 s at 30 mm/s, and 0.06 s for the ramps at 500 mm/s^2
-    until(emulator.clock, lambda: terminal.status().startswith('<Idle'))
+    until(emulator, lambda: terminal.status().startswith('<Idle'))
     assert emulator.firmware.stood_since - begin == pytest.approx(1.06, abs=0.1)
 
 
 def test_a_hold_in_a_program_waits_and_goes_on_only_when_told(at_terminal):
     emulator, terminal = at_terminal
     terminal.ask('G91G1X10F1200')
-    until(emulator.clock, lambda: emulator.motors[0] > 200)
+    until(emulator, lambda: emulator.motors[0] > 200)
     terminal.send(b'!')
-    until(emulator.clock, lambda: terminal.status().startswith('<Hold:0'))
+    until(emulator, lambda: terminal.status().startswith('<Hold:0'))
     assert 200 < emulator.motors[0] < 2000
     terminal.send(b'~')
-    until(emulator.clock, lambda: emulator.motors[0] == 2000)
+    until(emulator, lambda: emulator.motors[0] == 2000)
 
 
 @pytest.mark.parametrize('byte', [b'!', b'\x85'])
 def test_a_jog_is_cancelled_and_forgotten(at_terminal, byte):
     emulator, terminal = at_terminal
     terminal.ask('$J=G91X10F1200')
-    until(emulator.clock, lambda: emulator.motors[0] > 200)
+    until(emulator, lambda: emulator.motors[0] > 200)
     terminal.send(byte)
-    until(emulator.clock, lambda: terminal.status().startswith('<Idle'))
+    until(emulator, lambda: terminal.status().startswith('<Idle'))
     where = emulator.motors[0]
     assert 200 < where < 2000
     terminal.ask('$J=G91X1F1200')
-    until(emulator.clock, lambda: emulator.motors[0] == where + 200)
+    until(emulator, lambda: emulator.motors[0] == where + 200)
 
 
 def test_a_feed_hold_at_rest_stays_pending(at_terminal):
@@ -151,7 +151,7 @@ def test_a_feed_hold_at_rest_stays_pending(at_terminal):
 def test_a_soft_reset_in_motion_drops_the_load_and_locks(at_terminal):
     emulator, terminal = at_terminal
     terminal.ask('$J=G91X10F1200')
-    until(emulator.clock, lambda: emulator.motors[0] > 200)
+    until(emulator, lambda: emulator.motors[0] > 200)
     terminal.send(b'\x18')
     assert 'ALARM:3' in terminal.read('unlock]')
     assert not emulator.energised
@@ -161,13 +161,13 @@ def test_a_soft_reset_in_motion_drops_the_load_and_locks(at_terminal):
     assert f'MPos:{where / 200:.3f},' in terminal.status()
     assert terminal.ask('$X')[-1] == 'ok'
     assert terminal.status().startswith('<Idle')
-    until(emulator.clock, lambda: emulator.energised)
+    until(emulator, lambda: emulator.energised)
 
 
 def test_a_reset_at_the_board_says_zero_wherever_the_motors_are(at_terminal):
     emulator, terminal = at_terminal
     terminal.ask('$J=G91X1F1200')
-    until(emulator.clock, lambda: emulator.motors[0] == 200)
+    until(emulator, lambda: emulator.motors[0] == 200)
     emulator.reset()
     assert terminal.status().startswith('<Idle|MPos:0.000,')
     assert emulator.motors[0] == 200
@@ -211,7 +211,7 @@ def test_fifteen_motions_are_planned_and_what_no_buffer_holds_is_lost(at_termina
     emulator, terminal = at_terminal
     for _ in range(40):
         terminal.send(b'$J=G91X0.5F60\n')
-    until(emulator.clock, lambda: len(emulator.firmware.received) >= 16)
+    until(emulator, lambda: len(emulator.firmware.received) >= 16)
     terminal.status()
     assert len(emulator.firmware.planner.blocks) == 15
     line = len('$J=G91X0.5F60\n')
@@ -227,7 +227,8 @@ def test_a_junction_is_passed_without_stopping_and_a_corner_is_not():
             begin = emulator.time
             terminal.send(f'$J=G91X5F1800\n$J=G91{second}F1800\n'.encode())
             terminal.read('ok')
-            until(emulator.clock, lambda e=emulator: e.firmware.state == 'Idle' and len(e.firmware.received) == 2)
+            firmware = emulator.firmware
+            until(emulator, lambda f=firmware: f.state == 'Idle' and len(f.received) == 2)
             times.append(emulator.firmware.stood_since - begin)
             terminal.port.close()
     assert times[1] - times[0] == pytest.approx(0.06, abs=0.03)
@@ -251,7 +252,7 @@ def test_time_can_pass_faster():
         terminal = Terminal(emulator)
         begin, real = emulator.time, STEADY()
         terminal.ask('$J=G91X30F600')
-        until(emulator.clock, lambda: emulator.motors[0] == 6000)
+        until(emulator, lambda: emulator.motors[0] == 6000)
         assert emulator.time - begin == pytest.approx(20.0 * (STEADY() - real), abs=0.5)
         terminal.port.close()
 

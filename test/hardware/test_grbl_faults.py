@@ -27,7 +27,7 @@ QUEUE = 0.2 * 0.03 / STEP  # steps that may still be made
 
 
 def unreferenced(tendons):
-    until(tendons.clock, lambda: not tendons.read().referenced, 'the reference is lost')
+    until(tendons, lambda: not tendons.read().referenced, 'the reference is lost')
     with pytest.raises(HardwareError, match='call reference'):
         tendons.move((0.0, 0.0), 1.0)
     return at_rest(tendons)
@@ -194,7 +194,7 @@ def test_a_noisy_line_may_end_a_motion_but_no_position_is_wrong(seed):
             standing(emulator)
         else:
             if reading.referenced:
-                until(emulator.clock, lambda: steps(tendons.read().pulls) == emulator.motors[:2])
+                until(emulator, lambda: steps(tendons.read().pulls) == emulator.motors[:2])
         emulator.garble = 0.0
 
 
@@ -242,7 +242,7 @@ def test_a_jog_that_runs_as_a_program_can_be_stopped(delay):
     with rig() as (emulator, tendons):
         emulator.firmware.race = True
         tendons.move((0.03, -0.03), 0.5)
-        until(emulator.clock, lambda: emulator.firmware.state == 'Run')
+        until(emulator, lambda: emulator.firmware.state == 'Run')
         emulator.clock.sleep(delay)
         asked = emulator.time
         tendons.stop()
@@ -303,11 +303,11 @@ def test_a_file_that_is_no_serial_port_is_refused(tmp_path):
         driver(tmp_path / 'file').open()
 
 
-def test_silence_at_the_other_end_is_reported(monkeypatch):
+def test_a_port_that_does_not_answer_is_reported(monkeypatch):
     monkeypatch.setattr('soft_continuum.hardware.grbl_setup.FIND_TIMEOUT', 0.5)
     with board() as emulator:
         emulator.hang = True
-        with pytest.raises(HardwareError, match='nothing that speaks GRBL'):
+        with pytest.raises(HardwareError, match='no GRBL controller answered'):
             driver(emulator).open()
 
 
@@ -333,3 +333,88 @@ def test_a_port_is_free_again_after_a_failed_open():
         with pytest.raises(HardwareError):
             driver(emulator).open()
         open_serial(emulator.port, 115200).close()
+
+
+def test_a_board_that_reports_motion_but_makes_no_step_is_an_error():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        emulator.firmware.stalled = True
+        begin = emulator.time
+        assert 'no step for 0.5 s at right_tendon' in failed(tendons)
+        assert emulator.time - begin < 1.0
+
+
+def test_a_stop_that_is_not_confirmed_within_a_second_is_an_error():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        emulator.firmware.stalled = True
+        tendons.stop()
+        begin = emulator.time
+        assert 'not confirmed a stop within 1 s' in failed(tendons)
+        assert 0.9 < emulator.time - begin < 1.3
+
+
+def test_a_motion_that_ends_short_is_reported_with_both_positions_and_the_state():
+    with rig() as (emulator, tendons):
+        tendons.move((0.004, -0.002), 0.2)
+        jogs = tendons._session._jogs
+        until(emulator, lambda: jogs.end == jogs.target, 'all jogs are sent')
+        emulator.firmware._realtime(0x85)  # another program cancels the last jog
+        error = failed(tendons)
+        assert error.count('right_tendon') == error.count('left_tendon') == 2
+        assert 'short of' in error and 'in the state Idle' in error
+
+
+# Whatever the board does, its caller goes on.
+
+
+@pytest.mark.parametrize('call', ['read', 'stop', 'reference'])
+def test_a_driver_that_is_being_opened_answers_at_once_and_can_be_closed(call):
+    with board() as emulator:
+        emulator.hang = True
+        tendons = driver(emulator)
+        errors = []
+
+        def connect():
+            with pytest.raises(HardwareError) as error:
+                tendons.open()
+            errors.append(str(error.value))
+        opening = threading.Thread(target=connect)
+        opening.start()
+        until(emulator, lambda: tendons._opening is not None)
+        begin = emulator.time
+        with pytest.raises(HardwareError, match='is being opened'):
+            getattr(tendons, call)()
+        tendons.close()
+        until(emulator, lambda: not opening.is_alive())
+        assert emulator.time - begin < 0.1
+        assert 'closed while' in errors[0]
+        open_serial(emulator.port, 115200).close()
+
+
+@pytest.mark.parametrize('fault', ['hang', 'late_ok'])
+def test_no_call_waits_for_a_board_that_does_not_answer(fault):
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        setattr(emulator, fault, 100.0)
+        before = emulator.clock()
+        for _ in range(100):
+            tendons.move((0.01, 0.01), 0.02)
+            tendons.read()
+        tendons.stop()
+        assert emulator.clock() == before  # time passes only when somebody waits
+
+
+def test_an_opening_that_is_reset_again_and_again_ends():
+    with board() as emulator:
+        take = emulator.firmware.take
+
+        def reset_instead(data):
+            if b'$' in data:
+                emulator.reset()
+            take(data)
+        emulator.firmware.take = reset_instead
+        begin = emulator.time
+        with pytest.raises(HardwareError):
+            driver(emulator).open()
+        assert emulator.time - begin < 6.1

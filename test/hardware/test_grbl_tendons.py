@@ -155,7 +155,7 @@ def test_a_stop_at_any_moment_takes_less_than_300_ms_and_loses_no_step(seed):
     with rig() as (emulator, tendons):
         start = emulator.clock()
         in_motion(emulator, tendons)
-        until(emulator.clock, lambda: emulator.clock() > start + random.Random(seed).uniform(0.0, 0.8))
+        until(emulator, lambda: emulator.clock() > start + random.Random(seed).uniform(0.0, 0.8))
         asked = emulator.time
         tendons.stop()
         reading = at_rest(tendons)
