@@ -79,7 +79,7 @@ class ModbusEmulator:
 
     Segments count from 0 here.  hang: answer nothing.  late: s by which every reply is late.
     drop, garble: share of replies that are lost or damaged.  refuse: exception code that answers
-    everything, 0 for none.  transform: what goes on the line instead of a reply.  stuck: coils
+    everything, 0 for none.  transform: what is sent instead of a reply.  stuck: coils
     that do not follow.  A reply has the state at the time of its request, however late it is.
     """
 
@@ -260,7 +260,7 @@ class ModbusEmulator:
             # Request, reply and the silence of 3.5 characters between them.
             characters = len(request) + len(reply) + 3.5
             late += characters * BITS_PER_CHARACTER / self._baud_rate
-        # What a board says comes in the order in which it was asked, but may overtake the other's.
+        # A board replies in the order of its requests, but may overtake the other board.
         due = self._last_due[request[0]] = max(self._last_due[request[0]], self.clock() + late)
         self._outgoing.append((due, reply))
         self._outgoing.sort(key=lambda each: each[0])

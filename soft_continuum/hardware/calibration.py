@@ -56,7 +56,7 @@ T = TypeVar('T')
 
 
 class CalibrationError(ValueError):
-    """A value that was given, or a motion that was asked for, is not usable; says why."""
+    """A value or motion that was requested is not usable; the message names the reason."""
 
 
 class TendonBench:
@@ -97,7 +97,7 @@ class TendonBench:
                 raise HardwareError(
                     f'segment {self._segment + 1} is not soft {RESPONSE_TIME:g} s after it was '
                     f'vented: {pressure:.0f} Pa, needed: {self._soft_pressure:.0f} Pa; check its '
-                    'vent, valve and pressure sensor (doctor says more)')
+                    'vent, valve and pressure sensor (doctor checks them)')
             self._clock.sleep(POLL_INTERVAL)
 
     def move(self, distances: tuple[float, ...]) -> TendonReading:

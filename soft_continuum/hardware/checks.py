@@ -36,7 +36,7 @@ PORTS = {'grbl.port': ('tendon_driver', 'grbl'), 'modbus.port': ('jamming_driver
 
 @dataclass(frozen=True)
 class Check:
-    """What one step found; status: OK, WARN or FAIL.  If not OK, the message says what to do."""
+    """What one step found; status: OK, WARN or FAIL.  If not OK, the message names the remedy."""
 
     step: str
     status: str

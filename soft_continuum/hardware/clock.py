@@ -32,4 +32,4 @@ class Clock:
 
 
 STEADY = Clock()
-"""Real time, which nobody sets."""
+"""Real time, which is never set."""

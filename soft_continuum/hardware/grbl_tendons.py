@@ -51,7 +51,7 @@ class GrblTendons:
         """
         Return the driver that the parameters of the node describe.
 
-        clock: not used; a device goes on when a node's clock is paused or set.  Raises
+        clock: not used; a device continues when a node's clock is paused or set.  Raises
         ParameterError.
         """
         return cls(

@@ -72,7 +72,7 @@ class ModbusBus:
         self.out_of_step = True
 
     def open(self) -> None:
-        """Open the port; raises HardwareError that says what to do."""
+        """Open the port; raises HardwareError with the remedy."""
         self.close()
         with self._lock:
             self._open()

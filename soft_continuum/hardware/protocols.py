@@ -8,7 +8,7 @@ from typing import Protocol
 
 
 class HardwareError(RuntimeError):
-    """A device failed; the message says which, how, and what to do."""
+    """A device failed; the message names it, what was seen, and the remedy."""
 
 
 def describe_pulls(tendons: Sequence[str], pulls: Sequence[float]) -> str:
