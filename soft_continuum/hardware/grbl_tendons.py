@@ -21,7 +21,6 @@ from soft_continuum.hardware.grbl_setup import find_controller, Homing, unfit_se
 from soft_continuum.hardware.grbl_states import State
 from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
 from soft_continuum.hardware.serial_ports import open_serial
-from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 
 CLOSE_TIMEOUT = 1.0  # s that close() gives the tendons to stop
@@ -229,6 +228,9 @@ def motors_from_parameters(values: Mapping[str, Any]) -> Motors:
 
     Raises ParameterError when a list has not one value for each tendon, or a sign is none.
     """
+    # Here, because it loads the mechanics: doctor must run when they do not compile.
+    from soft_continuum.parameters.arm import arm_from_parameters
+
     tendons = arm_from_parameters(values).tendon_names
     if len(tendons) > len(AXES):
         raise ParameterError(f'the arm has {len(tendons)} tendons; a GRBL controller can move at '
