@@ -176,6 +176,7 @@ def test_an_acknowledgement_that_nothing_waits_for_is_ignored():
         with emulator.lock:
             emulator.say('ok')
             emulator.say('error:9')
+        emulator.clock.sleep(0.2)  # until they have arrived
         tendons.move((0.001, 0.001), 0.1)
         at_rest(tendons)
         assert emulator.motors[:2] == steps((0.001, 0.001))
