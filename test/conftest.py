@@ -8,11 +8,8 @@ They wait for devices, processes and browsers in real time, some ten minutes in 
 
 from pathlib import Path
 
-SLOW = ('browser', 'client', 'commands', 'hardware/test_grbl_emulator.py',
-        'hardware/test_grbl_faults.py', 'hardware/test_grbl_homing.py',
-        'hardware/test_modbus_emulator.py', 'hardware/test_modbus_jamming.py',
-        'nodes/test_documents.py', 'nodes/test_hardware.py', 'nodes/test_kills.py',
-        'nodes/test_processes.py')
+SLOW = ('browser', 'client', 'commands', 'nodes/test_documents.py', 'nodes/test_hardware.py',
+        'nodes/test_kills.py', 'nodes/test_processes.py')
 
 
 def pytest_addoption(parser):

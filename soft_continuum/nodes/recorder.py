@@ -19,7 +19,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
 from soft_continuum.analysis.recording import RecordingWriter
-from soft_continuum.hardware.tendon_controller import TENDONS
+from soft_continuum.mechanics.arm import TENDONS
 from soft_continuum.nodes.runtime import end, make_executor, NODES, Signals
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.ros.qos import LATCHED, SENSOR
