@@ -43,7 +43,7 @@ setup(
     ],
     entry_points={
         'console_scripts': [
-            f'{name} = {PACKAGE}.executables:{name}'
+            f'{name} = {PACKAGE}.__main__:ros2_run'
             for name in (
                 'browser', 'calibrate', 'characterize', 'converge', 'doctor', 'grbl_emulator',
                 'identify', 'jamming_valves', 'kinematics', 'modbus_emulator', 'record', 'report',

@@ -103,7 +103,7 @@ def run(quick: bool) -> Section:
     commands = {
         'a bare publisher of segment_poses': ['-c', PUBLISHER],
         'a bare publisher of all four messages': ['-c', PUBLISHER, 'all'],
-        'kinematics': ['-m', 'soft_continuum.executables', 'kinematics'],
+        'kinematics': ['-m', 'soft_continuum', 'kinematics'],
     }
     rows = [[name, *_measure(probe, command, seconds, speak=name == 'kinematics')]
             for name, command in commands.items()]

@@ -1,25 +1,38 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``python -m soft_continuum``: the command line."""
+"""The processes of the command line: ``python -m soft_continuum VERB`` and ``ros2 run``."""
 
 from contextlib import suppress
 import os
+from pathlib import Path
 import signal
 import sys
+from typing import NoReturn
 
 
-def run() -> None:
-    """Run the command line and end the process with its exit status."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is something to take down
+def run() -> NoReturn:
+    """Run ``soft_continuum VERB`` and end the process with its exit status."""
+    _run(sys.argv[1:])
+
+
+def ros2_run() -> NoReturn:
+    """Run the verb that this executable is named for, as ``ros2 run`` starts it."""
+    _run([Path(sys.argv[0]).name, *sys.argv[1:]])
+
+
+def _run(words: list[str]) -> NoReturn:
+    # Until there is something to shut down, Ctrl-C ends the process at once and quietly.
+    signal.signal(signal.SIGINT, lambda *_: os._exit(130))
     from soft_continuum.cli.main import main
     try:
-        status = main()
+        status = main(words)
     except SystemExit as end:  # of argparse
         status = end.code if isinstance(end.code, int) else 1
     with suppress(BrokenPipeError):  # such as into head: what was printed so far was enough
         sys.stdout.flush()
     sys.stderr.flush()
-    # Interrupted while it connects, there may be a thread that the interpreter would trip over.
+    # All is shut down by now; what the interpreter would still do for numba takes 0.7 s, and a
+    # verb that was interrupted while it connected may have left a thread.
     os._exit(status)
 
 

@@ -4,21 +4,20 @@
 
 from collections import deque
 from collections.abc import Sequence
-from time import monotonic
 
 import numpy as np
 import viser
 from viser import uplot
 
-from soft_continuum.browser.state import ArmState
+from soft_continuum.client.state import ArmState
 from soft_continuum.mechanics.chain import Array
 
 INTERVAL = 0.2  # s between two samples
 LENGTH = 301  # samples: a minute
 TIMES = np.linspace(-INTERVAL * (LENGTH - 1), 0.0, LENGTH)
-TOPS = (10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # where an axis may end
-BELOW = -1e4
-NUDGE = 1e-6  # s
+AXIS_ENDS = (10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # where an axis may end
+OFF_CHART = -1e4
+TIME_SHIFT = 1e-6  # s
 SEGMENT_COLOURS = ('#1b6ca8', '#e08e0b', '#2a9d55', '#8e44ad', '#c0392b', '#16a085')
 TENDON_COLOURS = ('#d62828', '#2980d7')
 
@@ -26,22 +25,20 @@ TENDON_COLOURS = ('#d62828', '#2980d7')
 class History:
     """Samples of vacuum (kPa) and tensions (N), the oldest first."""
 
-    def __init__(self, segments: int) -> None:
-        """Start without any."""
-        self._time = 0.0
+    def __init__(self, segments: int, tendons: int, ambient_pressure: float) -> None:
+        """Start without any; ambient_pressure: Pa."""
+        self._ambient = ambient_pressure
+        self._unknown = (np.nan,) * tendons
         self.vacuum: deque[tuple[float, ...]] = deque(
             [(np.nan,) * segments] * LENGTH, maxlen=LENGTH)
-        self.tensions: deque[tuple[float, ...]] = deque([(np.nan,) * 2] * LENGTH, maxlen=LENGTH)
+        self.tensions: deque[tuple[float, ...]] = deque([self._unknown] * LENGTH, maxlen=LENGTH)
 
     def sample(self, state: ArmState) -> None:
-        """Take a sample when it is time for one; what is not heard any more is nan."""
-        if monotonic() < self._time + INTERVAL:
-            return
-        self._time = monotonic()
-        heard = state.hears('jamming_valves')
-        self.vacuum.append(tuple(v * 1e-3 if heard else np.nan for v in state.vacuum))
-        heard = state.hears('kinematics')
-        self.tensions.append(tuple(t if heard else np.nan for t in state.tensions))
+        """Take a sample, once every INTERVAL; what is not known is nan."""
+        pressures = state.pressures or (None,) * len(self.vacuum[-1])
+        self.vacuum.append(tuple(
+            np.nan if p is None else (self._ambient - p) * 1e-3 for p in pressures))
+        self.tensions.append(state.tensions or self._unknown)
 
 
 class Chart:
@@ -73,18 +70,18 @@ class Chart:
             return
         self._rows = rows
         largest = np.max(rows, initial=0.0, where=np.isfinite(rows))
-        top = next((top for top in TOPS if top >= largest), TOPS[-1])
+        top = next((top for top in AXIS_ENDS if top >= largest), AXIS_ENDS[-1])
         if top > self._top:  # viser loses the other axis when a scale of a plot is changed
             self._top = top
             self._plot.remove()
             self._plot = self._add()
         else:
             # uPlot leaves the time axis away when new data come at exactly the same times.
-            self._shift = NUDGE - self._shift
+            self._shift = TIME_SHIFT - self._shift
             times, *curves = _drawn(rows)
             self._plot.data = (times + self._shift, *curves)
 
 
 def _drawn(rows: Array) -> tuple[Array, ...]:
     """Return times and curves, with nan far below the axis: uPlot would draw a line across it."""
-    return TIMES, *np.ascontiguousarray(np.nan_to_num(rows, nan=BELOW).T)
+    return TIMES, *np.ascontiguousarray(np.nan_to_num(rows, nan=OFF_CHART).T)

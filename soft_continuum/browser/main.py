@@ -1,85 +1,84 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-``./run ui``: the four nodes and the view in one process; ``ros2 run soft_continuum browser``.
+``./run ui``: the four nodes and the view; ``ros2 run soft_continuum browser``: the view alone.
 
-The view alone, which is the same program with ``--view-only``, joins nodes that run elsewhere.
+Nodes and view are processes of their own: what the view does takes no time from the nodes.
 """
 
 import argparse
 from collections.abc import Sequence
 import re
+import signal
+import subprocess
 import sys
-from time import monotonic
+import threading
 from typing import Any
 
-import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.executors import Executor
-from rclpy.signals import SignalHandlerOptions
 import viser
 
-from soft_continuum.browser.door import address, DoorError, open_server
-from soft_continuum.browser.node import Browser
+from soft_continuum.browser.access import AccessError, open_server, page_address
 from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.scene import Scene
-from soft_continuum.nodes.runtime import (
-    argument_error,
-    check_parameter_files,
-    end,
-    make_executor,
-    node_class,
-    NODES,
-    ROS_ARGUMENT_ERRORS,
-    Signals,
-)
+from soft_continuum.browser.session import Session
+from soft_continuum.client.connection import Connection
+from soft_continuum.client.errors import ClientError
+from soft_continuum.client.requests import Requests
+from soft_continuum.nodes.runtime import argument_error, ROS_ARGUMENT_ERRORS
 from soft_continuum.nodes.up import ros_arguments
-from soft_continuum.parameters.parameter import ParameterError
 
 PORT = 8080
-PERIOD = 0.04  # s between two looks at the scene
-PANEL_PERIOD = 0.2  # s between two looks at the panel
-LEARN_PERIOD = 5.0  # s between two questions for the description
+SCENE_PERIOD = 0.04  # s
+PANEL_PERIOD = 0.2  # s
+DESCRIPTION_PERIOD = 2.0  # s between two requests for the description
+ANSWER_TIMEOUT = 5.0  # s for a service; the board of a rig answers within a fraction of one
+DISCOVERY_TIMEOUT = 0.5  # s: nodes that run were discovered before somebody clicks
 TOKEN = re.compile('[A-Za-z0-9_-]{12,}')
 
 
 class View:
     """Keeps the scene and the panel up to date while a browser looks at them."""
 
-    def __init__(self, server: viser.ViserServer, node: Browser) -> None:
+    def __init__(self, server: viser.ViserServer, session: Session) -> None:
         """Show that there is no arm yet."""
-        self._server, self._node = server, node
+        self._server, self._session = server, session
         self._scene: Scene | None = None
-        self._panel = Panel(server, node, None)
-        self._described: object = None
-        self._next_panel = self._next_question = 0.0
-        self._timer = node.create_timer(
-            PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._panel = Panel(server, session)
+        self._description: object = None
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        for period, update in ((SCENE_PERIOD, self._update_scene),
+                               (PANEL_PERIOD, self._update_panel),
+                               (DESCRIPTION_PERIOD, self._update_description)):
+            session.requests.node.create_timer(period, update, clock=clock)
 
-    def _tick(self) -> None:
-        now = monotonic()
-        self._node.look_after()
-        self._panel.sample()
-        description = self._node.description
-        looked_at = bool(self._server.get_clients())
-        if now > self._next_question and (looked_at or description is None):
-            self._next_question = now + (1.0 if description is None else LEARN_PERIOD)
-            self._node.learn()
-        if description is not None and description != self._described:
-            self._described = description
+    @property
+    def _is_looked_at(self) -> bool:
+        return bool(self._server.get_clients())
+
+    def _update_scene(self) -> None:
+        description = self._session.description
+        if description is not None and description != self._description:
+            self._description = description
             self._panel.remove()
             self._server.scene.reset()
             self._scene = Scene(self._server, description)
-            self._panel = Panel(self._server, self._node, description)
-        if not looked_at:
-            return
-        with self._server.atomic():
-            if self._scene is not None:
-                self._scene.show(self._node.state)
-            if now > self._next_panel:
-                self._next_panel = now + PANEL_PERIOD
-                self._panel.show()
+            self._panel = Panel(self._server, self._session)
+        if self._scene is not None and self._is_looked_at:
+            with self._server.atomic():
+                self._scene.show(self._session.observed.snapshot(), self._session.target)
+
+    def _update_panel(self) -> None:
+        state = self._session.observed.snapshot()
+        self._panel.sample(state)
+        if self._is_looked_at:
+            with self._server.atomic():
+                self._panel.show(state)
+
+    def _update_description(self) -> None:
+        if self._description is None or self._is_looked_at:
+            self._session.update_description()
 
 
 def parser(program: str) -> argparse.ArgumentParser:
@@ -110,46 +109,56 @@ def ui() -> int:
     known.add_argument('--view-only', action='store_true',
                        help='start no nodes; show those that run')
     options, rest = known.parse_known_args()
-    return run([] if options.view_only else list(NODES), ros_arguments(rest), options)
+    arguments = ros_arguments(rest)
+    nodes = [] if options.view_only else [subprocess.Popen(
+        [sys.executable, '-m', 'soft_continuum', 'up', *rest])]
+    try:
+        return run(arguments, options)
+    finally:
+        for node in nodes:
+            node.send_signal(signal.SIGINT)
+            node.wait()
 
 
 def browser() -> int:
     """Run the view alone, with the arguments of a ROS node; return the exit status."""
     options, rest = parser('browser').parse_known_args()
-    return run([], ['browser', *rest], options)
+    return run(['browser', *rest], options)
 
 
-def run(names: Sequence[str], arguments: Sequence[str], options: argparse.Namespace) -> int:
-    """Run nodes and the view until SIGINT or SIGTERM; return the exit status."""
-    signals, token = Signals(), options.token or ''
-    nodes: list[Any] = []
-    executor: Executor | None = None
+def run(arguments: Sequence[str], options: argparse.Namespace) -> int:
+    """Run the view, with ROS arguments, until SIGINT or SIGTERM; return the exit status."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    connection: Connection | None = None
     server: viser.ViserServer | None = None
+    token = options.token or ''
     try:
-        check_parameter_files(arguments, names)
-        rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
-        executor = make_executor()
         server = open_server(options.host, options.port, token)
-        for name in names:
-            nodes.append(node_class(name)())
-            executor.add_node(nodes[-1])
-            nodes[-1].start()
-        nodes.append(Browser())
-        executor.add_node(nodes[-1])
-        View(server, nodes[-1])
-        print(f'The arm is at {address(server, token)} (Ctrl-C ends it)', flush=True)
-        signals.spin(executor)
-    except (DoorError, ParameterError) as error:
+        connection = Connection('browser', timeout=ANSWER_TIMEOUT, arguments=arguments,
+                                discovery_timeout=DISCOVERY_TIMEOUT)
+        connection.requests.start(_show(server, connection.requests)).result()
+        print(f'The arm is at {page_address(server, token)} (Ctrl-C ends it)', flush=True)
+        threading.Event().wait()
+    except (AccessError, ClientError) as error:
         print(f'{error}', file=sys.stderr)
         return 2
     except ROS_ARGUMENT_ERRORS as error:
         print(argument_error(arguments, error), file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        return 0
+        pass
     finally:
-        signals.starting = False
-        end(executor, nodes)  # first of all the tendons hold
+        if connection is not None:
+            connection.close()
         if server is not None:
             server.stop()
     return 0
+
+
+async def _show(server: viser.ViserServer, requests: Requests) -> View:
+    """Begin to show the arm, on the thread of the node."""
+    return View(server, Session(requests))
+
+
+def _interrupt(*_: Any) -> None:
+    raise KeyboardInterrupt

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 import viser
 
-from soft_continuum.browser.state import ArmState, Description
+from soft_continuum.browser.session import Description
+from soft_continuum.client.state import ArmState
 from soft_continuum.colours import (
     DISC,
     GHOST,
@@ -21,7 +22,7 @@ from soft_continuum.colours import (
     tension_colour,
     UNKNOWN,
 )
-from soft_continuum.mechanics.chain import Array, LEFT, orientation, RIGHT, RigidChain
+from soft_continuum.mechanics.chain import Array, orientation, RigidChain
 
 SIDES = 32  # of skins and discs
 RINGS_PER_JOINT = 3
@@ -41,6 +42,8 @@ class Scene:
         self._chain = RigidChain(arm)
         self._limit = description.tension_limit
         self._drawn: tuple[object, ...] = ()
+        self._joint_angles: tuple[float, ...] = ()  # the last that were received
+        self._tensions = (np.nan,) * len(arm.tendon_names)
         self._ghost_line: tuple[tuple[float, float], ...] = ()
         scene = server.scene
         length = sum(d.height for d in arm.discs) + sum(s.length for s in arm.segments)
@@ -76,9 +79,9 @@ class Scene:
             '/arm/discs', self._disc_vertices(zero),
             np.concatenate([each + k * count for k in range(len(arm.discs))]), color=DISC)
         self._tendons = [
-            scene.add_line_segments(f'/arm/{name}_tendon', np.zeros((1, 2, 3)), SLACK,
+            scene.add_line_segments(f'/arm/{name}', np.zeros((1, 2, 3)), SLACK,
                                     thickness=2 * ROPE)
-            for name in ('right', 'left')]
+            for name in arm.tendon_names]
         self._labels = [
             scene.add_label(f'/arm/label_{s + 1}', str(s + 1), anchor='center-center')
             for s in range(self._chain.segments)]
@@ -86,20 +89,23 @@ class Scene:
             '/arm/ghost', np.zeros((2 * SIDES, 3)), _faces(2), color=GHOST, opacity=GHOST_OPACITY,
             visible=False, cast_shadow=False, side='double')
 
-    def show(self, state: ArmState) -> None:
-        """Bring the scene up to date."""
-        known = len(state.joint_angles) == self._chain.joints
-        self._root.visible = known
-        if not known:
+    def show(self, state: ArmState, target: tuple[tuple[float, float], ...]) -> None:
+        """Bring the scene up to date; target: points (x, z) m of the shape that is gone to."""
+        count = self._chain.segments
+        stiff: Sequence[bool | None] = (None,) * count  # a stale shape is drawn grey
+        if state.joint_angles is not None and len(state.joint_angles) == self._chain.joints:
+            self._joint_angles = state.joint_angles
+            self._tensions = state.tensions or self._tensions
+            stiff = state.stiff if len(state.stiff) == count else stiff
+        self._root.visible = bool(self._joint_angles)
+        if not self._joint_angles:
             return
-        # What is not heard any more is drawn grey, not as if it were so now.
-        stiff = state.flags if state.hears('kinematics') else [None] * len(state.stiff)
-        drawn = (state.joint_angles, tuple(stiff), *(round(t, 1) for t in state.tensions))
+        drawn = (self._joint_angles, stiff, *(round(t, 1) for t in self._tensions))
         if repr(drawn) != repr(self._drawn):  # nan is not equal to itself
             self._drawn = drawn
-            self._move(np.array(state.joint_angles))
-            self._colour(stiff, state.tensions)
-        self._show_ghost(state.target if state.running else ())
+            self._move(np.array(self._joint_angles))
+            self._colour(stiff, self._tensions)
+        self._show_ghost(target if state.progress else ())
 
     def _move(self, joint_angles: Array) -> None:
         self._discs.vertices = self._disc_vertices(joint_angles).astype(np.float32)
@@ -113,13 +119,12 @@ class Scene:
             aside = 0.8 * self._chain.arm.segments[0].outer_diameter
             label.position = (x + aside * np.cos(angle), 0.0, z - aside * np.sin(angle))
 
-    def _colour(self, flags: Sequence[bool | None], tensions: Sequence[float]) -> None:
-        for s, (skin, stiff) in enumerate(zip(self._skins, flags, strict=True)):
+    def _colour(self, stiffness: Sequence[bool | None], tensions: Sequence[float]) -> None:
+        for s, (skin, stiff) in enumerate(zip(self._skins, stiffness, strict=True)):
             skin.color = segment_colour(stiff)
-            word = 'not known' if stiff is None else 'stiff' if stiff else 'soft'
-            self._labels[s].text = f'{s + 1} {word}'
-        for t in (RIGHT, LEFT):
-            tendon, tension = self._tendons[t], tensions[t]
+            name = 'not known' if stiff is None else 'stiff' if stiff else 'soft'
+            self._labels[s].text = f'{s + 1} {name}'
+        for t, (tendon, tension) in enumerate(zip(self._tendons, tensions, strict=True)):
             is_slack = tension == 0.0
             pieces = _dashes(self._guides[t]) if is_slack else np.stack(
                 [self._guides[t][:-1], self._guides[t][1:]], axis=1)

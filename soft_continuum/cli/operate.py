@@ -1,88 +1,137 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What each command does with the arm, and how it says so."""
+"""The verbs that operate a running arm, from ``status`` to ``reset``."""
 
-import argparse
-from collections.abc import Callable
-from dataclasses import asdict
-import json
-from math import degrees, isfinite
-import sys
+from argparse import ArgumentTypeError, Namespace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from functools import partial
+from math import isfinite, radians
+import os
+import signal
 from time import sleep
-from typing import Any, TYPE_CHECKING
+from typing import Any, NoReturn, TYPE_CHECKING
+
+from soft_continuum.arguments import (
+    add_arm_options,
+    DONE,
+    FAILED,
+    INTERRUPTED,
+    NO_NODES,
+    number_in,
+    Parser,
+)
+from soft_continuum.cli.completion import cache_shapes, cached_shapes
+from soft_continuum.cli.output import angles_text, Output, pulls_text, state_line, state_page
+from soft_continuum.cli.registry import VERBS
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
-    from soft_continuum.client.sequence import Progress
-    from soft_continuum.client.state import ArmState, Pose
+    from soft_continuum.client.state import Progress
 
 WATCH_PERIOD = 0.5  # s
-WIND_DOWN = 60.0  # s that a canceled sequence may take to come to rest
-BAR = 24  # characters
-UNKNOWN = '?'
+CANCEL_TIMEOUT = 60.0  # s for a canceled sequence to come to rest
+MAX_JOG = 1000.0  # mm; pull_limits are tighter
 
 
-class Output:
-    """Prints for people or, with ``--json``, one JSON document per line."""
+@dataclass(frozen=True)
+class Action:
+    """
+    What a verb does.
 
-    def __init__(self, command: str, as_json: bool) -> None:
-        """``command``: for error messages."""
-        self.as_json = as_json
-        self._command = command
-        self._bar = ''
+    run: called with the arm; returns the exit status.  add_options: adds the verb's own options.
+    missing: returns what the options lack, empty if nothing.
+    """
 
-    def say(self, text: str, **data: Any) -> None:
-        """Print ``text``, or ``data`` as JSON."""
-        self._end_bar()
-        print(json.dumps(_plain(data)) if self.as_json else text, flush=True)
-
-    def done(self, text: str = 'done') -> int:
-        """Say that it is done; return the exit status."""
-        self.say(text, result='done', message=text)
-        return 0
-
-    def fail(self, reason: str) -> None:
-        """Say why it is not done."""
-        self._end_bar()
-        if self.as_json:
-            print(json.dumps({'result': 'failed', 'message': reason}), flush=True)
-        else:
-            print(f'soft_continuum {self._command}: {reason}', file=sys.stderr, flush=True)
-
-    def progress(self, now: 'Progress', before: 'Progress | None') -> None:
-        """Show how far a sequence is: a bar on a terminal, else a line per phase."""
-        if self.as_json:
-            self.say('', **asdict(now))
-            return
-        segment = f'segment {now.segment}' if now.segment else 'whole arm'
-        text = f'{100 * now.fraction:3.0f} %  {now.shape}, {segment}: {now.phase}'
-        if sys.stdout.isatty():
-            full = round(BAR * now.fraction)
-            line = f'[{"#" * full}{"." * (BAR - full)}] {text}'
-            print(f'\r{line:<{len(self._bar)}}', end='', flush=True)
-            self._bar = line
-        elif before is None or (now.shape_index, now.segment, now.phase) != (
-                before.shape_index, before.segment, before.phase):
-            print(text, flush=True)
-
-    def _end_bar(self) -> None:
-        if self._bar:
-            print(flush=True)
-            self._bar = ''
+    run: Callable[['Arm', Namespace, Output], int]
+    add_options: Callable[[Parser], None] = lambda parser: None
+    missing: Callable[[Namespace], str] = lambda options: ''
 
 
-def shapes(arm: 'Arm', _: argparse.Namespace, output: Output) -> int:
-    """List the shape library."""
-    library = arm.shapes
-    if output.as_json:
-        output.say('', shapes=library)
-    else:
-        for name, values in library.items():
-            print(f'{name:<20}{_degrees(values)}')
-    return 0
+def main(verb: str, argv: Sequence[str] | None = None) -> int:
+    """Run a verb on a running arm; return the exit status."""
+    parser, action = Parser(verb, VERBS[verb].help), ACTIONS[verb]
+    action.add_options(parser)
+    add_arm_options(parser)
+    options = parser.parse_args(argv)
+    if missing := action.missing(options):
+        parser.error(missing)
+    output = Output(verb, options.json)
+    with _interruptible():
+        try:
+            from soft_continuum.client.arm import Arm
+            from soft_continuum.client.errors import ClientError, NodesMissingError
+        except ModuleNotFoundError as error:
+            output.fail(f'ROS 2 is not set up ({error}); source it, or start with ./run')
+            return FAILED
+        try:
+            with Arm(options.namespace, timeout=options.timeout) as arm:
+                return action.run(arm, options, output)
+        except NodesMissingError as error:
+            output.fail(str(error))
+            return NO_NODES
+        except ClientError as error:
+            output.fail(str(error))
+            return FAILED
 
 
-def run(arm: 'Arm', options: argparse.Namespace, output: Output) -> int:
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Let SIGINT and SIGTERM interrupt; a second one ends the process at once."""
+    def interrupt(*_: object) -> NoReturn:
+        for number in before:
+            signal.signal(number, lambda *_: os._exit(INTERRUPTED))
+        raise KeyboardInterrupt
+
+    before: dict[int, Any] = {number: signal.getsignal(number)
+                              for number in (signal.SIGINT, signal.SIGTERM)}
+    for number in before:
+        signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+# Shapes.
+
+
+def _bending_angles(text: str) -> tuple[float, ...]:
+    """Read ``10,20,30`` in degrees; return rad."""
+    try:
+        values = tuple(radians(float(part)) for part in text.split(','))
+    except ValueError:
+        values = (float('nan'),)
+    if not all(map(isfinite, values)):
+        raise ArgumentTypeError(
+            f'{text!r} given; needed: a bending angle in degrees for each segment, such as '
+            '10,20,30')
+    return values
+
+
+def _shape_name(text: str) -> str:
+    """Read the name of a shape; recognise bending angles, which need an option."""
+    try:
+        _bending_angles(text)
+    except ArgumentTypeError:
+        return text
+    raise ArgumentTypeError(f'{text!r} given; bending angles in degrees need --angles {text}')
+
+
+def _run_options(parser: Parser) -> None:
+    shapes = parser.add_argument('shapes', nargs='*', metavar='SHAPE', type=_shape_name,
+                                 help='names in the shape library')
+    shapes.completer = cached_shapes  # type: ignore[attr-defined]
+    parser.add_argument('--angles', action='append', type=_bending_angles, default=[],
+                        metavar='A,B,C', help='bending angle of each segment, base first, '
+                        'degrees, to set after the named shapes; may be repeated')
+    parser.add_argument('--hold', type=number_in(0.0, 86400.0, 's'), default=0.0, metavar='S',
+                        help='how long each shape is held (default: 0 s)')
+
+
+def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
     """Set shapes; the first Ctrl-C cancels and waits for the arm to come to rest."""
     from soft_continuum.client.errors import SequenceError
     sequence = arm.start(*options.shapes, *options.angles, hold=options.hold)
@@ -96,129 +145,125 @@ def run(arm: 'Arm', options: argparse.Namespace, output: Output) -> int:
         except KeyboardInterrupt:
             interrupted = True
             if not output.as_json:
-                output.say('canceling; Ctrl-C again leaves at once')
+                output.print('canceling; Ctrl-C again leaves at once')
             sequence.cancel()
-        result = sequence.result(WIND_DOWN)
-        output.say('done', **{'result': 'done', **asdict(result)})
-        return 0
+        result = sequence.result(CANCEL_TIMEOUT)
+        output.print('done', **{'result': 'done', **asdict(result)})
+        return DONE
     except SequenceError as error:
         if output.as_json:
-            output.say('', **{'result': 'failed', **asdict(error.result)})
+            output.print('', **{'result': 'failed', **asdict(error.result)})
         else:
             output.fail(str(error))
-        return 130 if interrupted else 1
+        return INTERRUPTED if interrupted else FAILED
 
 
-def stiffen(arm: 'Arm', options: argparse.Namespace, output: Output) -> int:
-    """Make a segment stiff, or all."""
+def _shapes(arm: 'Arm', _: Namespace, output: Output) -> int:
+    library = arm.shapes
+    cache_shapes(library)
+    if output.as_json:
+        output.print('', shapes=library)
+    else:
+        for name, values in library.items():
+            print(f'{name:<20}{angles_text(values)}')
+    return DONE
+
+
+# Segments.
+
+
+def _segment(text: str) -> int:
+    if not (text.isdecimal() and int(text) > 0):
+        raise ArgumentTypeError(
+            f'{text!r} given; needed: the number of a segment, 1 at the base')
+    return int(text)
+
+
+def _segment_or_all(text: str) -> int | None:
+    """Read the number of a segment, or ``all`` as None."""
+    return None if text == 'all' else _segment(text)
+
+
+def _stiffen_options(parser: Parser) -> None:
+    segment = parser.add_argument('segment', type=_segment_or_all, metavar='N|all',
+                                  help='1 at the base')
+    segment.completer = lambda **_: ['all']  # type: ignore[attr-defined]
+
+
+def _stiffen(arm: 'Arm', options: Namespace, output: Output) -> int:
     arm.stiffen(options.segment)
     return output.done(f'segment {options.segment} is stiff' if options.segment
                        else 'all segments are stiff')
 
 
-def soften(arm: 'Arm', options: argparse.Namespace, output: Output) -> int:
-    """Make a segment soft."""
+def _soften_options(parser: Parser) -> None:
+    parser.add_argument('segment', type=_segment, metavar='N', help='1 at the base')
+
+
+def _soften(arm: 'Arm', options: Namespace, output: Output) -> int:
     arm.soften(options.segment)
     return output.done(f'segment {options.segment} is soft')
 
 
-def jog(arm: 'Arm', options: argparse.Namespace, output: Output) -> int:
-    """Move the tendons."""
-    arm.jog(right=options.right * 1e-3, left=options.left * 1e-3)
-    pulls = arm.state.pulls
-    return output.done('pulls: ' + (_millimetres(pulls) if pulls else UNKNOWN))
+# Tendons.
 
 
-def status(arm: 'Arm', _: argparse.Namespace, output: Output) -> int:
-    """Show all that is known."""
+def _move(text: str, tendon: str = '') -> tuple[str, float]:
+    """Read ``right=1.5``, or 1.5 for the tendon given, in mm; return the tendon and m."""
+    distance = text
+    if not tendon:
+        tendon, equals, distance = text.partition('=')
+        if not (tendon and equals):
+            raise ArgumentTypeError(f'{text!r} given; needed: TENDON=MM, such as right=1.5')
+    return tendon, 1e-3 * number_in(-MAX_JOG, MAX_JOG, 'mm')(distance)
+
+
+def _jog_options(parser: Parser) -> None:
+    parser.add_argument('moves', nargs='*', type=_move, metavar='TENDON=MM',
+                        help='how far to pull in a tendon, such as right=1.5; negative: pay out')
+    for tendon in ('right', 'left'):
+        parser.add_argument(
+            f'--{tendon}', dest='moves_by_option', action='append', default=[], metavar='MM',
+            type=partial(_move, tendon=tendon),
+            help=f'the same as {tendon}=MM')
+
+
+def _jog(arm: 'Arm', options: Namespace, output: Output) -> int:
+    arm.jog(**dict([*options.moves, *options.moves_by_option]))
+    return output.done(f'pulls: {pulls_text(arm.state)}')
+
+
+# The state, and what takes no options.
+
+
+def _status(arm: 'Arm', _: Namespace, output: Output) -> int:
     state = arm.state
-    output.say(_page(state), **asdict(state))
-    return 0
+    output.print(state_page(state), **asdict(state))
+    return DONE
 
 
-def watch(arm: 'Arm', _: argparse.Namespace, output: Output) -> int:
-    """Show a line twice per second, until Ctrl-C."""
+def _watch(arm: 'Arm', _: Namespace, output: Output) -> int:
     try:
         while True:
             state = arm.state
-            output.say(_line(state), **asdict(state))
+            output.print(state_line(state), **asdict(state))
             sleep(WATCH_PERIOD)
     except KeyboardInterrupt:
-        return 0
+        return DONE
 
 
-def completion(arm: 'Arm', _: argparse.Namespace, __: Output) -> int:
-    """Print the names of the shapes, for the completion script."""
-    print('\n'.join(arm.shapes))
-    return 0
-
-
-def _trigger(name: str) -> Callable[['Arm', argparse.Namespace, Output], int]:
-    def call(arm: 'Arm', _: argparse.Namespace, output: Output) -> int:
-        return output.done(getattr(arm, name)())
-    return call
-
-
-COMMANDS: dict[str, Callable[['Arm', argparse.Namespace, Output], int]] = {
-    'shapes': shapes, 'run': run, 'stiffen': stiffen, 'soften': soften, 'jog': jog,
-    'status': status, 'watch': watch, 'completion': completion,
-    **{name: _trigger(name) for name in ('stop', 'resume', 'reference', 'reset')},
+ACTIONS = {
+    'status': Action(_status),
+    'watch': Action(_watch),
+    'shapes': Action(_shapes),
+    'run': Action(_run, _run_options, lambda options: '' if options.shapes or options.angles else
+                  'give a SHAPE or --angles; `soft_continuum shapes` lists the names'),
+    'stiffen': Action(_stiffen, _stiffen_options),
+    'soften': Action(_soften, _soften_options),
+    'jog': Action(_jog, _jog_options, lambda options: '' if options.moves
+                  or options.moves_by_option else 'give TENDON=MM, such as right=1.5 left=-1.5'),
+    'stop': Action(lambda arm, _, output: output.done(arm.stop())),
+    'resume': Action(lambda arm, _, output: output.done(arm.resume())),
+    'reference': Action(lambda arm, _, output: output.done(arm.reference())),
+    'reset': Action(lambda arm, _, output: output.done(arm.reset())),
 }
-
-
-# How a state reads.
-
-def _plain(value: Any) -> Any:
-    """Return a value as JSON has it: not a number becomes null."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not isfinite(value) else value
-
-
-def _degrees(values: 'tuple[float, ...]') -> str:
-    return ' '.join(f'{degrees(v):+6.1f}' for v in values) + ' deg'
-
-
-def _millimetres(pulls: tuple[float, float]) -> str:
-    return f'right {pulls[0] * 1e3:+.2f} mm, left {pulls[1] * 1e3:+.2f} mm'
-
-
-def _place(pose: 'Pose | None') -> str:
-    return UNKNOWN if pose is None else (
-        f'x {pose.x * 1e3:+7.1f} mm, z {pose.z * 1e3:+7.1f} mm, {degrees(pose.angle):+6.1f} deg')
-
-
-def _stiffness(stiff: bool | None) -> str:
-    return UNKNOWN if stiff is None else 'stiff' if stiff else 'soft'
-
-
-def _line(state: 'ArmState') -> str:
-    """Return a state in a line."""
-    return ' | '.join((
-        _millimetres(state.pulls) if state.pulls else UNKNOWN,
-        ' '.join(_stiffness(s) for s in state.stiff),
-        _degrees(state.bending_angles) if state.bending_angles else UNKNOWN,
-        state.node('shape_sequencer').message or UNKNOWN))
-
-
-def _page(state: 'ArmState') -> str:
-    """Return a state in full."""
-    lines = [f'tendons    {_millimetres(state.pulls) if state.pulls else UNKNOWN}']
-    for label, tensions in (('by the model', state.tensions),
-                            ('measured', state.measured_tensions)):
-        if tensions and all(map(isfinite, tensions)):
-            lines.append(f'tensions   right {tensions[0]:.1f} N, left {tensions[1]:.1f} N '
-                         f'({label})')
-    for i, (stiff, pressure) in enumerate(zip(state.stiff, state.pressures, strict=True)):
-        kilopascals = UNKNOWN if pressure is None else f'{pressure * 1e-3:.1f}'
-        pose = state.segment_poses[i] if state.segment_poses else None
-        lines.append(f'segment {i + 1}  {_stiffness(stiff):<6}{kilopascals:>6} kPa  '
-                     f'end at {_place(pose)}')
-    lines.append(f'tip        {_place(state.tip)}')
-    for node in state.nodes:
-        age = '' if node.age is None else f' ({node.age:.1f} s ago)'
-        said = f'{node.level or UNKNOWN}: {node.message}{age}' if node.running else 'does not run'
-        lines.append(f'{node.name:<18}{said}')
-    return '\n'.join(lines)

@@ -11,19 +11,21 @@ from soft_continuum.client.arm import Arm
 from soft_continuum.client.errors import (
     ClientError,
     LostError,
+    MotionEndedError,
     NoAnswerError,
     NodesMissingError,
     RefusedError,
     SequenceError,
 )
-from soft_continuum.client.sequence import Progress, RunningSequence
-from soft_continuum.client.state import ArmState, NodeReport, Pose, SequenceResult
+from soft_continuum.client.sequence import RunningSequence
+from soft_continuum.client.state import ArmState, NodeReport, Pose, Progress, SequenceResult
 
 __all__ = [
     'Arm',
     'ArmState',
     'ClientError',
     'LostError',
+    'MotionEndedError',
     'NoAnswerError',
     'NodeReport',
     'NodesMissingError',

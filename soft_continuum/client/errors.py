@@ -6,7 +6,7 @@ from soft_continuum.client.state import SequenceResult
 
 
 class ClientError(RuntimeError):
-    """Something that was asked of the arm was not done; the message says why, and what to do."""
+    """A request was not carried out; the message says why, and what to do."""
 
 
 class NodesMissingError(ClientError):
@@ -18,11 +18,20 @@ class NoAnswerError(ClientError, TimeoutError):
 
 
 class RefusedError(ClientError):
-    """A node refused; nothing was changed."""
+    """A node refused a request, or ended it early."""
+
+
+class MotionEndedError(RefusedError):
+    """A motion was accepted and ended early; ``reason`` is a value of MotionRequest.reason."""
+
+    def __init__(self, message: str, reason: int) -> None:
+        """Keep ``reason``."""
+        super().__init__(message)
+        self.reason = reason
 
 
 class LostError(ClientError):
-    """The shape_sequencer fell silent while it ran a sequence; how that ended is not known."""
+    """Nothing more was received of the shape_sequencer; how the sequence ended is not known."""
 
 
 class SequenceError(ClientError):

@@ -1,64 +1,77 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A sequence of shapes while it runs."""
+"""A sequence of shapes: its goal, while it runs, and its result."""
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
-from time import monotonic
+import threading
 from typing import Any
 
-from soft_continuum.client.connection import Connection
-from soft_continuum.client.errors import LostError, NoAnswerError, SequenceError
-from soft_continuum.client.state import SequenceResult
+from builtin_interfaces.msg import Duration
+
+from soft_continuum.client.errors import NoAnswerError
+from soft_continuum.client.state import Progress, SequenceResult
+from soft_continuum.sequencing.progress import Code, Phase
 from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import Shape
 
-SILENCE = 10.0  # s without a word of the shape_sequencer until it counts as lost
-OUTCOMES = {getattr(RunShapeSequence.Result, name): name for name in (
-    'SUCCESSFUL', 'PREEMPTED', 'CANCELED', 'STOPPED', 'TIMEOUT', 'HARDWARE_FAULT',
-    'MODEL_FAILURE')}
+LONGEST_HOLD = 86400.0  # s
 
 
-@dataclass(frozen=True)
-class Progress:
+def goal(shapes: Sequence[str | Sequence[float]], hold: float) -> RunShapeSequence.Goal:
     """
-    How far a sequence is.
+    Return the goal for names or bending angles (rad), each held for ``hold`` s.
 
-    shape_index: from 0.  segment: from 1, 0 for the whole arm.  phase: 'preparing', 'softening',
-    'moving', 'stiffening' or 'holding'.  fraction: 0 to 1, of the whole sequence.
+    Raises ValueError for a hold time that is none; shapes are for the shape_sequencer to judge.
     """
+    if not 0.0 <= hold <= LONGEST_HOLD:
+        raise ValueError(f'hold is {hold} s; allowed: 0 to {LONGEST_HOLD:g} s')
+    time = Duration(sec=int(hold), nanosec=int(hold % 1.0 * 1e9))
+    return RunShapeSequence.Goal(shapes=[
+        Shape(name=shape, hold_time=time) if isinstance(shape, str) else
+        Shape(bending_angles=[float(angle) for angle in shape], hold_time=time)
+        for shape in shapes])
 
-    shape_index: int
-    shape: str
-    segment: int
-    phase: str
-    fraction: float
+
+def sequence_result(message: RunShapeSequence.Result) -> SequenceResult:
+    """Return the result of a goal."""
+    return SequenceResult(Code(message.error_code).name, message.error_string,
+                          message.shapes_completed)
 
 
 class RunningSequence:
     """
-    A sequence that was sent; made by ``Arm.start``.
+    A sequence that was accepted; made by ``Arm.start``.
 
     Wait with ``result()``, or with ``await`` in asyncio.
     """
 
-    def __init__(self, connection: Connection, age: Callable[[], float | None]) -> None:
-        """``age`` tells the s since the shape_sequencer was heard."""
-        self.accepted: bool | None = None
-        self._connection = connection
-        self._age = age
-        self._heard = monotonic()
+    def __init__(self) -> None:
+        """Wait for ``begin``."""
         self._progress: Progress | None = None
-        self._handle: Any = None
-        self._cancel_wanted = False
+        self._changed = threading.Condition()
+        self._cancel: Callable[[], object] = lambda: None
         self._end: Future[SequenceResult] = Future()
-        self._end.set_running_or_notify_cancel()  # a task that no longer awaits ends no goal
 
-    # For the user.
+    def begin(self, cancel: Callable[[], object], end: Future[SequenceResult]) -> None:
+        """Take how to cancel it, and what its end will be."""
+        self._cancel, self._end = cancel, end
+        end.add_done_callback(lambda _: self._notify())
+
+    def on_feedback(self, message: Any) -> None:
+        """Keep the progress of the goal."""
+        feedback = message.feedback
+        self._progress = Progress(feedback.shape_index, feedback.shape, feedback.segment,
+                                  Phase(feedback.phase), float(feedback.progress))
+        self._notify()
+
+    def _notify(self) -> None:
+        with self._changed:
+            self._changed.notify_all()
 
     @property
     def progress(self) -> Progress | None:
-        """How far it is; None before the first word."""
+        """How far it is; None before the first feedback."""
         return self._progress
 
     @property
@@ -69,12 +82,10 @@ class RunningSequence:
     def updates(self) -> Iterator[Progress]:
         """Yield how far it is whenever that changes, until it has ended."""
         before: Progress | None = None
-
-        def news() -> bool:
-            return self.done or self._progress != before
-
         while True:
-            self._connection.wait_for(news, SILENCE)
+            with self._changed:
+                while not self.done and self._progress == before:
+                    self._changed.wait()
             done, now = self.done, self._progress
             if now is not None and now != before:
                 before = now
@@ -87,11 +98,13 @@ class RunningSequence:
         Wait for the end, at most ``timeout`` s; return how it ended.
 
         Raises SequenceError if not every shape was reached and held, NoAnswerError when it still
-        runs after ``timeout``, LostError when the shape_sequencer has fallen silent.
+        runs after ``timeout``, LostError when the shape_sequencer reports nothing any more.
         """
         try:
             return self._end.result(timeout)
         except TimeoutError:
+            if self.done:
+                raise
             raise NoAnswerError(f'the sequence still runs after {timeout:g} s; '
                                 'wait longer or cancel() it') from None
 
@@ -106,62 +119,4 @@ class RunningSequence:
 
         Returns at once; ``result()`` then raises SequenceError with outcome CANCELED.
         """
-        self._connection.do(self._cancel)
-
-    # On the thread of the connection.
-
-    def send(self, action: Any, goal: RunShapeSequence.Goal) -> None:
-        """Send the goal."""
-        self._connection.every_second.append(self._watch)
-        action.send_goal_async(goal, feedback_callback=self._on_feedback).add_done_callback(
-            self._on_answer)
-
-    def _cancel(self) -> None:
-        self._cancel_wanted = True
-        if self._handle is not None and not self.done:
-            self._handle.cancel_goal_async()
-
-    def _on_answer(self, future: Any) -> None:
-        handle = future.result()
-        self.accepted = handle.accepted
-        if handle.accepted:
-            self._handle = handle
-            handle.get_result_async().add_done_callback(self._on_result)
-            if self._cancel_wanted:
-                self._cancel()
-        else:
-            self._finish()
-        self._connection.changed()
-
-    def _on_feedback(self, message: Any) -> None:
-        said = message.feedback
-        self._heard = monotonic()
-        self._progress = Progress(said.shape_index, said.shape, said.segment, said.phase,
-                                  float(said.progress))
-        self._connection.changed()
-
-    def _on_result(self, future: Any) -> None:
-        said = future.result().result
-        result = SequenceResult(OUTCOMES.get(said.error_code, str(said.error_code)),
-                                said.error_string, said.shapes_completed)
-        if said.error_code == RunShapeSequence.Result.SUCCESSFUL:
-            self._finish(lambda: self._end.set_result(result))
-        else:
-            self._finish(lambda: self._end.set_exception(SequenceError(result)))
-
-    def _watch(self) -> None:
-        """Give up when nothing has been heard for long, on whatever topic."""
-        if self._handle is None:  # it may still plan
-            return
-        age = self._age()
-        if monotonic() - self._heard >= SILENCE and (age is None or age >= SILENCE):
-            self._finish(lambda: self._end.set_exception(LostError(
-                f'nothing heard of shape_sequencer for {SILENCE:g} s; the arm may be left with a '
-                'soft segment: see its state, start the nodes again, stiffen all segments')))
-
-    def _finish(self, say: Callable[[], None] = lambda: None) -> None:
-        if self._watch in self._connection.every_second:
-            self._connection.every_second.remove(self._watch)
-        if not self.done:
-            say()
-        self._connection.changed()
+        self._cancel()

@@ -1,27 +1,47 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a client learns about the arm, as frozen values in SI units."""
+"""The state of the arm as a client sees it, as frozen values in SI units."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import atan2
+
+from soft_continuum.sequencing.progress import Progress
+
+__all__ = ['ArmState', 'NodeReport', 'Pose', 'Progress', 'SequenceResult']
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A pose in the bending plane of ``base_link``: x and z in m, angle about +y in rad."""
+    """A pose in ``base_link``: position (x, y, z) in m, orientation (x, y, z, w)."""
 
-    x: float
-    z: float
-    angle: float
+    position: tuple[float, float, float]
+    orientation: tuple[float, float, float, float]
+
+    @property
+    def x(self) -> float:
+        """Position along x, m."""
+        return self.position[0]
+
+    @property
+    def z(self) -> float:
+        """Position along z, m."""
+        return self.position[2]
+
+    @property
+    def angle(self) -> float:
+        """Rotation about +y of a pose in the bending plane, rad."""
+        return 2.0 * atan2(self.orientation[1], self.orientation[3])
 
 
 @dataclass(frozen=True)
 class NodeReport:
     """
-    What one node says of itself.
+    The status of one node.
 
-    level: 'ok', 'warn' or 'error'; None if it has not been heard.  message and values: its
-    ``~/status``, see msg_docs/README.md.  age: s since it was last heard on any topic.
+    level: 'ok', 'warn' or 'error'; None if none was received.  message and values: its
+    ``~/status``, for people (msg_docs/README.md).  age: s since its last message on any topic,
+    None if there was none.  stale: whether that is longer than the nodes ever pause.
     """
 
     name: str
@@ -30,30 +50,40 @@ class NodeReport:
     message: str
     values: Mapping[str, str]
     age: float | None
+    stale: bool
 
 
 @dataclass(frozen=True)
 class ArmState:
     """
-    One look at the arm; None where it is not known, or not been heard of lately.
+    The arm at one moment; None where a value was not received, or is stale.
 
-    pulls (m), speeds (m/s) and tensions (N): right and left tendon; tensions by the model, nan
-    where nothing determines them; measured_tensions only of a driver that measures.
+    tendons: names, in the order of pulls (m), speeds (m/s), tensions (N, by the model, nan where
+    nothing determines them) and measured_tensions (N, only of a driver that measures).  stopped:
+    why nothing moves before a resume, '' when motion is allowed.  referenced: whether pulls are
+    known relative to the straight arm.
     stiff: of each segment, base first, as confirmed by its pressure.  pressures: Pa, absolute.
-    bending_angles: rad, one per segment.  segment_poses: distal end of each segment.  tip: top of
-    the last disc.  joint_angles: rad, all joints of the rigid chain.  nodes: the four nodes.
+    bending_angles: rad, one per segment.  joint_angles: rad, all joints of the rigid chain.
+    segment_poses: distal end of each segment.  disc_poses: bottom and top of each disc.  tip: top
+    of the last disc.  progress: of the sequence that runs, whoever started it.  nodes: the four
+    nodes.
     """
 
-    pulls: tuple[float, float] | None
-    speeds: tuple[float, float] | None
-    tensions: tuple[float, float] | None
-    measured_tensions: tuple[float, float] | None
+    tendons: tuple[str, ...]
+    pulls: tuple[float, ...] | None
+    speeds: tuple[float, ...] | None
+    tensions: tuple[float, ...] | None
+    measured_tensions: tuple[float, ...] | None
+    stopped: str | None
+    referenced: bool | None
     stiff: tuple[bool | None, ...]
     pressures: tuple[float | None, ...]
     bending_angles: tuple[float, ...] | None
-    segment_poses: tuple[Pose, ...] | None
-    tip: Pose | None
     joint_angles: tuple[float, ...] | None
+    segment_poses: tuple[Pose, ...] | None
+    disc_poses: tuple[Pose, ...] | None
+    tip: Pose | None
+    progress: Progress | None
     nodes: tuple[NodeReport, ...]
 
     def node(self, name: str) -> NodeReport:

@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line of the emulated GRBL board: faults are typed while it runs."""
 
-import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
-import sys
 
+from soft_continuum.arguments import Parser
 from soft_continuum.emulators.console import serve
 from soft_continuum.emulators.grbl_board import GrblEmulator
 
@@ -102,8 +101,7 @@ def obey(emulator: GrblEmulator, line: str) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve an emulated board until ``quit`` or Ctrl-C; faults are typed on standard input."""
-    parser = argparse.ArgumentParser(
-        prog='grbl_emulator', description='A GRBL 1.1 stepper controller on a pseudo-terminal.')
+    parser = Parser('emulate grbl', 'A GRBL 1.1 stepper controller on a pseudo-terminal.')
     parser.add_argument('--link', metavar='PATH', default='',
                         help='a symbolic link to make, as a port name that stays the same')
     parser.add_argument('--time-factor', type=float, default=1.0, metavar='FACTOR',
@@ -127,7 +125,3 @@ def main(argv: Sequence[str] | None = None) -> int:
         lambda emulator: CONFIGURATION.format(
             port=emulator.port, x=emulator.firmware.settings[100],
             y=emulator.firmware.settings[101], homing=homing), obey)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

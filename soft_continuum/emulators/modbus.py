@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line of the emulated Modbus rig: faults are typed while it runs."""
 
-import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import nan
 import random
-import sys
 
+from soft_continuum.arguments import Parser
 from soft_continuum.emulators.console import serve
 from soft_continuum.emulators.modbus_rig import (
     ANALOG_UNIT,
@@ -125,8 +124,7 @@ def obey(emulator: ModbusEmulator, line: str) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve an emulated rig until ``quit`` or Ctrl-C; faults are typed on the standard input."""
-    parser = argparse.ArgumentParser(
-        prog='modbus_emulator', description='A jamming rig on an emulated Modbus RTU line.')
+    parser = Parser('emulate modbus', 'A jamming rig on an emulated Modbus RTU line.')
     parser.add_argument('--segments', type=int, default=3, choices=range(1, 65), metavar='N',
                         help='number of segments, 1 to 64 (default: 3)')
     parser.add_argument('--link', metavar='PATH',
@@ -145,7 +143,3 @@ def main(argv: Sequence[str] | None = None) -> int:
             port=arguments.link or emulator.port, relay_unit=RELAY_UNIT,
             valves=[float(n + 1) for n in numbers], analog_unit=ANALOG_UNIT,
             registers=[float(n) for n in numbers], full_scale=FULL_SCALE), obey)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -96,7 +96,7 @@ class TendonBench:
                     'vent, valve and pressure sensor (doctor says more)')
             sleep(POLL)
 
-    def move(self, distances: tuple[float, float]) -> TendonReading:
+    def move(self, distances: Sequence[float]) -> TendonReading:
         """
         Pull the right and the left tendon by ``distances`` (m) more; return where they rest.
 

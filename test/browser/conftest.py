@@ -23,7 +23,7 @@ _spec.loader.exec_module(_fixtures)
 _compiled, take_domain, domain = _fixtures._compiled, _fixtures.take_domain, _fixtures.domain
 make_rig, rig, processes = _fixtures.make_rig, _fixtures.rig, _fixtures.processes
 
-from looker import DEADLINE, Page  # noqa: E402
+from page import DEADLINE, Page  # noqa: E402
 from processes import NodeProcess, Processes  # noqa: E402
 
 BROWSERS = ('chromium', 'chromium-browser', 'google-chrome')

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 import signal
 
-from looker import dark, DEADLINE, green, orange, Page
+from page import dark, DEADLINE, green, orange, Page
 from playwright.sync_api import expect
 import pytest
 from ros_rig import ALL, Rig
@@ -56,7 +56,7 @@ def test_a_refused_jog_says_why(page: Page, rig: Rig) -> None:
     page.click('soften', 2)
     page.click('+5', 0)
     page.click('+5', 1)
-    expect(page.notification('Jog refused')).to_contain_text('co_contraction_limit')
+    expect(page.notification('Jog: refused')).to_contain_text('co_contraction_limit')
     assert rig.pulls[1] == pytest.approx(0.0, abs=1e-3)
 
 
@@ -66,7 +66,7 @@ def test_stop_stops_a_sequence_and_resume_is_needed_to_go_on(page: Page, rig: Ri
     page.wait_for_text('segment 1, moving')
     page.wait_for_pixels(green, 200, 10**6, 'green, as the shape it goes to is')
     page.click('soften', 2)
-    expect(page.notification('Segment 3 soft: refused')).to_contain_text('sequence is running')
+    expect(page.notification('Soften segment 3: refused')).to_contain_text('sequence is running')
     assert rig.soft_segments() == [1]
     page.click('STOP')
     rig.wait_for_status('tendon_actuation', 'stopped', 'stop was called')
@@ -75,8 +75,8 @@ def test_stop_stops_a_sequence_and_resume_is_needed_to_go_on(page: Page, rig: Ri
     page.wait_for_pixels(green, 0, 20, 'green, though it goes nowhere any more')
 
     page.click('s_form')
-    expect(page.notification('Sequence refused')).to_contain_text('resume')
-    page.wait_for_text('Sequence refused')
+    expect(page.notification('Sequence: refused')).to_contain_text('resume')
+    page.wait_for_text('Sequence: refused')
     rig.assert_rests()
     page.click('Resume')
     rig.wait_for(lambda: not rig.status_value('tendon_actuation', 'stopped'), 'no stop any more')
@@ -87,7 +87,7 @@ def test_a_sequence_is_run_as_it_is_written_and_its_end_is_told(page: Page, rig:
     names = page.page.get_by_role('textbox').first
     names.fill('nonsense')
     page.click('Run sequence')
-    expect(page.notification('Sequence refused')).to_contain_text("unknown shape 'nonsense'")
+    expect(page.notification('Sequence: refused')).to_contain_text("unknown shape 'nonsense'")
     rig.set_parameter('shape_sequencer', 'tendon_speed', 0.1)
     names.fill('upright_c_form, c_form')
     page.click('Run sequence')

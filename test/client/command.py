@@ -5,6 +5,7 @@
 from collections.abc import Sequence
 import json
 import os
+from pathlib import Path
 import pty
 import select
 import subprocess
@@ -14,6 +15,7 @@ from time import monotonic, sleep
 from typing import Any
 
 DEADLINE = 60.0  # s
+SCRIPT = Path(__file__).parents[2] / 'bin' / 'soft_continuum'
 
 
 class Command:
@@ -26,7 +28,7 @@ class Command:
         else:
             reading, writing = os.pipe()
         self.process = subprocess.Popen(
-            [sys.executable, '-m', 'soft_continuum', *arguments], stdin=subprocess.DEVNULL,
+            [sys.executable, SCRIPT, *arguments], stdin=subprocess.DEVNULL,
             stdout=writing, stderr=subprocess.PIPE, text=True)
         os.close(writing)
         self._reading = reading

@@ -102,14 +102,14 @@ def shorten(rig):
 
 
 class Terminal:
-    """A command in a process of its own, on a pseudo-terminal that somebody types at."""
+    """A verb in a process of its own, on a pseudo-terminal that somebody types at."""
 
-    def __init__(self, module, *arguments):
+    def __init__(self, *words):
         self._master, slave = pty.openpty()
         self.shown = ''
         self._read_to = 0
         self.process = subprocess.Popen(
-            [sys.executable, '-m', f'soft_continuum.commands.{module}', *map(str, arguments)],
+            [sys.executable, '-m', 'soft_continuum', *map(str, words)],
             stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
             preexec_fn=_take_terminal)
         os.close(slave)

@@ -16,8 +16,8 @@ from emulated_rig import (
 )
 import pytest
 
-from soft_continuum.commands import calibrate
-from soft_continuum.commands.rig import rig_parameters
+from soft_continuum.cli import calibrate
+from soft_continuum.cli.rig import rig_parameters
 
 STEPS_PER_MM = 200
 
@@ -38,6 +38,25 @@ def run(rig, tmp_path, capsys):
         except SystemExit as ended:  # argparse
             status = ended.code
         return status, *capsys.readouterr()
+
+    return call
+
+
+@pytest.fixture
+def answer(run, monkeypatch):
+    """Return a function that runs the verb in a dialogue of (part of a question, answer)."""
+    def call(dialogue, *arguments):
+        remaining = list(dialogue)
+
+        def typed(question):
+            expected, text = remaining.pop(0)
+            assert expected in question
+            return text() if callable(text) else text
+
+        monkeypatch.setattr('builtins.input', typed)
+        ended = run(*arguments)
+        assert not remaining
+        return ended
 
     return call
 
@@ -70,44 +89,39 @@ def test_steps_per_mm_come_from_measured_travel(rig, on_terminal):
         terminal.answer('Ready?', 'yes')
         for side, travel in (('right', '4.0'), ('left', '5,05')):
             terminal.answer('note where its mark is.', 'yes')
-            terminal.answer(f'was the {side} tendon really pulled?', travel)
+            terminal.answer(f'was the {side} tendon really pulled in?', travel)
         assert terminal.end() == 0
     assert '$100=250.000' in terminal.shown
     assert '$101=198.020' in terminal.shown
     assert with_results(rig, 'calibration_steps.yaml')['grbl.steps_per_mm'] == (250.0, 198.02)
 
 
-def test_only_the_tendon_to_be_measured_is_pulled_and_it_goes_back(rig, on_terminal):
-    with on_terminal('steps', '--distance', '2') as terminal:
-        terminal.answer('Ready?', 'yes')
-        terminal.answer('note where its mark is.', 'yes')
-        terminal.expect('really pulled?')
-        assert standing(rig) == (2 * STEPS_PER_MM, 0)
-        terminal.type('2')
-        terminal.answer('note where its mark is.', 'yes')
-        terminal.expect('really pulled?')
-        assert standing(rig) == (0, 2 * STEPS_PER_MM)
-        terminal.type('2')
-        assert terminal.end() == 0
+def test_only_the_tendon_to_be_measured_is_pulled_and_it_goes_back(rig, answer):
+    def two_at(*motors):
+        def measure():
+            assert standing(rig) == motors
+            return '2'
+        return measure
+
+    status, _, _ = answer([
+        ('Ready?', 'yes'),
+        ('Ready?', 'yes'), ('right tendon really pulled in?', two_at(2 * STEPS_PER_MM, 0)),
+        ('Ready?', 'yes'), ('left tendon really pulled in?', two_at(0, 2 * STEPS_PER_MM)),
+    ], 'steps', '--distance', 2)
+    assert status == 0
     assert standing(rig) == (0, 0)
 
 
-def test_an_answer_that_makes_no_sense_is_asked_for_again(rig, on_terminal):
-    with on_terminal('steps') as terminal:
-        terminal.type('maybe')
-        terminal.expect("'maybe' was typed; allowed: yes, y, no, n")
-        terminal.answer('Ready?', 'yes')
-        terminal.answer('note where its mark is.', 'yes')
-        for answer, complaint in (
-                ('five', 'allowed: a number from'), ('-5', 'allowed: a number from'),
-                ('nan', 'allowed: a number from'), ('', 'allowed: a number from'),
-                ('300', '300.00 mm measured for 5.00 mm commanded; allowed: 0.50 mm to 50.00 mm')):
-            terminal.answer('really pulled?', answer)
-            terminal.expect(complaint)
-        terminal.answer('really pulled?', '5')
-        terminal.answer('note where its mark is.', 'no')
-        assert terminal.end() == 1
-    assert 'not confirmed, so nothing more was done' in terminal.shown
+def test_an_answer_that_makes_no_sense_is_asked_for_again(rig, answer):
+    status, output, errors = answer([
+        ('Ready?', 'maybe'), ('Ready?', 'yes'), ('Ready?', 'yes'),
+        *(('really pulled in?', text) for text in ('five', '-5', 'nan', '', '300', '5')),
+        ('Ready?', 'no')], 'steps')
+    assert status == 1
+    assert "'maybe' was typed; allowed: yes, y, no, n" in output
+    assert output.count('allowed: a number from') == 4
+    assert '300.00 mm measured for 5.00 mm commanded; allowed: 0.50 mm to 50.00 mm' in output
+    assert 'not confirmed, so nothing more was done' in errors
     assert not rig.file.with_name('calibration_steps.yaml').exists()
 
 
@@ -129,38 +143,36 @@ def test_steps_that_change_take_the_zero_with_them(rig, run):
 # Signs
 
 
-def test_a_tendon_that_was_let_out_gets_the_other_sign(rig, on_terminal):
-    with on_terminal('signs') as terminal:
-        terminal.answer('Ready?', 'yes')
-        terminal.answer('Was the right tendon pulled, or let out?', 'again')
-        terminal.answer('Was the right tendon pulled, or let out?', 'let-out')
-        terminal.answer('Was the left tendon pulled, or let out?', 'pulled')
-        assert terminal.end() == 0
+def test_a_tendon_that_was_paid_out_gets_the_other_sign(rig, answer):
+    assert answer([
+        ('Ready?', 'yes'),
+        ('Was the right tendon pulled in, or paid out?', 'again'),
+        ('Was the right tendon pulled in, or paid out?', 'paid-out'),
+        ('Was the left tendon pulled in, or paid out?', 'pulled-in')], 'signs')[0] == 0
     assert with_results(rig, 'calibration_signs.yaml')['grbl.signs'] == (-1.0, 1.0)
     assert standing(rig) == (0, 0)
 
 
 def test_signs_seen_before_change_those_that_are_configured(rig, run):
     rig.parameters(grbl__signs=[-1.0, -1.0])
-    assert run('signs', '--yes', '--seen', 'let-out', 'pulled')[0] == 0
-    assert with_results(rig, 'calibration_signs.yaml')['grbl.signs'] == (1.0, -1.0)
+    for words in ('paid-out', 'pulled-in'), ('let-out', 'pulled'):
+        assert run('signs', '--yes', '--force', '--seen', *words)[0] == 0
+        assert with_results(rig, 'calibration_signs.yaml')['grbl.signs'] == (1.0, -1.0)
 
 
 # Zero
 
 
-def test_jogging_takes_up_the_slack_and_sets_the_zero(rig, on_terminal):
-    with on_terminal('zero') as terminal:
-        terminal.answer('Ready?', 'yes')
-        for typed in ('r 1.5', 'l 2', 'l -0.5'):
-            terminal.answer('r MM, l MM, or done:', typed)
-        for wrong in ('r 2.1', 'x 1', 'r', 'done now'):
-            terminal.answer('r MM, l MM, or done:', wrong)
-            terminal.expect('was typed; allowed:')
-        terminal.answer('r MM, l MM, or done:', 'done')
-        terminal.answer('Both tendons are just taut', 'yes')
-        assert terminal.end() == 0
-    assert 'The controller keeps it' in terminal.shown
+def test_jogging_takes_up_the_slack_and_sets_the_zero(rig, answer):
+    status, output, _ = answer([
+        ('Ready?', 'yes'),
+        *(('TENDON MM, or done:', text) for text in (
+            'r 1.5', 'left 2', 'l -0.5', 'r 2.1', 'x 1', 'r', 'done now', '1.5', 'done')),
+        ('Ready?', 'yes')], 'zero')
+    assert status == 0
+    assert output.count('was typed; allowed:') == 5
+    assert 'right 1.50 mm, left 1.50 mm' in output
+    assert 'The controller keeps it' in output
     assert standing(rig) == (300, 300)
     assert is_referenced(rig)
 
@@ -210,22 +222,17 @@ def test_tendons_move_only_once_a_segment_is_soft(rig, run):
     assert rig.modbus.coils == (True, True, True, False)
 
 
-def test_a_zero_that_was_only_an_aid_is_not_left_behind(rig, run, on_terminal):
-    with on_terminal('signs') as terminal:
-        terminal.answer('Ready?', 'yes')
-        terminal.answer('Was the right tendon pulled, or let out?', 'pulled')
-        terminal.answer('Was the left tendon pulled, or let out?', 'pulled')
-        assert terminal.end() == 0
+SIGNS_SEEN = [('Ready?', 'yes'), ('right tendon', 'pulled-in'), ('left tendon', 'pulled-in')]
+
+
+def test_a_provisional_zero_is_forgotten_at_the_end(rig, answer):
+    assert answer(SIGNS_SEEN, 'signs')[0] == 0
     assert not is_referenced(rig)
 
 
-def test_a_zero_that_was_known_before_is_kept(rig, on_terminal):
+def test_a_zero_that_was_known_before_is_kept(rig, answer):
     reference(rig)
-    with on_terminal('signs') as terminal:
-        terminal.answer('Ready?', 'yes')
-        terminal.answer('Was the right tendon pulled, or let out?', 'pulled')
-        terminal.answer('Was the left tendon pulled, or let out?', 'pulled')
-        assert terminal.end() == 0
+    assert answer(SIGNS_SEEN, 'signs')[0] == 0
     assert is_referenced(rig)
 
 
@@ -318,7 +325,7 @@ def test_a_valve_that_stays_open_does_not_keep_the_others_and_the_pump_on(rig, r
     assert rig.modbus.coils == (False, True, False, False)
 
 
-def test_an_interrupt_while_the_pump_runs_rests_it(rig, on_terminal):
+def test_an_interrupt_while_the_pump_runs_switches_it_off(rig, on_terminal):
     with on_terminal('vacuum') as terminal:
         terminal.answer('Ready?', 'yes')
         until(lambda: rig.modbus.coils == (True, True, False, False), 'evacuating')
@@ -334,7 +341,7 @@ def test_an_interrupt_while_the_pump_runs_rests_it(rig, on_terminal):
 def test_all_goes_through_everything_and_writes_one_file(rig, run):
     shorten(rig)
     status, output, errors = run(
-        'all', '--yes', '--leak-time', 1, '--seen', 'pulled', 'let-out', '--measured', 5, 5,
+        'all', '--yes', '--leak-time', 1, '--seen', 'pulled-in', 'paid-out', '--measured', 5, 5,
         '--take-up', 1, 1)
     assert status == 0, errors
     found = with_results(rig, 'calibration.yaml')
@@ -348,7 +355,7 @@ def test_all_goes_through_everything_and_writes_one_file(rig, run):
 def test_what_went_well_is_kept_when_a_later_step_fails(rig, run):
     shorten(rig)
     status, _, errors = run(
-        'all', '--yes', '--leak-time', 1, '--seen', 'pulled', 'pulled', '--measured', 4, 5,
+        'all', '--yes', '--leak-time', 1, '--seen', 'pulled-in', 'pulled-in', '--measured', 4, 5,
         '--take-up', 1, 1)
     assert status == 1
     assert '$100 is 200, needed: $100=250' in errors
@@ -375,13 +382,11 @@ def test_results_for_a_controller_that_is_not_there_are_not_kept(tmp_path, capsy
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_simulated_rig_is_calibrated_like_a_real_one(tmp_path):
-    with Terminal('calibrate', 'signs', '--output', tmp_path) as terminal:
-        terminal.expect('The valves are simulated')
-        terminal.answer('Ready?', 'yes')
-        terminal.answer('Was the right tendon pulled, or let out?', 'pulled')
-        terminal.answer('Was the left tendon pulled, or let out?', 'pulled')
-        assert terminal.end() == 0
+def test_a_simulated_rig_is_calibrated_like_a_real_one(answer, rig):
+    rig.parameters(tendon_driver='simulated', jamming_driver='simulated')
+    status, output, _ = answer(SIGNS_SEEN, 'signs')
+    assert status == 0
+    assert 'The valves are simulated' in output
 
 
 def test_an_option_of_another_procedure_is_a_usage_error(run):

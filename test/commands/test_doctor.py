@@ -12,8 +12,8 @@ from emulated_rig import emulated_rig, reference
 import pytest
 import serial
 
-from soft_continuum.commands import doctor
-from soft_continuum.commands.rig import rig_parameters
+from soft_continuum.cli import doctor
+from soft_continuum.cli.rig import rig_parameters
 from soft_continuum.hardware.checks import check_jamming, check_tendons
 
 WRITE_COIL = 5
@@ -103,7 +103,7 @@ def test_a_model_that_does_not_compile_is_a_diagnosis_not_a_traceback(tmp_path):
         'class config:\n    CACHE_DIR = ""\nprange = range\n'
         'def njit(**options):\n    raise RuntimeError("cannot cache function")\n')
     done = subprocess.run(
-        [sys.executable, '-m', 'soft_continuum.commands.doctor'], capture_output=True, text=True,
+        [sys.executable, '-m', 'soft_continuum', 'doctor'], capture_output=True, text=True,
         env={**os.environ, 'PYTHONPATH': f'{tmp_path}:{os.environ.get("PYTHONPATH", "")}'},
         check=False)
     assert done.returncode == 1
@@ -114,7 +114,7 @@ def test_a_model_that_does_not_compile_is_a_diagnosis_not_a_traceback(tmp_path):
 def test_a_model_without_numba_is_called_slow(tmp_path):
     (tmp_path / 'numba.py').write_text('raise ImportError("none here")\n')
     done = subprocess.run(
-        [sys.executable, '-m', 'soft_continuum.commands.doctor'], capture_output=True, text=True,
+        [sys.executable, '-m', 'soft_continuum', 'doctor'], capture_output=True, text=True,
         env={**os.environ, 'PYTHONPATH': f'{tmp_path}:{os.environ.get("PYTHONPATH", "")}'},
         check=False)
     assert done.returncode == 0, done.stderr

@@ -268,7 +268,7 @@ def test_a_command_that_is_wrong_says_what_is_right(line):
 def test_the_emulator_runs_as_a_program(tmp_path):
     link = tmp_path / 'port'
     process = subprocess.Popen(
-        [sys.executable, '-m', 'soft_continuum.emulators.grbl', '--link', str(link)],
+        [sys.executable, '-m', 'soft_continuum', 'grbl_emulator', '--link', str(link)],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     try:
         until(link.exists)

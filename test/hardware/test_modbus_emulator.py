@@ -200,7 +200,7 @@ def test_a_line_that_is_wrong_is_explained_and_changes_nothing(emulator, line, w
 def test_the_command_line_serves_the_port_that_it_says(tmp_path):
     link = tmp_path / 'rig'
     with subprocess.Popen(
-            [sys.executable, '-m', 'soft_continuum.emulators.modbus', '--link', str(link),
+            [sys.executable, '-m', 'soft_continuum', 'modbus_emulator', '--link', str(link),
              '--stiff', '--segments', '2', '--baud-rate', '0'],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         printed = ''

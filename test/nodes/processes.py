@@ -24,7 +24,7 @@ SHARED_MEMORY = Path('/dev/shm')
 
 def module_command(name: str) -> list[str]:
     """Return the command that runs an executable from the sources."""
-    return [sys.executable, '-m', 'soft_continuum.executables', name]
+    return [sys.executable, '-m', 'soft_continuum', name]
 
 
 def installed_command(name: str) -> list[str]:

@@ -20,6 +20,7 @@ import pytest
 from ros2_words import WORDS
 from ros_rig import Rig
 
+from soft_continuum.cli.registry import OPERATE, VERBS
 from soft_continuum.nodes.runtime import NODES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,6 +38,7 @@ NOT_HERE = {
     'calibrate all': 'needs hands; test/commands/test_calibrate.py',
     'tendon_driver:=servo': 'the driver is an example; test/hardware/test_drivers.py',
 }
+EXECUTABLES = (*NODES, 'demo', 'up', 'doctor', 'calibrate', 'grbl_emulator', 'modbus_emulator')
 REFUSED = ('soft_continuum jog --right 2', 'soft_continuum run no_such_shape',
            'soft_continuum run no_form --json')
 """Lines that show what is not allowed."""
@@ -110,9 +112,9 @@ class Terminal:
             words = [sys.executable, '-m', 'soft_continuum', *words[1:]]
         if words[0] == 'python':
             words[0] = sys.executable
-        if words[1:3] == ['-m', 'soft_continuum.executables']:
+        if words[3:4] and words[3] in EXECUTABLES:
             self._executable(words)
-        elif 'soft_continuum.commands.record' in words:
+        elif 'record' in words[3:4]:
             self._nodes()
             recorder = self._here.start(words, directory=self._directory)
             time.sleep(3.0)
@@ -158,7 +160,8 @@ class Terminal:
     def _command(self, words: list[str], line: str) -> None:
         if 'calibrate' in words:
             (self._directory / 'calibration.yaml').unlink(missing_ok=True)
-        if 'soft_continuum' in words[:3] and 'doctor' not in words or 'hello_shapes' in words[-1]:
+        verb = VERBS.get(words[3]) if words[3:4] else None
+        if verb and verb.target == OPERATE or 'hello_shapes' in words[-1]:
             self._nodes()
         command = self._here.start(words, directory=self._directory)
         status = command.wait(PATIENCE)

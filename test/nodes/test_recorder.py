@@ -15,7 +15,7 @@ import pytest
 from ros_rig import Rig
 
 from soft_continuum.analysis.recording import read_recording
-from soft_continuum.commands.report import main as report
+from soft_continuum.cli.report import main as report
 
 
 class RecordProcess:
@@ -25,7 +25,7 @@ class RecordProcess:
         self.directory = directory
         self._rig = rig
         self.process = subprocess.Popen(
-            [sys.executable, '-m', 'soft_continuum.commands.record', '--output', str(directory),
+            [sys.executable, '-m', 'soft_continuum', 'record', '--output', str(directory),
              '--namespace', rig.namespace, *options],
             env={**os.environ, 'ROS_DOMAIN_ID': str(domain)}, stdout=subprocess.PIPE,
             stderr=subprocess.PIPE, text=True)

@@ -6,7 +6,6 @@ import argparse
 from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
-import sys
 
 from soft_continuum.analysis.characterisation import (
     Characterisation,
@@ -19,7 +18,8 @@ from soft_continuum.analysis.curves import read_curves
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.results import claim, text_table, write_parameters
 from soft_continuum.analysis.stiffness_figure import MeasuredState, stiffness_figure
-from soft_continuum.commands.common import described_arm, guarded, new_parser, number_in
+from soft_continuum.arguments import number_in
+from soft_continuum.cli.common import described_arm, guarded, new_parser
 from soft_continuum.mechanics.arm import Arm, ArmError, Segment
 from soft_continuum.mechanics.stiffness import joint_stiffness
 from soft_continuum.parameters.arm import arm_from_parameters, table_parameters
@@ -29,7 +29,7 @@ COLUMNS = ('force', 'displacement', 'time', 'repetition')
 UNITS = ('force', 'displacement', 'time')
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
     parser = new_parser(NAME, 'Bending stiffness E I of a segment, soft and stiff, from '
                         'force-displacement curves of a testing machine.')
@@ -191,7 +191,3 @@ def _replaced(given: object, count: int, index: int, value: float) -> Sequence[f
     whole = list(given if len(given) == count else given * count)
     whole[index] = value
     return whole
-
-
-if __name__ == '__main__':
-    sys.exit(main())

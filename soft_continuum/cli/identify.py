@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import nan
 from pathlib import Path
-import sys
 
 import numpy as np
 from tqdm import tqdm
@@ -22,14 +21,14 @@ from soft_continuum.analysis.identification_figure import identification_figure,
 from soft_continuum.analysis.measured_shapes import MeasuredShape, read_shapes
 from soft_continuum.analysis.results import claim, text_table, write_parameters
 from soft_continuum.analysis.unknowns import find_unknowns, IdentificationError, parameters_of
-from soft_continuum.commands.common import described_arm, guarded, new_parser
+from soft_continuum.cli.common import described_arm, guarded, new_parser
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.statics import StaticsError
 
 NAME = 'identify'
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
     parser = new_parser(NAME, 'Fit what is not known of the arm to measured points. Errors on '
                         'shapes that the fit did not see are reported.')
@@ -121,7 +120,3 @@ def _correlations(found: Identification) -> str:
     return text_table(['', *names], [
         [name, *(f'{c:+.2f}' for c in row)]
         for name, row in zip(names, found.correlations, strict=True)])
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -14,7 +14,7 @@ import viser
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from soft_continuum.browser.door import address, DoorError, open_server
+from soft_continuum.browser.access import AccessError, open_server, page_address
 
 TOKEN = 'a-token-of-this-test'
 PROTOCOL = f'viser-v{viser.__version__}'
@@ -87,7 +87,7 @@ def test_with_a_token_nothing_is_served_without_it(make_server: Any) -> None:
 
 def test_who_shows_the_token_is_let_in_from_then_on(make_server: Any) -> None:
     server = make_server(TOKEN, host='0.0.0.0')
-    assert address(server, TOKEN).endswith(f':{server.get_port()}/?token={TOKEN}')
+    assert page_address(server, TOKEN).endswith(f':{server.get_port()}/?token={TOKEN}')
     first = get(server, f'/?token={TOKEN}')
     assert first.status == 303
     assert first.headers['Location'] == '/'  # the token does not stay in the address bar
@@ -102,22 +102,22 @@ def test_who_shows_the_token_is_let_in_from_then_on(make_server: Any) -> None:
 
 @pytest.mark.parametrize('host', ['0.0.0.0', '::', ''])
 def test_beyond_loopback_a_token_is_needed(host: str) -> None:
-    with pytest.raises(DoorError, match='--token'):
+    with pytest.raises(AccessError, match='--token'):
         open_server(host, 0)
 
 
 def test_a_port_that_is_taken_is_named(make_server: Any) -> None:
     with socket.create_server(('127.0.0.1', 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(DoorError, match=f'port {port}.*--port'):
+        with pytest.raises(AccessError, match=f'port {port}.*--port'):
             open_server('127.0.0.1', port)
 
 
 @pytest.mark.parametrize(('host', 'port'), [('no.such.host.invalid', 0), ('127.0.0.1', 99999)])
 def test_an_address_that_is_not_to_be_had_is_named(host: str, port: int) -> None:
-    with pytest.raises(DoorError, match='cannot listen on' if port else '--token'):
+    with pytest.raises(AccessError, match='cannot listen on' if port else '--token'):
         open_server(host, port)
-    with pytest.raises(DoorError, match='cannot listen on'):
+    with pytest.raises(AccessError, match='cannot listen on'):
         open_server(host, port, TOKEN)
 
 
@@ -132,8 +132,8 @@ def test_a_server_that_cannot_be_guarded_is_not_started(monkeypatch: pytest.Monk
     class Other:
         serve = staticmethod(real.serve)
 
-    monkeypatch.setattr('soft_continuum.browser.door.websocket_server', Other)
-    with pytest.raises(DoorError, match='requirements'):
+    monkeypatch.setattr('soft_continuum.browser.access.websocket_server', Other)
+    with pytest.raises(AccessError, match='requirements'):
         open_server('127.0.0.1', 0)
 
 

@@ -3,25 +3,20 @@
 """How many rigid bodies a segment needs (paper, III-B)."""
 
 import argparse
-import sys
+from collections.abc import Sequence
 
 import numpy as np
 
 from soft_continuum.analysis.convergence import converge
 from soft_continuum.analysis.convergence_figure import convergence_figure
 from soft_continuum.analysis.results import claim, text_table
-from soft_continuum.commands.common import (
-    described_arm,
-    guarded,
-    new_parser,
-    number_in,
-    whole_number_in,
-)
+from soft_continuum.arguments import number_in, whole_number_in
+from soft_continuum.cli.common import described_arm, guarded, new_parser
 
 NAME = 'converge'
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
     parser = new_parser(NAME, 'Convergence analysis: relative change of the bending angles from n '
                         'to n + 1 bodies per segment at constant pulls.')
@@ -64,7 +59,3 @@ def _run(options: argparse.Namespace) -> None:
               f'{100 * options.tolerance:g} % from there on.')
     convergence_figure(figure, found, options.tolerance)
     print(f'Figure: {figure}')
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Who may open the view: viser serves it, and every request passes this door first.
+Access control of the view: viser serves it, and every request is checked first.
 
 viser has no such hook, so what it hands to ``websockets.asyncio.server.serve`` is wrapped while it
 starts.  If a later viser starts its server in another way, nothing is served at all.
@@ -26,32 +26,32 @@ from websockets.http11 import Request, Response
 Handler = Callable[[ServerConnection, Request], Response | None]
 
 
-class DoorError(ValueError):
+class AccessError(ValueError):
     """The view cannot be served like this; the message says why, and what to do."""
 
 
 class _Server(viser.ViserServer):
-    """A server that no browser can ask to put the arm on the internet."""
+    """A server that cannot be published on the internet from the page."""
 
     def request_share_url(self, verbose: bool = True) -> str | None:
-        """Refuse: viser would open a tunnel through a host of others."""
+        """Refuse: viser would open a tunnel through a public host."""
         return None
 
     def stop(self) -> None:
-        """Stop, without words."""
+        """Stop, printing nothing."""
         with redirect_stdout(StringIO()):
             super().stop()
 
 
 def open_server(host: str, port: int, token: str = '') -> viser.ViserServer:
     """
-    Serve on ``host`` and ``port`` (0: any free one), with ``token`` only to who shows it.
+    Serve on ``host`` and ``port`` (0: any free one), with ``token`` only to browsers that show it.
 
-    Raises DoorError for an address beyond loopback without a token, and for one that is not to
-    be had.
+    Raises AccessError for an address beyond loopback without a token, and for one that cannot be
+    listened on.
     """
     if not token and not is_loopback(host):
-        raise DoorError(
+        raise AccessError(
             f'--host {host} can be reached from other machines, and whoever reaches it can move '
             'the arm: give --token too, or leave --host out')
     try:
@@ -59,32 +59,32 @@ def open_server(host: str, port: int, token: str = '') -> viser.ViserServer:
         socket.create_server((host, port), family=family).close()
     except (OSError, OverflowError) as error:  # viser would try a thousand other ports
         reason = getattr(error, 'strerror', '') or error
-        raise DoorError(f'cannot listen on {host} port {port}: {reason}; '
+        raise AccessError(f'cannot listen on {host} port {port}: {reason}; '
                         'choose others with --host and --port') from None
-    guarded = False
+    checked = False
     serve = websocket_server.serve
 
-    def guarded_serve(*arguments: Any, process_request: Handler, **options: Any) -> Any:
-        nonlocal guarded
-        guarded = True
+    def checked_serve(*arguments: Any, process_request: Handler, **options: Any) -> Any:
+        nonlocal checked
+        checked = True
         return serve(*arguments, **options,
-                     process_request=partial(_admit, token, process_request))
+                     process_request=partial(_check, token, process_request))
 
-    setattr(websocket_server, 'serve', guarded_serve)  # noqa: B010  (mypy: not assignable)
+    setattr(websocket_server, 'serve', checked_serve)  # noqa: B010  (mypy: not assignable)
     try:
         with redirect_stdout(StringIO()):  # its own banner; ours has the token
             server = _Server(host=host, port=port, label='soft_continuum', verbose=False)
     finally:
         setattr(websocket_server, 'serve', serve)  # noqa: B010
-    if not guarded:
+    if not checked:
         server.stop()
-        raise DoorError(f'viser {viser.__version__} does not let its connections be checked; '
+        raise AccessError(f'viser {viser.__version__} does not let its connections be checked; '
                         'install the version in requirements/python.txt')
     return server
 
 
-def address(server: viser.ViserServer, token: str = '') -> str:
-    """Return what to type into the browser."""
+def page_address(server: viser.ViserServer, token: str = '') -> str:
+    """Return the address of the page, to be opened in a browser."""
     host = server.get_host()
     if host in ('0.0.0.0', '::'):
         host = socket.gethostname()
@@ -101,7 +101,7 @@ def is_loopback(host: str) -> bool:
     return all(ip_address(str(entry[4][0]).partition('%')[0]).is_loopback for entry in found)
 
 
-def _admit(token: str, handler: Handler, connection: ServerConnection,
+def _check(token: str, handler: Handler, connection: ServerConnection,
            request: Request) -> Response | None:
     """Answer one request: refuse it, take its token, or leave it to ``handler``."""
     host = request.headers.get('Host', '')
@@ -109,12 +109,12 @@ def _admit(token: str, handler: Handler, connection: ServerConnection,
         cookie = f'soft_continuum_{host.rpartition(":")[2]}'  # a browser shares them among ports
         given = parse_qs(urlsplit(request.path).query).get('token', [''])[0]
         if given and compare_digest(given.encode(), token.encode()):
-            inside = connection.respond(HTTPStatus.SEE_OTHER, '')
-            inside.headers['Location'] = '/'
-            inside.headers['Set-Cookie'] = (
+            redirect = connection.respond(HTTPStatus.SEE_OTHER, '')
+            redirect.headers['Location'] = '/'
+            redirect.headers['Set-Cookie'] = (
                 f'{cookie}={token}; Path=/; HttpOnly; SameSite=Strict')
-            return inside
-        # Not http.cookies: it drops all when another program's cookie is not to its liking.
+            return redirect
+        # Not http.cookies: it drops all of them when it cannot parse that of another program.
         parts = request.headers.get('Cookie', '').split(';')
         pairs = (part.strip().partition('=') for part in parts)
         shown = {name: value for name, _, value in pairs}.get(cookie, '')

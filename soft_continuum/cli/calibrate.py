@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measure a rig: steps/mm, tendon signs, the zero of the tendons, pump and segments."""
+"""``calibrate``: measures steps/mm, signs and zero of the tendons, pump and segments."""
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import isfinite
@@ -15,9 +15,10 @@ from time import monotonic, sleep
 from typing import Any
 
 from soft_continuum.analysis.results import claim, text_table
-from soft_continuum.commands.common import BAD_INPUT, guarded, new_parser, number_in
-from soft_continuum.commands.prompts import ask, confirm, DeclinedError, number, one_of
-from soft_continuum.commands.rig import as_list, rig_parameters, write_parameters
+from soft_continuum.arguments import command_name, FAILED, number_in, WRONG_USAGE
+from soft_continuum.cli.common import guarded, new_parser
+from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number, one_of
+from soft_continuum.cli.rig import as_list, rig_parameters, write_parameters
 from soft_continuum.hardware.calibration import (
     CalibrationError,
     corrected_steps,
@@ -32,15 +33,18 @@ from soft_continuum.hardware.calibration import (
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, TendonDriver
 from soft_continuum.hardware.tendon_controller import TendonLimits
+from soft_continuum.mechanics.arm import TENDONS
 from soft_continuum.parameters.nodes import jamming_settings
 
 NAME = 'calibrate'
-FAILED = 1
+GUIDE = 'docs/how_to/set_up_a_rig.md'
 MM = 1e3  # per m
 SIGN_MOVE = 2.0  # mm
-LONGEST_JOG = 2.0  # mm
-SIDES = ('right', 'left')
-PULLED, LET_OUT = 'pulled', 'let-out'
+MAX_JOG = 2.0  # mm
+NAMES = tuple(name.removesuffix('_tendon') for name in TENDONS)
+PULLED_IN, PAID_OUT = 'pulled-in', 'paid-out'
+DIRECTIONS = {PULLED_IN: 1.0, PAID_OUT: -1.0, 'pulled': 1.0, 'let-out': -1.0}
+"""Sign by what was seen; the last two are the words of version 0.1."""
 APPLIES = {'measured': 'steps', 'distance': 'steps', 'seen': 'signs', 'take_up': 'zero',
            'leak_time': 'vacuum'}
 """Which option belongs to which procedure."""
@@ -48,32 +52,33 @@ APPLIES = {'measured': 'steps', 'distance': 'steps', 'seen': 'signs', 'take_up':
 
 @dataclass
 class Job:
-    """What is being done: the options, the parameters as corrected so far, and the results."""
+    """The options, the parameters as corrected so far, the results and what failed."""
 
     options: argparse.Namespace
     values: dict[str, Any]
     results: dict[str, tuple[float, ...] | float] = field(default_factory=dict)
-    bad: list[str] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command: 0 done, 1 the rig failed, 2 bad input, 130 interrupted."""
-    parser = new_parser(NAME, __doc__ + ' Results are a parameter file to give to the nodes after '
-                        'the others.')
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the verb; return the exit status, FAILED if the rig failed."""
+    parser = new_parser(NAME, 'Measure a rig: steps/mm and signs of the steppers, the zero of the '
+                        'tendons, pump and segments. Results are a parameter file to give to the '
+                        'nodes after the others.')
+    per_tendon: dict[str, Any] = {
+        'nargs': len(NAMES), 'metavar': tuple(name.upper() for name in NAMES)}
     parser.add_argument('what', choices=[*PROCEDURES, 'all'],
                         help='what to measure; all: vacuum, signs, steps, zero')
     parser.add_argument('--yes', action='store_true',
                         help='everything is safe and prepared: ask nothing')
-    parser.add_argument('--measured', nargs=2, type=number_in(0.01, 1000.0, 'mm'),
-                        metavar=('RIGHT', 'LEFT'),
+    parser.add_argument('--measured', type=number_in(0.01, 1000.0, 'mm'), **per_tendon,
                         help='steps: travel in mm measured before; nothing moves')
     parser.add_argument('--distance', type=number_in(1.0, MM * LONGEST_MOVE, 'mm'), metavar='MM',
                         help='steps: commanded travel in mm (default: 5)')
-    parser.add_argument('--seen', nargs=2, choices=(PULLED, LET_OUT), metavar=('RIGHT', 'LEFT'),
-                        help=f'signs: {PULLED} or {LET_OUT}, seen before; nothing moves')
-    parser.add_argument('--take-up', nargs=2, type=number_in(-10.0, 10.0, 'mm'),
-                        metavar=('RIGHT', 'LEFT'),
-                        help='zero: pull both tendons by this much in mm instead of jogging')
+    parser.add_argument('--seen', choices=tuple(DIRECTIONS), **per_tendon,
+                        help=f'signs: {PULLED_IN} or {PAID_OUT}, seen before; nothing moves')
+    parser.add_argument('--take-up', type=number_in(-10.0, 10.0, 'mm'), **per_tendon,
+                        help='zero: pull in the tendons by this much in mm instead of jogging')
     parser.add_argument('--leak-time', type=number_in(1.0, 600.0, 's'), metavar='S',
                         help='vacuum: how long the loss is watched in s (default: 10)')
     options = parser.parse_args(argv)
@@ -87,11 +92,11 @@ def main(argv: list[str] | None = None) -> int:
     try:
         return guarded(NAME, _run, options)
     except (HardwareError, DeclinedError) as error:
-        print(f'{NAME}: {error}', file=sys.stderr)
+        print(f'{command_name(NAME)}: {error}', file=sys.stderr)
         return FAILED
     except CalibrationError as error:
-        print(f'{NAME}: {error}', file=sys.stderr)
-        return BAD_INPUT
+        print(f'{command_name(NAME)}: {error}', file=sys.stderr)
+        return WRONG_USAGE
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -112,8 +117,8 @@ def _run(options: argparse.Namespace) -> None:
     if job.results:
         print(f'\nWritten: {path}. Give it to the nodes as one more parameter file, after the '
               'others.')
-    if job.bad:
-        raise HardwareError('; '.join(job.bad))
+    if job.failures:
+        raise HardwareError('; '.join(job.failures))
 
 
 # Tendons
@@ -133,7 +138,7 @@ def _jamming(job: Job) -> Iterator[JammingDriver]:
 @contextmanager
 def _bench(job: Job, text: str, sets_zero: bool = False
            ) -> Iterator[tuple[TendonBench, TendonDriver]]:
-    """Soften the last segment and open the steppers; afterwards leave no zero that is none."""
+    """Soften the last segment and open the steppers; afterwards forget a provisional zero."""
     values = job.values
     segments = len(values['arm.segment_lengths'])
     if values['jamming_driver'] == 'simulated':
@@ -147,7 +152,7 @@ def _bench(job: Job, text: str, sets_zero: bool = False
         raise CalibrationError(
             'the tendons are homed (grbl.homed_pulls), which calibrate does not do: take '
             'grbl.homed_pulls out of the files and set $22=0 for as long as this takes, as '
-            'docs/how_to/set_up_a_rig.md says')
+            f'{GUIDE} says')
     with _jamming(job) as jamming:
         bench = TendonBench(
             tendons, jamming, segments - 1,
@@ -175,17 +180,17 @@ def _forget_zero(values: Mapping[str, Any]) -> None:
     try:
         forget_reference(values['grbl.port'], values['grbl.baud_rate'])
     except HardwareError as error:
-        print(f'{NAME}: the controller may still hold a zero that is none: power-cycle it before '
-              f'anything else ({error})', file=sys.stderr)
+        print(f'{command_name(NAME)}: the controller may still hold a provisional zero: '
+              f'power-cycle it before anything else ({error})', file=sys.stderr)
 
 
-def _pair(side: int, distance: float) -> tuple[float, float]:
-    """Return distances (m) that move one tendon only, by ``distance`` in mm."""
-    return (distance / MM, 0.0) if side == 0 else (0.0, distance / MM)
+def _one(tendon: int, distance: float) -> tuple[float, ...]:
+    """Return the distances (m) of all tendons that move only one, by ``distance`` in mm."""
+    return tuple(distance / MM if i == tendon else 0.0 for i in range(len(NAMES)))
 
 
 UNHOOKED = ('The tendons move by up to {:g} mm, one after the other, and nothing may be strained: '
-            'unhook both from the arm, or let out that much slack by hand.')
+            'unhook them from the arm, or pay out that much slack by hand.')
 
 
 def _signs(job: Job) -> None:
@@ -193,21 +198,22 @@ def _signs(job: Job) -> None:
     seen = job.options.seen
     if seen is None:
         if job.options.yes:
-            raise CalibrationError('the signs must be seen: give --seen RIGHT LEFT, or leave out '
-                                   '--yes')
+            raise CalibrationError('somebody must watch the tendons: give --seen '
+                                   f'{" ".join(NAMES).upper()}, or leave out --yes')
         seen = []
         with _bench(job, UNHOOKED.format(SIGN_MOVE)) as (bench, _):
-            for side, name in enumerate(SIDES):
+            for tendon, name in enumerate(NAMES):
                 answer = 'again'
                 while answer == 'again':
                     print(f'The {name} tendon moves ...', flush=True)
-                    bench.move(_pair(side, SIGN_MOVE))
+                    bench.move(_one(tendon, SIGN_MOVE))
                     answer = ask(
-                        f'Was the {name} tendon pulled, or let out? (pulled, let-out, again)',
-                        one_of({a: a for a in (PULLED, LET_OUT, 'again')}))
-                    bench.move(_pair(side, -SIGN_MOVE))
+                        f'Was the {name} tendon pulled in, or paid out? '
+                        f'({PULLED_IN}, {PAID_OUT}, again)',
+                        one_of({a: a for a in (*DIRECTIONS, 'again')}))
+                    bench.move(_one(tendon, -SIGN_MOVE))
                 seen.append(answer)
-    signs = tuple(sign if answer == PULLED else -sign
+    signs = tuple(sign * DIRECTIONS[answer]
                   for sign, answer in zip(job.values['grbl.signs'], seen, strict=True))
     _take(job, 'grbl.signs', signs)
 
@@ -218,27 +224,27 @@ def _steps(job: Job) -> None:
     travels = job.options.measured
     if travels is None:
         if job.options.yes:
-            raise CalibrationError('travel must be measured: give --measured RIGHT LEFT, or leave '
-                                   'out --yes')
+            raise CalibrationError('travel must be measured: give --measured '
+                                   f'{" ".join(NAMES).upper()}, or leave out --yes')
         travels = []
         with _bench(job, f'{UNHOOKED.format(distance)} Have a caliper or ruler ready and a mark '
                     'on each tendon.') as (bench, _):
-            for side, name in enumerate(SIDES):
+            for tendon, name in enumerate(NAMES):
                 confirm(f'The {name} tendon: note where its mark is.', job.options.yes)
-                print(f'The {name} tendon is pulled by {distance:g} mm ...', flush=True)
-                bench.move(_pair(side, distance))
+                print(f'The {name} tendon is pulled in by {distance:g} mm ...', flush=True)
+                bench.move(_one(tendon, distance))
                 travels.append(ask(
-                    f'By how many mm was the {name} tendon really pulled?',
+                    f'By how many mm was the {name} tendon really pulled in?',
                     lambda text: _travel(text, distance)))
-                bench.move(_pair(side, -distance))
+                bench.move(_one(tendon, -distance))
     before = job.values['grbl.steps_per_mm']
     steps = tuple(corrected_steps(old, distance / MM, travel / MM)
                   for old, travel in zip(before, travels, strict=True))
     _take(job, 'grbl.steps_per_mm', steps)
     if job.values['tendon_driver'] == 'grbl' and steps != tuple(before):
         _forget_zero(job.values)
-        print(f'Type these lines in a terminal on {job.values["grbl.port"]} (docs/how_to/set_up_a_rig.md); the '
-              f'zero must then be set again:\n$100={steps[0]:.3f}\n$101={steps[1]:.3f}')
+        print(f'Type these lines in a terminal on {job.values["grbl.port"]} ({GUIDE}); the zero '
+              f'must then be set again:\n$100={steps[0]:.3f}\n$101={steps[1]:.3f}')
         if job.options.what == 'all':
             confirm('The lines were typed, and that terminal is closed.', job.options.yes)
 
@@ -251,7 +257,7 @@ def _travel(text: str, distance: float) -> float:
 
 def _take(job: Job, name: str, values: tuple[float, ...]) -> None:
     """Keep a result for the stepper controller, if the rig has one."""
-    print(f'{name}: {as_list(values)} (right, left); it was {as_list(job.values[name])}')
+    print(f'{name}: {as_list(values)} ({", ".join(NAMES)}); it was {as_list(job.values[name])}')
     job.values[name] = values
     if job.values['tendon_driver'] == 'grbl':
         job.results[name] = values
@@ -261,18 +267,18 @@ def _take(job: Job, name: str, values: tuple[float, ...]) -> None:
 
 
 def _zero(job: Job) -> None:
-    """Take up the slack of both tendons; then the straight arm is zero."""
+    """Take up the slack of all tendons; then the straight arm is zero."""
     take_up = job.options.take_up
     if take_up is None and job.options.yes:
-        raise CalibrationError('how much slack there is must be seen: give --take-up RIGHT LEFT '
-                               '(0 0: both tendons are just taut), or leave out --yes')
-    with _bench(job, 'The arm is straight and both tendons are hooked in, slack or just taut.',
+        raise CalibrationError('somebody must look at the slack: give --take-up '
+                               f'{" ".join(NAMES).upper()} (0: just taut), or leave out --yes')
+    with _bench(job, 'The arm is straight and all tendons are hooked in, slack or just taut.',
                 sets_zero=True) as (bench, tendons):
         if take_up is None:
             _jog(bench)
-            confirm('Both tendons are just taut, and the arm is straight.', job.options.yes)
+            confirm('All tendons are just taut, and the arm is straight.', job.options.yes)
         else:
-            bench.move((take_up[0] / MM, take_up[1] / MM))
+            bench.move(tuple(distance / MM for distance in take_up))
         tendons.reference()
         sleep(MARK_TIME)
     print('The straight arm is zero.')
@@ -284,35 +290,37 @@ def _zero(job: Job) -> None:
     if kept:
         print('The controller keeps it: start the nodes.')
     else:
-        print('The controller does not keep it, because opening its port resets it (docs/how_to/set_up_a_rig.md): '
-              'start the nodes, and with the arm straight and both tendons just taut call '
-              '/tendon_actuation/reference.')
+        print('The controller does not keep it, because opening its port resets it '
+              f'({GUIDE}): start the nodes, and with the arm straight and all tendons just '
+              'taut type soft_continuum reference.')
 
 
 def _jog(bench: TendonBench) -> None:
-    print(f'Type r or l (right or left tendon) and by how many mm to pull, up to {LONGEST_JOG:g}; '
-          'negative lets out.\nSuch as: r 0.5   l -0.2   Type done when both are just taut.')
+    print(f'Type a tendon ({", ".join(NAMES)}, or the first letter) and by how many mm to pull it '
+          f'in, up to {MAX_JOG:g}; negative pays out.\nFor example: {NAMES[0]} 0.5. Type done '
+          'when all are just taut.')
     while True:
-        motion = ask('r MM, l MM, or done:', _motion)
-        if motion is None:
+        distances = ask('TENDON MM, or done:', _jog_distances)
+        if distances is None:
             return
         try:
-            reading = bench.move(motion)
+            reading = bench.move(distances)
         except CalibrationError as error:
             print(error, flush=True)
             continue
-        right, left = (MM * pull for pull in reading.pulls)
-        print(f'right {right:.2f} mm, left {left:.2f} mm', flush=True)
+        print(', '.join(f'{name} {MM * pull:.2f} mm'
+                        for name, pull in zip(NAMES, reading.pulls, strict=True)), flush=True)
 
 
-def _motion(text: str) -> tuple[float, float] | None:
-    """Return the distances (m) that a typed line asks for; None for the end."""
+def _jog_distances(text: str) -> tuple[float, ...] | None:
+    """Return the distances (m) of a typed line; None for the end."""
     if text == 'done':
         return None
-    side, _, distance = text.partition(' ')
-    if side not in ('r', 'l'):
-        raise CalibrationError(f'{text!r} was typed; allowed: r MM, l MM, done')
-    return _pair('rl'.index(side), number(distance, -LONGEST_JOG, LONGEST_JOG, 'mm'))
+    tendon, _, distance = text.partition(' ')
+    found = [i for i, name in enumerate(NAMES) if tendon and name.startswith(tendon)]
+    if len(found) != 1:
+        raise CalibrationError(f'{text!r} was typed; allowed: {" MM, ".join(NAMES)} MM, done')
+    return _one(found[0], number(distance, -MAX_JOG, MAX_JOG, 'mm'))
 
 
 # Vacuum
@@ -324,7 +332,7 @@ def _vacuum(job: Job) -> None:
     settings = jamming_settings(job.values)
     segments = len(job.values['arm.segment_lengths'])
     confirm('One segment after the other is evacuated while all others are vented: the arm '
-             'becomes soft. Support it, and let both tendons be slack. Afterwards the pump rests '
+             'becomes soft. Support it, with all tendons slack. Afterwards the pump is off '
              f'and all segments are soft. This takes about {segments * (leak_time + 12):.0f} s. '
              'Ctrl-C stops.', job.options.yes)
     results: list[SegmentVacuum] = []
@@ -345,7 +353,7 @@ def _vacuum(job: Job) -> None:
         for text in problem:
             print(f'segment {result.segment + 1}: {text}')
     stiff = [r for r in results if isfinite(r.time_to_stiff)]
-    job.bad += [f'segment {r.segment + 1} does not become stiff' for r in results
+    job.failures += [f'segment {r.segment + 1} does not become stiff' for r in results
                 if r not in stiff]
     if not stiff:
         return
@@ -360,7 +368,3 @@ def _cell(value: float) -> str:
 
 PROCEDURES: dict[str, Callable[[Job], None]] = {
     'vacuum': _vacuum, 'signs': _signs, 'steps': _steps, 'zero': _zero}
-
-
-if __name__ == '__main__':
-    sys.exit(main())

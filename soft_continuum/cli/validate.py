@@ -6,7 +6,6 @@ import argparse
 from collections.abc import Sequence
 import csv
 from pathlib import Path
-import sys
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from soft_continuum.analysis.measured_shapes import read_shapes
 from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.analysis.validation import predict, Prediction
 from soft_continuum.analysis.validation_figure import validation_figure
-from soft_continuum.commands.common import described_arm, guarded, new_parser
+from soft_continuum.cli.common import described_arm, guarded, new_parser
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
@@ -22,7 +21,7 @@ from soft_continuum.parameters.files import load_description
 NAME = 'validate'
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
     parser = new_parser(NAME, 'Position error of constant curvature and of the chain, without '
                         'and with gravity, against measured points.')
@@ -114,7 +113,3 @@ def _write_errors(path: Path, predictions: Sequence[Prediction], arm: Arm) -> No
                     *(f'{1e3 * value:.3f}' for value in p.points[number, :2]),
                     f'{1e3 * error:.3f}', f'{100 * relative:.3f}',
                     f'{100 * error / arm.length:.3f}'])
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parameter files of a rig: read as its nodes do, and what was measured written to one."""
+"""The parameter files of a rig: reads them as its nodes do, writes results as another one."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -34,7 +34,7 @@ def rig_parameters(paths: Sequence[Path]) -> dict[str, Any]:
 
 
 def as_list(values: tuple[float, ...]) -> str:
-    """Return numbers as ROS reads them, none as a whole number."""
+    """Return numbers as ROS reads a list of doubles: each with a decimal point."""
     return f'[{", ".join(f"{value:.8g}" if value % 1 else f"{value:.1f}" for value in values)}]'
 
 

@@ -1,17 +1,24 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Check a rig step by step, without ROS, and without moving or switching anything."""
+"""``doctor``: checks a rig step by step, without ROS; moves and switches nothing."""
 
-import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from importlib import import_module
 import json
-import os
 from pathlib import Path
 import sys
 from time import monotonic
 
+from soft_continuum.arguments import (
+    add_json_option,
+    add_params_file_option,
+    command_name,
+    DONE,
+    FAILED,
+    INTERRUPTED,
+    Parser,
+)
 from soft_continuum.hardware.checks import (
     Check,
     check_jamming,
@@ -24,21 +31,15 @@ from soft_continuum.hardware.checks import (
 from soft_continuum.parameters.parameter import ParameterError
 
 NAME = 'doctor'
-INTERRUPTED = 130
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command: 0 nothing failed, 1 something did, 2 bad options."""
-    parser = argparse.ArgumentParser(
-        prog=NAME, allow_abbrev=False,
-        description='Check parameter files, model, ports, firmware, settings, valves and sensors '
-        'step by step. Nothing is moved or switched. Nodes that use the rig must not run.')
-    parser.add_argument('--params-file', type=Path, action='append', default=[], metavar='FILE',
-                        help='parameter file as the nodes take it; may be repeated, later ones '
-                        "win (default: the paper's arm, simulated)")
-    parser.add_argument('--json', action='store_true',
-                        help='print one JSON document: the result, and of every check the step, '
-                        'the status and the message')
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the verb; return the exit status, FAILED if a check failed."""
+    parser = Parser(NAME, 'Check parameter files, model, ports, firmware, settings, valves and '
+                    'sensors step by step. Nothing is moved or switched. Nodes that use the rig '
+                    'must not run.')
+    add_params_file_option(parser)
+    add_json_option(parser)
     options = parser.parse_args(argv)
     found: list[Check] = []
     try:
@@ -46,29 +47,26 @@ def main(argv: list[str] | None = None) -> int:
             found.append(check)
             if not options.json:
                 print(f'{check.status:<4}  {check.step}: {check.message}', flush=True)
-    except BrokenPipeError:  # such as into head: what was printed so far was enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
     except KeyboardInterrupt:
-        print(f'\n{NAME}: interrupted', file=sys.stderr)
+        print(f'\n{command_name(NAME)}: interrupted', file=sys.stderr)
         return INTERRUPTED
     failed = sum(check.status == FAIL for check in found)
     if options.json:
         print(json.dumps({'result': FAIL if failed else OK,
-                          'checks': [asdict(check) for check in found]}, indent=2))
+                          'checks': [asdict(check) for check in found]}))
     else:
         warned = sum(check.status == WARN for check in found)
         print(f'\n{len(found)} checks: {failed} failed, {warned} to be looked at')
-    return 1 if failed else 0
+    return FAILED if failed else DONE
 
 
-def checks(paths: list[Path]) -> Iterator[Check]:
+def checks(paths: Sequence[Path]) -> Iterator[Check]:
     """Yield what each step finds; steps that need one that failed are left out."""
     model = _check_model()
     yield model
     if model.status == FAIL:  # the parameter files describe a model
         return
-    from soft_continuum.commands.rig import rig_parameters  # imports the model
+    from soft_continuum.cli.rig import rig_parameters  # imports the model
 
     where = ', '.join(str(path) for path in paths) or "none given: the paper's arm, simulated"
     try:
@@ -102,7 +100,3 @@ def _check_model() -> Check:
 
 def _first(error: Exception) -> str:
     return (str(error).strip() or 'no reason given').splitlines()[0]
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -11,14 +11,15 @@ T = TypeVar('T')
 
 
 class DeclinedError(Exception):
-    """The user did not confirm, or gave no answer at all; says what that means."""
+    """The user did not confirm, or there is no terminal to ask on."""
 
 
 def ask(question: str, read: Callable[[str], T]) -> T:
     """
-    Ask until ``read`` takes the answer; it raises CalibrationError that says what is wrong.
+    Ask until the answer is valid; return what ``read`` makes of it.
 
-    Raises DeclinedError when there is nobody to answer.
+    read: raises CalibrationError, with what is allowed, for an answer that is not valid.
+    Raises DeclinedError at the end of the input.
     """
     while True:
         try:
@@ -32,7 +33,7 @@ def ask(question: str, read: Callable[[str], T]) -> T:
 
 
 def confirm(text: str, yes: bool) -> None:
-    """Print what is going to happen; unless ``yes``, go on only after that was typed."""
+    """Print what is going to happen; unless ``yes``, ask for consent or raise DeclinedError."""
     print(f'\n{text}', flush=True)
     if yes:
         return
@@ -51,7 +52,7 @@ def one_of(meanings: Mapping[str, T]) -> Callable[[str], T]:
 
 
 def number(text: str, low: float, high: float, unit: str) -> float:
-    """Return a typed number; raises CalibrationError when it is none between the bounds."""
+    """Return a typed number; raises CalibrationError when it is not between the bounds."""
     try:
         value = float(text.replace(',', '.'))
     except ValueError:

@@ -1,0 +1,187 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the view has beyond the observed arm: its description, notices, and what buttons do."""
+
+from collections import deque
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from time import strftime
+from typing import Any, TypeVar
+
+from visualization_msgs.msg import MarkerArray
+
+from soft_continuum.client.errors import (
+    ClientError,
+    MotionEndedError,
+    NoAnswerError,
+    NodesMissingError,
+    RefusedError,
+    SequenceError,
+)
+from soft_continuum.client.observed import TENDON_STATE
+from soft_continuum.client.requests import Requests
+from soft_continuum.client.state import SequenceResult
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.ros.names import SHAPE_SEQUENCER
+from soft_continuum.ros.qos import LATCHED
+from soft_continuum_interfaces.msg import MotionRequest
+
+T = TypeVar('T')
+
+SEQUENCE_HOLD = 1.0  # s
+MAX_NOTICES = 50
+EXPECTED_ENDS = (MotionRequest.REPLACED, MotionRequest.HELD, MotionRequest.STOPPED)
+
+
+@dataclass(frozen=True)
+class Description:
+    """
+    What the running nodes were started with.
+
+    shapes: bending angles (rad) by name.  ambient_pressure: Pa.  tension_limit: N.
+    """
+
+    arm: Arm
+    shapes: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    ambient_pressure: float = 101325.0
+    tension_limit: float = 60.0
+
+
+@dataclass(frozen=True)
+class Notice:
+    """A message to the users of the page; ``is_problem`` when a request had no effect."""
+
+    number: int
+    clock: str
+    title: str
+    text: str
+    is_problem: bool
+
+
+class Session:
+    """
+    Follows the description of the arm, collects notices, carries out what the page asks for.
+
+    target: points (x, z) m along the shape that a sequence goes to.  Requests may come from any
+    thread; everything else belongs on the thread that spins the node.
+    """
+
+    def __init__(self, requests: Requests) -> None:
+        """Begin without a description."""
+        self.requests = requests
+        self.observed = requests.observed
+        self.description: Description | None = None
+        self.notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
+        self.target: tuple[tuple[float, float], ...] = ()
+        self._notice_count = 0
+        self._description_problem = ''
+        self._describing: Future[None] | None = None
+        self._motion: MotionRequest | None = None  # the last that was reported
+        self.observed.on_change(self._on_change)
+        requests.node.create_subscription(MarkerArray, 'target_markers', self._on_target, LATCHED)
+
+    def notify(self, title: str, text: str, *, is_problem: bool = False) -> None:
+        """Add a notice."""
+        self._notice_count += 1
+        self.notices.append(
+            Notice(self._notice_count, strftime('%H:%M:%S'), title, text, is_problem))
+
+    def _on_target(self, message: MarkerArray) -> None:
+        self.target = tuple((p.x, p.z) for m in message.markers for p in m.points)
+
+    def _on_change(self, topic: str) -> None:
+        """Report every motion that ended early for a reason that nobody asked for."""
+        if topic != TENDON_STATE:
+            return
+        before, now = self._motion, self.observed.message(TENDON_STATE).accepted
+        self._motion = now
+        if (before not in (None, now) and now.status == MotionRequest.ENDED
+                and now.reason not in EXPECTED_ENDS):
+            self.notify('Motion ended', now.message, is_problem=True)
+
+    # What the nodes were started with.
+
+    def update_description(self) -> None:
+        """Ask for the description of the arm; it may be another one after a restart."""
+        if self._describing is None or self._describing.done():
+            self._describing = self.requests.start(self._describe())
+
+    async def _describe(self) -> None:
+        try:
+            arm = await self.requests.description()
+            if self.description is None or self.description.arm != arm:
+                self.description = Description(arm)
+            shapes = await self.requests.shapes(arm)
+            values = await self.requests.parameters(
+                SHAPE_SEQUENCER, ['ambient_pressure', 'tension_limit'])
+            self.description = Description(arm, shapes, **values)
+            self._description_problem = ''
+        except (NodesMissingError, NoAnswerError):
+            pass  # the page says which nodes do not run
+        except ClientError as error:
+            if str(error) != self._description_problem:
+                self._description_problem = str(error)
+                self.notify('The arm is not known', str(error), is_problem=True)
+
+    # Requests.
+
+    def stop(self) -> None:
+        """Stop the tendons."""
+        self._trigger('Stop', self.requests.stop())
+
+    def resume(self) -> None:
+        """Allow motion again."""
+        self._trigger('Resume', self.requests.resume())
+
+    def reference(self) -> None:
+        """Take the present position of the tendons as that of the straight arm."""
+        self._trigger('Reference', self.requests.reference())
+
+    def reset(self) -> None:
+        """Take the arm to be straight."""
+        self._trigger('Reset shape', self.requests.reset())
+
+    def set_stiff(self, segment: int, stiff: bool) -> None:
+        """Evacuate or vent a segment (from 1)."""
+        self._start(f'{"Stiffen" if stiff else "Soften"} segment {segment}',
+                    self.requests.set_stiff(segment, stiff))
+
+    def stiffen_all(self) -> None:
+        """Evacuate every segment."""
+        self._start('Stiffen all segments', self.requests.set_stiff(None, True))
+
+    def jog(self, tendon: str, change: float) -> None:
+        """Pull a tendon by ``change`` m further, negative: pay out."""
+        self._start('Jog', self.requests.jog({tendon: change}))
+
+    def run(self, names: Sequence[str]) -> None:
+        """Set shapes of the library one after the other."""
+        def done(result: SequenceResult) -> None:
+            self.notify('Sequence done', f'shapes reached: {result.shapes_completed}')
+
+        self._start('Sequence', self.requests.run(names, SEQUENCE_HOLD), done)
+
+    def cancel(self) -> None:
+        """Cancel every running sequence, whoever started it."""
+        self._start('Cancel', self.requests.cancel_all())
+
+    def _trigger(self, title: str, work: Coroutine[Any, None, str]) -> None:
+        self._start(title, work, lambda message: self.notify(title, message))
+
+    def _start(self, title: str, work: Coroutine[Any, None, T],
+               done: Callable[[T], None] = lambda result: None) -> None:
+        """Start a request; say by a notice why it was not carried out."""
+        def ended(future: Future[T]) -> None:
+            try:
+                done(future.result())
+            except MotionEndedError:
+                pass  # whether that was expected is seen in the state of tendon_actuation
+            except SequenceError as error:
+                self.notify(f'{title} ended', error.result.message, is_problem=True)
+            except RefusedError as error:
+                self.notify(f'{title}: refused', str(error), is_problem=True)
+            except ClientError as error:
+                self.notify(f'{title}: failed', str(error), is_problem=True)
+
+        self.requests.start(work).add_done_callback(ended)

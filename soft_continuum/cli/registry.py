@@ -1,0 +1,95 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Every verb of ``soft_continuum VERB``, and where its function is.
+
+Adding a verb is adding a line here.  A function is imported when its verb is called, so that
+``stop`` waits for nothing that it does not need.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+OPERATE = 'cli.operate:main'
+NODE = 'nodes.runtime:run'
+
+
+@dataclass(frozen=True)
+class Verb:
+    """
+    A verb.
+
+    help: one line.  target: ``module:function`` in soft_continuum; the function reads its options
+    from ``sys.argv[1:]`` and returns the exit status.  arguments: what it is called with.
+    """
+
+    name: str
+    help: str
+    target: str
+    arguments: tuple[Any, ...] = ()
+
+    @property
+    def completes(self) -> bool:
+        """Whether TAB may call the function: it builds a Parser before it does anything."""
+        return self.target.startswith(('cli.', 'emulators.'))
+
+
+def _operate(name: str, text: str) -> Verb:
+    return Verb(name, text, OPERATE, (name,))
+
+
+def _node(name: str, text: str) -> Verb:
+    return Verb(name, text, NODE, (name,))
+
+
+GROUPS: Mapping[str, tuple[Verb, ...]] = {
+    'start': (
+        Verb('demo', "set the paper's three shapes on a simulated rig", 'nodes.demo:main'),
+        Verb('up', 'start the four nodes', 'nodes.up:main'),
+        Verb('ui', 'start the four nodes and show the arm in a browser', 'browser.main:ui'),
+        Verb('browser', 'show an arm whose nodes run in a browser', 'browser.main:browser'),
+    ),
+    'operate an arm whose nodes run': (
+        _operate('status', 'show the state of the arm and its nodes'),
+        _operate('watch', 'show the state of the arm twice per second, until Ctrl-C'),
+        _operate('shapes', 'list the shape library'),
+        _operate('run', 'set shapes one after the other; Ctrl-C cancels'),
+        _operate('stiffen', 'evacuate a segment, or all, and wait until it is stiff'),
+        _operate('soften', 'vent a segment and wait until it is soft'),
+        _operate('jog', 'pull in or pay out tendons by some mm, while a segment is soft'),
+        _operate('stop', 'stop all motion, holding tension'),
+        _operate('resume', 'allow motion after a stop'),
+        _operate('reference', 'take the present pulls as those of the straight arm'),
+        _operate('reset', 'tell kinematics that the arm is straight'),
+        Verb('record', 'record a run of the arm into CSV files', 'cli.record:main'),
+    ),
+    'set up a rig, while no nodes run': (
+        Verb('doctor', 'check a rig step by step; nothing moves', 'cli.doctor:main'),
+        Verb('calibrate', 'measure a rig: steps, signs, zero, vacuum', 'cli.calibrate:main'),
+        Verb('emulate', 'emulate a device: grbl or modbus', 'cli.emulate:main'),
+    ),
+    'analyse measurements': (
+        Verb('characterize', 'bending stiffness from force-displacement curves',
+             'cli.characterize:main'),
+        Verb('identify', 'parameters of the arm from measured shapes', 'cli.identify:main'),
+        Verb('validate', 'position error of the models against measured shapes',
+             'cli.validate:main'),
+        Verb('converge', 'how the model converges with its resolution', 'cli.converge:main'),
+        Verb('workspace', 'where the tip can go', 'cli.workspace:main'),
+        Verb('report', 'one HTML page from a recording', 'cli.report:main'),
+    ),
+    'single nodes and devices, as `ros2 run soft_continuum` names them': (
+        _node('tendon_actuation', 'owns the tendon steppers'),
+        _node('jamming_valves', 'owns pump, valves and pressure sensors'),
+        _node('kinematics', 'computes the shape of the arm'),
+        _node('shape_sequencer', 'executes shape sequences'),
+        Verb('grbl_emulator', 'the same as emulate grbl', 'emulators.grbl:main'),
+        Verb('modbus_emulator', 'the same as emulate modbus', 'emulators.modbus:main'),
+    ),
+    'shell': (
+        Verb('completion', 'print the script for tab completion', 'cli.completion:main'),
+    ),
+}
+
+VERBS = {verb.name: verb for verbs in GROUPS.values() for verb in verbs}

@@ -1,0 +1,227 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The arm as it is seen over ROS: the latest message of every topic, and its age."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseArray
+from rclpy.node import Node
+from sensor_msgs.msg import FluidPressure, JointState
+
+from soft_continuum.client.state import ArmState, NodeReport, Pose, Progress
+from soft_continuum.client.tasks import running_nodes
+from soft_continuum.ros.age import Age
+from soft_continuum.ros.names import (
+    JAMMING_VALVES,
+    KINEMATICS,
+    NODES,
+    SHAPE_SEQUENCER,
+    TENDON_ACTUATION,
+)
+from soft_continuum.ros.qos import EVERY_STATE, SENSOR
+from soft_continuum.sequencing.progress import Phase
+from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import (
+    JammingValvesState,
+    ShapeSequencerState,
+    TendonActuationState,
+)
+
+STALE_AFTER = 3.0  # s: every node publishes /diagnostics once a second
+LEVELS = {DiagnosticStatus.OK: 'ok', DiagnosticStatus.WARN: 'warn'}  # others: error
+FEEDBACK = 'run_shape_sequence/_action/feedback'
+TENDON_STATE = f'{TENDON_ACTUATION}/state'
+JAMMING_STATE = f'{JAMMING_VALVES}/state'
+SEQUENCER_STATE = f'{SHAPE_SEQUENCER}/state'
+TOPICS: dict[str, tuple[Any, Any, str]] = {
+    'tendon_states': (JointState, SENSOR, TENDON_ACTUATION),
+    TENDON_STATE: (TendonActuationState, EVERY_STATE, TENDON_ACTUATION),
+    JAMMING_STATE: (JammingValvesState, EVERY_STATE, JAMMING_VALVES),
+    'joint_states': (JointState, SENSOR, KINEMATICS),
+    'segment_poses': (PoseArray, SENSOR, KINEMATICS),
+    'disc_poses': (PoseArray, SENSOR, KINEMATICS),
+    'tendon_tensions': (JointState, SENSOR, KINEMATICS),
+    SEQUENCER_STATE: (ShapeSequencerState, EVERY_STATE, SHAPE_SEQUENCER),
+    FEEDBACK: (RunShapeSequence.Impl.FeedbackMessage, SENSOR, SHAPE_SEQUENCER),
+    **{f'{node}/status': (DiagnosticStatus, EVERY_STATE, node) for node in NODES},
+}
+"""Message, QoS and publishing node of the topics that do not depend on the arm."""
+
+
+class ObservedArm:
+    """
+    Keeps what the four nodes publish; has no thread and asks for nothing.
+
+    Callbacks come on the thread that spins the node.  ``snapshot`` may be called from any thread.
+    """
+
+    def __init__(self, node: Node) -> None:
+        """Subscribe on ``node``, with relative names."""
+        self._node = node
+        self._messages: dict[str, Any] = {}
+        self._ages: dict[str, Age] = {}  # by topic and by node
+        self._listeners: list[Callable[[str], object]] = []
+        self._segments = 0
+        for topic, (kind, qos, source) in TOPICS.items():
+            self._subscribe(topic, kind, qos, source)
+        node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+
+    def _subscribe(self, topic: str, kind: Any, qos: Any, source: str) -> None:
+        self._node.create_subscription(kind, topic, partial(self._on_message, topic, source), qos)
+
+    def on_change(self, listener: Callable[[str], object]) -> None:
+        """Call ``listener`` with the name of the topic after every message."""
+        self._listeners.append(listener)
+
+    def _on_message(self, topic: str, source: str, message: Any) -> None:
+        self._messages[topic] = message
+        for name in (topic, source):
+            self._ages.setdefault(name, Age()).refresh()
+        if topic == JAMMING_STATE:
+            while self._segments < len(message.stiffness):
+                self._segments += 1
+                self._subscribe(f'segment_{self._segments}/pressure', FluidPressure, SENSOR,
+                                JAMMING_VALVES)
+        for listener in self._listeners:
+            listener(topic)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        space = self._node.get_namespace().strip('/')
+        for status in message.status:
+            before, _, node = status.name.rpartition('/')
+            if before == space and node in NODES:
+                self._ages.setdefault(node, Age()).refresh()
+
+    # The latest of everything.
+
+    def message(self, topic: str) -> Any:
+        """Return the latest message of a topic; None before the first."""
+        return self._messages.get(topic)
+
+    def age(self, source: str) -> float:
+        """Return the s since the last message of a topic or of a node; inf before the first."""
+        return self._ages.get(source, Age()).seconds
+
+    def _fresh(self, topic: str, source: str = '') -> Any:
+        """Return the latest message unless it is stale, or its ``source`` node is."""
+        return self.message(topic) if self.age(source or topic) < STALE_AFTER else None
+
+    @property
+    def tendon_actuation(self) -> TendonActuationState | None:
+        """State of tendon_actuation; None while that is stale."""
+        return self._fresh(TENDON_STATE, TENDON_ACTUATION)
+
+    @property
+    def jamming_valves(self) -> JammingValvesState | None:
+        """State of jamming_valves; None while that is stale."""
+        return self._fresh(JAMMING_STATE, JAMMING_VALVES)
+
+    @property
+    def shape_sequencer(self) -> ShapeSequencerState | None:
+        """State of shape_sequencer; None while that is stale."""
+        return self._fresh(SEQUENCER_STATE, SHAPE_SEQUENCER)
+
+    @property
+    def segments(self) -> int:
+        """Number of segments; 0 while it is not known."""
+        return self._segments
+
+    @property
+    def tendons(self) -> tuple[str, ...]:
+        """Names of the tendons; empty while they are not known."""
+        state = self.message(TENDON_STATE)
+        message = self.message('tendon_states') or self.message('tendon_tensions')
+        return tuple(state.tendons if state else message.name if message else ())
+
+    def stiff(self, segment: int) -> bool | None:
+        """Return whether a segment (from 1) is stiff; None while that is not known."""
+        state = self.jamming_valves
+        if state is None or state.stiffness[segment - 1] == JammingValvesState.UNKNOWN:
+            return None
+        return bool(state.stiffness[segment - 1] == JammingValvesState.STIFF)
+
+    def pressure(self, segment: int) -> float | None:
+        """Return the absolute pressure of a segment (from 1), Pa."""
+        message = self._fresh(f'segment_{segment}/pressure')
+        return None if message is None else float(message.fluid_pressure)
+
+    def pulls(self) -> tuple[float, ...] | None:
+        """Return the pull of each tendon, m."""
+        return self._of_tendons('tendon_states', 'position')
+
+    def _of_tendons(self, topic: str, field: str) -> tuple[float, ...] | None:
+        """Return a field of a JointState in the order of ``tendons``."""
+        message = self._fresh(topic)
+        if message is None:
+            return None
+        values = dict(zip(message.name, getattr(message, field), strict=False))
+        names = self.tendons
+        return tuple(float(values[n]) for n in names) if values.keys() >= set(names) else None
+
+    def progress(self) -> Progress | None:
+        """Return how far the sequence is that runs, whoever started it; None if none runs."""
+        state, message = self.shape_sequencer, self.message(FEEDBACK)
+        if state is None or not state.running:
+            return None
+        this = message is not None and message.goal_id == state.goal_id
+        return Progress(state.shape_index, state.shape, state.segment, Phase(state.phase),
+                        float(message.feedback.progress) if this else 0.0)
+
+    def running(self) -> dict[str, bool]:
+        """Return which of the four nodes are in the ROS graph."""
+        return running_nodes(self._node)
+
+    @property
+    def complete(self) -> bool:
+        """Whether a message came on every topic of an active arm."""
+        expected = TOPICS.keys() - {FEEDBACK} | {
+            f'segment_{n}/pressure' for n in range(1, self._segments + 1)}
+        return self._segments > 0 and self._messages.keys() >= expected
+
+    def snapshot(self) -> ArmState:
+        """Return all that is known now."""
+        joints, tendons = self._fresh('joint_states'), self.tendon_actuation
+        angles = None if joints is None else tuple(float(a) for a in joints.position)
+        segment_poses, disc_poses = self._poses('segment_poses'), self._poses('disc_poses')
+        numbers = range(1, self._segments + 1)
+        running = self.running()
+        return ArmState(
+            tendons=self.tendons, pulls=self.pulls(),
+            speeds=self._of_tendons('tendon_states', 'velocity'),
+            tensions=self._of_tendons('tendon_tensions', 'effort'),
+            measured_tensions=self._of_tendons('tendon_states', 'effort'),
+            stopped=None if tendons is None else tendons.stop_message,
+            referenced=None if tendons is None else tendons.referenced,
+            stiff=tuple(self.stiff(n) for n in numbers),
+            pressures=tuple(self.pressure(n) for n in numbers),
+            bending_angles=_bending_angles(angles, len(segment_poses or ())),
+            joint_angles=angles, segment_poses=segment_poses, disc_poses=disc_poses,
+            tip=disc_poses[-1] if disc_poses else None, progress=self.progress(),
+            nodes=tuple(self._report(name, running[name]) for name in NODES))
+
+    def _poses(self, topic: str) -> tuple[Pose, ...] | None:
+        message = self._fresh(topic)
+        return None if message is None else tuple(
+            Pose((p.position.x, p.position.y, p.position.z),
+                 (p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w))
+            for p in message.poses)
+
+    def _report(self, name: str, running: bool) -> NodeReport:
+        status, age = self.message(f'{name}/status'), self._ages.get(name)
+        seconds = None if age is None else age.seconds
+        return NodeReport(
+            name, running, LEVELS.get(status.level, 'error') if status else None,
+            status.message if status else '',
+            {pair.key: pair.value for pair in status.values} if status else {},
+            seconds, seconds is None or seconds >= STALE_AFTER)
+
+
+def _bending_angles(joints: Sequence[float] | None, segments: int) -> tuple[float, ...] | None:
+    """Return the sum of the joint angles (rad) of each segment."""
+    if joints is None or not segments:
+        return None
+    each = len(joints) // segments
+    return tuple(sum(joints[i * each:(i + 1) * each]) for i in range(segments))

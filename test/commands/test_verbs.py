@@ -1,0 +1,217 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""There is one command line: one list of verbs, one style of options, errors and completion."""
+
+import argparse
+from importlib import import_module
+import os
+from pathlib import Path
+import runpy
+import subprocess
+import sys
+
+import pytest
+import setuptools
+
+from soft_continuum import arguments
+from soft_continuum.cli.main import main
+from soft_continuum.cli.registry import VERBS
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = ROOT / 'bin' / 'soft_continuum'
+OWN_PARSER = [name for name, verb in VERBS.items() if verb.completes]
+
+
+@pytest.fixture
+def call(capsys, monkeypatch):
+    """Return a function that runs the command line: exit status, stdout, stderr."""
+    monkeypatch.setattr(sys, 'argv', [str(SCRIPT)])
+
+    def run(*words):
+        try:
+            status = main(words)
+        except SystemExit as ended:  # argparse
+            status = ended.code
+        return status, *capsys.readouterr()
+
+    return run
+
+
+# The registry.
+
+
+@pytest.mark.parametrize('name', VERBS)
+def test_a_verb_of_the_registry_has_a_function(name):
+    module, _, function = VERBS[name].target.partition(':')
+    assert callable(getattr(import_module(f'soft_continuum.{module}'), function))
+
+
+def test_every_verb_is_listed_with_what_it_does(call):
+    status, output, _ = call('--help')
+    assert status == arguments.DONE
+    for verb in VERBS.values():
+        assert f'  {verb.name} ' in output and f' {verb.help}\n' in output
+
+
+def test_every_executable_of_ros2_run_is_a_verb(monkeypatch):
+    given = {}
+    monkeypatch.setattr(setuptools, 'setup', given.update)
+    monkeypatch.chdir(ROOT)
+    runpy.run_path('setup.py')
+    names = {script.split(' = ')[0] for script in given['entry_points']['console_scripts']}
+    assert names <= VERBS.keys()
+    assert names >= {'tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer',
+                     'grbl_emulator', 'modbus_emulator', 'browser', 'record'}
+
+
+# Help and options.
+
+
+@pytest.mark.parametrize('name', OWN_PARSER)
+def test_the_help_of_a_verb_names_it_and_its_exit_codes(call, name):
+    status, output, _ = call(name, '--help')
+    assert status == arguments.DONE
+    assert output.startswith(f'usage: soft_continuum {name.removesuffix("_emulator")}'
+                             if 'emulator' not in name else 'usage: soft_continuum emulate ')
+    assert ' '.join(output.split()).endswith(' '.join(arguments.EXIT_CODES.split()))
+
+
+def test_common_options_read_the_same_for_every_verb(call, monkeypatch):
+    seen = {}
+
+    def keep(parser, *_):
+        for action in parser._actions:
+            for option in action.option_strings:
+                seen.setdefault(option, {})[parser.prog] = (
+                    action.metavar, action.nargs, action.help)
+        raise SystemExit(0)
+
+    monkeypatch.setattr(arguments.Parser, 'parse_args', keep)
+    for name in OWN_PARSER:
+        module, _, function = VERBS[name].target.partition(':')
+        with pytest.raises(SystemExit):
+            getattr(import_module(f'soft_continuum.{module}'), function)(*VERBS[name].arguments)
+    for option in ('--namespace', '--timeout', '--json', '--params-file', '--output', '--force'):
+        assert len(seen[option]) > 1, option
+        assert len(set(seen[option].values())) == 1, (option, seen[option])
+
+
+@pytest.mark.parametrize(('script', 'program', 'shown'), [
+    (str(SCRIPT), None, 'soft_continuum stop'),
+    ('/opt/lib/python3/soft_continuum/__main__.py', None, 'python -m soft_continuum stop'),
+    ('/opt/lib/python3/soft_continuum/__main__.py', './run', './run stop'),
+    ('/opt/install/soft_continuum/lib/soft_continuum/stop', None, 'ros2 run soft_continuum stop'),
+])
+def test_usage_names_the_command_that_was_typed(capsys, monkeypatch, script, program, shown):
+    monkeypatch.setattr(sys, 'argv', [script])
+    if program:
+        monkeypatch.setenv(arguments.PROGRAM, program)
+    with pytest.raises(SystemExit):
+        main(['stop', '--help'])
+    assert capsys.readouterr().out.startswith(f'usage: {shown} [')
+
+
+def test_the_version_is_that_of_the_package(call):
+    assert call('--version') == (arguments.DONE, 'soft_continuum 0.1.0\n', '')
+
+
+@pytest.mark.parametrize(('words', 'reason'), [
+    ((), 'no verb given'),
+    (('fly',), "unknown verb 'fly' ("),
+    (('stauts',), "unknown verb 'stauts'; did you mean status?"),
+    (('--jsno', 'status'), 'unknown option --jsno; did you mean --json?'),
+    (('run', 'c_form', '--hodl=2'), 'unknown option --hodl; did you mean --hold?'),
+    (('calibrate', 'steps', '--mesured', '5', '5'), 'did you mean --measured?'),
+    (('emulate', 'grbl', '--lnik', 'x'), 'did you mean --link?'),
+    (('stop', 'now'), "unexpected argument 'now'"),
+    (('run',), 'give a SHAPE or --angles'),
+    (('run', '--angles', '10,x'), "'10,x' given; needed: a bending angle in degrees"),
+    (('run', '--angles', '-nan,1,2'), 'expected one argument'),
+    (('run', '36,36,36'), 'bending angles in degrees need --angles 36,36,36'),
+    (('run', 'c_form', '--hold', '-1'), "'-1' given; allowed: 0 to 86400 s"),
+    (('run', 'c_form', '--hold', 'nan'), "'nan' given; allowed: 0 to 86400 s"),
+    (('soften', 'x'), "'x' given; needed: the number of a segment"),
+    (('soften', 'all'), "'all' given; needed: the number of a segment"),
+    (('stiffen', '0'), "'0' given; needed: the number of a segment"),
+    (('jog',), 'give TENDON=MM, such as right=1.5 left=-1.5'),
+    (('jog', 'right'), "'right' given; needed: TENDON=MM, such as right=1.5"),
+    (('jog', 'right=inf'), "'inf' given; allowed: -1000 to 1000 mm"),
+    (('jog', '--right', 'inf'), "'inf' given; allowed: -1000 to 1000 mm"),
+    (('stop', '--timeout', '0'), "'0' given; allowed: 0.01 to 3600 s"),
+    (('--timeout', '0', 'stop'), "'0' given; allowed: 0.01 to 3600 s"),
+    (('completion', 'dos'), "invalid choice: 'dos'"),
+])
+def test_wrong_usage_is_one_line_that_says_what_is_allowed(call, words, reason):
+    status, output, errors = call(*words)
+    assert (status, output) == (arguments.WRONG_USAGE, '')
+    assert reason in errors
+    assert errors.startswith('soft_continuum') and errors.count('\n') == 1
+
+
+def test_common_options_may_stand_before_the_verb(call):
+    status, output, _ = call('--json', 'doctor', '--params-file', 'none.yaml')
+    assert status == arguments.FAILED
+    assert output.startswith('{"result": "FAIL"')
+
+
+def test_a_stop_imports_no_mechanics():
+    ran = subprocess.run(
+        [sys.executable, '-c', 'import sys; from soft_continuum.cli import main, operate; '
+         'import soft_continuum.client; print(*sys.modules)'],
+        capture_output=True, text=True, timeout=60, check=True)
+    assert not {'numba', 'scipy', 'matplotlib', 'soft_continuum.mechanics'} & set(
+        ran.stdout.split())
+
+
+def test_the_installed_script_and_the_module_are_the_same_program():
+    for program in [SCRIPT], ['-m', 'soft_continuum']:
+        ran = subprocess.run([sys.executable, *program, 'stop', '--tmeout', '1'],
+                             capture_output=True, text=True, timeout=60)
+        assert ran.returncode == arguments.WRONG_USAGE
+        assert 'soft_continuum stop: unknown option --tmeout; did you mean' in ran.stderr
+
+
+# Values.
+
+
+@pytest.mark.parametrize('text', ['nan', 'inf', '', '1.01', '-0.01', 'one'])
+def test_a_number_outside_its_bounds_is_refused(text):
+    with pytest.raises(argparse.ArgumentTypeError, match=r'allowed: 0 to 1 m$'):
+        arguments.number_in(0.0, 1.0, 'm')(text)
+    with pytest.raises(argparse.ArgumentTypeError, match='whole number from 2 to 9$'):
+        arguments.whole_number_in(2, 9)(text)
+
+
+# Tab completion.
+
+
+def complete(*lines, cache):
+    """Return what bash offers for the last word of each line."""
+    script = '\n'.join((
+        f'soft_continuum() {{ "{sys.executable}" "{SCRIPT}" "$@"; }}',
+        'source <(soft_continuum completion bash)',
+        *(f"COMP_LINE='{line}' COMP_POINT={len(line)} COMP_TYPE=9 IFS=$' \\t\\n'\n"
+          '_python_argcomplete soft_continuum\necho "${COMPREPLY[*]}"' for line in lines)))
+    ran = subprocess.run(['bash', '-c', script], capture_output=True, text=True, timeout=60,
+                         check=True, env={**os.environ, 'XDG_CACHE_HOME': str(cache)})
+    return [line.split() for line in ran.stdout.splitlines()]
+
+
+def test_tab_completes_verbs_options_values_and_shapes(tmp_path, monkeypatch):
+    (tmp_path / 'soft_continuum').mkdir()
+    (tmp_path / 'soft_continuum' / 'shapes').write_text('c_form\ns_form')
+    expected = {
+        'soft_continuum st': ['status', 'stiffen', 'stop'],
+        'soft_continuum stiffen ': ['all'],
+        'soft_continuum run s_': ['s_form'],
+        'soft_continuum run c_form --h': ['--hold', '--help'],
+        'soft_continuum --json jog --r': ['--right'],
+        'soft_continuum emulate ': ['grbl', 'modbus'],
+        'soft_continuum calibrate st': ['steps'],
+        'soft_continuum up --n': [],  # not completed, and above all not started
+        'soft_continuum kinematics ': [],
+    }
+    found = complete(*expected, cache=tmp_path)
+    for (line, offered), words in zip(expected.items(), found, strict=True):
+        assert set(offered) <= set(words), line
+        assert all(word.startswith(line.rpartition(' ')[2]) for word in words), line
