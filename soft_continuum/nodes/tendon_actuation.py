@@ -20,7 +20,7 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
-from soft_continuum.nodes.model import COMPILING, load_model
+from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.motion_requests import Request
 from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
 from soft_continuum.nodes.reported_arm import ReportedArm
@@ -127,12 +127,13 @@ class TendonActuation(ManagedNode):
         self._loop.post(self._control.not_connected, error)
 
     def start(self) -> None:
-        """Load the model, and connect if ``autostart`` asks for it."""
+        """Load the model, then connect if ``autostart`` asks for it."""
+        self.status.set(OK, loading())
         load_model(self, self._on_model)
-        super().start()
 
     def _on_model(self) -> None:
         self._compiled = True
+        super().start()
 
     def quit(self) -> None:
         """Hold and disconnect before the process ends."""
@@ -159,7 +160,7 @@ class TendonActuation(ManagedNode):
     def _request(self, message: JointTrajectory) -> Request:
         """Return a trajectory as numbers; raises MotionRefusedError when it cannot be one."""
         if not self._compiled:
-            raise MotionRefusedError(Reason.INACTIVE, f'not ready: {COMPILING}')
+            raise MotionRefusedError(Reason.INACTIVE, loading())
         if len(message.points) > MAX_POINTS:
             raise MotionRefusedError(
                 Reason.INVALID, f'{len(message.points)} points; allowed: {MAX_POINTS}; '
@@ -229,7 +230,7 @@ class TendonActuation(ManagedNode):
         if not self.active:
             return OK, 'inactive'
         if not self._compiled:
-            return WARN, COMPILING
+            return WARN, loading()
         if state.homing:
             return WARN, 'homing'
         if state.stop_message:
