@@ -114,8 +114,8 @@ class DemoClient(Node):
             tendons = self._latest['tendon_states']
             self.reached[feedback.shape] = Reached(
                 np.array(self._latest['joint_states'].position),
-                poses_from_ros(self._latest['segment_poses']),
-                poses_from_ros(self._latest['disc_poses']), np.array(tendons.position))
+                _planar(poses_from_ros(self._latest['segment_poses'])),
+                _planar(poses_from_ros(self._latest['disc_poses'])), np.array(tendons.position))
 
     def _on_result(self, future: Any) -> None:
         result = future.result().result
@@ -195,3 +195,8 @@ def _report(reached: dict[str, Reached], picture: Path) -> None:
                   {name: (reached[name].joint_angles, library[name]) for name in SHAPES})
     print(f'\nSimulated data. The rigid chain is under gravity, constant curvature is not.\n'
           f'Picture: {picture}')
+
+
+def _planar(poses: Array) -> Array:
+    """Return x, z (m) and angle (rad) of full poses."""
+    return np.column_stack([poses[:, [0, 2]], 2.0 * np.arctan2(poses[:, 4], poses[:, 6])])

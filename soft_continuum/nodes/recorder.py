@@ -76,7 +76,9 @@ class Recorder(Node):
 
     def _points(self, message: PoseArray) -> None:
         now = self._time
-        points = poses_from_ros(message) * [1e3, 1e3, np.degrees(1.0)]
+        poses = poses_from_ros(message)
+        angles = np.degrees(2.0 * np.arctan2(poses[:, 4], poses[:, 6]))
+        points = np.column_stack([1e3 * poses[:, 0], 1e3 * poses[:, 2], angles])
         for number, row in enumerate(points.tolist(), start=1):
             self._writer.write('points', now, str(number), *row)
         self.rows += 1
