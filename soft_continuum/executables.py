@@ -26,22 +26,22 @@ def _call(module: str, function: str, *arguments: object) -> NoReturn:
 
 def tendon_actuation() -> None:
     """Run the node that owns the tendon steppers."""
-    _call('soft_continuum.nodes.runtime', 'run', ['tendon_actuation'])
+    _call('soft_continuum.nodes.runtime', 'run', 'tendon_actuation')
 
 
 def jamming_valves() -> None:
     """Run the node that owns pump, valves and pressure sensors."""
-    _call('soft_continuum.nodes.runtime', 'run', ['jamming_valves'])
+    _call('soft_continuum.nodes.runtime', 'run', 'jamming_valves')
 
 
 def kinematics() -> None:
     """Run the node that knows the shape of the arm."""
-    _call('soft_continuum.nodes.runtime', 'run', ['kinematics'])
+    _call('soft_continuum.nodes.runtime', 'run', 'kinematics')
 
 
 def shape_sequencer() -> None:
     """Run the node that executes shape sequences."""
-    _call('soft_continuum.nodes.runtime', 'run', ['shape_sequencer'])
+    _call('soft_continuum.nodes.runtime', 'run', 'shape_sequencer')
 
 
 def _program(module: str) -> Callable[[], NoReturn]:
@@ -75,7 +75,7 @@ def ui() -> None:
 
 
 def up() -> None:
-    """Run the four nodes in one process."""
+    """Run the four nodes, each in a process of its own."""
     _call('soft_continuum.nodes.up', 'main')
 
 

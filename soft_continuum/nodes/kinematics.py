@@ -201,10 +201,10 @@ class Kinematics(Node):
         return state
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self._compiled:
-            response.message = f'not ready: {COMPILING}'
-        elif self._pulls is None:
+        if self._pulls is None:
             response.message = 'no tendon_states yet; start tendon_actuation'
+        elif not self._compiled:
+            response.message = f'not ready: {COMPILING}'
         elif True not in self._stiff and None not in self._stiff:
             # Without a stiff segment the pulls alone make the shape.
             try:

@@ -16,6 +16,7 @@ from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
 
 LATE_PERIODS = 5
 """Periods that may pass between two cycles before the motion is ended instead of caught up."""
+MAX_REVOKED = 20  # motions whose further parts are refused
 Device = tuple[TendonDriver, TendonController]
 
 
@@ -63,6 +64,7 @@ class TendonControl:
         self._fault = ''  # why there is no device
         self._ended = self._refused = ''  # why the last motion was, for people
         self._revoked: tuple[int, int, str] = (0, MotionRequest.NO_REASON, '')
+        self._over: dict[str, tuple[int, str]] = {}  # motions that were revoked, by their id
         self.lost = False  # a device that was attached
 
     @property
@@ -163,7 +165,12 @@ class TendonControl:
     def _checked(self, request: Request) -> TendonController:
         count, reason, message = self._revoked
         if count != request.revocation:
-            raise RefusedError(reason, f'{message}; this motion had not begun yet')
+            self._forbid(request.id, reason, message)
+            raise RefusedError(reason, message)
+        if request.id in self._over:
+            reason, message = self._over[request.id]
+            raise RefusedError(reason, f'the motion {request.id} has ended ({message}); send '
+                               'another one with another header.frame_id')
         if self._controller is None or not self._active:
             raise RefusedError(
                 MotionRequest.DEVICE if self._fault else MotionRequest.INACTIVE,
@@ -208,7 +215,16 @@ class TendonControl:
     def _revoke(self, reason: int, message: str) -> None:
         """End the motion, and refuse the trajectories that are being judged."""
         self._revoked = (self._revoked[0] + 1, reason, message)
+        if self._requests.following:
+            self._forbid(self._requests.accepted.id, reason, message)
         self._requests.end(reason, message)
+
+    def _forbid(self, request_id: str, reason: int, message: str) -> None:
+        """Accept no further part of a motion: it may come in parts that share an id."""
+        if request_id:
+            self._over[request_id] = reason, message
+            if len(self._over) > MAX_REVOKED:
+                del self._over[next(iter(self._over))]
 
     def hold(self, reason: int, message: str) -> None:
         """Brake and hold, ready for the next trajectory."""
