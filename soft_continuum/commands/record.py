@@ -6,9 +6,10 @@ import argparse
 from pathlib import Path
 import sys
 
-from soft_continuum.analysis.recording import COLUMNS, RecordingWriter
+from soft_continuum.analysis.recording import FILES, RecordingWriter
 from soft_continuum.analysis.results import claim
 from soft_continuum.commands.common import guarded, number_in
+from soft_continuum.mechanics.arm import TENDONS
 
 NAME = 'record'
 
@@ -32,8 +33,8 @@ def main(argv: list[str] | None = None) -> int:
         nonlocal status
         from soft_continuum.nodes.recorder import record  # needs ROS
 
-        claim(options.output, [f'{name}.csv' for name in COLUMNS], options.force)
-        with RecordingWriter(options.output) as writer:
+        claim(options.output, FILES, options.force)
+        with RecordingWriter(options.output, TENDONS) as writer:
             status = record(options, writer)
 
     return guarded(NAME, run, parser.parse_args(argv)) or status
