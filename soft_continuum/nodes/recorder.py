@@ -11,7 +11,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray
-import numpy as np
 import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -19,9 +18,8 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
 from soft_continuum.analysis.recording import RecordingWriter
-from soft_continuum.mechanics.arm import TENDONS
+from soft_continuum.hardware.tendon_controller import TENDONS
 from soft_continuum.nodes.runtime import end, make_executor, NODES, Signals
-from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.ros.qos import LATCHED, SENSOR
 from soft_continuum_interfaces.action import RunShapeSequence
 
@@ -76,11 +74,10 @@ class Recorder(Node):
 
     def _points(self, message: PoseArray) -> None:
         now = self._time
-        poses = poses_from_ros(message)
-        angles = np.degrees(2.0 * np.arctan2(poses[:, 4], poses[:, 6]))
-        points = np.column_stack([1e3 * poses[:, 0], 1e3 * poses[:, 2], angles])
-        for number, row in enumerate(points.tolist(), start=1):
-            self._writer.write('points', now, str(number), *row)
+        for number, pose in enumerate(message.poses, start=1):
+            at, q = pose.position, pose.orientation
+            self._writer.write('points', now, str(number), 1e3 * at.x, 1e3 * at.y, 1e3 * at.z,
+                               q.x, q.y, q.z, q.w)
         self.rows += 1
 
     def _count_segments(self, message: PoseArray) -> None:
