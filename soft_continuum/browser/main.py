@@ -111,7 +111,7 @@ def ui() -> int:
     options, rest = known.parse_known_args()
     arguments = ros_arguments(rest)
     nodes = [] if options.view_only else [subprocess.Popen(
-        [sys.executable, '-m', 'soft_continuum.executables', 'up', *rest])]
+        [sys.executable, '-m', 'soft_continuum', 'up', *rest])]
     try:
         return run(arguments, options)
     finally:
