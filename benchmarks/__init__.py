@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Benchmarks of the mechanics: ``./run bench`` writes docs/performance.md and docs/accuracy.md."""
+"""Benchmarks: ``./run bench`` writes performance.md and accuracy.md in docs/explanation."""
 
 import os
 

@@ -15,8 +15,8 @@ NAMES = ('startup', 'solve', 'batch', 'joints', 'accuracy', 'nodes')
 def main() -> None:
     """Run what the command line asks for, print it, and write it into the documents."""
     parser = argparse.ArgumentParser(
-        prog='./run bench', description='Measure the mechanics; write docs/performance.md and '
-        'docs/accuracy.md.')
+        prog='./run bench', description='Measure; write performance.md and accuracy.md in '
+        'docs/explanation.')
     parser.add_argument('--only', metavar='NAME', action='append', choices=NAMES,
                         help=f'one of {", ".join(NAMES)}; may be given more than once')
     parser.add_argument('--quick', action='store_true',

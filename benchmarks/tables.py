@@ -10,7 +10,7 @@ import os
 from pathlib import Path
 import platform
 
-DOCUMENTS = Path(__file__).parents[1] / 'docs'
+DOCUMENTS = Path(__file__).parents[1] / 'docs' / 'explanation'
 
 
 @dataclass(frozen=True)

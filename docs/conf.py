@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The documentation as a site, by ``./run docs``; the pages read well without it."""
 
+from soft_continuum.parameters.reference import main as write_parameter_tables
+
+write_parameter_tables()
+
 project = 'soft_continuum'
 copyright = '2026 The soft_continuum authors'
-extensions = ['myst_parser', 'sphinx.ext.mathjax']
+extensions = ['myst_parser', 'sphinx.ext.apidoc', 'sphinx.ext.autodoc', 'sphinx.ext.mathjax']
 # The source is the root of the repository: pages link to code and configuration.
-include_patterns = ['docs/**.md', 'msg_docs/**.md']
-exclude_patterns = ['data/**']
+include_patterns = ['docs/**.md', 'docs/reference/api/**.rst', 'msg_docs/**.md']
+exclude_patterns = ['data/**', 'docs/reference/api/modules.rst']
 root_doc = 'docs/index'
 html_theme = 'furo'
 html_title = 'soft_continuum'
@@ -15,4 +19,17 @@ myst_enable_extensions = ['dollarmath']
 myst_fence_as_directive = ['math']
 myst_heading_anchors = 3
 # Links to folders only a repository can show; test/test_links.py checks all links.
-suppress_warnings = ['myst.xref_missing']
+suppress_warnings = ['myst.xref_missing', 'ref.python']
+
+# The Python API, from the docstrings of the rooms that scripts and drivers import.
+apidoc_modules = [{
+    'path': '../soft_continuum',
+    'destination': 'docs/reference/api',
+    'exclude_patterns': [f'../soft_continuum/{room}' for room in (
+        'browser', 'cli', 'emulators', 'nodes', '__main__.py')],
+    'separate_modules': True,
+    'module_first': True,
+    'automodule_options': {'members', 'show-inheritance'},
+}]
+autodoc_member_order = 'bysource'
+autodoc_typehints = 'signature'

@@ -18,7 +18,7 @@ def main() -> int:
     """Run what the command line asks for; return 1 when a claim failed."""
     parser = argparse.ArgumentParser(
         prog='./run soak', description='Measure the reliability of the nodes on emulated devices; '
-        'write docs/reliability.md.')
+        'write docs/explanation/reliability.md.')
     parser.add_argument('--only', metavar='PART', action='append', choices=PARTS,
                         help=f'one of {", ".join(PARTS)}; may be given more than once')
     parser.add_argument('--share', type=float, default=1.0, metavar='SHARE',

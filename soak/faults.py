@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What may go wrong in the middle of a sequence."""
+"""Faults that are injected in the middle of a sequence."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from soak.workbench import Workbench
 
 @dataclass(frozen=True)
 class Fault:
-    """Its name, and how it is done to a workbench."""
+    """A name, and how the fault is injected into a workbench."""
 
     name: str
     inject: Callable[[Workbench, Random], object]

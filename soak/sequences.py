@@ -18,20 +18,20 @@ from soak.watch import Watch
 from soak.workbench import ClaimError, FAILED, Workbench, workbench
 
 HOUR = 3600.0  # s
-FASTER = 6.0
+SPEED_UP = 6.0  # of pump, segments and motors
 ANGLE = 0.6  # rad, largest bending angle of a random shape
-MOST_SHAPES = 4
-LATEST = 4.0  # s after the start of a goal until its fault
-LONGEST_FAULT = 2.0  # s
+MAX_SHAPES = 4
+MAX_DELAY = 4.0  # s from the start of a goal to its fault
+MAX_FAULT = 2.0  # s
 LATENCY = 0.5  # s in which sensors and nodes must have noticed
-GROWTH = 5.0  # MB/h that count as none
-MOST_FAILURES = 5
+MAX_GROWTH = 5.0  # MB/h
+MAX_FAILURES = 5
 PARAMETERS = {'jamming_timeout': 4.0, 'modbus.baud_rate': 115200}
 
 
 @dataclass
 class Tally:
-    """Counts over all runs; goals: by how they ended; undisturbed: those left in peace."""
+    """Counts over all runs; goals: by how they ended; undisturbed: those without any event."""
 
     seconds: float = 0.0
     worth: float = 0.0
@@ -52,10 +52,10 @@ class Tally:
 def run(share: float) -> Report:
     """Run sequences until ``share`` of an hour's worth is done."""
     tally, random = Tally(), Random(1)
-    while tally.worth < share * HOUR and len(tally.failures) < MOST_FAILURES:
+    while tally.worth < share * HOUR and len(tally.failures) < MAX_FAILURES:
         begin = time.monotonic()
-        with workbench(PARAMETERS, FASTER) as bench:
-            bench.start_together()
+        with workbench(PARAMETERS, SPEED_UP) as bench:
+            bench.start_all()
             with Watch(bench) as watch:
                 try:
                     _run_on(bench, watch, tally, random, share * HOUR - tally.worth)
@@ -94,7 +94,7 @@ def _run_on(bench: Workbench, watch: Watch, tally: Tally, random: Random, worth:
 
 
 def _round(bench: Workbench, tally: Tally, random: Random, fault: Fault | None) -> bool:
-    """Run one goal, set right what a fault has left behind; False when it was rejected."""
+    """Run one goal and restore the arm; return False when the goal was rejected."""
     goal = _goal(bench, random)
     if not goal.accepted:  # a busy computer makes devices seem to fail
         progress(f'rejected: {bench.rig.rejected()}')
@@ -103,7 +103,7 @@ def _round(bench: Workbench, tally: Tally, random: Random, fault: Fault | None) 
     goals = [goal]
     disturbance = random.choice(['', '', '', 'cancel', 'preempt'])
     if fault is not None or disturbance:
-        _wait(goal, random.uniform(0.0, LATEST))
+        _wait(goal, random.uniform(0.0, MAX_DELAY))
     if disturbance == 'cancel' and not goal.ended:
         goal.cancel()
     elif disturbance == 'preempt' and (newer := _goal(bench, random)).accepted:
@@ -111,7 +111,7 @@ def _round(bench: Workbench, tally: Tally, random: Random, fault: Fault | None) 
     if fault is not None:
         _wait(goals[-1], random.uniform(0.0, 0.5))
         fault.inject(bench, random)
-        _wait(goals[-1], random.uniform(0.0, LONGEST_FAULT))
+        _wait(goals[-1], random.uniform(0.0, MAX_FAULT))
     statuses = [each.result()[0] for each in goals]
     tally.goals.update(statuses)
     if fault is None and not disturbance:
@@ -129,7 +129,7 @@ def _round(bench: Workbench, tally: Tally, random: Random, fault: Fault | None) 
 def _goal(bench: Workbench, random: Random) -> Any:
     """Return a goal of some random shapes."""
     shapes = [[random.uniform(-ANGLE, ANGLE) for _ in range(SEGMENTS)]
-              for _ in range(random.randint(1, MOST_SHAPES))]
+              for _ in range(random.randint(1, MAX_SHAPES))]
     return bench.rig.goal(*shapes)
 
 
@@ -152,7 +152,7 @@ def _compare(bench: Workbench, tally: Tally, commanded: bool) -> None:
     tally.compared += 1
 
 
-def _words(goals: Counter[str]) -> str:
+def _counts(goals: Counter[str]) -> str:
     return ', '.join(f'{count} {name.lower()}' for name, count in sorted(goals.items())) or '-'
 
 
@@ -163,10 +163,10 @@ def _claims(tally: Tally) -> list[str]:
         f'a segment counted as stiff for {tally.falsely_stiff:.2f} s without its vacuum':
             tally.falsely_stiff <= LATENCY,
         f'the memory of the nodes grew by {max(tally.growth, default=0.0):.1f} MB/h':
-            not max(tally.growth, default=0.0) > GROWTH,
+            not max(tally.growth, default=0.0) > MAX_GROWTH,
         f'motors ran for {tally.moved_stiff:.2f} s in a stiff arm': tally.moved_stiff <= LATENCY,
     }
-    return [words for words, holds in claims.items() if not holds]
+    return [claim for claim, holds in claims.items() if not holds]
 
 
 def _body(tally: Tally) -> str:
@@ -174,8 +174,8 @@ def _body(tally: Tally) -> str:
     rows = [
         ('operation at the default speed that this is worth', f'{tally.worth / 60:.1f} min', ''),
         ('time that it took', f'{tally.seconds / 60:.1f} min', ''),
-        ('goals', _words(tally.goals), ''),
-        ('of these without fault, cancel or newer goal', _words(tally.undisturbed), ''),
+        ('goals', _counts(tally.goals), ''),
+        ('of these without fault, cancel or newer goal', _counts(tally.undisturbed), ''),
         ('faults', str(tally.faults.total() - tally.faults['none']), ''),
         ('positions compared: commanded, reported, emulated', str(tally.compared), ''),
         ('the same while the position was declared unknown', str(tally.unknown), ''),
@@ -185,12 +185,12 @@ def _body(tally: Tally) -> str:
         ('longest motion while every segment was stiff', f'{tally.moved_stiff * 1e3:.0f} ms',
          f'{LATENCY * 1e3:.0f} ms'),
         ('memory of the nodes at the end', f'{tally.memory:.0f} MB', ''),
-        ('its growth in the last third of the time', f'{growth} MB/h', f'{GROWTH:g} MB/h'),
-        ('nodes that died, exceptions, goals that did not end, motions nobody asked for',
+        ('its growth in the last third of the time', f'{growth} MB/h', f'{MAX_GROWTH:g} MB/h'),
+        ('nodes that died, exceptions, goals that did not end, unrequested motions',
          str(len(tally.failures)), '0'),
     ]
     faults = ', '.join(f'{name} {count}' for name, count in sorted(tally.faults.items()))
     reasons = ''.join(f'\n- {reason}' for reason in tally.reasons)
     if reasons:
-        reasons = f'\n\nWhy goals were aborted that nothing had been done to:\n{reasons}'
+        reasons = f'\n\nWhy undisturbed goals were aborted:\n{reasons}'
     return f'{table(("", "measured", "allowed"), rows)}\n\nRounds by fault: {faults}.{reasons}'

@@ -13,8 +13,8 @@ from soak.report import Report, spread
 from soak.workbench import ClaimError, FAILED, Workbench, workbench
 
 TRIALS = 1000
-MOST_TRIES = 5
-GOAL = 0.3  # s
+MAX_TRIES = 5
+MAX_STOP_TIME = 0.3  # s
 REACH, SLACK = 0.008, 0.0005  # m
 SPEEDS = 0.008, 0.028  # m/s
 PARAMETERS = {'modbus.baud_rate': 115200}
@@ -27,10 +27,10 @@ def run(share: float) -> Report:
     failures: list[str] = []
     trials = max(1, round(share * TRIALS))
     with workbench(PARAMETERS) as bench:
-        bench.start_together()
+        bench.start_all()
         bench.rig.soften(3)
         side = 1.0
-        for _ in range(MOST_TRIES * trials):
+        for _ in range(MAX_TRIES * trials):
             if len(times) == trials:
                 break
             side = -side
@@ -45,18 +45,19 @@ def run(share: float) -> Report:
                 failures.append(str(error))
                 break
             bench.forget()
-    median, most, largest = spread(times)
+    median, percentile, largest = spread(times)
     if len(times) < trials:
-        failures.append(f'only {len(times)} of {trials} motions came about')
-    late = sum(t >= GOAL for t in times)
+        failures.append(f'only {len(times)} of {trials} motions took place')
+    late = sum(t >= MAX_STOP_TIME for t in times)
     if late:
-        failures.append(f'{late} of {len(times)} stops took {GOAL * 1e3:.0f} ms or more')
+        failures.append(f'{late} of {len(times)} stops took {MAX_STOP_TIME * 1e3:.0f} ms or more')
     if lost:
         failures.append(f'{lost} steps lost')
     rows = [('stop requests in motion', str(len(times)), ''),
             ('request to last step, median', f'{median} ms', ''),
-            ('99 %', f'{most} ms', ''), ('longest', f'{largest} ms', f'{GOAL * 1e3:.0f} ms'),
-            (f'{GOAL * 1e3:.0f} ms or more', str(late), '0'),
+            ('99 %', f'{percentile} ms', ''),
+            ('longest', f'{largest} ms', f'{MAX_STOP_TIME * 1e3:.0f} ms'),
+            (f'{MAX_STOP_TIME * 1e3:.0f} ms or more', str(late), '0'),
             ('steps lost', str(lost), '0')]
     return Report(table(('', 'measured', 'allowed'), rows), tuple(failures))
 
@@ -66,23 +67,23 @@ def _stop(bench: Workbench, random: Random, side: float) -> float | None:
     rig, grbl = bench.rig, bench.grbl
     pull = side * random.uniform(0.5, 1.0) * REACH
     target = pull - SLACK, -pull - SLACK
-    way = max(abs(a - b) for a, b in zip(target, rig.pulls, strict=True))
-    message = trajectory([(way / random.uniform(*SPEEDS), target)])
+    distance = max(abs(a - b) for a, b in zip(target, rig.pulls, strict=True))
+    message = trajectory([(distance / random.uniform(*SPEEDS), target)])
     rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(message)
     deadline = time.monotonic() + 1.0
     while not grbl.moving:
-        if time.monotonic() > deadline:  # refused: a busy computer keeps nodes from being heard
+        if time.monotonic() > deadline:  # refused: a busy computer delays messages
             return None
         time.sleep(0.005)
     time.sleep(random.uniform(0.0, 0.4))
     if not grbl.moving:
         return None
-    asked = grbl.time
+    requested = grbl.time
     answer = rig.trigger('tendon_actuation/stop')
     if not answer.success:
         raise ClaimError(answer.message)
     bench.wait_for_rest()
-    return grbl.firmware.stood_since - asked
+    return grbl.firmware.stood_since - requested
 
 
 def _resume(bench: Workbench) -> None:

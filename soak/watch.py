@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is checked all the time, against the truth that only the emulators know."""
+"""Continuous checks against the state of the emulators, which the nodes cannot see."""
 
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -16,10 +16,10 @@ from ros_rig import SEGMENTS
 from soak.workbench import STEPS_PER_METRE, Workbench
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant
-from soft_continuum.nodes.shape_sequencer import RESULT_TIMEOUT
+from soft_continuum.nodes.sequence_server import RESULT_TIMEOUT
 
 PERIOD = 0.005  # s
-HEARD = 0.5  # s after which the other nodes no longer believe a flag (silence_timeout)
+STALE = 0.5  # s after which the other nodes take a flag as stale (silence_timeout)
 SOFT_VACUUM = 10e3  # Pa
 TENDON_SPEED = 0.015  # m/s, the default of a planned motion
 THRESHOLDS = JammingSettings()
@@ -31,14 +31,14 @@ EVACUATION = PLANT.valve_delay + PLANT.evacuation_time * log(
 
 @dataclass
 class Longest:
-    """The longest time (s) for which something was so without a break."""
+    """The longest uninterrupted time (s) for which a condition held."""
 
     seconds: float = 0.0
     _since: float | None = None
 
-    def note(self, so: bool, now: float) -> None:
-        """Take note of whether it is so now."""
-        if not so:
+    def note(self, holds: bool, now: float) -> None:
+        """Note whether the condition holds now."""
+        if not holds:
             self._since = None
         elif self._since is None:
             self._since = now
@@ -49,10 +49,10 @@ class Longest:
 @dataclass
 class Watch:
     """
-    What was seen between ``with`` and its end.
+    What was measured inside a ``with`` block.
 
     falsely_stiff: a segment counted as stiff below the release threshold.  moved_stiff: motors ran
-    though all segments were stiff.  worth: s that all this would have lasted at the default speed.
+    though all segments were stiff.  worth: s that the same would have taken at the default speed.
     """
 
     bench: Workbench
@@ -90,7 +90,7 @@ class Watch:
     def _run(self) -> None:
         try:
             self._watch()
-        except Exception as error:  # a thread that is gone checks nothing
+        except Exception as error:  # a thread that has ended checks nothing
             self.failure = f'{type(error).__name__}: {error}'
 
     def _watch(self) -> None:
@@ -103,10 +103,10 @@ class Watch:
             vacuum = [bench.modbus.vacuum(i) for i in range(SEGMENTS)]
             for i in range(SEGMENTS):
                 flag, pressures = rig.stiff[i].last, rig.pressures[i].heard
-                believed = bool(flag and flag.data and pressures
-                                and time.time_ns() - pressures[-1].time < HEARD * 1e9)
+                counts_as_stiff = bool(flag and flag.data and pressures
+                                and time.time_ns() - pressures[-1].time < STALE * 1e9)
                 self.falsely_stiff[i].note(
-                    believed and vacuum[i] < THRESHOLDS.release_vacuum, now)
+                    counts_as_stiff and vacuum[i] < THRESHOLDS.release_vacuum, now)
                 if stiff[i] and vacuum[i] <= SOFT_VACUUM:
                     stiff[i] = False
                     self.worth += VENTING

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The four nodes as processes on emulated devices, and an operator who sets things right."""
+"""The four nodes as processes on emulated devices, and an operator who restores the arm."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -11,8 +11,7 @@ import tempfile
 import time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
-from processes import module_command, NodeProcess, Processes
+from processes import NodeProcess, Processes
 import pytest
 from ros_rig import ALL, LATCHED, Recording, RELIABLE, Rig, SEGMENTS
 from std_msgs.msg import Bool
@@ -35,18 +34,18 @@ Steps = tuple[int, int]
 
 
 class ClaimError(AssertionError):
-    """Something that must never happen was seen."""
+    """A claim about the arm does not hold."""
 
 
 FAILED = (AssertionError, pytest.fail.Exception)
-"""What a claim raises that does not hold, or a wait that is too long."""
+"""What a claim that does not hold raises, and a wait that takes too long."""
 
 
 class Workbench:
     """
-    Devices, nodes, and what is heard of them.
+    Devices, nodes, and the messages of the nodes.
 
-    zero: motor steps at the straight arm.  trajectories: what tendon_actuation was sent.
+    zero: motor steps at the straight arm.  trajectories: those sent to tendon_actuation.
     """
 
     def __init__(self, grbl: GrblEmulator, modbus: ModbusEmulator, rig: Rig, processes: Processes,
@@ -60,31 +59,22 @@ class Workbench:
         self._processes = processes
         self._parameters = parameters
         self._recordings = [
-            *rig.statuses.values(), *rig.stiff, *rig.pressures, rig.tendons, rig.joints,
-            rig.segment_poses, rig.disc_poses, self.trajectories]
+            *rig.statuses.values(), *rig.states.values(), *rig.stiff, *rig.pressures,
+            rig.tendons, rig.joints, rig.segment_poses, rig.disc_poses, self.trajectories]
 
-    def start_together(self) -> None:
-        """Start all nodes in one process, on a straight arm."""
-        files = [str(description_file()), str(self._parameters)]
-        command = [*module_command('up'), '--namespace', NAMESPACE]
-        for path in files:
-            command += ['--params-file', path]
-        self.nodes = dict.fromkeys(ALL, self._processes.start(command))
-        self._get_ready()
-
-    def start_apart(self) -> None:
-        """Start all nodes as processes of their own, on a straight arm."""
+    def start_all(self) -> None:
+        """Start all nodes, each as a process of its own, on a straight arm."""
         self.start(*ALL)
         self._get_ready()
 
     def start(self, *names: str) -> None:
-        """Start some nodes as processes and wait until they say how they are."""
-        said = {name: len(self.rig.statuses[name]) for name in names}
+        """Start some nodes as processes and wait for the status of each."""
+        received = {name: len(self.rig.statuses[name]) for name in names}
         for name in names:
             self.nodes[name] = self._processes.node(
                 name, namespace=NAMESPACE, files=[description_file(), self._parameters])
-        self.rig.wait_for(lambda: all(len(self.rig.statuses[n]) > said[n] for n in names),
-                          f'words from {", ".join(names)}')
+        self.rig.wait_for(lambda: all(len(self.rig.statuses[n]) > received[n] for n in names),
+                          f'a status of {", ".join(names)}')
         self._activate(*names)
 
     def forget(self) -> None:
@@ -100,7 +90,7 @@ class Workbench:
             if not node.running:
                 raise ClaimError(f'{name} has ended:\n{node.output[-3000:]}')
 
-    # Motors and what is said of them
+    # Motors
 
     @property
     def motors(self) -> Steps:
@@ -117,11 +107,9 @@ class Workbench:
 
     @property
     def referenced(self) -> bool:
-        """Whether tendon_actuation is connected and says that it knows where the tendons are."""
-        status = self.rig.statuses['tendon_actuation'].last
-        return bool(status.level != DiagnosticStatus.ERROR
-                    and 'referenced' not in status.message
-                    and status.message != 'not connected')
+        """Whether tendon_actuation is connected and knows where the tendons are."""
+        state = self.rig.states['tendon_actuation'].last
+        return bool(state.connected and state.referenced)
 
     def lost_steps(self, commanded: bool) -> int:
         """
@@ -132,12 +120,12 @@ class Workbench:
         motors = tuple(m - z for m, z in zip(self.wait_for_rest(), self.zero, strict=True))
 
         def lost() -> int:
-            said = [self.rig.pulls]
+            positions = [self.rig.pulls]
             if commanded:
-                said += [next(m for m in reversed(list(self.trajectories)) if m.points)
-                         .points[-1].positions]
+                last = next(m for m in reversed(list(self.trajectories)) if m.points)
+                positions.append(last.points[-1].positions)
             return max(abs(round(pull * STEPS_PER_METRE) - steps)
-                       for pulls in said for pull, steps in zip(pulls, motors, strict=True))
+                       for pulls in positions for pull, steps in zip(pulls, motors, strict=True))
 
         deadline = time.monotonic() + 2.0  # the last report may be on its way
         while lost() and time.monotonic() < deadline:
@@ -147,14 +135,14 @@ class Workbench:
     # The operator
 
     def _get_ready(self) -> None:
-        """Make the arm stiff and say that it is straight."""
+        """Make the arm stiff and take it to be straight."""
         self._activate(*MANAGED)
         self.rig.wait_until_ready(*MANAGED, 'shape_sequencer')
         self.stiffen()
         self._reference()
 
     def _activate(self, *names: str) -> None:
-        """Configure and activate what a busy computer has kept from doing so by itself."""
+        """Configure and activate nodes that a busy computer kept from doing so by themselves."""
         def active(name: str) -> bool:
             for state, transition in (('unconfigured', 'configure'), ('inactive', 'activate')):
                 if self.rig.lifecycle_state(name) == state:
@@ -167,10 +155,10 @@ class Workbench:
 
     def stiffen(self) -> None:
         """Make every segment stiff."""
-        def obeyed() -> bool:
+        def accepted() -> bool:
             answer = self.rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True)
             return bool(answer.success)
-        self._until(obeyed, 'valves that obey')
+        self._until(accepted, 'valves that switch')
         self.rig.wait_for(lambda: self.rig.all_stiff, 'a stiff arm')
 
     def restore(self) -> None:
@@ -192,17 +180,16 @@ class Workbench:
                 grbl.reset()
         rests_at = self.wait_for_rest()
         self.emergency_stop(False)
-        self._until(lambda: all(self._level(n) != DiagnosticStatus.ERROR
-                                for n in ('tendon_actuation', 'jamming_valves')),
+        self._until(lambda: self._sound('tendon_actuation') and self._sound('jamming_valves'),
                     'both devices back')
         self.stiffen()
         if self.motors != rests_at:
             raise ClaimError(f'motors went from {rests_at} to {self.motors} without a command')
         self._until(lambda: rig.trigger('tendon_actuation/resume').success, 'a resume')
-        # Only now is it said whether position and shape are known.
-        rig.wait_for(lambda: not rig.status_value('tendon_actuation', 'stopped'), 'no stop')
-        rig.wait_for_more(rig.tendons, 10)  # kinematics has seen these pulls of a stiff arm
-        if not self.referenced or self._level('kinematics') != DiagnosticStatus.OK:
+        rig.wait_for(lambda: not rig.states['tendon_actuation'].last.stopped, 'no stop')
+        shapes = len(rig.joints)
+        rig.wait_for_more(rig.tendons, 10)  # to each kinematics answers with the shape, if known
+        if not self.referenced or len(rig.joints) == shapes:
             self._reference()
         if self.motors != rests_at:
             raise ClaimError(f'motors went from {rests_at} to {self.motors} by a resume')
@@ -216,10 +203,13 @@ class Workbench:
         self._until(lambda: rig.trigger('tendon_actuation/reference').success, 'a reference')
         self.zero = self.motors
         self._until(lambda: rig.trigger('kinematics/reset').success, 'a known shape')
-        rig.wait_for(lambda: self._level('kinematics') == DiagnosticStatus.OK, 'a shape')
+        rig.wait_for_more(rig.joints, 1)
 
-    def _level(self, node: str) -> Any:
-        return self.rig.statuses[node].last.level
+    def _sound(self, node: str) -> bool:
+        """Whether a device answers and reports no fault."""
+        state = self.rig.states[node].last
+        return bool(state.connected and not state.fault
+                    and not any(getattr(state, 'segment_faults', ())))
 
     def _until(self, done: Any, what: str) -> None:
         self.rig.wait_for(lambda: done() or time.sleep(0.1), what)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The colours that every live view of the arm shares."""
+"""The colours of the arm in every live view, red, green and blue from 0 to 255."""
 
 from math import isnan
 
@@ -17,17 +17,17 @@ GHOST_OPACITY = 0.3
 SLACK: Colour = (150, 155, 160)
 LOCKED: Colour = (90, 60, 130)
 TENSIONS: tuple[Colour, ...] = ((41, 128, 215), (240, 196, 25), (214, 40, 40))
-"""Of a taut tendon: from no tension over half to all of the limit."""
+"""Of a taut tendon: at no tension, at half the limit and at the limit."""
 
 
 def tension_colour(tension: float, limit: float) -> Colour:
-    """Return the colour of a tendon: slack, of unknown tension (nan), or by tension in N."""
+    """Return the colour of a tendon by its tension: 0: slack, nan: not known; limit: N."""
     if isnan(tension):
         return LOCKED
     if tension == 0.0:
         return SLACK
-    at = min(1.0, tension / limit) * (len(TENSIONS) - 1)
-    r, g, b = (int(np.interp(at, range(len(TENSIONS)), channel))
+    position = min(1.0, tension / limit) * (len(TENSIONS) - 1)
+    r, g, b = (int(np.interp(position, range(len(TENSIONS)), channel))
                for channel in zip(*TENSIONS, strict=True))
     return r, g, b
 

@@ -6,7 +6,7 @@ A SIMULATED specimen: measurements of an arm that does not exist, for examples a
 It is the paper's arm with what is assumed about the real one: soft segments stiffer than their
 leaf springs by what the paper measured for the middle one, and the masses that are estimated from
 its geometry times 1.23.  It is computed with a chain four times as fine as the models that are
-compared with it.  docs/measurement.md explains why it shows the paper's pattern.
+compared with it.  docs/how_to/measure_your_arm.md explains why it shows the paper's pattern.
 
 ``python -m soft_continuum.analysis.specimen DIR`` writes the files.
 """
@@ -14,7 +14,6 @@ compared with it.  docs/measurement.md explains why it shows the paper's pattern
 import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import radians
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +26,7 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.stiffness import bending_stiffness_from_slope
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
+from soft_continuum.parameters.shapes import PAPER_SHAPES
 
 SLOPE = 72.0  # N/m, soft segment 2 (paper, eq. 7)
 LEVER_ARM = 0.025  # m, with which eq. 8 gives the paper's E I
@@ -36,9 +36,7 @@ BODIES = 48
 SCAN_NOISE = 0.05e-3  # m, of an optical scanner
 CAMERA_NOISE = 0.3e-3  # m, of a camera
 PAYLOAD = 0.05  # kg
-ANGLE = radians(36.0)
 
-FORMS = {'c_form': (1, 1, 1), 'upright_c_form': (-1, 1, 1), 's_form': (1, -1, 1)}
 NOTE = 'SIMULATED specimen, not a measurement'
 
 
@@ -73,8 +71,7 @@ def weighed() -> dict[str, tuple[float, ...]]:
 
 def paper_shapes() -> list[SetShape]:
     """Return the three shapes of the paper (III-A)."""
-    return [SetShape(name, tuple(sign * ANGLE for sign in signs))
-            for name, signs in FORMS.items()]
+    return [SetShape(name, angles) for name, angles in PAPER_SHAPES.items()]
 
 
 def identification_shapes() -> list[SetShape]:
@@ -84,14 +81,13 @@ def identification_shapes() -> list[SetShape]:
     A segment that hangs on a tendon has the angle that the tendon gives it, whatever its
     stiffness.  So in some shapes a segment is let go at the end: its own spring holds the weight.
     """
-    c_form = FORMS['c_form']
+    c_form = PAPER_SHAPES['c_form']
     shapes = paper_shapes()
     for segment in range(len(c_form)):
-        shapes.append(SetShape(f'released_{segment + 1}', tuple(ANGLE * s for s in c_form),
-                               segment))
-    mirrored = tuple(-ANGLE * s for s in c_form)
+        shapes.append(SetShape(f'released_{segment + 1}', c_form, segment))
+    mirrored = tuple(-angle for angle in c_form)
     shapes.append(SetShape('released_1_left', mirrored, 0))
-    shapes.append(SetShape('loaded', tuple(ANGLE * s for s in c_form), 2, PAYLOAD))
+    shapes.append(SetShape('loaded', c_form, 2, PAYLOAD))
     shapes.append(SetShape('loaded_left', mirrored, 2, PAYLOAD))
     return shapes
 

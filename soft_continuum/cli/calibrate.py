@@ -37,6 +37,7 @@ from soft_continuum.mechanics.arm import TENDONS
 from soft_continuum.parameters.nodes import jamming_settings
 
 NAME = 'calibrate'
+GUIDE = 'docs/how_to/set_up_a_rig.md'
 MM = 1e3  # per m
 SIGN_MOVE = 2.0  # mm
 MAX_JOG = 2.0  # mm
@@ -151,7 +152,7 @@ def _bench(job: Job, text: str, sets_zero: bool = False
         raise CalibrationError(
             'the tendons are homed (grbl.homed_pulls), which calibrate does not do: take '
             'grbl.homed_pulls out of the files and set $22=0 for as long as this takes, as '
-            'docs/rig.md says')
+            f'{GUIDE} says')
     with _jamming(job) as jamming:
         bench = TendonBench(
             tendons, jamming, segments - 1,
@@ -242,8 +243,8 @@ def _steps(job: Job) -> None:
     _take(job, 'grbl.steps_per_mm', steps)
     if job.values['tendon_driver'] == 'grbl' and steps != tuple(before):
         _forget_zero(job.values)
-        print(f'Type these lines in a terminal on {job.values["grbl.port"]} (docs/rig.md); the '
-              f'zero must then be set again:\n$100={steps[0]:.3f}\n$101={steps[1]:.3f}')
+        print(f'Type these lines in a terminal on {job.values["grbl.port"]} ({GUIDE}); the zero '
+              f'must then be set again:\n$100={steps[0]:.3f}\n$101={steps[1]:.3f}')
         if job.options.what == 'all':
             confirm('The lines were typed, and that terminal is closed.', job.options.yes)
 
@@ -289,9 +290,9 @@ def _zero(job: Job) -> None:
     if kept:
         print('The controller keeps it: start the nodes.')
     else:
-        print('The controller does not keep it, because opening its port resets it (docs/rig.md): '
-              'start the nodes, and with the arm straight and all tendons just taut type '
-              'soft_continuum reference.')
+        print('The controller does not keep it, because opening its port resets it '
+              f'({GUIDE}): start the nodes, and with the arm straight and all tendons just '
+              'taut type soft_continuum reference.')
 
 
 def _jog(bench: TendonBench) -> None:

@@ -40,7 +40,7 @@ def _operate(name: str, text: str) -> Verb:
 
 
 def _node(name: str, text: str) -> Verb:
-    return Verb(name, text, NODE, ([name],))
+    return Verb(name, text, NODE, (name,))
 
 
 GROUPS: Mapping[str, tuple[Verb, ...]] = {

@@ -5,33 +5,40 @@
 import argparse
 from collections.abc import Sequence
 import sys
+from time import monotonic
 
 from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.analysis.workspace import furthest_apart, reach
 from soft_continuum.analysis.workspace_figure import workspace_figure
 from soft_continuum.arguments import whole_number_in
 from soft_continuum.cli.common import described_arm, guarded, new_parser
-from soft_continuum.mechanics.arm import ArmError
+from soft_continuum.mechanics.arm import Arm, ArmError
+from soft_continuum.mechanics.statics import warm_up
 
 NAME = 'workspace'
-MOST_SHAPES = 50000  # some minutes
+MAX_SHAPES = 50000
+"""Shapes that --per-segment may ask for: some minutes."""
+USUAL_SHAPES = 2000
+"""Shapes that are computed without --per-segment: some seconds."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
     parser = new_parser(NAME, 'Where the tip can go, with and without gravity, when segments are '
                         'set from the base on or from the tip on.')
-    parser.add_argument('--per-segment', type=whole_number_in(2, 101), default=11, metavar='N',
-                        help='bending angles between the limits of each segment (default: 11)')
+    parser.add_argument('--per-segment', type=whole_number_in(2, 101), metavar='N',
+                        help='bending angles between the limits of each segment (default: 11, '
+                        f'fewer where that would be more than {USUAL_SHAPES} shapes)')
     return guarded(NAME, _run, parser.parse_args(argv))
 
 
 def _run(options: argparse.Namespace) -> None:
     _, arm = described_arm(options)
-    count = options.per_segment**len(arm.segments)
-    if count > MOST_SHAPES:
-        fitting = int(MOST_SHAPES**(1.0 / len(arm.segments)))
-        raise ArmError(f'{options.per_segment} angles in each of {len(arm.segments)} segments are '
+    angles = options.per_segment or default_angles(len(arm.segments))
+    count = angles**len(arm.segments)
+    if count > MAX_SHAPES:
+        fitting = int(MAX_SHAPES**(1.0 / len(arm.segments)))
+        raise ArmError(f'{angles} angles in each of {len(arm.segments)} segments are '
                        f'{count} shapes; --per-segment {fitting} is the most that is practical')
     figure, = claim(options.output, [f'{NAME}.png'], options.force)
     base_first = tuple(range(len(arm.segments)))
@@ -39,9 +46,12 @@ def _run(options: argparse.Namespace) -> None:
              ('gravity, base first', arm, base_first),
              ('gravity, tip first', arm, base_first[::-1])]
     reaches = []
-    for title, model, order in cases:
-        print(f'{title}: {count} shapes ...', file=sys.stderr, flush=True)
-        reaches.append((title, reach(model, order, options.per_segment)))
+    duration = len(cases) * _duration(arm, angles)
+    print(f'{len(cases)} times {count} shapes, about {duration:.0f} s; --per-segment changes that',
+          file=sys.stderr, flush=True)
+    for number, (title, model, order) in enumerate(cases, start=1):
+        print(f'{number} of {len(cases)}, {title} ...', file=sys.stderr, flush=True)
+        reaches.append((title, reach(model, order, angles)))
     reference = reaches[0][1]
     rows = []
     for title, found in reaches:
@@ -58,3 +68,19 @@ def _run(options: argparse.Namespace) -> None:
           'bending angles without gravity.')
     workspace_figure(figure, reaches, reference, arm.length)
     print(f'Figure: {figure}')
+
+
+def default_angles(segments: int) -> int:
+    """Return the bending angles of each segment that make no more than USUAL_SHAPES shapes."""
+    return max(2, min(11, int(USUAL_SHAPES**(1.0 / segments))))
+
+
+def _duration(arm: Arm, angles: int) -> float:
+    """Estimate how long ``reach`` takes (s), from the two extreme angles of each segment."""
+    def solves(count: int) -> int:
+        return sum(count**n for n in range(1, len(arm.segments) + 1))
+
+    warm_up()
+    begin = monotonic()
+    reach(arm, range(len(arm.segments)), 2)
+    return (monotonic() - begin) * solves(angles) / solves(2)

@@ -4,7 +4,7 @@
 A client of a running arm, for scripts and notebooks.
 
 ``Arm`` speaks to the four nodes by their public topics, services and action, like any other
-client; see docs/client.md.
+client; see docs/how_to/use_the_python_client.md.
 """
 
 from soft_continuum.client.arm import Arm

@@ -115,7 +115,7 @@ def _check_grbl(values: Mapping[str, Any]) -> Iterator[Check]:
                            homing)
     if unfit:
         yield Check('tendon settings', FAIL, f'{"; ".join(unfit)}; type these lines in a terminal '
-                    '(docs/rig.md), or change the parameter file')
+                    '(docs/how_to/set_up_a_rig.md), or change the parameter file')
     else:
         yield Check('tendon settings', OK, 'fit the parameters')
     if homing is not None and (found.locked or found.zero is None):

@@ -7,7 +7,7 @@ A driver is a class that does what TendonDriver or JammingDriver asks for and ha
 ``PARAMETERS``, a tuple of Parameter, and ``from_parameters(values, clock)``, which returns one for
 the checked parameters of its node (its own, and all that the node has without it) and the node's
 clock in s.  Another package adds one by an entry point in the group TENDON_DRIVERS or
-JAMMING_DRIVERS; docs/drivers.md shows how.
+JAMMING_DRIVERS; docs/how_to/write_a_driver.md shows how.
 """
 
 from collections.abc import Callable, Mapping

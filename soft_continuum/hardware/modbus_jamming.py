@@ -81,9 +81,11 @@ class ModbusJamming:
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter('modbus.port', '', 'serial port, best by its stable name /dev/serial/by-id/...'),
-        Parameter('modbus.baud_rate', 9600, 'baud rate of both boards, 8N1', 1200, 1000000),
+        Parameter('modbus.baud_rate', 9600, 'baud rate of both boards, 8N1', 1200, 1000000,
+                  unit='bit/s'),
         Parameter('modbus.timeout', 0.1,
-                  'longest wait for a reply, s; well above what the boards need', 0.01, 1.0),
+                  'longest wait for a reply; well above what the boards need', 0.01, 1.0,
+                  unit='s'),
         Parameter('modbus.relay_unit', 1, 'unit number of the relay board', 1, 247),
         Parameter('modbus.pump_coil', 0, 'coil of the pump, counted from 0', 0, 65535),
         Parameter('modbus.valve_coils', (1.0, 2.0, 3.0),
@@ -93,12 +95,12 @@ class ModbusJamming:
                   'power fails; false: to the atmosphere'),
         Parameter('modbus.analog_unit', 2, 'unit number of the analog board', 1, 247),
         Parameter('modbus.pressure_registers', (0.0, 1.0, 2.0),
-                  'input register of each segment with the current of its transmitter in uA',
+                  'input register with the current, in uA, of the transmitter of each segment',
                   0, 65535),
         Parameter('modbus.vacuum_at_4_ma', 0.0,
-                  'vacuum below ambient at which a transmitter gives 4 mA, Pa', -1e6, 1e6),
+                  'vacuum below ambient at which a transmitter gives 4 mA', -1e6, 1e6, unit='Pa'),
         Parameter('modbus.vacuum_at_20_ma', 100e3,
-                  'vacuum below ambient at which a transmitter gives 20 mA, Pa', -1e6, 1e6),
+                  'vacuum below ambient at which a transmitter gives 20 mA', -1e6, 1e6, unit='Pa'),
     )
 
     def __init__(self, bus: ModbusBus, registers: RegisterMap) -> None:

@@ -33,15 +33,15 @@ class SimulatedJamming:
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter('simulated_jamming.ultimate_vacuum', 94e3,
-                  'vacuum the simulated pump reaches below ambient, Pa', 1e3, 101e3),
+                  'vacuum the simulated pump reaches below ambient', 1e3, 101e3, unit='Pa'),
         Parameter('simulated_jamming.evacuation_time', 0.4,
-                  'time constant of evacuating a simulated segment, s', 0.01, 100.0),
+                  'time constant of evacuating a simulated segment', 0.01, 100.0, unit='s'),
         Parameter('simulated_jamming.venting_time', 0.6,
-                  'time constant of venting a simulated segment, s', 0.01, 100.0),
-        Parameter('simulated_jamming.valve_delay', 0.03, 'delay of a simulated valve, s',
-                  0.0, 10.0),
+                  'time constant of venting a simulated segment', 0.01, 100.0, unit='s'),
+        Parameter('simulated_jamming.valve_delay', 0.03, 'delay of a simulated valve',
+                  0.0, 10.0, unit='s'),
         Parameter('simulated_jamming.leak_rate', 500.0,
-                  'vacuum a simulated segment loses while the pump rests, Pa/s', 0.0, 1e5),
+                  'vacuum a simulated segment loses while the pump is off', 0.0, 1e5, unit='Pa/s'),
         Parameter('simulated_jamming.initially_stiff', True,
                   'the simulated rig starts with the pump on and all segments evacuated'),
     )

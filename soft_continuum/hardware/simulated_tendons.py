@@ -18,8 +18,8 @@ class SimulatedTendons:
 
     reference_moves = False
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
-        Parameter('simulated_tendons.step', 5e-6, 'pull per step of the simulated steppers, m',
-                  1e-9, 1e-3),
+        Parameter('simulated_tendons.step', 5e-6, 'pull per step of the simulated steppers',
+                  1e-9, 1e-3, unit='m'),
     )
 
     @classmethod

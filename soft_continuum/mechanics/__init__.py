@@ -4,7 +4,7 @@
 Mechanics of a planar tendon-driven continuum arm with segments that jamming locks.
 
 ``Statics(arm)`` solves for the equilibrium shape; ``set_shape`` and its neighbours go the other
-way, from shapes and tips to pulls.  docs/mechanics.md derives the method.
+way, from shapes and tips to pulls.  docs/explanation/mechanics.md derives the method.
 """
 
 from soft_continuum.mechanics import constant_curvature, stiffness

@@ -20,7 +20,7 @@ try:
 
     COMPILED = True
     prange = numba.prange
-except ImportError:  # numba is optional: see docs/performance.md
+except ImportError:  # numba is optional: see docs/explanation/performance.md
     COMPILED = False
     prange = range
 

@@ -38,6 +38,6 @@ def bending_stiffness_from_slope(slope: float, length: float, lever_arm: float) 
 
     The paper states k = 72 N/m, l = 70 mm, l_k = 30 mm and E I = 0.0202 N m^2; these do not agree:
     with l_k = 30 mm the equation gives 0.02335 N m^2.  0.0202 follows from l_k = 25.0 mm.  The
-    lever arm therefore has no default here; see docs/mechanics.md.
+    lever arm therefore has no default here; see docs/explanation/mechanics.md.
     """
     return slope * (lever_arm**2 * length + lever_arm * length**2 + length**3 / 3.0)

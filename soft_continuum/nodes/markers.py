@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The arm, and the shape that it goes to, as markers for RViz and Foxglove."""
+"""The arm, and the shape that is being set, as markers for RViz and Foxglove."""
 
 from collections.abc import Sequence
 
@@ -19,12 +19,16 @@ from soft_continuum.colours import (
     segment_colour,
     tension_colour,
 )
-from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, orientation, RIGHT, RigidChain
+from soft_continuum.mechanics.chain import Array, Equilibrium, orientation, RigidChain
 
 
 def shape_markers(chain: RigidChain, state: Equilibrium, stiff: Sequence[bool | None],
                   tension_limit: float, frame: str, stamp: Time) -> MarkerArray:
-    """Return line strips of every segment and tendon and a cylinder for every disc."""
+    """
+    Return a line strip for every segment and tendon and a cylinder for every disc.
+
+    stiff: per segment, None where it is not known.  tension_limit: N, at the end of the colours.
+    """
     backbone = chain.backbone(state.joint_angles)
     points = chain.points(state.joint_angles)
     guides = chain.guide_points(state.joint_angles)
@@ -45,8 +49,8 @@ def shape_markers(chain: RigidChain, state: Equilibrium, stiff: Sequence[bool | 
         marker.scale.x = marker.scale.y = float(2 * radius)
         marker.scale.z = disc.height
         markers.append(marker)
-    for t in (RIGHT, LEFT):
-        colour = tension_colour(state.tensions[t], tension_limit)
+    for t, tension in enumerate(state.tensions):
+        colour = tension_colour(tension, tension_limit)
         marker = _marker('tendons', t, Marker.LINE_STRIP, colour, frame, stamp)
         marker.scale.x = 0.002
         marker.points = _points(guides[t])
@@ -56,7 +60,7 @@ def shape_markers(chain: RigidChain, state: Equilibrium, stiff: Sequence[bool | 
 
 def target_markers(chain: RigidChain, bending_angles: Sequence[float], frame: str, stamp: Time
                    ) -> MarkerArray:
-    """Return the ghost of a shape, bending angles in rad; without angles, what removes it."""
+    """Return the ghost of a shape with these bending angles, rad; without any, its removal."""
     marker = _marker('target', 0, Marker.LINE_STRIP, GHOST, frame, stamp)
     marker.color.a = GHOST_OPACITY
     marker.scale.x = 0.3 * chain.arm.segments[0].outer_diameter

@@ -1,8 +1,37 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What happened to the trajectories that were sent: the last accepted and the last refused one."""
+"""Trajectories that were sent, and what happened to the last accepted and the last refused one."""
 
+from dataclasses import dataclass
+
+from soft_continuum.hardware.tendon_controller import MotionRefusedError
+from soft_continuum.mechanics.chain import Array
 from soft_continuum_interfaces.msg import MotionRequest
+
+
+class RefusedError(MotionRefusedError):
+    """A trajectory is refused; reason: of MotionRequest."""
+
+    def __init__(self, reason: int, message: str) -> None:
+        """Keep both."""
+        super().__init__(message)
+        self.reason = reason
+
+
+@dataclass(frozen=True)
+class Request:
+    """
+    A trajectory to be judged.
+
+    times: (k,) s from its start.  pulls: (k, tendons) m.  start: s of ROS, None for as soon as it
+    is accepted.  revocation: how often motion had been revoked when it came.
+    """
+
+    id: str
+    times: Array
+    pulls: Array
+    start: float | None
+    revocation: int
 
 
 class MotionRequests:

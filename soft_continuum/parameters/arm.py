@@ -20,62 +20,76 @@ from soft_continuum.mechanics.laws import Jam, LawError, linear, MomentCurvature
 from soft_continuum.mechanics.stiffness import second_moment_of_area
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 
-ARM_PARAMETERS = (
+PER_SEGMENT = (
     Parameter('arm.segment_lengths', (0.07, 0.07, 0.07),
-              'bending length of each segment, base first, m', 1e-3, 10.0),
+              'bending length of each segment, base first', 1e-3, 10.0, unit='m'),
     Parameter('arm.outer_diameters', (0.05, 0.0425, 0.035),
-              'outer diameter of each segment, m', 1e-3, 10.0),
+              'outer diameter of each segment', 1e-3, 10.0, unit='m'),
     Parameter('arm.leaf_thicknesses', (0.0005, 0.00035, 0.00025),
-              'thickness of each leaf spring, m', 1e-5, 1e-2),
+              'thickness of each leaf spring', 1e-5, 1e-2, unit='m'),
     Parameter('arm.leaf_widths', (0.0127, 0.0127, 0.0127),
-              'width of each leaf spring, m', 1e-4, 1.0),
-    Parameter('arm.youngs_modulus', 200e9,
-              "Young's modulus of the leaf springs, Pa", 1e6, 1e12),
+              'width of each leaf spring', 1e-4, 1.0, unit='m'),
     Parameter('arm.bending_stiffnesses', (0.0,),
-              'measured E I of each soft segment, N m^2; 0: that of its leaf spring', 0.0, 1e3),
+              'measured E I of each soft segment; 0: that of its leaf spring',
+              0.0, 1e3, unit='N m^2'),
     Parameter('arm.segment_masses', (0.069, 0.05, 0.034),
-              'mass of each segment between its discs, kg', 0.0, 10.0),
-    Parameter('arm.disc_heights', (0.03, 0.03, 0.03, 0.03),
-              'height of each disc, base first, m', 1e-3, 10.0),
-    Parameter('arm.disc_masses', (0.06, 0.06, 0.045, 0.033),
-              'mass of each disc, base first, kg', 0.0, 10.0),
-    Parameter('arm.guide_offsets', (0.0,),
-              'distance of the tendon guides from the backbone at the lower and upper end of '
-              'each segment, m; 0: half its outer diameter', 0.0, 10.0),
+              'mass of each segment between its discs', 0.0, 10.0, unit='kg'),
     Parameter('arm.bending_angle_limits', (pi / 3, pi / 3, pi / 3),
-              'largest bending angle of each segment to either side, rad', 1e-3, 2 * pi),
+              'largest bending angle of each segment to either side', 1e-3, 2 * pi, unit='rad'),
     Parameter('arm.stiffness_ratios', (0.0,),
-              'bending stiffness of each segment stiff over soft, K; 0: rigid when stiff',
+              'K, bending stiffness of each segment stiff over soft; 0: rigid when stiff',
               0.0, 1e6),
     Parameter('arm.yield_moments', (0.0,),
-              'moment that the jam of each segment bears at full vacuum, N m; 0: any', 0.0, 1e6),
-    *(Parameter(f'arm.{state}_{column}', (0.0,), f'{meaning}, {unit}: a table that starts at 0 '
-                f'for each segment one after another, 0 alone for {without}', 0.0, 1e6)
-      for state, without in (('soft', 'its bending stiffness'), ('stiff', 'its stiffness ratio'))
-      for column, meaning, unit in (
-          ('curvatures', f'curvatures of measured {state} segments', '1/m'),
-          ('moments', 'moments at these curvatures', 'N m'))),
+              'moment at which each jammed segment yields at full vacuum; 0: never',
+              0.0, 1e6, unit='N m'),
+)
+PER_GUIDE = (
+    Parameter('arm.guide_offsets', (0.0,),
+              'distance of the tendon guides from the backbone at the lower and upper end of '
+              'each segment; 0: half its outer diameter', 0.0, 10.0, unit='m'),
+)
+PER_DISC = (
+    Parameter('arm.disc_heights', (0.03, 0.03, 0.03, 0.03),
+              'height of each disc, base first', 1e-3, 10.0, unit='m'),
+    Parameter('arm.disc_masses', (0.06, 0.06, 0.045, 0.033),
+              'mass of each disc, base first', 0.0, 10.0, unit='kg'),
+)
+MEASURED_LAWS = tuple(
+    Parameter(f'arm.{state}_{quantity}', (0.0,),
+              f'{quantity} of the measured law of the {state} segments: for each segment a table '
+              f'that starts at 0.0; 0.0 alone: {without}', 0.0, 1e6, unit=unit)
+    for state, without in (('soft', 'arm.bending_stiffnesses'), ('stiff', 'arm.stiffness_ratios'))
+    for quantity, unit in (('curvatures', '1/m'), ('moments', 'N m')))
+ARM_PARAMETERS = (
+    *PER_SEGMENT, *PER_GUIDE, *PER_DISC, *MEASURED_LAWS,
+    Parameter('arm.youngs_modulus', 200e9,
+              "Young's modulus of the leaf springs", 1e6, 1e12, unit='Pa'),
     Parameter('arm.bodies_per_segment', 12,
               'rigid bodies of the chain model in each segment', 1, 1000),
     Parameter('arm.discretisation', PAPER,
               'springs of the chain: equal as in the paper, or second order',
               choices=(PAPER, SECOND_ORDER)),
     Parameter('arm.tendon_axial_stiffness', 0.0,
-              'E A of the tendons, N; 0: they do not stretch', 0.0, 1e9),
+              'E A of the tendons; 0: inextensible', 0.0, 1e9, unit='N'),
     Parameter('arm.tendon_free_length', 0.0,
-              'length of tendon between stepper and base, m', 0.0, 100.0),
-    Parameter('arm.tendon_friction', 0.0, 'Capstan friction coefficient at every guide', 0.0, 2.0),
-    Parameter('arm.payload', 0.0, 'mass at the top of the tip disc, kg', 0.0, 100.0),
+              'length of tendon between stepper and base', 0.0, 100.0, unit='m'),
+    Parameter('arm.tendon_friction', 0.0,
+              'capstan friction coefficient of the tendon at every guide', 0.0, 2.0),
+    Parameter('arm.payload', 0.0, 'mass at the top of the tip disc', 0.0, 100.0, unit='kg'),
     Parameter('arm.mounting_angle', 0.0,
-              'rotation of the base about +y from upright, rad (pi: hanging)', -2 * pi, 2 * pi),
-    Parameter('arm.gravity', STANDARD_GRAVITY, 'gravity, m/s^2; 0 leaves it out', 0.0, 100.0),
+              'rotation of the base about +y from upright; pi: hanging',
+              -2 * pi, 2 * pi, unit='rad'),
+    Parameter('arm.gravity', STANDARD_GRAVITY,
+              'gravitational acceleration; 0: none', 0.0, 100.0, unit='m/s^2'),
 )
+MIN_GUIDE_OFFSET = 1e-4  # m
+
 
 def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
     """
     Build the arm from parameter values by their names in ARM_PARAMETERS.
 
-    A list of one value counts for every segment, guide or disc.  A measured table takes the place
+    A list of one value counts for every segment, guide or disc.  A measured law takes the place
     of a bending stiffness or stiffness ratio.
 
     Raises ParameterError when the lists do not fit together or a value is not physical.
@@ -83,52 +97,31 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
     get: dict[str, Any] = {
         p.name.removeprefix('arm.'): p.check(values.get(p.name, p.default))
         for p in ARM_PARAMETERS}
-    lengths = get['segment_lengths']
-    count = len(lengths)
-    for name, expected in (('outer_diameters', count), ('leaf_thicknesses', count),
-                           ('leaf_widths', count), ('bending_stiffnesses', count),
-                           ('segment_masses', count), ('bending_angle_limits', count),
-                           ('stiffness_ratios', count), ('yield_moments', count),
-                           ('guide_offsets', 2 * count),
-                           ('disc_heights', count + 1), ('disc_masses', count + 1)):
-        if len(get[name]) == 1:
-            get[name] *= expected
-        if len(get[name]) != expected:
-            raise ParameterError(
-                f'parameter arm.{name} has {len(get[name])} values; arm.segment_lengths has '
-                f'{count}, so {expected} are needed, or one for all')
-    segments = zip(
-        lengths, get['outer_diameters'], get['leaf_thicknesses'], get['leaf_widths'],
-        get['bending_stiffnesses'], get['segment_masses'], get['bending_angle_limits'],
-        get['stiffness_ratios'], get['yield_moments'], _laws(get, 'soft', count),
-        _laws(get, 'stiff', count), strict=True)
-    offsets = get['guide_offsets']
-    discs = zip(get['disc_heights'], get['disc_masses'], strict=True)
-    modulus = get['youngs_modulus']
-    if any(0.0 < offset < 1e-4 for offset in offsets):
-        raise ParameterError(f'parameter arm.guide_offsets is {list(offsets)}; allowed: 0.0001 m '
-                             'and more, or 0 for half the outer diameter')
+    count = len(get['segment_lengths'])
+    for parameters, expected in ((PER_SEGMENT, count), (PER_GUIDE, 2 * count),
+                                 (PER_DISC, count + 1)):
+        for parameter in parameters:
+            name = parameter.name.removeprefix('arm.')
+            if len(get[name]) == 1:
+                get[name] *= expected
+            if len(get[name]) != expected:
+                raise ParameterError(
+                    f'parameter {parameter.name} has {len(get[name])} values; '
+                    f'arm.segment_lengths has {count}, so {expected} are needed, or one for all')
+    if any(0.0 < offset < MIN_GUIDE_OFFSET for offset in get['guide_offsets']):
+        raise ParameterError(
+            f'parameter arm.guide_offsets is {list(get["guide_offsets"])}; allowed: '
+            f'{MIN_GUIDE_OFFSET:g} m and more, or 0 for half the outer diameter')
+    soft_laws, stiff_laws = _laws(get, 'soft', count), _laws(get, 'stiff', count)
     try:
         arm = Arm(
-            segments=tuple(
-                Segment(length=length, outer_diameter=diameter, mass=mass,
-                        bending_stiffness=measured or modulus * second_moment_of_area(
-                            width, thickness),
-                        guide_offsets=(offsets[2 * i] or diameter / 2,
-                                       offsets[2 * i + 1] or diameter / 2),
-                        bending_angle_limit=limit, soft_law=soft,
-                        jam=Jam(ratio=inf if stiff else ratio or inf, law=stiff,
-                                yield_moment=bears or inf))
-                for i, (length, diameter, thickness, width, measured, mass, limit, ratio, bears,
-                        soft, stiff) in enumerate(segments)),
-            discs=tuple(Disc(height=height, mass=mass) for height, mass in discs),
-            bodies_per_segment=get['bodies_per_segment'],
-            discretisation=get['discretisation'],
+            segments=tuple(_segment(get, i, soft_laws[i], stiff_laws[i]) for i in range(count)),
+            discs=tuple(Disc(height=height, mass=mass) for height, mass in zip(
+                get['disc_heights'], get['disc_masses'], strict=True)),
             tendon=Tendon(get['tendon_axial_stiffness'] or inf, get['tendon_free_length'],
                           get['tendon_friction']),
-            payload=get['payload'],
-            mounting_angle=get['mounting_angle'],
-            gravity=get['gravity'])
+            **{name: get[name] for name in ('bodies_per_segment', 'discretisation', 'payload',
+                                            'mounting_angle', 'gravity')})
     except (ArmError, LawError) as error:
         raise ParameterError(f'arm: {error}') from None
     for number, segment in enumerate(arm.segments, start=1):
@@ -140,6 +133,21 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
                     f'parameters arm.stiff_curvatures and arm.stiff_moments, segment {number}: '
                     f'{error}; is it softer than the soft one?') from None
     return arm
+
+
+def _segment(get: Mapping[str, Any], i: int, soft_law: MomentCurvature | None,
+             stiff_law: MomentCurvature | None) -> Segment:
+    diameter = get['outer_diameters'][i]
+    leaf = get['youngs_modulus'] * second_moment_of_area(
+        get['leaf_widths'][i], get['leaf_thicknesses'][i])
+    ratio = inf if stiff_law else get['stiffness_ratios'][i] or inf
+    lower, upper = get['guide_offsets'][2 * i:2 * i + 2]
+    return Segment(
+        length=get['segment_lengths'][i], outer_diameter=diameter, mass=get['segment_masses'][i],
+        bending_stiffness=get['bending_stiffnesses'][i] or leaf,
+        guide_offsets=(lower or diameter / 2, upper or diameter / 2),
+        bending_angle_limit=get['bending_angle_limits'][i], soft_law=soft_law,
+        jam=Jam(ratio=ratio, law=stiff_law, yield_moment=get['yield_moments'][i] or inf))
 
 
 def _laws(get: Mapping[str, Any], state: str, count: int) -> list[MomentCurvature | None]:

@@ -1,14 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Parameter files: what ``--params-file`` names, read without ROS.
+ROS 2 parameter files, which describe arm and rig, read without ROS.
 
-A ROS 2 parameter file is YAML: node names (``/**`` for all) over ``ros__parameters`` over nested
-keys.  What the tables of parameters do not know is refused.
+Such a file is YAML: node names (``/**`` for all), below them ``ros__parameters``, below that
+nested keys.  A key that no table of parameters has is refused.
 """
 
 from collections.abc import Mapping, Sequence
-import difflib
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +16,18 @@ import yaml
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import ALL_PARAMETERS, jamming_settings
-from soft_continuum.parameters.parameter import Parameter, ParameterError, Value
+from soft_continuum.parameters.parameter import (
+    name_hint,
+    Parameter,
+    ParameterError,
+    Value,
+)
 from soft_continuum.parameters.shapes import SHAPE_PREFIX, shapes_from_parameters
 
 MAX_DEPTH = 20  # keys below one another in a parameter file
 
-# What every ROS node takes besides its own.
-FREE = (SHAPE_PREFIX, 'use_sim_time', 'qos_overrides.', 'start_type_description_service')
+UNCHECKED = (SHAPE_PREFIX, 'use_sim_time', 'qos_overrides.', 'start_type_description_service')
+"""Names, or how they begin, that are allowed without being in a table; ROS nodes have the rest."""
 
 
 def load_description(*paths: str | Path, node: str = '') -> dict[str, Value]:
@@ -35,7 +39,7 @@ def load_description(*paths: str | Path, node: str = '') -> dict[str, Value]:
     """
     values: dict[str, Value] = {p.name: p.default for p in ALL_PARAMETERS}
     for path in paths:
-        values |= given_parameters(path, ALL_PARAMETERS, node, prefixes=FREE)
+        values |= given_parameters(path, ALL_PARAMETERS, node, prefixes=UNCHECKED)
     try:
         arm = arm_from_parameters(values)
         shapes_from_parameters(values, arm)
@@ -56,25 +60,14 @@ def load_shapes(path: str | Path) -> dict[str, tuple[float, ...]]:
     return shapes_from_parameters(values, arm_from_parameters(values))
 
 
-def load_parameters(path: str | Path, known: Sequence[Parameter], node: str = '',
-                    prefixes: Sequence[str] = ()) -> dict[str, Value]:
-    """
-    Return the parameters of ``node`` from a ROS 2 parameter file, flattened to dotted names.
-
-    Values that the file leaves out have their defaults.  Arguments and errors are those of
-    ``given_parameters``.
-    """
-    return {p.name: p.default for p in known} | given_parameters(path, known, node, prefixes)
-
-
 def given_parameters(path: str | Path, known: Sequence[Parameter], node: str = '',
                      prefixes: Sequence[str] = ()) -> dict[str, Value]:
     """
-    Return what a ROS 2 parameter file says for ``node``, checked, flattened to dotted names.
+    Return what a ROS 2 parameter file sets for ``node``, checked, by dotted names.
 
-    Names that start with one of ``prefixes`` are free (a library of shapes).  Raises
-    ParameterError naming the file and the key when the file cannot be read, is malformed, or has
-    a key or value that is not allowed.
+    Names that start with one of ``prefixes`` are not checked.  Raises ParameterError naming the
+    file and the key when the file cannot be read, is malformed, or has a key or value that is not
+    allowed.
     """
     given = read_parameter_file(path, node)
     table = {p.name: p for p in known}
@@ -86,11 +79,8 @@ def given_parameters(path: str | Path, known: Sequence[Parameter], node: str = '
             elif any(name.startswith(prefix) for prefix in prefixes):
                 values[name] = value
             else:
-                close = difflib.get_close_matches(name, table, n=1)
-                raise ParameterError(
-                    f'unknown parameter {name}'
-                    + (f'; did you mean {close[0]}?' if close else '.')
-                    + f' Known: {", ".join(sorted(table))}')
+                raise ParameterError(f'unknown parameter {name}' + (
+                    name_hint(name, table) or f'; known: {", ".join(sorted(table))}'))
         except ParameterError as error:
             raise ParameterError(f'{path}: {error}') from None
     return values
@@ -98,7 +88,7 @@ def given_parameters(path: str | Path, known: Sequence[Parameter], node: str = '
 
 def read_parameter_file(path: str | Path, node: str = '') -> dict[str, Any]:
     """
-    Return all that a ROS 2 parameter file says for ``node`` (by its last name), flattened.
+    Return all that a ROS 2 parameter file sets for ``node`` (its name without namespace).
 
     Raises ParameterError naming the file, and the line or key, when it cannot be read.
     """
@@ -114,13 +104,13 @@ def read_parameter_file(path: str | Path, node: str = '') -> dict[str, Any]:
         raise ParameterError(
             f'{path}{where}: not valid YAML: {getattr(error, "problem", error)}') from None
     except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
-        # What PyYAML lets through from the values it makes, and from paths that are none.
+        # PyYAML raises these for values it cannot construct; Path for paths it cannot open.
         raise ParameterError(f'{path}: not valid YAML: {type(error).__name__} {error}') from None
     if not isinstance(document, Mapping):
         raise ParameterError(
             f'{path}: a parameter file starts with a node name, or /** for all nodes')
     flat: dict[str, Any] = {}
-    applies = bool(node)  # a file for other nodes says nothing to this one
+    applies = bool(node)  # a node may find nothing for itself in a file
     for name, section in document.items():
         if not isinstance(section, Mapping) or 'ros__parameters' not in section:
             raise ParameterError(f'{path}: key {name}: expected ros__parameters below it')

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of every node."""
+"""The parameters of every node: a new one is an entry of NODE_PARAMETERS, and its use."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -16,81 +16,93 @@ from soft_continuum.hardware.drivers import (
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter, ParameterError
-from soft_continuum.parameters.shapes import SHAPE_PARAMETERS
+from soft_continuum.parameters.shapes import SHAPE_NAMES
+from soft_continuum.ros.names import (
+    JAMMING_VALVES,
+    KINEMATICS,
+    SHAPE_SEQUENCER,
+    TENDON_ACTUATION,
+)
 
-AUTOSTART = Parameter(
-    'autostart', True, 'configure and activate the node by itself when it starts')
+AUTOSTART = Parameter('autostart', True, 'configure and activate the node when it starts')
 FRAME = Parameter(
     'frame_id', 'base_link', 'frame of the bottom centre of the base disc, z along the arm')
-AMBIENT = Parameter('ambient_pressure', 101325.0, 'absolute ambient pressure, Pa', 1e4, 2e5)
-SILENCE = Parameter(
-    'silence_timeout', 0.5, 'age at which the state of another node counts as lost, s', 0.1, 10.0)
+AMBIENT = Parameter(
+    'ambient_pressure', 101325.0, 'absolute ambient pressure', 1e4, 2e5, unit='Pa')
+STALE_AFTER = Parameter(
+    'silence_timeout', 0.5, 'age at which the last message of another node is stale', 0.1, 10.0,
+    unit='s')
 PULL_LIMITS = Parameter(
-    'pull_limits', (-0.06, 0.06), 'smallest and largest tendon pull, m; negative is let out',
-    -1.0, 1.0, is_range=True)
+    'pull_limits', (-0.06, 0.06), 'smallest and largest tendon pull; negative: paid out',
+    -1.0, 1.0, is_range=True, unit='m')
 TENSION_LIMIT = Parameter(
-    'tension_limit', 60.0, 'largest tendon tension that the model may predict, N', 0.1, 1e4,
-    read_only=False)
+    'tension_limit', 60.0, 'largest tendon tension that the model may predict', 0.1, 1e4,
+    read_only=False, unit='N')
 CO_CONTRACTION_LIMIT = Parameter(
     'co_contraction_limit', 5.0,
-    'largest tension that the model may predict in both tendons at once, N', 0.01, 1e4,
-    read_only=False)
+    'largest tension that the model may predict in opposing tendons at once', 0.01, 1e4,
+    read_only=False, unit='N')
 
 NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
-    'tendon_actuation': (
-        *ARM_PARAMETERS, AUTOSTART, PULL_LIMITS, TENSION_LIMIT, CO_CONTRACTION_LIMIT, SILENCE,
+    TENDON_ACTUATION: (
+        *ARM_PARAMETERS, AUTOSTART, PULL_LIMITS, TENSION_LIMIT, CO_CONTRACTION_LIMIT, STALE_AFTER,
         Parameter('tendon_driver', 'simulated', 'driver of the steppers',
                   choices=driver_names(TENDON_DRIVERS)),
-        Parameter('tendon_rate', 50.0, 'rate of control and of tendon_states, Hz', 5.0, 500.0),
-        Parameter('speed_limit', 0.03, 'largest tendon speed, m/s', 1e-4, 1.0),
-        Parameter('acceleration_limit', 0.3, 'largest tendon acceleration, m/s^2', 1e-3, 100.0),
+        Parameter('tendon_rate', 50.0, 'rate of control and of tendon_states', 5.0, 500.0,
+                  unit='Hz'),
+        Parameter('speed_limit', 0.03, 'largest tendon speed', 1e-4, 1.0, unit='m/s'),
+        Parameter('acceleration_limit', 0.3, 'largest tendon acceleration', 1e-3, 100.0,
+                  unit='m/s^2'),
         *driver_parameters(TENDON_DRIVERS),
     ),
-    'jamming_valves': (
+    JAMMING_VALVES: (
         *ARM_PARAMETERS, AUTOSTART, AMBIENT,
         Parameter('jamming_driver', 'simulated', 'driver of pump, valves and pressure sensors',
                   choices=driver_names(JAMMING_DRIVERS)),
-        Parameter('jamming_rate', 20.0, 'rate of control and of the pressures, Hz', 5.0, 100.0),
-        Parameter('stiff_vacuum', 50e3, 'vacuum below ambient from which a segment is stiff, Pa',
-                  1e3, 101e3),
+        Parameter('jamming_rate', 20.0, 'rate of control and of the pressures', 5.0, 100.0,
+                  unit='Hz'),
+        Parameter('stiff_vacuum', 50e3, 'vacuum below ambient from which a segment is stiff',
+                  1e3, 101e3, unit='Pa'),
         Parameter('release_vacuum', 40e3,
-                  'vacuum below ambient under which a segment is no longer stiff, Pa', 1e3, 101e3),
+                  'vacuum below ambient under which a segment is no longer stiff', 1e3, 101e3,
+                  unit='Pa'),
         Parameter('pump_start_vacuum', 60e3,
-                  'the pump starts when an evacuated segment has less vacuum, Pa', 1e3, 101e3),
+                  'the pump starts when an evacuated segment has less vacuum', 1e3, 101e3,
+                  unit='Pa'),
         Parameter('pump_stop_vacuum', 80e3,
-                  'the pump rests when every evacuated segment has more vacuum, Pa', 1e3, 101e3),
+                  'the pump stops when every evacuated segment has more vacuum', 1e3, 101e3,
+                  unit='Pa'),
         *driver_parameters(JAMMING_DRIVERS),
     ),
-    'kinematics': (
+    KINEMATICS: (
         *ARM_PARAMETERS, FRAME, TENSION_LIMIT,
         Parameter('straight_tolerance', 0.0005,
-                  'largest pull at which ~/reset takes a stiff arm to be straight, and by which '
-                  'the tendons may be too short for a stiff arm, m',
-                  0.0, 0.1),
+                  'largest pull at which ~/reset accepts a stiff arm as straight, and by which '
+                  'the tendons may be too short for a stiff arm', 0.0, 0.1, unit='m'),
     ),
-    'shape_sequencer': (
-        *ARM_PARAMETERS, *SHAPE_PARAMETERS, FRAME, PULL_LIMITS, TENSION_LIMIT, SILENCE,
-        AMBIENT,
-        Parameter('tendon_speed', 0.015, 'largest tendon speed of a planned motion, m/s',
-                  1e-4, 1.0, read_only=False),
-        Parameter('tendon_acceleration', 0.1, 'largest tendon acceleration of a plan, m/s^2',
-                  1e-3, 10.0, read_only=False),
+    SHAPE_SEQUENCER: (
+        *ARM_PARAMETERS, SHAPE_NAMES, FRAME, PULL_LIMITS, TENSION_LIMIT, STALE_AFTER, AMBIENT,
+        Parameter('tendon_speed', 0.015, 'largest tendon speed of a planned motion',
+                  1e-4, 1.0, read_only=False, unit='m/s'),
+        Parameter('tendon_acceleration', 0.1, 'largest tendon acceleration of a planned motion',
+                  1e-3, 10.0, read_only=False, unit='m/s^2'),
         Parameter('antagonist_slack', 0.0005,
-                  'slack left in the tendon that does not carry the soft segment, m', 0.0, 0.05,
-                  read_only=False),
-        Parameter('angle_step', radians(2.0), 'bending angle between two planned points, rad',
-                  radians(0.1), radians(30.0)),
+                  'slack left in the tendon that does not bend the soft segment', 0.0, 0.05,
+                  read_only=False, unit='m'),
+        Parameter('angle_step', radians(2.0), 'bending angle between two planned points',
+                  radians(0.1), radians(30.0), unit='rad'),
         Parameter('angle_tolerance', radians(0.1),
-                  'a segment this close to its bending angle is not set again, rad',
-                  0.0, radians(10.0), read_only=False),
-        Parameter('soft_vacuum', 10e3, 'vacuum below ambient up to which a segment is soft, Pa',
-                  100.0, 101e3),
-        Parameter('jamming_timeout', 10.0, 'longest wait for a segment to become soft or stiff, s',
-                  0.1, 600.0, read_only=False),
-        Parameter('settle_timeout', 5.0, 'longest wait for tendons to arrive after a motion, s',
-                  0.1, 600.0, read_only=False),
-        Parameter('settle_tolerance', 2e-5, 'distance from a planned pull that counts as there, m',
-                  1e-7, 0.01, read_only=False),
+                  'a segment this close to its bending angle is not set again',
+                  0.0, radians(10.0), read_only=False, unit='rad'),
+        Parameter('soft_vacuum', 10e3, 'vacuum below ambient up to which a segment is soft',
+                  100.0, 101e3, unit='Pa'),
+        Parameter('jamming_timeout', 10.0, 'longest wait for a segment to become soft or stiff',
+                  0.1, 600.0, read_only=False, unit='s'),
+        Parameter('settle_timeout', 5.0, 'longest wait for the tendons to arrive after a motion',
+                  0.1, 600.0, read_only=False, unit='s'),
+        Parameter('settle_tolerance', 2e-5,
+                  'largest distance of an arrived tendon from its planned pull',
+                  1e-7, 0.01, read_only=False, unit='m'),
     ),
 }
 

@@ -3,11 +3,8 @@
 """The commands print tables, write figures and parameters, and answer bad input with one line."""
 
 import csv
-from importlib import import_module
 from pathlib import Path
 import re
-import subprocess
-import sys
 
 import curve_files as files
 from matplotlib.image import imread
@@ -21,6 +18,7 @@ from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description
 
 DATA = Path(__file__).resolve().parents[2] / 'data' / 'simulated_specimen'
+DOCUMENT = DATA.parents[1] / 'docs' / 'how_to' / 'measure_your_arm.md'
 MASSES = str(DATA / 'SIMULATED_masses.yaml')
 CURVES = str(DATA / 'SIMULATED_segment_2_soft.csv')
 PAPER = [str(DATA / f'SIMULATED_paper_{kind}.csv') for kind in ('points', 'pulls')]
@@ -108,15 +106,6 @@ def test_a_bad_description_is_named(run, tmp_path, name):
     assert error.count('\n') == 1
 
 
-@pytest.mark.parametrize('name', COMMANDS)
-def test_a_command_runs_as_a_module(name):
-    done = subprocess.run(
-        [sys.executable, '-m', f'soft_continuum.cli.{name}', '--help'], check=True,
-        capture_output=True, text=True, timeout=60)
-    assert f'usage: {name}' in done.stdout
-    assert name == import_module(f'soft_continuum.cli.{name}').NAME
-
-
 # characterize
 
 def test_the_papers_slope_is_reproduced_from_a_file(run, tmp_path):
@@ -201,7 +190,7 @@ def test_a_linear_segment_takes_its_table_out_of_the_description(run, tmp_path):
     ([CURVES, '--segment', '2'], '--lever-arm'),
     ([CURVES, '--segment', '4', '--lever-arm', '0.025'],
      'there is no segment 4; --segment is 1 to 3'),
-    ([CURVES, '--segment', '2', '--lever-arm', '25'], '25 given; allowed: 0.0001 to 1 m'),
+    ([CURVES, '--segment', '2', '--lever-arm', '25'], "'25' given; allowed: 0.0001 to 1 m"),
     (['none.csv', *CHARACTERIZE], 'none.csv: cannot be read'),
     ([CURVES, *CHARACTERIZE, '--stiff', CURVES], 'have the files of the two states been swapped'),
 ])
@@ -286,6 +275,20 @@ def test_converge_prints_the_papers_twelve(run):
     assert 'Not converged' in run(converge, '--most', '8', '--output', 'x')[1]
 
 
+def test_workspace_says_how_long_it_takes_and_is_coarser_for_more_segments(run, tmp_path):
+    one = tmp_path / 'one.yaml'
+    one.write_text('/**:\n  ros__parameters:\n    arm:\n      segment_lengths: [0.07]\n'
+                   '      outer_diameters: [0.05]\n      leaf_thicknesses: [0.0005]\n'
+                   '      leaf_widths: [0.0127]\n      segment_masses: [0.069]\n'
+                   '      disc_heights: [0.03]\n      disc_masses: [0.06]\n'
+                   '      bending_angle_limits: [1.0]\n', encoding='utf-8')
+    status, _, progress = run(workspace, '--params-file', one)
+    assert status == 0
+    assert re.search(r'3 times 11 shapes, about \d+ s', progress)
+    assert '3 of 3, gravity, tip first' in progress
+    assert [workspace.default_angles(n) for n in (1, 3, 4, 5, 12)] == [11, 11, 6, 4, 2]
+
+
 def test_workspace_refuses_what_would_take_hours(run):
     status, _, error = run(workspace, '--per-segment', '101')
     assert status == 2
@@ -311,7 +314,7 @@ def test_the_shipped_data_are_what_the_script_writes_and_say_that_they_are_simul
 # Documents
 
 def documented():
-    text = (DATA.parents[1] / 'docs' / 'measurement.md').read_text(encoding='utf-8')
+    text = DOCUMENT.read_text(encoding='utf-8')
     blocks = re.findall(r'```sh\n(.*?)```', text, re.DOTALL)
     return [line for block in blocks for line in block.splitlines()]
 
@@ -321,14 +324,14 @@ def test_every_command_line_in_the_document_runs(run, tmp_path):
     assert len(lines) == 5
     (tmp_path / 'data').symlink_to(DATA.parent)
     for line in lines:
-        python, module, name, *arguments = line.split()
-        assert (python, module) == ('python', '-m')
-        status, _, error = run(import_module(name), *arguments)
+        program, name, *arguments = line.split()
+        assert program == 'soft_continuum'
+        status, _, error = run(COMMANDS[name][0], *arguments)
         assert status == 0, error
     results = tmp_path / 'results'
     assert len(list(results.glob('*.png'))) == 5
     # The tables of the document have the same numbers.
-    text = (DATA.parents[1] / 'docs' / 'measurement.md').read_text(encoding='utf-8')
+    text = DOCUMENT.read_text(encoding='utf-8')
     for segment in load_arm(results / 'identify.yaml').segments:
         assert f'{segment.bending_stiffness:.5f} |' in text
     worst = {}
@@ -344,7 +347,7 @@ def test_every_command_line_in_the_document_runs(run, tmp_path):
 
 
 def test_what_the_document_shows_is_what_characterize_prints(run):
-    text = (DATA.parents[1] / 'docs' / 'measurement.md').read_text(encoding='utf-8')
+    text = DOCUMENT.read_text(encoding='utf-8')
     shown = re.search(r'```text\n(k, N/mm.*?)```', text, re.DOTALL)[1]
     _, printed, _ = run(characterize, CURVES, *CHARACTERIZE)
     for line in shown.splitlines():

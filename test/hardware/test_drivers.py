@@ -18,7 +18,7 @@ from soft_continuum.hardware.drivers import (
     TENDON_DRIVERS,
 )
 
-PAGE = Path(__file__).parents[2] / 'docs' / 'drivers.md'
+PAGE = Path(__file__).parents[2] / 'docs' / 'how_to' / 'write_a_driver.md'
 METHODS = {
     TENDON_DRIVERS: ('open', 'close', 'read', 'move', 'stop', 'reference'),
     JAMMING_DRIVERS: ('open', 'close', 'read', 'set_evacuated', 'set_pump'),

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the ``ros2`` lines of the documents ask for, done by rclpy: the wheels have no ``ros2``.
+The ``ros2`` commands of the documents, run by rclpy, because the wheels have no ``ros2``.
 
-Every function takes the words after ``ros2 VERB NAME`` and fails when the graph has not what they
-name, or a message does not take what they say.
+Every function takes the arguments after ``ros2 COMMAND VERB`` and fails when the graph does not
+have what they name, or when a message does not accept a value.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,6 +18,8 @@ from ros_rig import Rig
 import yaml
 
 from soft_continuum.ros.qos import SENSOR
+
+FLAGS = ('--once', '--full-length', '--feedback')
 
 
 def interface(name: str) -> Any:
@@ -40,39 +42,39 @@ def fill(message: Any, values: dict[str, Any]) -> Any:
     return message
 
 
-def options(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Return words and options; --once, --full-length and --feedback take no word."""
-    plain, given = [], {}
-    rest = iter(words)
-    for word in rest:
-        if not word.startswith('--'):
-            plain.append(word)
+def options(arguments: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Return positional arguments and options; some options are flags without a value."""
+    positional, given = [], {}
+    rest = iter(arguments)
+    for argument in rest:
+        if not argument.startswith('--'):
+            positional.append(argument)
         else:
-            given[word] = '' if word in ('--once', '--full-length', '--feedback') else next(rest)
-    return plain, given
+            given[argument] = '' if argument in FLAGS else next(rest)
+    return positional, given
 
 
 def _type_of(rig: Rig, topic: str) -> Any:
-    there = rig.wait_for(lambda: dict(rig.observer.get_topic_names_and_types()).get(topic),
+    types = rig.wait_for(lambda: dict(rig.observer.get_topic_names_and_types()).get(topic),
                          f'a topic {topic}')
-    return interface(there[0])
+    return interface(types[0])
 
 
-def echo(rig: Rig, words: Sequence[str]) -> None:
-    """Hear one message of a topic."""
-    (topic,), given = options(words)
+def echo(rig: Rig, arguments: Sequence[str]) -> None:
+    """Receive one message of a topic."""
+    (topic,), given = options(arguments)
     assert given.keys() <= {'--once', '--full-length', '--field'}
     info = rig.wait_for(lambda: rig.observer.get_publishers_info_by_topic(topic), topic)
     latched = info[0].qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    heard = rig.record(_type_of(rig, topic), topic, QoSProfile(
+    received = rig.record(_type_of(rig, topic), topic, QoSProfile(
         depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL) if latched else SENSOR)
-    rig.wait_for(lambda: len(heard), f'a message on {topic}')
-    assert hasattr(heard.last, given.get('--field', '__class__'))
+    rig.wait_for(lambda: len(received), f'a message on {topic}')
+    assert hasattr(received.last, given.get('--field', '__class__'))
 
 
-def publish(rig: Rig, words: Sequence[str]) -> None:
+def publish(rig: Rig, arguments: Sequence[str]) -> None:
     """Publish a message once."""
-    (topic, kind, *text), given = options(words)
+    (topic, kind, *text), given = options(arguments)
     assert given.keys() <= {'--once', '--qos-durability', '--qos-reliability'}
     assert _type_of(rig, topic) is interface(kind)
     durability = DurabilityPolicy[given.get('--qos-durability', 'volatile').upper()]
@@ -84,18 +86,18 @@ def publish(rig: Rig, words: Sequence[str]) -> None:
     assert not rig.status_value('tendon_actuation', 'refused')
 
 
-def call(rig: Rig, words: Sequence[str]) -> None:
+def call(rig: Rig, arguments: Sequence[str]) -> None:
     """Call a service; fail when it does not succeed."""
-    name, kind, *text = words
+    name, kind, *text = arguments
     request = fill(interface(kind).Request(), yaml.safe_load(text[0]) if text else {})
     fields = {field: getattr(request, field) for field in request.get_fields_and_field_types()}
     answer = rig.call(interface(kind), name, **fields)
     assert answer.success, f'{name}: {answer.message}'
 
 
-def send_goal(rig: Rig, words: Sequence[str]) -> None:
+def send_goal(rig: Rig, arguments: Sequence[str]) -> None:
     """Send a goal and wait until it succeeds."""
-    (name, kind, text), given = options(words)
+    (name, kind, text), given = options(arguments)
     assert given.keys() <= {'--feedback'}
     client = ActionClient(rig.observer, interface(kind), name)
     rig.wait_for(client.server_is_ready, name)
@@ -106,9 +108,9 @@ def send_goal(rig: Rig, words: Sequence[str]) -> None:
     assert result.error_code == 0, result.error_string
 
 
-def parameter(rig: Rig, verb: str, words: Sequence[str]) -> None:
+def parameter(rig: Rig, verb: str, arguments: Sequence[str]) -> None:
     """List, get, describe or set a parameter of a node."""
-    node, *rest = words
+    node, *rest = arguments
     if verb == 'list':
         assert rig.call(ListParameters, f'{node}/list_parameters').result.names
     elif verb == 'set':
@@ -124,9 +126,9 @@ def parameter(rig: Rig, verb: str, words: Sequence[str]) -> None:
         assert verb == 'describe' and found.description
 
 
-def lifecycle(rig: Rig, verb: str, words: Sequence[str]) -> None:
+def lifecycle(rig: Rig, verb: str, arguments: Sequence[str]) -> None:
     """Get the state of a node, or change it."""
-    node, *transition = words
+    node, *transition = arguments
     if verb == 'get':
         assert rig.lifecycle_state(node) == 'active'
     else:
@@ -136,8 +138,8 @@ def lifecycle(rig: Rig, verb: str, words: Sequence[str]) -> None:
 WORDS: dict[str, Callable[[Rig, Sequence[str]], None]] = {
     'topic echo': echo, 'topic hz': echo, 'topic pub': publish, 'service call': call,
     'action send_goal': send_goal,
-    **{f'param {verb}': lambda rig, words, verb=verb: parameter(rig, verb, words)
+    **{f'param {verb}': lambda rig, arguments, verb=verb: parameter(rig, verb, arguments)
        for verb in ('list', 'get', 'set', 'describe')},
-    **{f'lifecycle {verb}': lambda rig, words, verb=verb: lifecycle(rig, verb, words)
+    **{f'lifecycle {verb}': lambda rig, arguments, verb=verb: lifecycle(rig, verb, arguments)
        for verb in ('get', 'set')},
 }

@@ -42,7 +42,12 @@ from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.shapes import SHAPE_PREFIX
 from soft_continuum_interfaces.action import RunShapeSequence
-from soft_continuum_interfaces.msg import Shape, ShapeSequencerState
+from soft_continuum_interfaces.msg import (
+    JammingValvesState,
+    Shape,
+    ShapeSequencerState,
+    TendonActuationState,
+)
 
 DEADLINE = 30.0  # s: for what takes a fraction of a second on an idle machine
 SEGMENTS = 3
@@ -68,6 +73,8 @@ RELIABLE = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
+STATES = {'tendon_actuation': TendonActuationState, 'jamming_valves': JammingValvesState,
+          'shape_sequencer': ShapeSequencerState}
 STATUS_NAMES = {
     GoalStatus.STATUS_SUCCEEDED: 'SUCCEEDED', GoalStatus.STATUS_CANCELED: 'CANCELED',
     GoalStatus.STATUS_ABORTED: 'ABORTED',
@@ -255,7 +262,9 @@ class Rig:
         self.action = self.observer.action
         self.statuses = {
             name: self.record(DiagnosticStatus, f'{name}/status', LATCHED) for name in ALL}
-        self.sequencer = self.record(ShapeSequencerState, 'shape_sequencer/state', LATCHED)
+        self.states = {
+            name: self.record(kind, f'{name}/state', LATCHED) for name, kind in STATES.items()}
+        self.sequencer = self.states['shape_sequencer']
         self.tendons = self.record(JointState, 'tendon_states', RELIABLE)
         self.stiff = [self.record(Bool, f'segment_{n}/stiff', LATCHED)
                       for n in range(1, SEGMENTS + 1)]

@@ -67,7 +67,7 @@ def command_lines(page: Path) -> list[str]:
 
 
 PAGES = {page.relative_to(ROOT).as_posix(): page for page in (
-    *ROOT.glob('*.md'), *ROOT.glob('docs/*.md'), *ROOT.glob('msg_docs/*.md'))}
+    *ROOT.glob('*.md'), *ROOT.glob('docs/**/*.md'), *ROOT.glob('msg_docs/*.md'))}
 LINES = {name: lines for name, page in PAGES.items() if (
     lines := [line for line in command_lines(page)
               if not any(part in line for part in NOT_HERE)])}

@@ -18,7 +18,7 @@ from std_srvs.srv import SetBool
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
-from soft_continuum.nodes.support import RETRY
+from soft_continuum.nodes.managed_node import RETRY
 from soft_continuum_interfaces.action import RunShapeSequence
 
 Result = RunShapeSequence.Result

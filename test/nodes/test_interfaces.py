@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The pages of msg_docs say what the nodes have: no more, no less."""
+"""The pages of msg_docs list the topics, services and actions of the nodes: no more, no less."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,9 +10,6 @@ import re
 import pytest
 from rclpy.action import get_action_server_names_and_types_by_node
 from ros_rig import ALL, Rig
-
-from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.parameter import Value
 
 PAGES = Path(__file__).resolve().parents[2] / 'msg_docs'
 OF_EVERY_NODE = {
@@ -60,7 +57,7 @@ def documented(node: str, title: str, direction: str = '') -> dict[str, str]:
         if not direction or row.get('direction', direction).strip('`').startswith(direction)}
 
 
-def present(rig: Rig, node: str, found: Iterable[tuple[str, list[str]]]) -> dict[str, str]:
+def in_graph(rig: Rig, node: str, found: Iterable[tuple[str, list[str]]]) -> dict[str, str]:
     """Return type by name as the pages write it."""
     names = {}
     for name, types in found:
@@ -72,18 +69,19 @@ def present(rig: Rig, node: str, found: Iterable[tuple[str, list[str]]]) -> dict
     return names
 
 
-def assert_same(node: str, kind: str, said: dict[str, str], there: dict[str, str]) -> None:
+def assert_same(node: str, kind: str, on_page: dict[str, str], in_graph: dict[str, str]) -> None:
     """Claim that page and graph agree; what every lifecycle node has may be left out."""
-    said = {name: re.sub('/(msg|srv|action)/', '/', of) for name, of in said.items()}
-    there = {name: of for name, of in there.items() if name in said or name not in LIFECYCLE}
-    assert said == there, f'msg_docs/{node}.md, {kind}: the page says the first, the node has'
+    on_page = {name: re.sub('/(msg|srv|action)/', '/', of) for name, of in on_page.items()}
+    in_graph = {name: of for name, of in in_graph.items()
+                if name in on_page or name not in LIFECYCLE}
+    assert on_page == in_graph, f'msg_docs/{node}.md, {kind}: the page has the first, the graph'
 
 
 @pytest.mark.parametrize('node', ALL)
 def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node: str) -> None:
     rig.start(node)
     observer, space = rig.observer, rig.namespace
-    for kind, said, found in (
+    for kind, on_page, found in (
             ('publishes topics', documented(node, 'Topics', 'publishes'),
              observer.get_publisher_names_and_types_by_node(node, space)),
             ('subscribes topics', documented(node, 'Topics', 'subscribes'),
@@ -92,51 +90,9 @@ def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node
              observer.get_service_names_and_types_by_node(node, space)),
             ('serves actions', documented(node, 'Actions', 'serves'),
              get_action_server_names_and_types_by_node(observer, node, space))):
-        assert_same(node, kind, said, present(rig, node, found))
-
-
-def plain(text: str) -> str:
-    return text.replace('`', '').replace('\\', '').strip()
-
-
-def same_value(said: str, default: Value) -> bool:
-    """Whether a default as a page writes it is the default, up to the digits that it gives."""
-    if isinstance(default, bool):
-        return said.lower() == str(default).lower()
-    if isinstance(default, str):
-        return said.strip('"\'') == default
-    items = default if isinstance(default, tuple) else (default,)
-    words = [word.strip(' "\'') for word in said.strip('[]').split(',')]
-    if len(words) != len(items):
-        return False
-    for word, item in zip(words, items, strict=True):
-        if isinstance(item, str):
-            if word != item:
-                return False
-        else:
-            try:
-                value = float(word)
-            except ValueError:
-                return False
-            if value != pytest.approx(item, rel=1e-3):
-                return False
-    return True
-
-
-@pytest.mark.parametrize('node', ALL)
-def test_the_page_of_a_node_lists_its_parameters_with_their_defaults(node: str) -> None:
-    rows = {name_of(node, row): row for row in section(node, 'Parameters')}
-    table = {p.name: p for p in NODE_PARAMETERS[node]}
-    said = {name for name in rows if not name.startswith('shapes.')}
-    assert sorted(said) == sorted(table)
-    assert (len(rows) > len(said)) == (node == 'shape_sequencer')  # shapes.<name>
-    for name, parameter in table.items():
-        row = rows[name]
-        assert row['description'], f'{node}.md: {name} has no description'
-        assert same_value(plain(row['default']), parameter.default), (
-            f'{node}.md: default of {name} is {parameter.default}, not {row["default"]}')
+        assert_same(node, kind, on_page, in_graph(rig, node, found))
 
 
 def test_there_is_a_page_for_every_node_and_no_other_node() -> None:
-    pages = {path.stem for path in PAGES.glob('*.md')} - {'README', 'index'}
+    pages = {path.stem for path in PAGES.glob('*.md')} - {'README', 'parameters'}
     assert pages == set(ALL)
