@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``pip install .`` into an empty environment gives the mechanics and the analysis, without ROS."""
+"""Installed with pip in an empty environment: the mechanics and the analysis, without ROS."""
 
 import json
 import os
