@@ -4,8 +4,9 @@
 
 import argparse
 from collections.abc import Sequence
+from math import inf
 
-from soft_continuum.analysis.recording import COLUMNS, RecordingWriter
+from soft_continuum.analysis.recording import FILES
 from soft_continuum.analysis.results import claim
 from soft_continuum.arguments import (
     add_namespace_option,
@@ -20,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
     parser = Parser('record', 'Record tendons, points, pressures, stiffness and progress of a '
                     'running arm into CSV files, until Ctrl-C.')
-    parser.add_argument('--duration', type=number_in(0.1, 1e6, 's'), metavar='S',
+    parser.add_argument('--duration', type=number_in(0.1, 1e6, 's'), metavar='S', default=inf,
                         help='end after so many seconds')
     parser.add_argument('--goal', action='store_true',
                         help='end when the goal that runs, or begins next, has ended')
@@ -30,8 +31,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from soft_continuum.nodes.recorder import record  # needs ROS
+    from soft_continuum.client.recorder import record  # needs ROS
 
-    claim(options.output, [f'{name}.csv' for name in COLUMNS], options.force)
-    with RecordingWriter(options.output) as writer:
-        return record(options, writer)
+    claim(options.output, FILES, options.force)
+    return record(options.output, namespace=options.namespace, duration=options.duration,
+                  goal=options.goal)
