@@ -17,7 +17,7 @@ from visualization_msgs.msg import MarkerArray
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.nodes.markers import shape_markers
-from soft_continuum.nodes.model import COMPILING, load_model, SLACK_ALLOWANCE
+from soft_continuum.nodes.model import load_model, loading, SLACK_ALLOWANCE
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, OK, Status, WARN
 from soft_continuum.parameters.arm import arm_from_parameters
@@ -80,7 +80,7 @@ class Kinematics(Node):
                 Bool, f'segment_{i + 1}/stiff',
                 lambda message, i=i: self._on_stiff(i, message.data), LATCHED)
         self.create_service(Trigger, '~/reset', self._on_reset)
-        self.status.set(WARN, COMPILING)
+        self.status.set(OK, loading())
 
     def quit(self) -> None:
         """Nothing to do: this node moves nothing."""
@@ -204,7 +204,7 @@ class Kinematics(Node):
         if self._pulls is None:
             response.message = 'no tendon_states yet; start tendon_actuation'
         elif not self._compiled:
-            response.message = f'not ready: {COMPILING}'
+            response.message = loading()
         elif True not in self._stiff and None not in self._stiff:
             # Without a stiff segment the pulls alone make the shape.
             try:

@@ -8,13 +8,18 @@ import threading
 
 from rclpy.node import Node
 
+from soft_continuum.mechanics._compile import is_compiled
 from soft_continuum.mechanics.statics import warm_up
 from soft_continuum.nodes.threads import on_ros_thread
 
 SLACK_ALLOWANCE = 1e-4
 """m of pull that rope and guides absorb; the model's inextensible tendons would buckle the arm."""
 
-COMPILING = 'compiling the model, this once; it takes about half a minute'
+
+def loading() -> str:
+    """Return what a node does before it can work."""
+    return ('loading the model' if is_compiled() else
+            'compiling the model, this once; it takes about half a minute')
 
 
 def load_model(node: Node, loaded: Callable[[], None] | None = None) -> None:

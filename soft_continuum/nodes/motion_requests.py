@@ -4,18 +4,9 @@
 
 from dataclasses import dataclass
 
-from soft_continuum.hardware.tendon_controller import MotionRefusedError
+from soft_continuum.hardware.tendon_controller import Reason
 from soft_continuum.mechanics.chain import Array
 from soft_continuum_interfaces.msg import MotionRequest
-
-
-class RefusedError(MotionRefusedError):
-    """A trajectory is refused; reason: of MotionRequest."""
-
-    def __init__(self, reason: int, message: str) -> None:
-        """Keep both."""
-        super().__init__(message)
-        self.reason = reason
 
 
 @dataclass(frozen=True)
@@ -50,12 +41,12 @@ class MotionRequests:
         """Follow a trajectory from now on."""
         self.accepted = MotionRequest(id=request_id, status=MotionRequest.FOLLOWING)
 
-    def refuse(self, request_id: str, reason: int, message: str) -> None:
+    def refuse(self, request_id: str, reason: Reason, message: str) -> None:
         """Refuse a trajectory; the accepted one goes on."""
         self.refused = MotionRequest(
             id=request_id, status=MotionRequest.REFUSED, reason=reason, message=message)
 
-    def end(self, reason: int, message: str) -> None:
+    def end(self, reason: Reason, message: str) -> None:
         """End the accepted trajectory before its end, if it is still followed."""
         if self.following:
             self.accepted = MotionRequest(id=self.accepted.id, status=MotionRequest.ENDED,

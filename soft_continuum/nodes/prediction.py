@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from soft_continuum.hardware.tendon_controller import MotionRefusedError, Reason
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.nodes.model import SLACK_ALLOWANCE
-from soft_continuum.nodes.motion_requests import RefusedError
-from soft_continuum_interfaces.msg import MotionRequest
 
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
 MAX_STATES = 2000
@@ -41,13 +40,13 @@ class TensionPrediction:
         """
         Return how many states are predicted between the points of pulls (k, tendons) in m.
 
-        Raises RefusedError when they are more than MAX_STATES.
+        Raises MotionRefusedError when they are more than MAX_STATES.
         """
         moves = np.abs(np.diff(pulls, axis=0)).max(axis=1)
         steps: list[int] = np.maximum(1, np.ceil(moves / PREDICTION_STEP)).astype(int).tolist()
         if sum(steps) > MAX_STATES:
-            raise RefusedError(
-                MotionRequest.INVALID,
+            raise MotionRefusedError(
+                Reason.INVALID,
                 f'{len(pulls)} points with {moves.sum():.3f} m of pull take {sum(steps)} '
                 f'predicted states; allowed: {MAX_STATES}; send it in parts')
         return steps
@@ -58,7 +57,7 @@ class TensionPrediction:
         Refuse pulls (k, tendons) in m that need too much tension, or for which there is no shape.
 
         joint_angles: (joints,) rad of the shape from which they start.  soft: per segment.  Ends
-        early once ``revoked``.  Raises RefusedError.
+        early once ``revoked``.  Raises MotionRefusedError.
         """
         state = self.chain.state(joint_angles)
         try:
@@ -71,7 +70,7 @@ class TensionPrediction:
                     state = self._statics.solve(state, wanted - SLACK_ALLOWANCE, soft)
                     self._check(wanted, np.asarray(state.tensions), limits)
         except StaticsError as error:
-            raise RefusedError(MotionRequest.TENSION, str(error)) from None
+            raise MotionRefusedError(Reason.TENSION, str(error)) from None
 
     def _check(self, pulls: Array, tensions: Array, limits: TensionLimits) -> None:
         second = np.sort(tensions)[-2] if len(tensions) > 1 else 0.0
@@ -79,8 +78,8 @@ class TensionPrediction:
             predicted = ', '.join(
                 f'{name} {pull * 1e3:.2f} mm: {tension:.1f} N' for name, pull, tension
                 in zip(self._tendons, pulls, tensions, strict=True))
-            raise RefusedError(
-                MotionRequest.TENSION,
+            raise MotionRefusedError(
+                Reason.TENSION,
                 f'the tensions on the way would be too large, at {predicted}; tension_limit: '
                 f'{limits.any_tendon:g} N, co_contraction_limit (two at once): '
                 f'{limits.both:g} N')

@@ -9,19 +9,19 @@ from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
+from soft_continuum.hardware.tendon_controller import Reason
 from soft_continuum.mechanics.chain import Array, RigidChain
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.qos import LATCHED, SENSOR
-from soft_continuum_interfaces.msg import MotionRequest
 
 STRAIGHT = 0.02  # rad: largest bending angle of a segment that counts as straight
 
 
 @dataclass(frozen=True)
 class Interlock:
-    """Why the tendons must not move; reason: of MotionRequest."""
+    """Why the tendons must not move; reason: as in MotionRequest."""
 
-    reason: int
+    reason: Reason
     message: str
 
 
@@ -70,16 +70,16 @@ class ReportedArm:
         """Return why the arm must not be moved at all now, None when it may be."""
         if not self._stiffness_known:
             return Interlock(
-                MotionRequest.STIFFNESS_UNKNOWN,
+                Reason.STIFFNESS_UNKNOWN,
                 'it is not known which segments are soft: nothing received from jamming_valves '
                 f'for {self._timeout:g} s')
         if all(self.stiff):
             return Interlock(
-                MotionRequest.ALL_STIFF, 'every segment is stiff; soften one first '
+                Reason.ALL_STIFF, 'every segment is stiff; soften one first '
                 '(jamming_valves/segment_N/set_stiff)')
         if self.joint_angles is None:
             return Interlock(
-                MotionRequest.SHAPE_UNKNOWN,
+                Reason.SHAPE_UNKNOWN,
                 'the shape of the arm is not known, so no tension can be predicted: no '
                 f'joint_states from kinematics for {self._timeout:g} s')
         return None
@@ -88,18 +88,18 @@ class ReportedArm:
         """Return why tendons must not be paid out to their switches now, None when they may."""
         if not self._stiffness_known:
             return Interlock(
-                MotionRequest.STIFFNESS_UNKNOWN, 'it is not known whether the arm is stiff: '
+                Reason.STIFFNESS_UNKNOWN, 'it is not known whether the arm is stiff: '
                 f'nothing received from jamming_valves for {self._timeout:g} s')
         if not all(self.stiff):
             return Interlock(
-                MotionRequest.STIFFNESS_CHANGED,
+                Reason.STIFFNESS_CHANGED,
                 'homing pays out the tendons: stiffen every segment')
         angles = self.joint_angles
         if angles is not None:
             bent = np.abs(self._chain.bending_angles(angles)).max()
             if bent > STRAIGHT:
                 return Interlock(
-                    MotionRequest.HOMING,
+                    Reason.HOMING,
                     'homing ends where the straight arm has its tendons just taut, but a '
                     f'segment is bent by {bent:.3f} rad: straighten the arm, and call '
                     'kinematics/reset if kinematics is wrong')

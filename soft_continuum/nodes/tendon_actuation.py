@@ -13,13 +13,15 @@ from trajectory_msgs.msg import JointTrajectory
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import TendonDriver
 from soft_continuum.hardware.tendon_controller import (
+    MotionRefusedError,
+    Reason,
     TendonController,
     TendonLimits,
 )
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
-from soft_continuum.nodes.model import COMPILING, load_model
-from soft_continuum.nodes.motion_requests import RefusedError, Request
+from soft_continuum.nodes.model import load_model, loading
+from soft_continuum.nodes.motion_requests import Request
 from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
 from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
@@ -29,7 +31,7 @@ from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.conversions import seconds, trajectory_from_ros
 from soft_continuum.ros.qos import STREAM
-from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
+from soft_continuum_interfaces.msg import TendonActuationState
 
 MAX_POINTS = 1000
 """Points of one trajectory."""
@@ -90,7 +92,7 @@ class TendonActuation(ManagedNode):
             TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, self._seconds)
         driver.open()
         low, high = self.parameters['pull_limits']
-        limits = TendonLimits((low, high), self.parameters['speed_limit'])
+        limits = TendonLimits(self._tendons, (low, high), self.parameters['speed_limit'])
         return driver, TendonController(driver, limits)
 
     def close_device(self, device: Device) -> None:
@@ -125,12 +127,13 @@ class TendonActuation(ManagedNode):
         self._loop.post(self._control.not_connected, error)
 
     def start(self) -> None:
-        """Load the model, and connect if ``autostart`` asks for it."""
+        """Load the model, then connect if ``autostart`` asks for it."""
+        self.status.set(OK, loading())
         load_model(self, self._on_model)
-        super().start()
 
     def _on_model(self) -> None:
         self._compiled = True
+        super().start()
 
     def quit(self) -> None:
         """Hold and disconnect before the process ends."""
@@ -141,31 +144,31 @@ class TendonActuation(ManagedNode):
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         if not message.points:
-            self._loop.post(self._control.hold, MotionRequest.HELD,
+            self._loop.post(self._control.hold, Reason.HELD,
                             'a trajectory without points asked the tendons to hold')
             return
         request_id = message.header.frame_id
         try:
             request = self._request(message)
             if not self._judging.submit(self._judge, request):
-                raise RefusedError(
-                    MotionRequest.BUSY, 'too many trajectories wait to be judged; send them '
+                raise MotionRefusedError(
+                    Reason.BUSY, 'too many trajectories wait to be judged; send them '
                     'more slowly')
-        except RefusedError as error:
+        except MotionRefusedError as error:
             self._refuse(request_id, error)
 
     def _request(self, message: JointTrajectory) -> Request:
-        """Return a trajectory as numbers; raises RefusedError when it cannot be one."""
+        """Return a trajectory as numbers; raises MotionRefusedError when it cannot be one."""
         if not self._compiled:
-            raise RefusedError(MotionRequest.INACTIVE, f'not ready: {COMPILING}')
+            raise MotionRefusedError(Reason.INACTIVE, loading())
         if len(message.points) > MAX_POINTS:
-            raise RefusedError(
-                MotionRequest.INVALID, f'{len(message.points)} points; allowed: {MAX_POINTS}; '
+            raise MotionRefusedError(
+                Reason.INVALID, f'{len(message.points)} points; allowed: {MAX_POINTS}; '
                 'send the trajectory in parts')
         try:
             times, pulls = trajectory_from_ros(message, self._tendons)
         except ValueError as error:
-            raise RefusedError(MotionRequest.INVALID, str(error)) from None
+            raise MotionRefusedError(Reason.INVALID, str(error)) from None
         return Request(message.header.frame_id, times, pulls,
                        seconds(message.header.stamp) or None, self._control.revocations)
 
@@ -182,14 +185,14 @@ class TendonActuation(ManagedNode):
                     pulls, joint_angles, [not s for s in stiff], limits,
                     lambda: control.revocations != request.revocation)
             self._loop.call(control.follow, request, stiff)
-        except RefusedError as error:
+        except MotionRefusedError as error:
             self._refuse(request.id, error)
         except Exception as error:
-            self._refuse(request.id, RefusedError(
-                MotionRequest.INVALID, f'it could not be judged: {type(error).__name__}: {error}'))
+            self._refuse(request.id, MotionRefusedError(
+                Reason.INVALID, f'it could not be judged: {type(error).__name__}: {error}'))
             raise
 
-    def _refuse(self, request_id: str, error: RefusedError) -> None:
+    def _refuse(self, request_id: str, error: MotionRefusedError) -> None:
         self.get_logger().error(f'trajectory refused: {error}')
         self._loop.post(self._control.refuse, request_id, error.reason, str(error))
 
@@ -227,7 +230,7 @@ class TendonActuation(ManagedNode):
         if not self.active:
             return OK, 'inactive'
         if not self._compiled:
-            return WARN, COMPILING
+            return WARN, loading()
         if state.homing:
             return WARN, 'homing'
         if state.stop_message:

@@ -8,11 +8,15 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
-from soft_continuum.hardware.tendon_controller import MotionRefusedError, TendonController
+from soft_continuum.hardware.tendon_controller import (
+    MotionRefusedError,
+    Reason,
+    TendonController,
+)
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.nodes.motion_requests import MotionRequests, RefusedError, Request
+from soft_continuum.nodes.motion_requests import MotionRequests, Request
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm
-from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
+from soft_continuum_interfaces.msg import TendonActuationState
 
 LATE_PERIODS = 5
 """Periods that may pass between two cycles before the motion is ended instead of caught up."""
@@ -63,8 +67,8 @@ class TendonControl:
         self._stopped, self._stop_message = TendonActuationState.NOT_STOPPED, ''
         self._fault = ''  # why there is no device
         self._ended = self._refused = ''  # why the last motion was, for people
-        self._revoked: tuple[int, int, str] = (0, MotionRequest.NO_REASON, '')
-        self._over: dict[str, tuple[int, str]] = {}  # motions that were revoked, by their id
+        self._revoked: tuple[int, Reason, str] = (0, Reason.NO_REASON, '')
+        self._over: dict[str, tuple[Reason, str]] = {}  # motions that were revoked, by their id
         self.lost = False  # a device that was attached
 
     @property
@@ -101,7 +105,7 @@ class TendonControl:
     def deactivate(self) -> None:
         """Brake, hold and accept no trajectories."""
         self._active = False
-        self.hold(MotionRequest.INACTIVE, 'the node was deactivated')
+        self.hold(Reason.INACTIVE, 'the node was deactivated')
 
     def not_connected(self, error: str) -> None:
         """Take note of why the device cannot be connected to."""
@@ -117,7 +121,7 @@ class TendonControl:
         if not self._stop_message:
             self._stopped = TendonActuationState.STOPPED_BY_DEVICE
             self._stop_message = f'the device failed: {error}'
-        self._revoke(MotionRequest.DEVICE, str(error))
+        self._revoke(Reason.DEVICE, str(error))
         self.report()
 
     def failed(self, error: Exception) -> None:
@@ -152,11 +156,11 @@ class TendonControl:
         controller = self._checked(request)
         if stiff != self._arm.stiff:
             self._refuse_because(Interlock(
-                MotionRequest.STIFFNESS_CHANGED,
+                Reason.STIFFNESS_CHANGED,
                 'a segment changed between soft and stiff before the motion began'))
         self._accept(controller, request, lambda _: None)
         if request.id != self._requests.accepted.id and self._requests.following:
-            self._requests.end(MotionRequest.REPLACED, 'a newer trajectory took its place')
+            self._requests.end(Reason.REPLACED, 'a newer trajectory took its place')
             self.report()
         self._requests.accept(request.id)
         self._stiff_at_start, self._ended, self._refused = stiff, '', ''
@@ -166,14 +170,15 @@ class TendonControl:
         count, reason, message = self._revoked
         if count != request.revocation:
             self._forbid(request.id, reason, message)
-            raise RefusedError(reason, message)
+            raise MotionRefusedError(reason, message)
         if request.id in self._over:
             reason, message = self._over[request.id]
-            raise RefusedError(reason, f'the motion {request.id} has ended ({message}); send '
-                               'another one with another header.frame_id')
+            raise MotionRefusedError(
+                reason, f'the motion {request.id} has ended ({message}); send another one with '
+                'another header.frame_id')
         if self._controller is None or not self._active:
-            raise RefusedError(
-                MotionRequest.DEVICE if self._fault else MotionRequest.INACTIVE,
+            raise MotionRefusedError(
+                Reason.DEVICE if self._fault else Reason.INACTIVE,
                 self._fault or 'the node is not active')
         if interlock := self._arm.motion_interlock():
             self._refuse_because(interlock)
@@ -183,28 +188,13 @@ class TendonControl:
                 predict: Callable[[Array], None]) -> None:
         now = self._clock()
         start = now if request.start is None else request.start
-        try:
-            controller.accept(start + request.times, request.pulls, now, predict, start)
-        except _NotYetError:
-            raise
-        except MotionRefusedError as error:
-            raise RefusedError(self._reason(controller, str(error)), str(error)) from None
-
-    @staticmethod
-    def _reason(controller: TendonController, message: str) -> int:
-        if controller.stopped:
-            return int(MotionRequest.STOPPED)
-        if controller.homing:
-            return int(MotionRequest.HOMING)
-        if not controller.reading.referenced:
-            return int(MotionRequest.NOT_REFERENCED)
-        return int(MotionRequest.BEYOND_LIMITS if '_limit' in message else MotionRequest.INVALID)
+        controller.accept(start + request.times, request.pulls, now, predict, start)
 
     @staticmethod
     def _refuse_because(interlock: Interlock) -> NoReturn:
-        raise RefusedError(interlock.reason, interlock.message)
+        raise MotionRefusedError(interlock.reason, interlock.message)
 
-    def refuse(self, request_id: str, reason: int, message: str) -> None:
+    def refuse(self, request_id: str, reason: Reason, message: str) -> None:
         """Report that a trajectory is refused; whatever is followed goes on."""
         self._refused = message
         self._requests.refuse(request_id, reason, message)
@@ -212,21 +202,21 @@ class TendonControl:
 
     # Holding, stopping, referencing.
 
-    def _revoke(self, reason: int, message: str) -> None:
+    def _revoke(self, reason: Reason, message: str) -> None:
         """End the motion, and refuse the trajectories that are being judged."""
         self._revoked = (self._revoked[0] + 1, reason, message)
         if self._requests.following:
             self._forbid(self._requests.accepted.id, reason, message)
         self._requests.end(reason, message)
 
-    def _forbid(self, request_id: str, reason: int, message: str) -> None:
+    def _forbid(self, request_id: str, reason: Reason, message: str) -> None:
         """Accept no further part of a motion: it may come in parts that share an id."""
         if request_id:
             self._over[request_id] = reason, message
             if len(self._over) > MAX_REVOKED:
                 del self._over[next(iter(self._over))]
 
-    def hold(self, reason: int, message: str) -> None:
+    def hold(self, reason: Reason, message: str) -> None:
         """Brake and hold, ready for the next trajectory."""
         self._revoke(reason, message)
         if self._controller is not None:
@@ -243,7 +233,7 @@ class TendonControl:
         kind: of TendonActuationState.  Returns whether the device was reached, and the answer.
         """
         self._stopped, self._stop_message = kind, message
-        self._revoke(MotionRequest.STOPPED,
+        self._revoke(Reason.STOPPED,
                      f'stopped ({message}); call ~/resume before any motion')
         answer = True, 'stopped, holding tension; nothing moves before ~/resume'
         if self._controller is None:
@@ -317,11 +307,11 @@ class TendonControl:
         if interlock := self._arm.motion_interlock():
             return interlock
         if self._stiff_at_start != self._arm.stiff:
-            return Interlock(MotionRequest.STIFFNESS_CHANGED,
+            return Interlock(Reason.STIFFNESS_CHANGED,
                              'a segment changed between soft and stiff during the motion')
         if controller.following and late > LATE_PERIODS * self._period:
             return Interlock(
-                MotionRequest.LATE, f'the control cycle came {late:.3f} s late, more than '
+                Reason.LATE, f'the control cycle came {late:.3f} s late, more than '
                 f'{LATE_PERIODS} periods; the computer is too busy')
         return None
 
@@ -345,5 +335,5 @@ class TendonControl:
         self._publish(self.snapshot())
 
 
-class _NotYetError(MotionRefusedError):
+class _NotYetError(Exception):
     """A trajectory that is all right so far is not to be followed yet."""
