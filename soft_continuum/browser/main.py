@@ -11,8 +11,7 @@ from collections.abc import Sequence
 import re
 import signal
 import sys
-import threading
-from typing import Any
+from time import sleep
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -26,15 +25,17 @@ from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.processes import NodeProcesses
-from soft_continuum.nodes.runtime import argument_error, NODES, ROS_ARGUMENT_ERRORS
+from soft_continuum.nodes.runtime import argument_error, ROS_ARGUMENT_ERRORS
 from soft_continuum.nodes.up import ros_arguments
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.names import NODES
 
 PORT = 8080
 SCENE_PERIOD = 0.04  # s
 PANEL_PERIOD = 0.2  # s
 DESCRIPTION_PERIOD = 2.0  # s between two requests for the description
 ANSWER_TIMEOUT = 5.0  # s for a service; the board of a rig answers within a fraction of one
+CHECK_PERIOD = 0.5  # s between two looks at the processes of the nodes
 DISCOVERY_TIMEOUT = 0.5  # s: nodes that run were discovered before somebody clicks
 TOKEN = re.compile('[A-Za-z0-9_-]{12,}')
 
@@ -110,39 +111,32 @@ def ui() -> int:
     known.add_argument('--view-only', action='store_true',
                        help='start no nodes; show those that run')
     options, rest = known.parse_known_args()
-    arguments = ros_arguments(rest)
-    if options.view_only:
-        return run(arguments, options)
-    try:
-        with NodeProcesses(NODES, arguments):
-            return run(arguments, options)
-    except ParameterError as error:
-        print(f'ui: {error}', file=sys.stderr)
-    except ROS_ARGUMENT_ERRORS as error:
-        print(f'ui: {argument_error(arguments, error)}', file=sys.stderr)
-    return 2
+    return run(() if options.view_only else NODES, ros_arguments(rest), options)
 
 
 def browser() -> int:
     """Run the view alone, with the arguments of a ROS node; return the exit status."""
     options, rest = parser('browser').parse_known_args()
-    return run(['browser', *rest], options)
+    return run((), ['browser', *rest], options)
 
 
-def run(arguments: Sequence[str], options: argparse.Namespace) -> int:
-    """Run the view, with ROS arguments, until SIGINT or SIGTERM; return the exit status."""
-    signal.signal(signal.SIGTERM, _interrupt)
+def run(names: Sequence[str], arguments: Sequence[str], options: argparse.Namespace) -> int:
+    """Run nodes and the view until SIGINT or SIGTERM; return the exit status."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     connection: Connection | None = None
     server: viser.ViserServer | None = None
     token = options.token or ''
     try:
-        server = open_server(options.host, options.port, token)
-        connection = Connection('browser', timeout=ANSWER_TIMEOUT, arguments=arguments,
-                                discovery_timeout=DISCOVERY_TIMEOUT)
-        connection.requests.start(_show(server, connection.requests)).result()
-        print(f'The arm is at {page_address(server, token)} (Ctrl-C ends it)', flush=True)
-        threading.Event().wait()
-    except (AccessError, ClientError) as error:
+        with NodeProcesses(names, arguments) as nodes:
+            server = open_server(options.host, options.port, token)
+            connection = Connection('browser', timeout=ANSWER_TIMEOUT, arguments=arguments,
+                                    discovery_timeout=DISCOVERY_TIMEOUT)
+            connection.requests.start(_show(server, connection.requests)).result()
+            print(f'The arm is at {page_address(server, token)} (Ctrl-C ends it)', flush=True)
+            while True:
+                nodes.check()
+                sleep(CHECK_PERIOD)
+    except (AccessError, ClientError, ParameterError) as error:
         print(f'{error}', file=sys.stderr)
         return 2
     except ROS_ARGUMENT_ERRORS as error:
@@ -161,7 +155,3 @@ def run(arguments: Sequence[str], options: argparse.Namespace) -> int:
 async def _show(server: viser.ViserServer, requests: Requests) -> View:
     """Begin to show the arm, on the thread of the node."""
     return View(server, Session(requests))
-
-
-def _interrupt(*_: Any) -> None:
-    raise KeyboardInterrupt
