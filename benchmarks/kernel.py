@@ -9,6 +9,7 @@ from unittest.mock import patch
 import numpy as np
 
 from soft_continuum.mechanics import _newton, Equilibrium, Statics
+from soft_continuum.mechanics._arrays import State
 from soft_continuum.mechanics.chain import Array
 
 
@@ -24,26 +25,24 @@ class Kernel:
         """
         calls: list[tuple[Any, ...]] = []
 
-        def record(*arguments: Any) -> Any:
-            calls.append(tuple(
-                a.copy() if isinstance(a, np.ndarray) else a for a in arguments))
-            return compiled(*arguments)
+        def record(state: State, *arguments: Any) -> Any:
+            calls.append((tuple(a.copy() for a in state), *arguments))
+            return compiled(state, *arguments)
 
         compiled = _newton.newton
         with patch.object(_newton, 'newton', record):
             Statics(statics.chain.arm).solve(start, pulls, soft)
-        theta, tension, *self._rest = calls[0]
-        self._begin = theta.copy(), tension.copy()
-        self._state = theta, tension
+        self._state, *self._rest = calls[0]
+        self._begin = self._state[0].copy(), self._state[1].copy()
         status, self.iterations, *_ = self.run()
         if status != _newton.CONVERGED:
             raise RuntimeError(f'the compiled solver ended with status {status}')
-        self.joint_angles: Array = np.diff(theta, prepend=0.0)
+        self.joint_angles: Array = np.diff(self._state[0], prepend=0.0)
 
     def run(self) -> tuple[int, ...]:
         """Solve from the start; return what ``_newton.newton`` does."""
         self._state[0][:], self._state[1][:] = self._begin
-        result: tuple[int, ...] = _newton.newton(*self._state, *self._rest)
+        result: tuple[int, ...] = _newton.newton(self._state, *self._rest)
         return result
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shape sequences with random faults at random times, until an hour's worth has been run."""
+"""Shape sequences with random faults at random times, for an hour of operation."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ class Tally:
     """Counts over all runs; goals: by how they ended; undisturbed: those without any event."""
 
     seconds: float = 0.0
-    worth: float = 0.0
+    operation: float = 0.0
     goals: Counter[str] = field(default_factory=Counter)
     undisturbed: Counter[str] = field(default_factory=Counter)
     reasons: list[str] = field(default_factory=list)
@@ -50,19 +50,19 @@ class Tally:
 
 
 def run(share: float) -> Report:
-    """Run sequences until ``share`` of an hour's worth is done."""
+    """Run sequences until ``share`` of an hour of operation is done."""
     tally, random = Tally(), Random(1)
-    while tally.worth < share * HOUR and len(tally.failures) < MAX_FAILURES:
+    while tally.operation < share * HOUR and len(tally.failures) < MAX_FAILURES:
         begin = time.monotonic()
         with workbench(PARAMETERS, SPEED_UP) as bench:
             bench.start_all()
             with Watch(bench) as watch:
                 try:
-                    _run_on(bench, watch, tally, random, share * HOUR - tally.worth)
+                    _run_on(bench, watch, tally, random, share * HOUR - tally.operation)
                 except FAILED as error:  # go on with new nodes
                     tally.failures.append(f'{error} (after {dict(tally.faults)})')
                     progress(tally.failures[-1])
-        tally.worth += watch.worth
+        tally.operation += watch.operation
         tally.seconds += time.monotonic() - begin
         tally.falsely_stiff = max(tally.falsely_stiff, *(s.seconds for s in watch.falsely_stiff))
         tally.moved_stiff = max(tally.moved_stiff, watch.moved_stiff.seconds)
@@ -73,13 +73,14 @@ def run(share: float) -> Report:
     return Report(_body(tally), (*tally.failures, *_claims(tally)))
 
 
-def _run_on(bench: Workbench, watch: Watch, tally: Tally, random: Random, worth: float) -> None:
+def _run_on(bench: Workbench, watch: Watch, tally: Tally, random: Random,
+            duration: float) -> None:
     queue: list[Fault | None] = []
-    while watch.worth < worth and not watch.failure:
+    while watch.operation < duration and not watch.failure:
         if not queue:  # every fault once, and as often none, in a random order
             queue = [*FAULTS, *[None] * len(FAULTS)]
             random.shuffle(queue)
-            progress(f'{(tally.worth + watch.worth) / 60:.0f} min of operation done')
+            progress(f'{(tally.operation + watch.operation) / 60:.0f} min of operation done')
         fault = queue.pop()
         name = fault.name if fault else 'none'
         try:
@@ -172,7 +173,7 @@ def _claims(tally: Tally) -> list[str]:
 def _body(tally: Tally) -> str:
     growth = ', '.join('-' if isnan(g) else f'{g:+.1f}' for g in tally.growth)
     rows = [
-        ('operation at the default speed that this is worth', f'{tally.worth / 60:.1f} min', ''),
+        ('operation, at the default speed', f'{tally.operation / 60:.1f} min', ''),
         ('time that it took', f'{tally.seconds / 60:.1f} min', ''),
         ('goals', _counts(tally.goals), ''),
         ('of these without fault, cancel or newer goal', _counts(tally.undisturbed), ''),

@@ -52,14 +52,14 @@ class Watch:
     What was measured inside a ``with`` block.
 
     falsely_stiff: a segment counted as stiff below the release threshold.  moved_stiff: motors ran
-    though all segments were stiff.  worth: s that the same would have taken at the default speed.
+    though all segments were stiff.  operation: s of it at the default speed.
     """
 
     bench: Workbench
     falsely_stiff: list[Longest] = field(
         default_factory=lambda: [Longest() for _ in range(SEGMENTS)])
     moved_stiff: Longest = field(default_factory=Longest)
-    worth: float = 0.0
+    operation: float = 0.0
     memory: list[tuple[float, float]] = field(default_factory=list)  # s, MB
     failure: str = ''
 
@@ -109,15 +109,15 @@ class Watch:
                     counts_as_stiff and vacuum[i] < THRESHOLDS.release_vacuum, now)
                 if stiff[i] and vacuum[i] <= SOFT_VACUUM:
                     stiff[i] = False
-                    self.worth += VENTING
+                    self.operation += VENTING
                 elif not stiff[i] and vacuum[i] >= THRESHOLDS.stiff_vacuum:
                     stiff[i] = True
-                    self.worth += EVACUATION
+                    self.operation += EVACUATION
             self.moved_stiff.note(
                 bench.grbl.moving and min(vacuum) >= THRESHOLDS.stiff_vacuum, now)
             before, motors = motors, bench.motors
             steps = max(abs(a - b) for a, b in zip(motors, before, strict=True))
-            self.worth += steps / STEPS_PER_METRE / TENDON_SPEED
+            self.operation += steps / STEPS_PER_METRE / TENDON_SPEED
             if now - weighed > 1.0:
                 weighed = now
                 self._weigh(now)

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Unknowns of an arm from measured points and pulls, by least squares; all of this is ours.
+Unknowns of an arm from measured points and pulls, by least squares.  Not in the paper.
 
 The pulls are taken as they are, the points as measured with independent errors of one size.
 """

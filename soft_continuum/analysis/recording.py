@@ -3,10 +3,11 @@
 """
 A recorded run: one CSV file per kind of message, written line by line, so that nothing is lost.
 
-Times count from the start of the recording.  Lengths are in mm, angles in degrees, tensions in N,
-pressures in kPa absolute: files are for people and spreadsheets.
+Times count from the start of the recording.  Lengths are in mm, tensions in N, pressures in kPa
+absolute, orientations quaternions: files are for people and spreadsheets.
 """
 
+from collections.abc import Sequence
 import csv
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,29 +19,44 @@ import numpy as np
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.mechanics.chain import Array
 
+PULL, TENSION = ' pull [mm]', ' tension [N]'  # after the name of a tendon
+POSE = ('x [mm]', 'y [mm]', 'z [mm]', 'qx', 'qy', 'qz', 'qw')
+PLANAR_POSE = ('x [mm]', 'z [mm]', 'tangent [deg]')  # as version 0.1 wrote it
 COLUMNS = {
-    'tendons': ('time [s]', 'right pull [mm]', 'left pull [mm]'),
-    'tensions': ('time [s]', 'right tension [N]', 'left tension [N]'),
-    'points': ('time [s]', 'point', 'x [mm]', 'z [mm]', 'tangent [deg]'),
+    'points': ('time [s]', 'point', *POSE),
     'pressures': ('time [s]', 'segment', 'pressure [kPa]'),
     'stiff': ('time [s]', 'segment', 'stiff'),
     'events': ('time [s]', 'source', 'event'),
 }
-"""Columns by file, without its ending."""
+"""Columns by file, without its ending, of the files that are the same for every arm."""
+
+FILES = tuple(f'{name}.csv' for name in ('tendons', 'tensions', *COLUMNS))
+"""The files of a recording."""
+
+HOLDING_DELAY = 0.2  # s, by which poses and pulls may come after the event that they belong to
 
 
 class RecordingWriter:
     """Writes a recording into a directory; use it in a ``with`` statement."""
 
-    def __init__(self, directory: Path) -> None:
-        """Begin all files anew in ``directory``, which exists."""
+    def __init__(self, directory: Path, tendons: Sequence[str]) -> None:
+        """
+        Begin all files anew in ``directory``, which exists.
+
+        tendons: names of the arm's tendons, in the order of the values that are written.
+        """
+        columns = {
+            'tendons': ('time [s]', *(f'{name}{PULL}' for name in tendons)),
+            'tensions': ('time [s]', *(f'{name}{TENSION}' for name in tendons)),
+            **COLUMNS}
+        self._width = {name: len(header) - 1 for name, header in columns.items()}
         self._files: list[TextIO] = []
         self._writers = {}
-        for name, columns in COLUMNS.items():
+        for name, header in columns.items():
             file = (directory / f'{name}.csv').open('w', encoding='utf-8', newline='', buffering=1)
             self._files.append(file)
             self._writers[name] = csv.writer(file, lineterminator='\n')
-            self._writers[name].writerow(columns)
+            self._writers[name].writerow(header)
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -53,25 +69,53 @@ class RecordingWriter:
             file.close()
 
     def write(self, name: str, time: float, *values: float | str) -> None:
-        """Add a row to the file of that name; time: s."""
+        """
+        Add a row to a file.
+
+        name: of the file, without its ending.  time: s.  values: those of the other columns, in
+        the units of the header.  Raises ValueError when their number is not that of the columns.
+        """
+        if len(values) != self._width[name]:
+            raise ValueError(f'{name}.csv has {self._width[name]} columns after the time; '
+                             f'given: {len(values)} values')
         self._writers[name].writerow(
             [f'{time:.4f}', *(v if isinstance(v, str) else f'{v:.6g}' for v in values)])
 
 
 @dataclass(frozen=True)
 class Held:
-    """A shape that was held: its name, from when (s), points (k, 3) mm, degrees, pulls (2,) mm."""
+    """
+    A shape that was held.
+
+    shape: its name.  time: s, when holding began.  points: (k, 7), position x, y, z in mm and
+    quaternion x, y, z, w of the calculation points.  pulls: (tendons,) mm.
+    """
 
     shape: str
     time: float
     points: Array
     pulls: Array
 
+    @property
+    def tangents(self) -> Array:
+        """Return the angles (k,) of the tangents from z towards x, degrees."""
+        x, y, z, w = self.points[:, 3:].T
+        angles: Array = np.degrees(np.arctan2(2.0 * (x * z + w * y), 1.0 - 2.0 * (x * x + y * y)))
+        return angles
+
 
 @dataclass(frozen=True)
 class Recording:
-    """What was recorded: rows by file (COLUMNS) as numbers, and events as (s, source, text)."""
+    """
+    What was recorded.
 
+    tendon_names: in the order of the columns.  tendons, tensions: (rows, 1 + tendons), time in s
+    and mm or N.  points: (rows, 9), time, number of the point, and pose as in Held.  pressures,
+    stiff: (rows, 3), time, number of the segment, and kPa, or 1 for stiff.  events: (time, source,
+    text).
+    """
+
+    tendon_names: tuple[str, ...]
     tendons: Array
     tensions: Array
     points: Array
@@ -84,29 +128,60 @@ class Recording:
         found = []
         for time, source, text in self.events:
             shape, _, phase = text.partition(': ')
-            if source != 'progress' or not phase.startswith('holding') or not len(self.tendons):
+            if source != 'progress' or not phase.startswith('holding'):
                 continue
-            rows = self.points[self.points[:, 0] <= time + 0.2]
-            if not len(rows):
-                continue
-            last = rows[rows[:, 0] == rows[-1, 0]]
-            pulls = self.tendons[self.tendons[:, 0] <= time + 0.2][-1, 1:]
-            found.append(Held(shape, time, last[:, 2:], pulls))
+            points = self.points[self.points[:, 0] <= time + HOLDING_DELAY]
+            pulls = self.tendons[self.tendons[:, 0] <= time + HOLDING_DELAY]
+            if len(points) and len(pulls):
+                last = points[points[:, 0] == points[-1, 0]]
+                found.append(Held(shape, time, last[:, 2:], pulls[-1, 1:]))
         return found
 
 
 def read_recording(directory: Path) -> Recording:
-    """Read what RecordingWriter wrote; raises MeasurementError naming file and line."""
-    numbers = {name: _numbers(directory / f'{name}.csv', columns)
-               for name, columns in COLUMNS.items() if name != 'events'}
+    """
+    Read what RecordingWriter wrote, of version 0.1 as well.
+
+    Raises MeasurementError naming file and line.
+    """
+    names, tendons = _tendons(directory / 'tendons.csv', PULL)
+    same, tensions = _tendons(directory / 'tensions.csv', TENSION)
+    if same != names:
+        raise MeasurementError(f'{directory / "tensions.csv"}: line 1 has the tendons '
+                               f'{", ".join(same)} instead of {", ".join(names)}')
     path = directory / 'events.csv'
-    events = []
-    for line, row in _rows(path, COLUMNS['events']):
-        events.append((_number(path, line, row[0]), row[1], row[2]))
-    return Recording(**numbers, events=events)
+    events = [(_number(path, line, row[0]), row[1], row[2])
+              for line, row in _rows(path, COLUMNS['events'])[1]]
+    return Recording(
+        names, tendons, tensions, _points(directory / 'points.csv'),
+        _numbers(directory / 'pressures.csv', COLUMNS['pressures'])[1],
+        _numbers(directory / 'stiff.csv', COLUMNS['stiff'])[1], events)
 
 
-def _rows(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
+def _tendons(path: Path, ending: str) -> tuple[tuple[str, ...], Array]:
+    """Return the names of the tendons and the rows of their values."""
+    header, rows = _numbers(path)
+    names = tuple(column.removesuffix(ending) for column in header[1:])
+    if header != ('time [s]', *(name + ending for name in names)) or not names:
+        raise MeasurementError(f'{path}: line 1 must be: time [s], then TENDON{ending} for each '
+                               'tendon')
+    return names, rows
+
+
+def _points(path: Path) -> Array:
+    header, rows = _numbers(path, COLUMNS['points'], ('time [s]', 'point', *PLANAR_POSE))
+    if header == COLUMNS['points']:
+        return rows
+    poses = np.zeros((len(rows), 9))
+    poses[:, [0, 1, 2, 4]] = rows[:, :4]
+    half = np.radians(rows[:, 4]) / 2.0
+    poses[:, 6], poses[:, 8] = np.sin(half), np.cos(half)
+    return poses
+
+
+def _rows(path: Path, *allowed: tuple[str, ...]
+          ) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
+    """Return the header, one of ``allowed`` if given, and the rows below it with their lines."""
     try:
         with path.open(encoding='utf-8', newline='') as file:
             rows = list(enumerate(csv.reader(file), start=1))
@@ -115,25 +190,28 @@ def _rows(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
                                'record has written') from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise MeasurementError(f'{path}: not a recording: {error}') from None
-    if not rows or tuple(rows[0][1]) != columns:
-        raise MeasurementError(f'{path}: line 1 must be: {",".join(columns)}')
+    header = tuple(rows[0][1]) if rows else ()
+    if not header or (allowed and header not in allowed):
+        expected = ','.join(allowed[0]) if allowed else 'the names of the columns'
+        raise MeasurementError(f'{path}: line 1 must be: {expected}')
     for line, row in rows[1:]:
-        if len(row) != len(columns):
+        if len(row) != len(header):
             if line == len(rows):  # what a killed recorder had not written to the end
-                return rows[1:-1]
+                return header, rows[1:-1]
             raise MeasurementError(f'{path}: line {line} has {len(row)} fields instead of '
-                                   f'{len(columns)}; mend or remove it')
-    return rows[1:]
+                                   f'{len(header)}; repair or remove it')
+    return header, rows[1:]
 
 
-def _numbers(path: Path, columns: tuple[str, ...]) -> Array:
-    rows = [[_number(path, line, text) for text in row] for line, row in _rows(path, columns)]
-    return np.array(rows).reshape(len(rows), len(columns))
+def _numbers(path: Path, *allowed: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:
+    header, rows = _rows(path, *allowed)
+    numbers = [[_number(path, line, text) for text in row] for line, row in rows]
+    return header, np.array(numbers, dtype=float).reshape(len(rows), len(header))
 
 
 def _number(path: Path, line: int, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise MeasurementError(f'{path}: line {line}: {text!r} is not a number; mend or remove '
+        raise MeasurementError(f'{path}: line {line}: {text!r} is not a number; repair or remove '
                                'the line') from None

@@ -27,8 +27,10 @@ def report_html(recording: Recording, title: str) -> str:
     parts = [f'<h1>{escape(title)}</h1>', _summary(recording)]
     if held:
         parts += ['<h2>Shapes held</h2>', _image(_shapes(held), 'the shapes, described below'),
-                  _table(['shape', 'at, s', 'end of', 'x, mm', 'z, mm', 'tangent, degrees',
-                          'right pull, mm', 'left pull, mm'], _shape_rows(held))]
+                  _table(['shape', 'time, s', 'end of', 'x, mm', 'y, mm', 'z, mm',
+                          'tangent, degrees',
+                          *(f'{name} pull, mm' for name in recording.tendon_names)],
+                         _shape_rows(held))]
     parts += ['<h2>Over time</h2>',
               _image(_over_time(recording), 'pulls, tensions and pressures over time')]
     parts += ['<h2>Events</h2>', _table(
@@ -42,15 +44,16 @@ def report_html(recording: Recording, title: str) -> str:
 def _summary(recording: Recording) -> str:
     rows = []
     if len(recording.tendons):
-        low, high = recording.tendons[:, 1:].min(axis=0), recording.tendons[:, 1:].max(axis=0)
-        rows.append(['pulls, mm', f'right {low[0]:.2f} to {high[0]:.2f}, '
-                                  f'left {low[1]:.2f} to {high[1]:.2f}'])
+        pulls = recording.tendons[:, 1:]
+        rows.append(['pulls, mm', ', '.join(
+            f'{name} {low:.2f} to {high:.2f}' for name, low, high in zip(
+                recording.tendon_names, pulls.min(axis=0), pulls.max(axis=0), strict=True))])
         rows.append(['duration, s', f'{recording.tendons[-1, 0]:.1f}'])
-    tensions = recording.tensions[:, 1:]
-    if np.isfinite(tensions).any():
-        most = np.nanmax(tensions, axis=0)
-        rows.append(['largest tension by the model, N',
-                     f'right {most[0]:.2f}, left {most[1]:.2f}'])
+    known = [(name, tensions[np.isfinite(tensions)]) for name, tensions in zip(
+        recording.tendon_names, recording.tensions[:, 1:].T, strict=True)]
+    largest = ', '.join(f'{name} {values.max():.2f}' for name, values in known if values.size)
+    if largest:
+        rows.append(['largest tension predicted by the model, N', largest])
     for segment in np.unique(recording.stiff[:, 1]):
         flags = recording.stiff[recording.stiff[:, 1] == segment, 2]
         rows.append([f'segment {segment:.0f} softened', f'{np.sum(np.diff(flags) < 0)} times'])
@@ -60,11 +63,11 @@ def _summary(recording: Recording) -> str:
 def _shape_rows(held: Iterable[Held]) -> list[list[str]]:
     rows = []
     for shape in held:
-        ends = [('tip', shape.points[-1])]
-        ends = [(f'segment {n}', row) for n, row in enumerate(shape.points[2::2], start=1)] + ends
-        for label, (x, z, tangent) in ends:
-            rows.append([shape.shape, f'{shape.time:.1f}', label, f'{x:.2f}', f'{z:.2f}',
-                         f'{tangent:.2f}', *(f'{pull:.3f}' for pull in shape.pulls)])
+        ends = np.column_stack([shape.points[:, :3], shape.tangents])
+        labelled = [(f'segment {n}', row) for n, row in enumerate(ends[2::2], start=1)]
+        for label, values in [*labelled, ('tip', ends[-1])]:
+            rows.append([shape.shape, f'{shape.time:.1f}', label, *(f'{v:.2f}' for v in values),
+                         *(f'{pull:.3f}' for pull in shape.pulls)])
     return rows
 
 
@@ -72,7 +75,7 @@ def _shapes(held: Sequence[Held]) -> Figure:
     figure = Figure(figsize=(3.2 * len(held), 3.8), layout='constrained')
     panels = figure.subplots(1, len(held), squeeze=False, sharex=True, sharey=True)[0]
     for axes, shape in zip(panels, held, strict=True):
-        axes.plot(shape.points[:, 0], shape.points[:, 1], 'o-', color='black', markersize=4)
+        axes.plot(shape.points[:, 0], shape.points[:, 2], 'o-', color='black', markersize=4)
         axes.set_title(shape.shape, parse_math=False)
         axes.set_aspect('equal')
         axes.set_xlabel('x in mm')
@@ -86,8 +89,9 @@ def _over_time(recording: Recording) -> Figure:
     pulls, tensions, pressures = figure.subplots(3, 1, sharex=True)
     for axes, rows, label in ((pulls, recording.tendons, 'pull in mm'),
                               (tensions, recording.tensions, 'tension in N\n(model)')):
-        for column, name in ((1, 'right'), (2, 'left')):
-            axes.plot(rows[:, 0], rows[:, column], LINES[column - 1], color='black', label=name)
+        for column, name in enumerate(recording.tendon_names, start=1):
+            axes.plot(rows[:, 0], rows[:, column], LINES[(column - 1) % len(LINES)],
+                      color='black', label=name)
         axes.set_ylabel(label)
     for n in np.unique(recording.pressures[:, 1]):
         rows = recording.pressures[recording.pressures[:, 1] == n]

@@ -103,7 +103,7 @@ def _arc_angle(arm: Arm, step: Step, others: tuple[float, float]) -> float:
         pull = step.pulls[tendon] - others[tendon]
         try:
             angle = constant_curvature.bending_angle(segment, pull) if pull != -np.inf else -limit
-        except ArmError:  # let out, or pulled in, beyond the limit
+        except ArmError:  # paid out or pulled in beyond the limit
             angle = -limit if pull < 0.0 else limit
         bounds.append(sign * angle)
     least, most = bounds

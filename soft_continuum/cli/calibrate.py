@@ -23,8 +23,8 @@ from soft_continuum.hardware.calibration import (
     corrected_steps,
     forget_reference,
     judge,
-    LONGEST_MOVE,
     MARK_TIME,
+    MAX_MOVE,
     measure_segment,
     SegmentVacuum,
     TendonBench,
@@ -33,6 +33,7 @@ from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, TendonDriver
 from soft_continuum.hardware.tendon_controller import TendonLimits
 from soft_continuum.mechanics.arm import TENDONS
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_rig, write_parameters
 from soft_continuum.parameters.nodes import jamming_settings
 from soft_continuum.parameters.parameter import as_yaml
@@ -74,7 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='everything is safe and prepared: ask nothing')
     parser.add_argument('--measured', type=number_in(0.01, 1000.0, 'mm'), **per_tendon,
                         help='steps: travel in mm measured before; nothing moves')
-    parser.add_argument('--distance', type=number_in(1.0, MM * LONGEST_MOVE, 'mm'), metavar='MM',
+    parser.add_argument('--distance', type=number_in(1.0, MM * MAX_MOVE, 'mm'), metavar='MM',
                         help='steps: commanded travel in mm (default: 5)')
     parser.add_argument('--seen', choices=tuple(DIRECTIONS), **per_tendon,
                         help=f'signs: {PULLED_IN} or {PAID_OUT}, seen before; nothing moves')
@@ -151,7 +152,8 @@ def _bench(job: Job, text: str, sets_zero: bool = False
     with _jamming(job) as jamming:
         bench = TendonBench(
             tendons, jamming, segments - 1,
-            TendonLimits(values['pull_limits'], values['speed_limit']),
+            TendonLimits(arm_from_parameters(values).tendon_names, values['pull_limits'],
+                         values['speed_limit']),
             values['ambient_pressure'] - values['soft_vacuum'])
         tendons.open()
         provisional = False

@@ -4,9 +4,10 @@
 
 import argparse
 from collections.abc import Sequence
+from math import inf
 from pathlib import Path
 
-from soft_continuum.analysis.recording import COLUMNS, RecordingWriter
+from soft_continuum.analysis.recording import FILES
 from soft_continuum.analysis.results import claim
 from soft_continuum.arguments import number_in, Parser
 from soft_continuum.cli.common import run_verb
@@ -17,7 +18,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser('record', 'Record tendons, points, pressures, stiffness and progress of a '
                     'running arm into CSV files, until Ctrl-C.', '--namespace', '--output',
                     '--force')
-    parser.add_argument('--duration', type=number_in(0.1, 1e6, 's'), metavar='S',
+    parser.add_argument('--duration', type=number_in(0.1, 1e6, 's'), metavar='S', default=inf,
                         help='end after so many seconds')
     parser.add_argument('--goal', action='store_true',
                         help='end when the goal that runs, or begins next, has ended')
@@ -26,8 +27,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from soft_continuum.nodes.recorder import record  # needs ROS
+    from soft_continuum.client.recorder import record  # needs ROS
 
-    claim(options.output, [f'{name}.csv' for name in COLUMNS], options.force)
-    with RecordingWriter(options.output) as writer:
-        return record(options, writer)
+    claim(options.output, FILES, options.force)
+    return record(options.output, namespace=options.namespace, duration=options.duration,
+                  goal=options.goal)

@@ -40,12 +40,12 @@ def _operate(name: str, text: str) -> Verb:
 
 
 def _node(name: str, text: str) -> Verb:
-    return Verb(name, text, NODE, ([name],))
+    return Verb(name, text, NODE, (name,))
 
 
 GROUPS: Mapping[str, tuple[Verb, ...]] = {
     'start': (
-        Verb('demo', "set the paper's three shapes on a simulated rig", 'nodes.demo:main'),
+        Verb('demo', "set the paper's three shapes on a simulated rig", 'client.demo:main'),
         Verb('up', 'start the four nodes', 'nodes.up:main'),
         Verb('ui', 'start the four nodes and show the arm in a browser', 'browser.main:ui'),
         Verb('browser', 'show an arm whose nodes run in a browser', 'browser.main:browser'),

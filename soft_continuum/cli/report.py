@@ -28,7 +28,8 @@ def _run(options: argparse.Namespace) -> None:
     page.write_text(report_html(recording, options.title or f'Run in {options.recording.name}'),
                     encoding='utf-8')
     print(text_table(
-        ['shape', 'at s', 'tip x mm', 'tip z mm', 'tangent deg', 'right mm', 'left mm'],
-        [[h.shape, f'{h.time:.1f}', *(f'{v:.2f}' for v in h.points[-1]),
+        ['shape', 'time s', 'tip x mm', 'tip y mm', 'tip z mm', 'tangent deg',
+         *(f'{name} mm' for name in recording.tendon_names)],
+        [[h.shape, f'{h.time:.1f}', *(f'{v:.2f}' for v in (*h.points[-1, :3], h.tangents[-1])),
           *(f'{p:.3f}' for p in h.pulls)] for h in recording.held_shapes()]))
     print(f'Page: {page}')

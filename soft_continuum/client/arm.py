@@ -10,7 +10,8 @@ import os
 from typing import Any, TYPE_CHECKING, TypeVar
 
 from soft_continuum.client.connection import Connection
-from soft_continuum.client.errors import ClientError
+from soft_continuum.client.errors import ClientError, NoAnswerError
+from soft_continuum.client.tasks import until
 
 if TYPE_CHECKING:  # stop must not wait for any of these
     from matplotlib.axes import Axes
@@ -83,6 +84,19 @@ class Arm:
     def state(self) -> 'ArmState':
         """What is known now; raises NodesMissingError when none of the nodes runs."""
         return self._observe().snapshot()
+
+    def wait_for(self, condition: 'Callable[[ArmState], T]', timeout: float | None = None) -> T:
+        """
+        Wait until ``condition`` of the state is true, and return what it gives.
+
+        Raises NoAnswerError after ``timeout`` s, by default that of this Arm.
+        """
+        observed = self._observe()
+        seconds = self._connection.requests.timeout if timeout is None else timeout
+        value = self._do(until(lambda: condition(observed.snapshot()), seconds))
+        if not value:
+            raise NoAnswerError(f'not so within {seconds:g} s; the arm is: {observed.snapshot()}')
+        return value
 
     def _observe(self) -> 'ObservedArm':
         """Return the observed arm; the first time as soon as its nodes have reported."""

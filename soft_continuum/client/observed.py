@@ -152,6 +152,18 @@ class ObservedArm:
         """Return the pull of each tendon, m."""
         return self._of_tendons('tendon_states', 'position')
 
+    def tensions(self) -> tuple[float, ...] | None:
+        """Return the tension of each tendon by the model, N; nan where nothing determines it."""
+        return self._of_tendons('tendon_tensions', 'effort')
+
+    def poses(self, topic: str) -> tuple[Pose, ...] | None:
+        """Return the poses of segment_poses or disc_poses."""
+        message = self._fresh(topic)
+        return None if message is None else tuple(
+            Pose((p.position.x, p.position.y, p.position.z),
+                 (p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w))
+            for p in message.poses)
+
     def _of_tendons(self, topic: str, field: str) -> tuple[float, ...] | None:
         """Return a field of a JointState in the order of ``tendons``."""
         message = self._fresh(topic)
@@ -185,13 +197,13 @@ class ObservedArm:
         """Return all that is known now."""
         joints, tendons = self._fresh('joint_states'), self.tendon_actuation
         angles = None if joints is None else tuple(float(a) for a in joints.position)
-        segment_poses, disc_poses = self._poses('segment_poses'), self._poses('disc_poses')
+        segment_poses, disc_poses = self.poses('segment_poses'), self.poses('disc_poses')
         numbers = range(1, self._segments + 1)
         running = self.running()
         return ArmState(
             tendons=self.tendons, pulls=self.pulls(),
             speeds=self._of_tendons('tendon_states', 'velocity'),
-            tensions=self._of_tendons('tendon_tensions', 'effort'),
+            tensions=self.tensions(),
             measured_tensions=self._of_tendons('tendon_states', 'effort'),
             stopped=None if tendons is None else tendons.stop_message,
             referenced=None if tendons is None else tendons.referenced,
@@ -201,13 +213,6 @@ class ObservedArm:
             joint_angles=angles, segment_poses=segment_poses, disc_poses=disc_poses,
             tip=disc_poses[-1] if disc_poses else None, progress=self.progress(),
             nodes=tuple(self._report(name, running[name]) for name in NODES))
-
-    def _poses(self, topic: str) -> tuple[Pose, ...] | None:
-        message = self._fresh(topic)
-        return None if message is None else tuple(
-            Pose((p.position.x, p.position.y, p.position.z),
-                 (p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w))
-            for p in message.poses)
 
     def _report(self, name: str, running: bool) -> NodeReport:
         status, age = self.message(f'{name}/status'), self._ages.get(name)

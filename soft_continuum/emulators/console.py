@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the command lines of the emulators share: serve, obey what is typed, end quietly."""
+"""What the command lines of the emulators share: serve, execute typed commands, end cleanly."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager

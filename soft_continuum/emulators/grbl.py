@@ -9,6 +9,7 @@ from math import inf
 from soft_continuum.arguments import Parser
 from soft_continuum.emulators.console import serve
 from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.hardware.clock import Clock
 
 CONFIGURATION = """\
 Put this into the parameter file of tendon_actuation:
@@ -46,12 +47,12 @@ def setting(name: str, high: float, whole: bool, explanation: str) -> Command:
 
 def repair(emulator: GrblEmulator) -> None:
     """End the faults that last."""
-    emulator.hang = emulator.firmware.race = False
+    emulator.hang = emulator.firmware.race = emulator.firmware.stalled = False
     emulator.drop_ok, emulator.late_ok, emulator.garble = 0, 0.0, 0.0
 
 
 def describe(emulator: GrblEmulator) -> str:
-    """Return state and motors in words."""
+    """Return the state and what the motors have done, for a person to read."""
     x, y, _ = emulator.motors
     return (f'{emulator.port}: {emulator.firmware.state}, motors have made {x} and {y} steps, '
             f'{"holding" if emulator.energised else "without current"}, '
@@ -69,8 +70,10 @@ COMMANDS = {
     'alarm': Command(1, 9, True, 'lock the board with alarm N', lambda e, n: e.alarm(int(n))),
     'hold': plain(GrblEmulator.hold, 'press the feed hold button'),
     'door': plain(GrblEmulator.door, 'open the safety door'),
+    'stall': plain(lambda e: setattr(e.firmware, 'stalled', True),
+                   'report motion, but make no step'),
     'race': plain(lambda e: setattr(e.firmware, 'race', True), 'run the next jog as a program'),
-    'repair': plain(repair, 'end hang, drop-ok, late-ok, garble and race'),
+    'repair': plain(repair, 'end hang, drop-ok, late-ok, garble, stall and race'),
     'state': plain(describe, 'print the state and what the motors have really done'),
 }
 
@@ -108,7 +111,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='emulated seconds per second (default: 1)')
     parser.add_argument('--switches', type=float, nargs=2, metavar=('RIGHT', 'LEFT'), default=[],
                         help='limit switches that close when the motors of the tendons are at '
-                        'these mm, negative: let out; the board is then locked until it is homed')
+                        'these mm, negative: paid out; the board is then locked until it is homed')
     arguments = parser.parse_args(argv)
     if not 0.0 < arguments.time_factor <= 1000.0:
         parser.error('--time-factor must be above 0 and at most 1000')
@@ -121,7 +124,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         homing = f'\n      homed_pulls: [{right:.4f}, {left:.4f}]'
     return serve(
         parser.prog, lambda: GrblEmulator(
-            arguments.link, arguments.time_factor, settings, arguments.switches),
+            arguments.link, Clock(arguments.time_factor), settings, arguments.switches),
         lambda emulator: CONFIGURATION.format(
             port=emulator.port, x=emulator.firmware.settings[100],
             y=emulator.firmware.settings[101], homing=homing), obey)

@@ -6,36 +6,37 @@ from collections.abc import Mapping, Sequence
 import os
 from pathlib import Path
 import random
-import select
 import threading
-from time import monotonic, sleep
 import tty
 from types import TracebackType
 from typing import Self
 
 from soft_continuum.emulators.grbl_firmware import GrblFirmware
 from soft_continuum.emulators.grbl_planner import Steps
+from soft_continuum.hardware.clock import Clock, STEADY
 
-TICK = 0.002  # s
+TIME_STEP = 0.002  # s, while something happens
+RESTING_STEP = 0.02  # s
 
 
 class GrblEmulator:
     """
     A controller at ``port``; use it in a ``with`` statement.
 
-    Faults, to be set while it runs: ``hang`` (answers nothing, motors go on), ``drop_ok`` (this
-    many acknowledgements are lost), ``late_ok`` (s that they take), ``garble`` (share of lines
-    that arrive damaged), ``firmware.race`` (the next jog runs as a program).  Others are methods.
-    ``lock`` holds time still.
+    Faults, to be set while it runs: ``hang`` (answers nothing, motors continue), ``drop_ok``
+    (this many acknowledgements are lost), ``late_ok`` (s that they take), ``garble`` (share of
+    lines that arrive damaged), ``firmware.race`` (the next jog runs as a program),
+    ``firmware.stalled`` (motors make no step, whatever is reported).  Others are methods.  While
+    ``lock`` is held no time passes for the board.
     """
 
-    def __init__(self, link: str = '', time_factor: float = 1.0,
+    def __init__(self, link: str = '', clock: Clock = STEADY,
                  settings: Mapping[int, float] | None = None,
                  switches: Sequence[float] = ()) -> None:
         """
         Switch the board on; ``link``: a path at which its port can always be found.
 
-        time_factor: emulated per real time.  settings: ``$`` numbers that are not as usual.
+        clock: the time in which it moves.  settings: ``$`` numbers that are not as usual.
         switches: where the limit switches of X and Y close, mm from where the motors now are.
         """
         self.hang = False
@@ -46,10 +47,10 @@ class GrblEmulator:
         self.random = random.Random(1)
         self._late: list[tuple[float, str]] = []
         self._link = Path(link) if link else None
-        self._factor = time_factor
+        self.clock = clock
         self._master = self._slave = -1
         self.firmware = GrblFirmware(settings or {}, self.say, self._acknowledge, switches)
-        self._time = monotonic()
+        self._time = clock()
         self._closing = False
         self._thread = threading.Thread(target=self._run, name='grbl_emulator', daemon=True)
         self.plug()
@@ -63,7 +64,8 @@ class GrblEmulator:
                  traceback: TracebackType | None) -> None:
         """Take the port away."""
         self._closing = True
-        self._thread.join()
+        while self._thread.is_alive():
+            self.clock.sleep(TIME_STEP)
         self.unplug()
 
     # The truth, whatever the firmware reports
@@ -128,7 +130,7 @@ class GrblEmulator:
             self.firmware.door()
 
     def unplug(self) -> None:
-        """Pull out the cable; the motors go on."""
+        """Pull out the cable; the motors continue."""
         with self.lock:
             for descriptor in (self._master, self._slave):
                 if descriptor >= 0:
@@ -153,12 +155,12 @@ class GrblEmulator:
 
     def _run(self) -> None:
         while not self._closing:
-            master = self._master
+            with self.lock:
+                master = self._master
+                resting = self.firmware.resting and not self._late
             try:
-                if master >= 0:
-                    select.select([master], [], [], TICK)
-                else:
-                    sleep(TICK)
+                files = [master] if master >= 0 else []
+                self.clock.wait(files, RESTING_STEP if resting else TIME_STEP)
                 with self.lock:
                     self._advance()
                     if self._master == master >= 0:
@@ -172,11 +174,12 @@ class GrblEmulator:
 
     def _advance(self) -> None:
         """Let the emulated time catch up."""
-        now = monotonic()
-        elapsed, self._time = (now - self._time) * self._factor, now
+        now = self.clock()
+        elapsed, self._time = now - self._time, now
         while elapsed > 0.0:
-            self.firmware.advance(min(elapsed, TICK))
-            elapsed -= TICK
+            step = elapsed if self.firmware.resting else min(elapsed, TIME_STEP)
+            self.firmware.advance(step)
+            elapsed -= step
         while self._late and self._late[0][0] <= now:
             self.say(self._late.pop(0)[1])
 
@@ -184,7 +187,7 @@ class GrblEmulator:
         if self.drop_ok > 0:
             self.drop_ok -= 1
         elif self.late_ok > 0.0:
-            self._late.append((monotonic() + self.late_ok, text))
+            self._late.append((self.clock() + self.late_ok, text))
         else:
             self.say(text)
 
@@ -198,4 +201,4 @@ class GrblEmulator:
         try:
             os.write(self._master, data)
         except OSError:
-            return  # nobody reads: lost, as on a wire
+            return  # nothing reads: lost, as on a wire

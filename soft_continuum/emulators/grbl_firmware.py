@@ -17,8 +17,8 @@ from soft_continuum.emulators.grbl_planner import (
     Steps,
 )
 
-RECEIVE_BUFFER = 127  # characters; what does not fit is lost without a word
-LONGEST_LINE = 79
+RECEIVE_BUFFER = 127  # characters; more is dropped without a message
+MAX_LINE_LENGTH = 79
 OFF_TIME = 0.5  # s without current after a reset in motion
 PRESS_TIME = 0.15  # s that a button is held down
 WORD = re.compile(r'([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))')
@@ -41,7 +41,7 @@ class GrblFirmware:
     The firmware and its motors, without a wire; times are emulated s.
 
     ``time`` is now and ``stood_since`` the end of the last motion.  ``race``: the next jog runs as
-    a program.
+    a program.  ``stalled``: the motors make no step, whatever the state.
     """
 
     def __init__(self, settings: Mapping[int, float], say: Callable[[str], None],
@@ -50,11 +50,11 @@ class GrblFirmware:
         Switch on; ``settings`` are ``$`` numbers that are not as usual.
 
         switches: where the limit switches of X and Y close, mm from where the motors now are.
-        say, acknowledge: take the lines that are sent unasked, and those that answer a line.
+        say, acknowledge: take the lines that are sent by themselves, and those that answer a line.
         """
         self.settings: dict[int, float] = {**DEFAULTS, **settings}
         self.received: list[str] = []  # lines, as they came
-        self.race = False
+        self.race = self.stalled = False
         self.time = self.stood_since = 0.0
         self.forgotten: Steps = (0, 0, 0)  # steps made before the position was set to zero
         self.buffer = bytearray()
@@ -76,9 +76,17 @@ class GrblFirmware:
         """Whether the motors hold their load."""
         return self._off_for <= 0.0
 
+    @property
+    def resting(self) -> bool:
+        """Whether time changes nothing: no motion, nothing to do, no state that ends by itself."""
+        return (self.planner.standing and not self._cancelling and b'\n' not in self.buffer
+                and self.state not in ('Jog', 'Run', 'Home')
+                and self._off_for <= 0.0 and self._pressed_for <= 0.0)
+
     def advance(self, step: float) -> None:
         """Let a little time pass."""
-        self.planner.advance(step)
+        if not self.stalled:
+            self.planner.advance(step)
         self.time += step
         if not self.planner.standing:
             self.stood_since = self.time
@@ -265,8 +273,8 @@ class GrblFirmware:
             coordinates(s[120 + i] for i in range(3)), s[11])
 
     def _do(self, line: str) -> int | None:
-        """Do one line; return its error, or None when the answer comes later."""
-        if len(line) > LONGEST_LINE:
+        """Execute one line; return its error, or None when the answer follows later."""
+        if len(line) > MAX_LINE_LENGTH:
             return TOO_LONG
         if line in ('', '$'):
             return OK

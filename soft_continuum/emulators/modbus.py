@@ -38,7 +38,7 @@ Type a fault, or help.
 @dataclass(frozen=True)
 class Command:
     """
-    A line that may be typed: the names of its numbers, what it does in words, and its function.
+    A line that may be typed: the names of its numbers, what it does, and its function.
 
     The function takes the emulator and the numbers, and may return what to print.
     """
@@ -59,7 +59,7 @@ def break_wire(emulator: ModbusEmulator, segment: float) -> None:
 
 
 def describe(emulator: ModbusEmulator) -> str:
-    """Return the state of the rig in words."""
+    """Return the state of the rig, for a person to read."""
     pump, *valves = ('on' if on else 'off' for on in emulator.coils)
     return '\n'.join([f'{emulator.port}: pump {pump}', *(
         f'segment {i + 1}: valve {valve}, vacuum {emulator.vacuum(i) / 1e3:.1f} kPa, '
@@ -75,7 +75,7 @@ COMMANDS = {
     'garble': Command('SHARE', 'damage this share of the replies', set_to('garble')),
     'refuse': Command('CODE', 'answer everything by a Modbus exception; 0: no longer',
                       lambda e, code: setattr(e, 'refuse', int(code))),
-    'noise': Command('BYTES', 'send what nobody asked for',
+    'noise': Command('BYTES', 'send this many bytes without a request',
                      lambda e, count: e.send(random.randbytes(int(count)))),
     'power-cycle': Command('', 'let every relay fall off, as when the board loses power',
                            ModbusEmulator.power_cycle),
@@ -83,7 +83,7 @@ COMMANDS = {
                           lambda e, coil: e.stuck.add(int(coil))),
     'broken-wire': Command('SEGMENT', 'a transmitter gives no current; 1 is at the base',
                            break_wire),
-    'stuck-sensor': Command('SEGMENT', 'a transmitter goes on saying what it says now',
+    'stuck-sensor': Command('SEGMENT', 'freeze a transmitter at its present current',
                             lambda e, segment: e.stick_sensor(int(segment) - 1)),
     'leak': Command('SEGMENT RATE', 'a segment loses RATE Pa/s',
                     lambda e, segment, rate: e.segments[int(segment) - 1].set_leak(rate)),

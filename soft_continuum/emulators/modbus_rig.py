@@ -16,19 +16,19 @@ from math import inf
 import os
 from pathlib import Path
 import random
-import select
 import struct
 import threading
-from time import monotonic
 import tty
 from typing import Self
 
+from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 
 RELAY_UNIT, ANALOG_UNIT = 1, 2
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
 FULL_SCALE = 100e3  # Pa of vacuum at 20 mA
-SILENCE = 0.005  # s without a byte that end a frame
+FRAME_GAP = 0.005  # s without a byte that end a frame
+IDLE_STEP = 0.05  # s
 BITS_PER_CHARACTER = 10
 
 
@@ -45,9 +45,9 @@ def crc(data: bytes) -> bytes:
 class Segment(SimulatedJamming):
     """One segment with the pump to itself, which may have a hole."""
 
-    def __init__(self, initially_stiff: bool) -> None:
+    def __init__(self, clock: Clock, initially_stiff: bool) -> None:
         """Start evacuated or soft."""
-        super().__init__(monotonic, 1, JammingPlant(), initially_stiff)
+        super().__init__(clock, 1, JammingPlant(), initially_stiff)
         self.broken_wire = False
         self.stuck_at: int | None = None  # uA
 
@@ -79,13 +79,19 @@ class ModbusEmulator:
 
     Segments count from 0 here.  hang: answer nothing.  late: s by which every reply is late.
     drop, garble: share of replies that are lost or damaged.  refuse: exception code that answers
-    everything, 0 for none.  transform: what goes on the line instead of a reply.  stuck: coils
-    that do not follow.  A reply says what was so when its request came, however late it is.
+    everything, 0 for none.  transform: what is sent instead of a reply.  stuck: coils
+    that do not follow.  A reply has the state at the time of its request, however late it is.
     """
 
     def __init__(self, segments: int = 3, *, initially_stiff: bool = False,
-                 link: str | Path | None = None, baud_rate: int = 0, seed: int = 0) -> None:
-        """Make the rig; link: path of a symbolic link to the port; baud_rate: 0 for no delay."""
+                 link: str | Path | None = None, baud_rate: int = 0, seed: int = 0,
+                 clock: Clock = STEADY) -> None:
+        """
+        Make the rig.
+
+        link: path of a symbolic link to the port.  baud_rate: 0 for no delay.  clock: the time in
+        which it answers, evacuates and vents.
+        """
         self.link = None if link is None else Path(link)
         self.hang = False
         self.late = 0.0
@@ -97,12 +103,13 @@ class ModbusEmulator:
         self.requests: list[bytes] = []
         """Every request to one of the boards, as received."""
         self.port = ''
-        self.segments = [Segment(initially_stiff) for _ in range(segments)]
+        self.segments = [Segment(clock, initially_stiff) for _ in range(segments)]
         self._coils = [initially_stiff] * (segments + 1)
         self._baud_rate = baud_rate
+        self.clock = clock
         self._random = random.Random(seed)
         self._lock = threading.RLock()
-        self._end = threading.Event()
+        self._closing = False
         self._outgoing: list[tuple[float, bytes]] = []  # when, what
         self._last_due = {RELAY_UNIT: 0.0, ANALOG_UNIT: 0.0}
         self._thread = threading.Thread(target=self._serve, daemon=True)
@@ -116,8 +123,9 @@ class ModbusEmulator:
 
     def __exit__(self, *_: object) -> None:
         """Unplug and end."""
-        self._end.set()
-        self._thread.join()
+        self._closing = True
+        while self._thread.is_alive():
+            self.clock.sleep(FRAME_GAP)
         self.unplug()
 
     @property
@@ -159,8 +167,8 @@ class ModbusEmulator:
                 self.link.unlink(missing_ok=True)
 
     def send(self, data: bytes) -> None:
-        """Put bytes on the line that nobody asked for."""
-        with self._lock, suppress(BlockingIOError):  # nobody reads: it is lost
+        """Put bytes on the line without a request."""
+        with self._lock, suppress(BlockingIOError):  # nothing reads: it is lost
             if self._master >= 0:
                 os.write(self._master, data)
 
@@ -170,7 +178,7 @@ class ModbusEmulator:
             self._set_coil(coil, False)
 
     def stick_sensor(self, segment: int) -> None:
-        """Let a transmitter go on saying what it says now."""
+        """Freeze a transmitter at its present current."""
         with self._lock:
             self.segments[segment].stuck_at = self.segments[segment].current()
 
@@ -188,48 +196,48 @@ class ModbusEmulator:
 
     def _serve(self) -> None:
         received, received_at = b'', 0.0
-        while not self._end.is_set():
+        while not self._closing:
             self._deliver()
             master = self._master
             if master < 0:
                 received = b''
-                self._end.wait(SILENCE)
+                self.clock.sleep(FRAME_GAP)
                 continue
             try:
-                if select.select([master], [], [], self._patience())[0]:
+                if self.clock.wait([master], self._time_to_next_event(bool(received))):
                     with self._lock:  # the plug may have been pulled since
                         received += os.read(self._master, 4096)
-                    received_at = monotonic()
+                    received_at = self.clock()
             except (OSError, ValueError):
                 received = b''
                 continue
-            received = self._answer_all(received, monotonic() - received_at > SILENCE)
+            received = self._answer_all(received, self.clock() - received_at > FRAME_GAP)
 
     def _deliver(self) -> None:
         """Send what is due."""
-        while self._outgoing and self._outgoing[0][0] <= monotonic():
+        while self._outgoing and self._outgoing[0][0] <= self.clock():
             self.send(self._outgoing.pop(0)[1])
 
-    def _patience(self) -> float:
-        """Return how long there is nothing to send, s."""
+    def _time_to_next_event(self, in_frame: bool) -> float:
+        """Return how long there is nothing to send and no frame to end, s."""
         due = self._outgoing[0][0] if self._outgoing else inf
-        return max(0.0, min(SILENCE, due - monotonic()))
+        return max(0.0, min(FRAME_GAP if in_frame else IDLE_STEP, due - self.clock()))
 
-    def _answer_all(self, received: bytes, silent: bool) -> bytes:
-        """Answer the whole frames in ``received``; return the rest, which silence discards."""
+    def _answer_all(self, received: bytes, gap: bool) -> bytes:
+        """Answer the whole frames in ``received``; return the rest, which a gap discards."""
         while len(received) >= 4:
             size = 8
             if received[1] == 0x0F and len(received) > 6:
                 size = 9 + received[6]
             elif received[1] not in (1, 4, 5):
-                size = len(received) if silent else len(received) + 1
+                size = len(received) if gap else len(received) + 1
             if len(received) < size:
                 break
             frame, received = received[:size], received[size:]
             if crc(frame[:-2]) != frame[-2:]:
                 return b''
             self._answer(frame)
-        return b'' if silent else received
+        return b'' if gap else received
 
     def _answer(self, request: bytes) -> None:
         if request[0] not in (RELAY_UNIT, ANALOG_UNIT):
@@ -252,8 +260,8 @@ class ModbusEmulator:
             # Request, reply and the silence of 3.5 characters between them.
             characters = len(request) + len(reply) + 3.5
             late += characters * BITS_PER_CHARACTER / self._baud_rate
-        # What a board says comes in the order in which it was asked, but may overtake the other's.
-        due = self._last_due[request[0]] = max(self._last_due[request[0]], monotonic() + late)
+        # A board replies in the order of its requests, but may overtake the other board.
+        due = self._last_due[request[0]] = max(self._last_due[request[0]], self.clock() + late)
         self._outgoing.append((due, reply))
         self._outgoing.sort(key=lambda each: each[0])
 

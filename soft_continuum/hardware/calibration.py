@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How a rig is measured: little, slow tendon motions, and evacuating one segment after the other.
+How a rig is measured: small, slow tendon motions, and evacuating one segment after the other.
 
-All goes through the driver protocols.  Whatever ends a procedure early, Ctrl-C included, ends its
-motion and rests its pump.
+Everything goes through the driver protocols.  Whatever ends a procedure early, Ctrl-C included,
+ends its motion and stops its pump.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,15 +12,16 @@ import contextlib
 from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite, log, nan
-from time import monotonic, sleep
 from typing import TypeVar
 
 import numpy as np
 
+from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.grbl_link import GrblLink, SOFT_RESET
 from soft_continuum.hardware.grbl_setup import find_controller
 from soft_continuum.hardware.jamming_controller import JammingSettings, RESPONSE_TIME
 from soft_continuum.hardware.protocols import (
+    describe_pulls,
     HardwareError,
     JammingDriver,
     TendonDriver,
@@ -31,39 +32,38 @@ from soft_continuum.hardware.tendon_controller import TendonLimits
 
 SPEED = 2e-3
 """m/s of every motion here."""
-LONGEST_MOVE = 0.01  # m
-ARRIVED = 2e-4  # m; a stepper that stops further from where it was sent has failed
-STILL = 0.2  # s without motion that count as rest
-PATIENCE = 10.0  # s that anything may take longer than it should
-POLL = 0.01  # s
-INSISTENCE = 3.0  # s for which a reading or a switch is tried again when a reply was missed
-MARK_TIME = 1.0  # s for a driver to leave its mark of the reference in the controller
-FACTOR = 10.0
-"""Most by which steps/mm may be wrong; beyond, the measured value is taken for a slip."""
+MAX_MOVE = 0.01  # m
+POSITION_TOLERANCE = 2e-4  # m; a stepper that stops further from its target has failed
+REST_TIME = 0.2  # s without motion that count as rest
+TIMEOUT = 10.0  # s that anything may take longer than it should
+POLL_INTERVAL = 0.01  # s
+RETRY_TIME = 3.0  # s for which a reading or a switch is tried again when a reply was missed
+MARK_TIME = 1.0  # s for a driver to mark the reference in the controller
+MAX_STEPS_FACTOR = 10.0
+"""By which steps/mm may be wrong; beyond, the measured value counts as a typing error."""
 
-PLATEAU_TIME, PLATEAU, SHORTEST = 1.0, 0.01, 3.0
-"""s over which the vacuum rises by less than this share where it ends, s before that is judged."""
-LONGEST_EVACUATION = 30.0  # s
-PUMP_STOPS, VENTS = 0.5, 2.0
-"""s for the pump to come to rest, and for a soft segment to lose what is left of its vacuum."""
-QUICK = 1.0
-"""s within which a segment becomes stiff in the arm of the paper."""
-SHORTEST_REST = 10.0
-"""s that the pump rests between two starts where segments are tight enough."""
+PLATEAU_TIME, PLATEAU_RISE, MIN_EVACUATION_TIME = 1.0, 0.01, 3.0
+"""s over which the vacuum rises by less than this share at its end; s before that is judged."""
+MAX_EVACUATION_TIME = 30.0  # s
+PUMP_STOP_TIME, VENT_TIME = 0.5, 2.0
+"""s for the pump to stop, and for a soft segment to lose the rest of its vacuum."""
+USUAL_TIME_TO_STIFF = 1.0  # s, in the arm of the paper
+MIN_PUMP_REST = 10.0
+"""s between two starts of the pump where segments are tight enough."""
 
 Samples = list[tuple[float, float]]
 T = TypeVar('T')
 
 
 class CalibrationError(ValueError):
-    """A value that was given, or a motion that was asked for, is not usable; says why."""
+    """A value or motion that was requested is not usable; the message names the reason."""
 
 
 class TendonBench:
-    """Two tendons that may move a little, slowly, and only while one segment is soft."""
+    """Tendons that may move a little, slowly, and only while one segment is soft."""
 
     def __init__(self, tendons: TendonDriver, jamming: JammingDriver, segment: int,
-                 limits: TendonLimits, soft_pressure: float) -> None:
+                 limits: TendonLimits, soft_pressure: float, clock: Clock = STEADY) -> None:
         """
         Use opened drivers; nothing is switched or moved yet.
 
@@ -75,48 +75,54 @@ class TendonBench:
         self._segment = segment
         self._limits = limits
         self._soft_pressure = soft_pressure
+        self._clock = clock
 
     @property
     def soft(self) -> bool:
         """Whether the segment is vented, by its valve and by its pressure."""
-        reading = insist(self._jamming.read)
+        reading = self._retry(self._jamming.read)
         return (not reading.evacuated[self._segment]
                 and reading.pressures[self._segment] >= self._soft_pressure)
 
+    def _retry(self, action: Callable[[], T]) -> T:
+        return retry(action, self._clock)
+
     def soften(self) -> None:
         """Vent the segment and wait until it is soft; raises HardwareError when it does not."""
-        insist(lambda: self._jamming.set_evacuated(self._segment, False))
-        deadline = monotonic() + RESPONSE_TIME
+        self._retry(lambda: self._jamming.set_evacuated(self._segment, False))
+        deadline = self._clock() + RESPONSE_TIME
         while not self.soft:
-            if monotonic() > deadline:
-                pressure = insist(self._jamming.read).pressures[self._segment]
+            if self._clock() > deadline:
+                pressure = self._retry(self._jamming.read).pressures[self._segment]
                 raise HardwareError(
                     f'segment {self._segment + 1} is not soft {RESPONSE_TIME:g} s after it was '
                     f'vented: {pressure:.0f} Pa, needed: {self._soft_pressure:.0f} Pa; check its '
-                    'vent, valve and pressure sensor (doctor says more)')
-            sleep(POLL)
+                    'vent, valve and pressure sensor (doctor checks them)')
+            self._clock.sleep(POLL_INTERVAL)
 
     def move(self, distances: Sequence[float]) -> TendonReading:
         """
-        Pull the right and the left tendon by ``distances`` (m) more; return where they rest.
+        Pull each tendon by ``distances`` (m) more; return where they rest.
 
         Raises CalibrationError for a motion that is not allowed, HardwareError for a segment that
-        is not soft any more and for steppers that do not arrive.
+        is no longer soft and for steppers that do not arrive.
         """
-        if not all(abs(d) <= LONGEST_MOVE for d in distances):
+        tendons = self._limits.tendons
+        if not all(abs(d) <= MAX_MOVE for d in distances):
             raise CalibrationError(
-                f'{_mm(distances)} were asked for; allowed: {_mm([LONGEST_MOVE])} to either side '
-                'at a time')
+                f'{describe_pulls(tendons, distances)} were asked for; allowed: '
+                f'{_mm([MAX_MOVE])} to either side at a time')
         start = self._tendons.read()
-        target = (start.pulls[0] + distances[0], start.pulls[1] + distances[1])
+        target = tuple(a + b for a, b in zip(start.pulls, distances, strict=True))
         low, high = self._limits.pull_limits
         if min(target) < low or max(target) > high:
             raise CalibrationError(
-                f'this leads to pulls of {_mm(target)}; pull_limits: {_mm((low, high))}. Take up '
-                'the slack by hand, or give wider pull_limits')
+                f'this leads to pulls of {describe_pulls(tendons, target)}; pull_limits: '
+                f'{_mm((low, high))}. '
+                'Take up the slack by hand, or give wider pull_limits')
         if not self.soft:
             raise HardwareError(
-                f'segment {self._segment + 1} is not soft any more, so nothing is moved; check '
+                f'segment {self._segment + 1} is no longer soft, so nothing is moved; check '
                 'that no other program switches the valves')
         duration = max(abs(d) for d in distances) / min(SPEED, self._limits.speed_limit)
         try:
@@ -127,28 +133,30 @@ class TendonBench:
             raise
 
     def stop(self) -> None:
-        """Brake and wait until nothing moves, or a driver that failed says that it cannot tell."""
+        """Brake and wait until nothing moves, or the driver fails."""
         with contextlib.suppress(HardwareError):
             self._tendons.stop()
-            deadline = monotonic() + PATIENCE
-            while self._tendons.read().moving and monotonic() < deadline:
-                sleep(POLL)
+            deadline = self._clock() + TIMEOUT
+            while self._tendons.read().moving and self._clock() < deadline:
+                self._clock.sleep(POLL_INTERVAL)
 
-    def _rest_at(self, target: tuple[float, float], duration: float) -> TendonReading:
-        begin = moved = monotonic()
+    def _rest_at(self, target: tuple[float, ...], duration: float) -> TendonReading:
+        begin = moved = self._clock()
         while True:
-            reading, now = self._tendons.read(), monotonic()
+            reading, now = self._tendons.read(), self._clock()
             if reading.moving or now - begin < duration:
                 moved = now
-            if now - moved >= STILL:
+            if now - moved >= REST_TIME:
                 break
-            if now - begin > duration + PATIENCE:
+            if now - begin > duration + TIMEOUT:
                 raise HardwareError('the tendons do not come to rest; check the steppers')
-            sleep(POLL)
-        if max(abs(a - b) for a, b in zip(reading.pulls, target, strict=True)) > ARRIVED:
+            self._clock.sleep(POLL_INTERVAL)
+        errors = (abs(a - b) for a, b in zip(reading.pulls, target, strict=True))
+        if max(errors) > POSITION_TOLERANCE:
+            tendons = self._limits.tendons
             raise HardwareError(
-                f'the tendons rest at {_mm(reading.pulls)} instead of {_mm(target)}; check the '
-                'steppers')
+                f'the tendons rest at {describe_pulls(tendons, reading.pulls)} instead of '
+                f'{describe_pulls(tendons, target)}; check the steppers')
         return reading
 
 
@@ -160,13 +168,14 @@ def corrected_steps(steps_per_mm: float, commanded: float, measured: float) -> f
     """
     Return the steps/mm with which ``commanded`` (m) would have been the travel ``measured`` (m).
 
-    Raises CalibrationError when the two differ by more than FACTOR.
+    Raises CalibrationError when the two differ by more than MAX_STEPS_FACTOR.
     """
-    if not (isfinite(measured) and commanded / FACTOR <= measured <= commanded * FACTOR):
+    low, high = commanded / MAX_STEPS_FACTOR, commanded * MAX_STEPS_FACTOR
+    if not (isfinite(measured) and low <= measured <= high):
         raise CalibrationError(
             f'{_mm([measured])} measured for {_mm([commanded])} commanded; allowed: '
-            f'{_mm([commanded / FACTOR])} to {_mm([commanded * FACTOR])}. Give mm; if it is '
-            'really so, correct the steps/mm of controller and configuration roughly first')
+            f'{_mm([low])} to {_mm([high])}. Give mm; if it is really so, '
+            'correct the steps/mm of controller and configuration roughly first')
     return round(steps_per_mm * commanded / measured, 3)  # as many digits as GRBL keeps
 
 
@@ -176,7 +185,7 @@ def forget_reference(port: str, baud_rate: int) -> None:
 
     Raises HardwareError when it cannot be reached.
     """
-    link = GrblLink(open_serial(port, baud_rate, timeout=0, write_timeout=0.2))
+    link = GrblLink(open_serial(port, baud_rate))
     try:
         find_controller(link)
         link.write(SOFT_RESET)
@@ -209,41 +218,41 @@ def judge(result: SegmentVacuum, settings: JammingSettings) -> tuple[str, ...]:
         return (f'never stiff: {result.ultimate_vacuum / 1e3:.1f} kPa of vacuum, stiff_vacuum is '
                 f'{settings.stiff_vacuum / 1e3:g} kPa; look for a leak, check valve and pump',)
     problems = []
-    if result.time_to_stiff > QUICK:
-        problems.append(f'slow: {QUICK:g} s is usual; look for narrow or long tubes, a clogged '
-                        'filter, a weak pump')
+    if result.time_to_stiff > USUAL_TIME_TO_STIFF:
+        problems.append(f'slow: {USUAL_TIME_TO_STIFF:g} s is usual; look for narrow or long '
+                        'tubes, a clogged filter, a weak pump')
     if result.ultimate_vacuum < settings.pump_stop_vacuum:
         problems.append(
             f'the pump would never rest: it reaches {result.ultimate_vacuum / 1e3:.1f} kPa, '
             f'pump_stop_vacuum is {settings.pump_stop_vacuum / 1e3:g} kPa; lower that or use '
             'another pump')
     rest = settings.pump_stop_vacuum - settings.pump_start_vacuum
-    if result.leak_rate * SHORTEST_REST > rest:
+    if result.leak_rate * MIN_PUMP_REST > rest:
         problems.append(
             f'leaks: the pump would start every {rest / result.leak_rate:.1f} s; look for the '
             'leak, and for a pump without a check valve')
     return tuple(problems)
 
 
-def insist(action: Callable[[], T]) -> T:
-    """Return what an action does that may be repeated, in spite of a reply that was missed."""
-    deadline = monotonic() + INSISTENCE
+def retry(action: Callable[[], T], clock: Clock = STEADY) -> T:
+    """Return the result of an action that may be repeated, in spite of a missed reply."""
+    deadline = clock() + RETRY_TIME
     while True:
         try:
             return action()
         except HardwareError:
-            if monotonic() > deadline:
+            if clock() > deadline:
                 raise
-            sleep(POLL)
+            clock.sleep(POLL_INTERVAL)
 
 
-def rest_all(jamming: JammingDriver, segments: int) -> None:
+def rest_all(jamming: JammingDriver, segments: int, clock: Clock = STEADY) -> None:
     """
     Switch the pump off and vent all segments, trying again where the line was disturbed.
 
     What fails for good does not keep the rest from being switched; then raises HardwareError.
     """
-    deadline = monotonic() + PATIENCE
+    deadline = clock() + TIMEOUT
     due: list[Callable[[], None]] = [
         partial(jamming.set_pump, False),
         *(partial(jamming.set_evacuated, segment, False) for segment in range(segments))]
@@ -254,15 +263,15 @@ def rest_all(jamming: JammingDriver, segments: int) -> None:
                 action()
             except HardwareError:
                 failed.append(action)
-                if monotonic() > deadline:
+                if clock() > deadline:
                     raise
         due = failed
-        sleep(POLL)
+        clock.sleep(POLL_INTERVAL)
 
 
 def measure_segment(jamming: JammingDriver, segment: int, segments: int,
                     settings: JammingSettings, soft_vacuum: float,
-                    leak_time: float) -> SegmentVacuum:
+                    leak_time: float, clock: Clock = STEADY) -> SegmentVacuum:
     """
     Evacuate one segment (0-based) of ``segments``, let the pump rest for ``leak_time`` s, vent it.
 
@@ -271,7 +280,7 @@ def measure_segment(jamming: JammingDriver, segment: int, segments: int,
     Raises HardwareError when a device fails or a segment cannot be vented.
     """
     def vacuum() -> float:
-        value = settings.ambient_pressure - insist(jamming.read).pressures[segment]
+        value = settings.ambient_pressure - retry(jamming.read, clock).pressures[segment]
         if not isfinite(value):
             raise HardwareError(f'segment {segment + 1}: no pressure; check the wire and the '
                                 'supply of its pressure sensor')
@@ -283,19 +292,19 @@ def measure_segment(jamming: JammingDriver, segment: int, segments: int,
     stuck = (f'segment {segment + 1} keeps its vacuum though it is vented; check its vent, valve '
              'and pressure sensor')
     try:
-        rest_all(jamming, segments)
-        _record(vacuum, lambda samples: samples[-1][1] < soft_vacuum, vent, stuck)
-        sleep(VENTS)
-        insist(lambda: jamming.set_pump(True))
-        rise = _record(vacuum, _levelled, lambda: jamming.set_evacuated(segment, True))
+        rest_all(jamming, segments, clock)
+        _record(clock, vacuum, lambda samples: samples[-1][1] < soft_vacuum, vent, stuck)
+        clock.sleep(VENT_TIME)
+        retry(lambda: jamming.set_pump(True), clock)
+        rise = _record(clock, vacuum, _has_levelled, lambda: jamming.set_evacuated(segment, True))
         ultimate = rise[-1][1]
         if ultimate < settings.stiff_vacuum:
             return SegmentVacuum(segment, inf, ultimate)
-        insist(lambda: jamming.set_pump(False))
-        sleep(PUMP_STOPS)
-        loss = np.array(_record(vacuum, lambda samples: samples[-1][0] > leak_time))
+        retry(lambda: jamming.set_pump(False), clock)
+        clock.sleep(PUMP_STOP_TIME)
+        loss = np.array(_record(clock, vacuum, lambda samples: samples[-1][0] > leak_time))
         held = loss[-1, 1]
-        fall = _record(vacuum, lambda samples: samples[-1][1] < 0.2 * held, vent, stuck)
+        fall = _record(clock, vacuum, lambda samples: samples[-1][1] < 0.2 * held, vent, stuck)
         return SegmentVacuum(
             segment, _reaches(rise, settings.stiff_vacuum), ultimate,
             # Between two levels of an exponential, whatever the delay of the valve.
@@ -303,35 +312,35 @@ def measure_segment(jamming: JammingDriver, segment: int, segments: int,
             max(0.0, -float(np.polyfit(loss[:, 0], loss[:, 1], 1)[0])),
             (_falls(fall, 0.3 * held) - _falls(fall, 0.8 * held)) / log(0.8 / 0.3))
     finally:
-        rest_all(jamming, segments)
+        rest_all(jamming, segments, clock)
 
 
-def _record(vacuum: Callable[[], float], enough: Callable[[Samples], bool],
+def _record(clock: Clock, vacuum: Callable[[], float], enough: Callable[[Samples], bool],
             start: Callable[[], None] = lambda: None, failure: str = '') -> Samples:
     """Return times (s) since ``start`` and vacuum (Pa) until ``enough``, or raise failure."""
     def begin_now() -> float:
-        now = monotonic()
+        now = clock()
         start()
         return now
 
-    begin = insist(begin_now)
+    begin = retry(begin_now, clock)
     samples: Samples = []
     while not samples or not enough(samples):
         if samples and failure and samples[-1][0] > RESPONSE_TIME:
             raise HardwareError(failure)
         value = vacuum()
-        samples.append((monotonic() - begin, value))
-        sleep(POLL)
+        samples.append((clock() - begin, value))
+        clock.sleep(POLL_INTERVAL)
     return samples
 
 
-def _levelled(samples: Samples) -> bool:
+def _has_levelled(samples: Samples) -> bool:
     """Whether an evacuation has come to its end."""
     time, value = samples[-1]
-    if time < SHORTEST:
+    if time < MIN_EVACUATION_TIME:
         return False
     before = next(v for t, v in reversed(samples) if t <= time - PLATEAU_TIME)
-    return value - before < PLATEAU * abs(value) or time > LONGEST_EVACUATION
+    return value - before < PLATEAU_RISE * abs(value) or time > MAX_EVACUATION_TIME
 
 
 def _reaches(samples: Samples, level: float) -> float:

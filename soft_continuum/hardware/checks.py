@@ -3,30 +3,31 @@
 """
 The checks of ``doctor``: ports, firmware, settings, boards, valves and sensors of a rig.
 
-They move and switch nothing.  Steps that need one that failed are left out.
+They move and switch nothing.  Steps that depend on one that failed are left out.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import isfinite
 import os
-from time import monotonic, sleep
 from typing import Any
 
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.grbl_link import GrblLink
 from soft_continuum.hardware.grbl_setup import find_controller, Homing, unfit_settings, UNLOCK
-from soft_continuum.hardware.modbus_bus import LONGEST_QUIET, ModbusBus
+from soft_continuum.hardware.grbl_tendons import motors_from_parameters
+from soft_continuum.hardware.modbus_bus import MAX_PAUSE, ModbusBus
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import describe_ports, open_serial
 from soft_continuum.parameters.parameter import ParameterError
 
 OK, WARN, FAIL = 'OK', 'WARN', 'FAIL'
-ROUND_TRIPS, MOST_LOST = 5, 1
+ROUND_TRIPS, MAX_LOST_REPLIES = 5, 1
 """Requests to each board, and replies that may be missing before it counts as failed."""
-SLOW = 0.5
-"""Share of modbus.timeout that a reply may take before that is too close."""
-ZERO_ERROR = 3e3
+MAX_TIMEOUT_SHARE = 0.5
+"""Share of modbus.timeout that a reply may take."""
+MAX_ZERO_ERROR = 3e3
 """Pa that a vented segment may differ from ambient pressure: 3 % of the usual full scale."""
 SIMULATED = 'simulated'
 PORTS = {'grbl.port': ('tendon_driver', 'grbl'), 'modbus.port': ('jamming_driver', 'modbus')}
@@ -35,7 +36,7 @@ PORTS = {'grbl.port': ('tendon_driver', 'grbl'), 'modbus.port': ('jamming_driver
 
 @dataclass(frozen=True)
 class Check:
-    """What one step found; status: OK, WARN or FAIL.  If not OK, the message says what to do."""
+    """What one step found; status: OK, WARN or FAIL.  If not OK, the message names the remedy."""
 
     step: str
     status: str
@@ -43,7 +44,7 @@ class Check:
 
 
 def check_ports(values: Mapping[str, Any]) -> Check:
-    """Say whether the configured ports, if any, will be the same devices tomorrow."""
+    """Return whether the configured port names stay with their devices."""
     step = 'serial ports'
     used = {name: values[name] for name, driver in PORTS.items()
             if values[driver[0]] == driver[1] and values[name]}
@@ -61,11 +62,11 @@ def check_ports(values: Mapping[str, Any]) -> Check:
 
 
 def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
-    """Yield what the steppers say of themselves; nothing moves."""
+    """Yield the state of the steppers; nothing moves."""
     name = values['tendon_driver']
     step = f'tendon driver {name}'
     try:
-        driver = make_driver(TENDON_DRIVERS, name, values, monotonic)
+        driver = make_driver(TENDON_DRIVERS, name, values, STEADY)
         if name == SIMULATED:
             yield Check(step, OK, 'steppers are simulated: there is no device to check')
         elif name == 'grbl':
@@ -92,14 +93,15 @@ def _check_reference(referenced: bool) -> Check:
 def _check_grbl(values: Mapping[str, Any]) -> Iterator[Check]:
     port, step = values['grbl.port'], 'tendon port'
     try:
-        link = GrblLink(open_serial(port, values['grbl.baud_rate'], timeout=0, write_timeout=0.2))
+        link = GrblLink(open_serial(port, values['grbl.baud_rate']))
     except HardwareError as error:
         yield Check(step, FAIL, str(error))
         return
     yield Check(step, OK, f'{port} opened, no other program uses it')
     try:
+        motors = motors_from_parameters(values)
         homing = Homing.from_parameter(
-            values['grbl.homed_pulls'], values['grbl.signs'], values['pull_limits'])
+            values['grbl.homed_pulls'], motors.signs, values['pull_limits'], motors.tendons)
         found = find_controller(link)
     except HardwareError as error:
         yield Check('tendon firmware', FAIL, str(error))
@@ -110,9 +112,8 @@ def _check_grbl(values: Mapping[str, Any]) -> Iterator[Check]:
         yield Check('tendon firmware', FAIL, f'{found.firmware}, locked (Alarm); {UNLOCK}')
     else:
         yield Check('tendon firmware', OK, f'{found.firmware}, at rest')
-    unfit = unfit_settings(found.settings, values['grbl.steps_per_mm'],
-                           1e3 * values['speed_limit'], 1e3 * values['acceleration_limit'],
-                           homing)
+    unfit = unfit_settings(found.settings, motors, values['speed_limit'],
+                           values['acceleration_limit'], homing)
     if unfit:
         yield Check('tendon settings', FAIL, f'{"; ".join(unfit)}; type these lines in a terminal '
                     '(docs/how_to/set_up_a_rig.md), or change the parameter file')
@@ -126,11 +127,11 @@ def _check_grbl(values: Mapping[str, Any]) -> Iterator[Check]:
 
 
 def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:
-    """Yield what boards, pump, valves and sensors say of themselves; nothing is switched."""
+    """Yield the state of boards, pump, valves and sensors; nothing is switched."""
     name = values['jamming_driver']
     step = f'jamming driver {name}'
     try:
-        driver = make_driver(JAMMING_DRIVERS, name, values, monotonic)
+        driver = make_driver(JAMMING_DRIVERS, name, values, STEADY)
         if name == SIMULATED:
             yield Check(step, OK, 'pump, valves and sensors are simulated: there is no device to '
                         'check')
@@ -173,19 +174,19 @@ def _check_boards(values: Mapping[str, Any]) -> Iterator[Check]:
             state: tuple[int, ...] = ()
             lost: list[str] = []
             for _ in range(ROUND_TRIPS):
-                begin = monotonic()
+                begin = STEADY()
                 try:
                     state = ask(unit, addresses[0], len(addresses))
-                    trips.append(monotonic() - begin)
+                    trips.append(STEADY() - begin)
                 except HardwareError as error:
                     lost.append(str(error))
-                    if len(lost) > MOST_LOST:
+                    if len(lost) > MAX_LOST_REPLIES:
                         break
-                    sleep(LONGEST_QUIET)
-                    bus.open()  # so that no late reply is met
-            if len(lost) > MOST_LOST:
+                    STEADY.sleep(MAX_PAUSE)
+                    bus.open()  # so that no late reply is received
+            if len(lost) > MAX_LOST_REPLIES:
                 yield Check(board, FAIL, lost[-1])
-                sleep(LONGEST_QUIET)
+                STEADY.sleep(MAX_PAUSE)
                 bus.open()
                 continue
             message = f'unit {unit} answers: ' + ', '.join(
@@ -219,9 +220,9 @@ def _check_round_trip(trips: list[float], timeout: float) -> Check:
     slowest = max(trips)
     message = (f'slowest of {len(trips)} replies after {1e3 * slowest:.0f} ms, '
                f'modbus.timeout is {1e3 * timeout:g} ms')
-    if slowest > SLOW * timeout:
+    if slowest > MAX_TIMEOUT_SHARE * timeout:
         return Check('modbus round trip', WARN,
-                     f'{message}; set it to {2.0 / SLOW * slowest:.2f} s or more')
+                     f'{message}; set it to {2.0 / MAX_TIMEOUT_SHARE * slowest:.2f} s or more')
     return Check('modbus round trip', OK, message)
 
 
@@ -230,7 +231,7 @@ def _check_pump(pump: bool, evacuated: tuple[bool, ...]) -> Check:
                        for i, e in enumerate(evacuated))
     message = f'pump {"on" if pump else "off"}; {valves}'
     if pump and not any(evacuated):
-        return Check('pump and valves', WARN, f'{message}; the pump runs for nothing: start '
+        return Check('pump and valves', WARN, f'{message}; the pump runs without need: start '
                      'jamming_valves, which switches it off, or check modbus.pump_coil and '
                      'modbus.energised_valve_evacuates')
     return Check('pump and valves', OK, message)
@@ -251,7 +252,7 @@ def _check_segment(step: str, values: Mapping[str, Any], pressure: float,
                      'its sensor or valve is stuck, its vent is blocked, or '
                      'modbus.vacuum_at_4_ma, modbus.vacuum_at_20_ma and ambient_pressure do not '
                      'belong to this sensor')
-    if abs(vacuum) > ZERO_ERROR:
+    if abs(vacuum) > MAX_ZERO_ERROR:
         return Check(step, WARN, f'{message} though it is vented; adjust the zero of the '
                      'transmitter, modbus.vacuum_at_4_ma or ambient_pressure')
     return Check(step, OK, f'{message}, vented')

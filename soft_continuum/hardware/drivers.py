@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The drivers that can be chosen by name: our own, and those that other packages register.
+The drivers that can be chosen by name: those of this package, and those of other packages.
 
-A driver is a class that does what TendonDriver or JammingDriver asks for and has, besides,
+A driver is a class that implements TendonDriver or JammingDriver and also has
 ``PARAMETERS``, a tuple of Parameter, and ``from_parameters(values, clock)``, which returns one for
 the checked parameters of its node (its own, and all that the node has without it) and the node's
 clock in s.  Another package adds one by an entry point in the group TENDON_DRIVERS or
@@ -36,7 +36,7 @@ def _available(group: str) -> dict[str, EntryPoint]:
 
 
 def driver_names(group: str) -> tuple[str, ...]:
-    """Return the names of all drivers of a group, our own first."""
+    """Return the names of all drivers of a group, those of this package first."""
     return (*_OWN[group], *sorted(_available(group).keys() - _OWN[group].keys()))
 
 
@@ -48,7 +48,7 @@ def driver_parameters(group: str) -> tuple[Parameter, ...]:
         try:
             parameters = _load(group, name).PARAMETERS
         except HardwareError:
-            continue  # said by make_driver when it is chosen
+            continue  # make_driver reports it when it is chosen
         for parameter in parameters:
             found.setdefault(parameter.name, parameter)
     return tuple(found.values())

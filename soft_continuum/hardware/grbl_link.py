@@ -3,28 +3,31 @@
 """
 The serial line to a GRBL 1.1 controller: bytes in, messages out, one line at a time.
 
-Every line that is sent is answered by exactly one Acknowledgement; all other messages come when
-the controller likes.  Lengths are mm and speeds mm/min, as on the wire.
+Every line that is sent is answered by exactly one Acknowledgement; all other messages may come at
+any time.  Lengths are mm and speeds mm/min, as on the wire.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 import contextlib
 from dataclasses import dataclass
 import os
 import re
-import select
-import time
 
 import serial
 
+from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.hardware.serial_ports import discard_output
 
 STATUS_QUERY = b'?'
 FEED_HOLD = b'!'
 SOFT_RESET = b'\x18'
 JOG_CANCEL = b'\x85'
-LONGEST_LINE = 79  # characters; a longer one is answered by error:11
-LONGEST_ANSWER = 1000  # bytes without an end of line are no answer, but noise
+MAX_LINE_LENGTH = 79  # characters; a longer one is answered by error:11
+MAX_ANSWER_LENGTH = 1000  # bytes; more without an end of line are noise
+LAST_BYTES_TIME = 0.01  # s for what was written last to leave before the port is closed
+AXES = 'XYZA'
+"""Axes that can be tendons, in the order of the tendons."""
 
 NUMBER = r'[-+]?\d{1,9}(?:\.\d{0,9})?'
 BANNER = re.compile(r'(Grbl|GrblHAL|grblHAL) (\d\S*) \[.*')
@@ -32,14 +35,15 @@ ACKNOWLEDGEMENT = re.compile(r'ok|error:(\d{1,3})')
 ALARM = re.compile(r'ALARM:(\d{1,3})')
 SETTING = re.compile(rf'\$(\d{{1,3}})=({NUMBER})(?: .*)?')
 STATUS = re.compile(r'<([A-Z][a-z]+)(?::(\d{1,2}))?((?:\|[^|<>]*)*)>')
-COORDINATES = re.compile(rf'({NUMBER}),({NUMBER}),({NUMBER})(?:,{NUMBER})*')
+COORDINATES = re.compile(rf'{NUMBER}(?:,{NUMBER}){{2,5}}')
 
-Coordinates = tuple[float, float, float]
+Coordinates = tuple[float, ...]
+"""One value per axis of the controller, mm."""
 
 
 @dataclass(frozen=True)
 class Banner:
-    """What a controller says after a reset of any kind."""
+    """The greeting after a reset of any kind."""
 
     firmware: str
 
@@ -93,7 +97,7 @@ Message = Banner | Acknowledgement | Alarm | Setting | Status | Feedback
 
 
 def parse(line: str) -> Message | None:
-    """Return what one line (without its end) says; None when that is not understood."""
+    """Return the message in one line (without its end); None when it is not understood."""
     if found := ACKNOWLEDGEMENT.fullmatch(line):
         return Acknowledgement(int(found[1] or 0))
     if found := STATUS.fullmatch(line):
@@ -115,59 +119,69 @@ def parse(line: str) -> Message | None:
 
 
 def _coordinates(text: str) -> Coordinates | None:
-    found = COORDINATES.fullmatch(text)
-    return (float(found[1]), float(found[2]), float(found[3])) if found else None
+    if not COORDINATES.fullmatch(text):
+        return None
+    return tuple(float(number) for number in text.split(','))
 
 
-def jog_line(x: float, y: float, feed: float) -> str:
+def words(position: Sequence[float], decimals: int) -> str:
+    """Return a position (mm) as G-code words, such as X1.00Y2.00."""
+    return ''.join(f'{axis}{mm:.{decimals}f}'
+                   for axis, mm in zip(AXES, position, strict=False))
+
+
+def jog_line(position: Sequence[float], feed: float) -> str:
     """
-    Return the command to jog to x, y (mm, machine coordinates) with ``feed`` (mm/min).
+    Return the command to jog to a position (mm, machine coordinates) with ``feed`` (mm/min).
 
     A line that was cut off before its end, and then completed by another program, moves nothing
     without its feed, or moves slower with a part of it.
     """
-    return f'$J=G21G90G53X{x:.5f}Y{y:.5f}F{max(feed, 1.0):.1f}'
+    return f'$J=G21G90G53{words(position, 5)}F{max(feed, 1.0):.1f}'
 
 
 class MessageReader:
     """Cuts received bytes into lines and the lines into messages."""
 
     def __init__(self) -> None:
-        """Begin with nothing received."""
+        """Start with nothing received."""
         self._rest = b''
 
     def feed(self, data: bytes) -> list[Message]:
-        """Return the messages that ``data`` completes; noise is left out."""
+        """Return the messages that ``data`` completes; noise is dropped."""
         *lines, rest = re.split(b'[\r\n]+', self._rest + data)
-        self._rest = rest if len(rest) <= LONGEST_ANSWER else b''
+        self._rest = rest if len(rest) <= MAX_ANSWER_LENGTH else b''
         parsed = (parse(line.decode('ascii', 'replace')) for line in lines)
         return [message for message in parsed if message is not None]
 
 
 class GrblLink:
-    """An open serial port with a controller behind it, for one thread (``wake`` for any)."""
+    """An open port with a controller behind it; for one thread, but ``wake`` and ``abort``."""
 
-    def __init__(self, port: serial.Serial, clock: Callable[[], float] = time.monotonic) -> None:
-        """Use an open ``port``; ``clock`` is steady, s."""
+    def __init__(self, port: serial.Serial, clock: Clock = STEADY) -> None:
+        """Use an open ``port``."""
         self._port = port
-        self._clock = clock
+        self.clock = clock
         self._reader = MessageReader()
         self._wake_read, self._wake_write = os.pipe()
         os.set_blocking(self._wake_read, False)
         os.set_blocking(self._wake_write, False)
+        self._aborted = False
         self.unanswered = ''
         """The line that waits for its acknowledgement."""
         self.sent_at = 0.0
         """When that line was sent, s."""
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port; what a device has not taken within LAST_BYTES_TIME is dropped."""
+        self.clock.sleep(LAST_BYTES_TIME)
+        discard_output(self._port)
         self._port.close()
         os.close(self._wake_read)
         os.close(self._wake_write)
 
     def write(self, data: bytes) -> None:
-        """Send bytes that act at once and are not acknowledged."""
+        """Send bytes that act at once and are not acknowledged; never waits."""
         try:
             written = os.write(self._port.fileno(), data)
         except (OSError, ValueError) as error:
@@ -177,23 +191,24 @@ class GrblLink:
 
     def send(self, line: str) -> None:
         """Send one line; only after the one before has been acknowledged."""
-        assert not self.unanswered and len(line) <= LONGEST_LINE, line
-        self.unanswered, self.sent_at = line, self._clock()
+        assert not self.unanswered and len(line) <= MAX_LINE_LENGTH, line
+        self.unanswered, self.sent_at = line, self.clock()
         self.write(line.encode('ascii') + b'\n')
 
     def wait(self, timeout: float) -> bool:
-        """Return whether something has come, after ``timeout`` (s), or earlier when woken."""
+        """Return whether something was received, after ``timeout`` (s), or earlier when woken."""
+        if self._aborted:
+            raise HardwareError(f'{self._port.port} was closed while it was being opened')
         try:
-            ready, _, _ = select.select(
-                [self._port.fileno(), self._wake_read], [], [], max(0.0, timeout))
+            ready = self.clock.wait([self._port.fileno(), self._wake_read], timeout)
+            if self._wake_read in ready:
+                os.read(self._wake_read, 4096)
+            return self._port.fileno() in ready
         except (OSError, ValueError) as error:
             raise self._lost(error) from None
-        if self._wake_read in ready:
-            os.read(self._wake_read, 4096)
-        return self._port.fileno() in ready
 
     def receive(self, timeout: float = 0.0) -> list[Message]:
-        """Return what has come, if need be after a wait (s)."""
+        """Return the messages received so far, or else within ``timeout`` (s)."""
         if not self.wait(timeout):
             return []
         try:
@@ -205,12 +220,17 @@ class GrblLink:
         return self._reader.feed(data)
 
     def wake(self) -> None:
-        """Let ``receive`` return at once; from any thread."""
+        """Make ``wait`` and ``receive`` return at once; from any thread."""
         with contextlib.suppress(BlockingIOError):  # it is going to wake up anyway
             os.write(self._wake_write, b'w')
 
+    def abort(self) -> None:
+        """Make ``wait`` and ``receive`` raise HardwareError from now on; from any thread."""
+        self._aborted = True
+        self.wake()
+
     def answered(self) -> str:
-        """Take note that the line was acknowledged, or never will be; return it."""
+        """Note that the line was acknowledged, or never will be; return it."""
         line, self.unanswered = self.unanswered, ''
         return line
 

@@ -1,35 +1,89 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How a tendon motion becomes short jogs, and how much of it waits in the controller.
+How a tendon motion becomes short jogs, and how much of it is queued in the controller.
 
-The controller has no watchdog: what it was sent it does.  So it is never sent more than
-MOST_QUEUED seconds of motion.  Positions are whole motor steps in machine coordinates.
+The controller has no watchdog: it executes what it was sent.  So it is never sent more than
+MAX_QUEUED_TIME seconds of motion.  Positions are whole motor steps in machine coordinates.
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot, sqrt
 
+from soft_continuum.hardware.protocols import describe_pulls
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 
-PIECE = 0.02
+JOG_TIME = 0.02
 """s of motion per jog."""
-BOOST = 1.2
-"""By which jogs are faster than planned, so that the controller catches up with what it lost."""
-LONGEST_PIECE = 0.06  # s, when an acknowledgement was late
-MOST_QUEUED = 0.14
-"""s of motion that may wait in the controller; its report does not yet say the last 60 ms."""
-FINEST = 1e-9  # m, of the planned path; it is rounded to motor steps when it is sent
-REPORTED = 1e-6  # m, of the positions in a status report
+FEED_MARGIN = 1.2
+"""By which jogs are faster than planned, so that the controller catches up after a delay."""
+MAX_JOG_TIME = 0.06
+"""s of motion per jog after a late acknowledgement."""
+MAX_QUEUED_TIME = 0.14
+"""s of motion that may be queued; a status report does not yet include the last 60 ms."""
+PATH_RESOLUTION = 1e-9  # m; positions are rounded to motor steps when they are sent
+REPORT_RESOLUTION = 1e-6  # m, of the positions in a status report
+MM = 1e3  # per m
 
-Steps = tuple[int, int]
-Pair = tuple[float, float]
+Steps = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Motors:
+    """
+    The motors of the controller's first axes, one per tendon.
+
+    tendons: their names.  steps_per_mm: of each motor.  signs: 1 where a positive motion pulls.
+    """
+
+    tendons: tuple[str, ...]
+    steps_per_mm: tuple[float, ...]
+    signs: tuple[float, ...]
+
+    @property
+    def steps_per_metre(self) -> tuple[float, ...]:
+        """Motor steps per m of travel of each motor."""
+        return tuple(MM * s for s in self.steps_per_mm)
+
+    def to_steps(self, millimetres: Sequence[float]) -> Steps:
+        """Return the steps at a position in machine coordinates (mm); further axes are ignored."""
+        return tuple(round(mm * s)
+                     for mm, s in zip(millimetres, self.steps_per_mm, strict=False))
+
+    def to_millimetres(self, steps: Sequence[int]) -> tuple[float, ...]:
+        """Return the position in machine coordinates, mm."""
+        return tuple(n / s for n, s in zip(steps, self.steps_per_mm, strict=True))
+
+    def to_pulls(self, steps: Sequence[int]) -> tuple[float, ...]:
+        """Return the pulls (m) that a difference in steps makes."""
+        return tuple(sign * n / s
+                     for n, s, sign in zip(steps, self.steps_per_metre, self.signs, strict=True))
+
+    def from_pulls(self, pulls: Sequence[float]) -> Steps:
+        """Return the difference in steps that makes pulls (m)."""
+        return tuple(round(sign * p * s)
+                     for p, s, sign in zip(pulls, self.steps_per_metre, self.signs, strict=True))
+
+    def describe(self, steps: Sequence[int]) -> str:
+        """Return the pulls that a difference in steps makes, for a person to read."""
+        return describe_pulls(self.tendons, self.to_pulls(steps))
+
+
+def add(a: Steps, b: Steps) -> Steps:
+    """Return the sum of two positions."""
+    return tuple(x + y for x, y in zip(a, b, strict=True))
+
+
+def subtract(a: Steps, b: Steps) -> Steps:
+    """Return the difference of two positions."""
+    return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
 @dataclass(frozen=True)
 class Jog:
-    """A straight motion; feed: m/s in the plane of both motors, speed: m/s of the faster one."""
+    """A straight motion; feed: m/s in the space of all motors, speed: m/s of the fastest one."""
 
     start: Steps
     end: Steps
@@ -41,99 +95,103 @@ class Jog:
 class JogStream:
     """Plans a path within speed and acceleration limits and cuts it into jogs."""
 
-    def __init__(self, steps_per_metre: Pair, speed_limit: float, acceleration_limit: float,
+    def __init__(self, motors: Motors, speed_limit: float, acceleration_limit: float,
                  braking: float) -> None:
         """
-        Stand at zero, with nowhere to go.
+        Start at zero, without a target.
 
-        steps_per_metre: of both motors.  speed_limit: m/s.  acceleration_limit: m/s^2 of the
-        planned path.  braking: m/s^2 with which the controller can brake.
+        speed_limit: m/s.  acceleration_limit: m/s^2 of the planned path.  braking: m/s^2 with
+        which the controller can brake.
         """
-        self._scale = steps_per_metre
-        # The controller plans to rest at the end of what it has: a faster motion could not brake
+        self._motors = motors
+        self._scale = motors.steps_per_metre
+        # The controller plans to rest at the end of its queue: a faster motion could not brake
         # within what may be queued.
-        self._speed_limit = min(speed_limit, 0.8 * MOST_QUEUED * braking)
+        self._speed_limit = min(speed_limit, 0.8 * MAX_QUEUED_TIME * braking)
         self._acceleration_limit = acceleration_limit
         self._braking = braking
-        self.place((0, 0))
+        self.place((0,) * len(self._scale))
 
     def place(self, steps: Steps) -> None:
-        """Stand at ``steps``, with nowhere to go."""
-        self.end = steps  # where the jogs so far lead
+        """Start anew at ``steps``, without a target."""
+        self.end = steps  # of the last jog
         self.target = steps
         self._origin = steps  # of the planned path
-        self._planned = 0.0  # until when there are jogs, s
-        self._time = 0.0  # along the path; it stands still while no jog can be sent
+        self._planned_until = 0.0  # s: there are jogs up to then
+        self._path_time = 0.0  # s; stands still while no jog can be sent
         self._path = SimulatedTendons(
-            lambda: self._time, self._speed_limit, self._acceleration_limit, FINEST)
+            lambda: self._path_time, self._motors.tendons, self._speed_limit,
+            self._acceleration_limit, PATH_RESOLUTION)
         self._queue: deque[Jog] = deque()
-        self._done = 0.0  # part of the first jog in the queue
-        self._speed = 0.0  # as observed
+        self._first_jog_done = 0.0  # share of the first jog in the queue
+        self._speed = 0.0  # m/s, as observed
 
     @property
     def moving(self) -> bool:
-        """Whether motion is under way, or wanted."""
+        """Whether motion is under way, or still to be sent."""
         return bool(self._queue) or self.end != self.target
 
-    def aim(self, steps: Steps, arrival: float, now: float) -> None:
-        """Go to ``steps``, to be there at ``arrival`` (s, on the clock of ``now``)."""
+    def set_target(self, steps: Steps, arrival: float, now: float) -> None:
+        """Move to ``steps``, to be there at ``arrival`` (s, on the clock of ``now``)."""
         self.target = steps
-        self._planned = max(self._planned, now)
-        self._path.move(self._metres(steps), max(0.0, arrival - self._planned))
+        self._planned_until = max(self._planned_until, now)
+        self._path.move(self._to_metres(steps), max(0.0, arrival - self._planned_until))
 
     def next_jog(self, now: float) -> Jog | None:
         """Return what the controller must be sent now, if anything."""
-        seconds = min(now + PIECE - self._planned, LONGEST_PIECE)
-        if self.end == self.target or seconds < 0.75 * PIECE:
+        seconds = min(now + JOG_TIME - self._planned_until, MAX_JOG_TIME)
+        if self.end == self.target or seconds < 0.75 * JOG_TIME:
             return None
-        if self._queued() + seconds > MOST_QUEUED:
+        if self._queued_time() + seconds > MAX_QUEUED_TIME:
             return None
-        self._planned = max(self._planned + seconds, now)
-        self._time += seconds
-        end = self._steps(self._path.read().pulls)
+        self._planned_until = max(self._planned_until + seconds, now)
+        self._path_time += seconds
+        end = self._from_metres(self._path.read().pulls)
         if end == self.end:
             return None
         distances = [(b - a) / s for a, b, s in zip(self.end, end, self._scale, strict=True)]
-        # Rounding to steps must not make it faster than allowed.
-        seconds = max(seconds, *(abs(d) / self._speed_limit for d in distances))
-        hasty = max(seconds / BOOST, *(abs(d) / self._speed_limit for d in distances))
-        jog = Jog(self.end, end, seconds, hypot(*distances) / hasty,
-                  max(abs(d) for d in distances) / hasty)
+        # Rounding to steps must not exceed the speed limit.
+        shortest = max(abs(d) / self._speed_limit for d in distances)
+        seconds = max(seconds, shortest)
+        duration = max(seconds / FEED_MARGIN, shortest)
+        jog = Jog(self.end, end, seconds, hypot(*distances) / duration,
+                  max(abs(d) for d in distances) / duration)
         self._queue.append(jog)
         self.end = end
         return jog
 
     def observe(self, steps: Steps, speed: float) -> bool:
         """
-        Note where the motors are; return False when that is not on the way they were sent.
+        Update from where the motors are; return False when that is not on the planned path.
 
-        speed: of the faster motor, m/s.
+        speed: of the fastest motor, m/s.
         """
         self._speed = speed
         for i, jog in enumerate(self._queue):
-            part = self._part(jog, steps)
-            if part is not None:
+            share = self._share_done(jog, steps)
+            if share is not None:
                 for _ in range(i):
                     self._queue.popleft()
-                self._done = part
+                self._first_jog_done = share
                 return True
         return not self._queue and self.arrived(steps)
 
     def arrived(self, steps: Steps) -> bool:
-        """Whether ``steps`` is where the jogs so far lead, as far as a status report can tell."""
-        return all(abs(a - b) <= 0.5 + REPORTED * s
+        """Whether ``steps`` is the end of the last jog, as far as a status report can tell."""
+        return all(abs(a - b) <= 0.5 + REPORT_RESOLUTION * s
                    for a, b, s in zip(steps, self.end, self._scale, strict=True))
 
-    def rest(self) -> None:
-        """Take note that the controller has done all that it was sent."""
+    def clear_queue(self) -> None:
+        """Note that the controller has executed all jogs."""
         self._queue.clear()
 
-    def _queued(self) -> float:
+    def _queued_time(self) -> float:
         """Return how long (s) the controller would still move."""
         if not self._queue:
             return 0.0
-        nominal = sum(jog.seconds for jog in self._queue) - self._done * self._queue[0].seconds
-        # What speeding up and braking cost beyond that: a trapezoid, or a triangle if it is short.
+        nominal = (sum(jog.seconds for jog in self._queue)
+                   - self._first_jog_done * self._queue[0].seconds)
+        # Acceleration and braking take longer: a trapezoid of speed, or a triangle if short.
         top = max(jog.speed for jog in self._queue)
         distance = sum(jog.speed * jog.seconds for jog in self._queue)
         now, braking = min(self._speed, top), self._braking
@@ -142,20 +200,21 @@ class JogStream:
             return nominal + max(0.0, (2 * peak - now) / braking - distance / top)
         return nominal + ((top - now)**2 / top + top) / (2 * braking)
 
-    def _part(self, jog: Jog, steps: Steps) -> float | None:
-        """Return which part of a jog is done at ``steps``; None when that is not on its way."""
-        x, y = ((b - a) / s for a, b, s in zip(jog.start, jog.end, self._scale, strict=True))
-        u, v = ((b - a) / s for a, b, s in zip(jog.start, steps, self._scale, strict=True))
-        part = min(1.0, max(0.0, (x * u + y * v) / (x * x + y * y)))
+    def _share_done(self, jog: Jog, steps: Steps) -> float | None:
+        """Return the share of a jog that is done at ``steps``; None when they are not on it."""
+        way = [(b - a) / s for a, b, s in zip(jog.start, jog.end, self._scale, strict=True)]
+        made = [(b - a) / s for a, b, s in zip(jog.start, steps, self._scale, strict=True)]
+        share = sum(w * m for w, m in zip(way, made, strict=True)) / sum(w * w for w in way)
+        share = min(1.0, max(0.0, share))
         # Motors step one after the other, and a report is rounded.
-        tolerance = REPORTED + 1.5 / min(self._scale)
-        return part if hypot(u - part * x, v - part * y) <= tolerance else None
+        tolerance = REPORT_RESOLUTION + 1.5 / min(self._scale)
+        error = hypot(*(m - share * w for w, m in zip(way, made, strict=True)))
+        return share if error <= tolerance else None
 
-    def _metres(self, steps: Steps) -> Pair:
-        x, y = ((a - b) / s for a, b, s in zip(steps, self._origin, self._scale, strict=True))
-        return x, y
+    def _to_metres(self, steps: Steps) -> tuple[float, ...]:
+        return tuple((a - b) / s
+                     for a, b, s in zip(steps, self._origin, self._scale, strict=True))
 
-    def _steps(self, metres: Pair) -> Steps:
-        x, y = (b + round(a * s) for a, b, s in
-                zip(metres, self._origin, self._scale, strict=True))
-        return x, y
+    def _from_metres(self, metres: Sequence[float]) -> Steps:
+        return tuple(b + round(a * s)
+                     for a, b, s in zip(metres, self._origin, self._scale, strict=True))

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Stiff or soft: what the pressures say of every segment, and when the pump runs."""
+"""Stiff or soft: the state of every segment by its pressure, and when the pump runs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class JammingSettings:
 
 
 class PressureWatch:
-    """Notices the segments whose pressure does not follow their valve."""
+    """Detects the segments whose pressure does not follow their valve."""
 
     def __init__(self, segments: int, settings: JammingSettings) -> None:
         """Watch from the first reading on."""
@@ -79,7 +79,7 @@ class PressureWatch:
             self._distrusted[i] = True
         if self._distrusted[i]:
             return (f'{name}: has {kilopascals} though it was vented; its pressure sensor or its '
-                    'valve is stuck, or its vent is blocked. Vent it until the pressure says so')
+                    'valve is stuck, or its vent is blocked. Vent it until the pressure shows it')
         if overdue and driven == (True, True) and vacuum < self._settings.stiff_vacuum:
             return (f'{name}: has only {kilopascals} after {RESPONSE_TIME:g} s with the pump '
                     'running; it leaks, its valve or its pressure sensor is stuck, or the pump '
@@ -92,7 +92,7 @@ class JammingController:
     Switches segments and knows from the pressure which of them are stiff.
 
     stiff: per segment; False also when that is not known.  faults: per segment, what is wrong
-    with its pressure in words, empty for nothing.
+    with its pressure, empty for nothing.
     """
 
     def __init__(self, driver: JammingDriver, segments: int, settings: JammingSettings,
@@ -143,7 +143,7 @@ class JammingController:
         return reading
 
     def set_stiff(self, segment: int, stiff: bool) -> None:
-        """Evacuate or vent a segment (0-based); ``stiff`` follows when the pressure says so."""
+        """Evacuate or vent a segment (0-based); ``stiff`` follows with the pressure."""
         if not stiff:  # at once, as a command that fails may have been carried out
             self.stiff[segment] = False
         self._driver.set_evacuated(segment, stiff)

@@ -1,17 +1,17 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The only owner of a Modbus RTU line: one request, one reply, and silence after all that is wrong.
+The only owner of a Modbus RTU line: one request, one reply, and a pause after every error.
 
-RTU replies carry no number, so a reply that comes late looks like the answer to a later request.
-Hence nothing is sent twice, and a request succeeds only when exactly its reply comes back in time:
-unit, function, length, echo and CRC.  After anything else the line is left alone until it has been
-silent for a while; ``out_of_step`` then tells the user of the bus that late replies may still be
-on their way.  Frames and CRC are pymodbus's; its client is not used, as it takes the late reply.
+RTU replies carry no number, so a late reply looks like the answer to a later request.  Hence
+nothing is sent twice, and a request succeeds only when exactly its reply is received in time:
+unit, function, length, echo and CRC.  After anything else the line is not used until nothing was
+received for a while; ``out_of_step`` then tells the user of the bus that late replies may still be
+on their way.  Frames and CRC are pymodbus's; its client is not used, as it accepts a late reply.
 """
 
-import termios
-from time import monotonic, sleep
+import os
+import threading
 
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU, ModbusPDU
@@ -19,12 +19,13 @@ from pymodbus.pdu.bit_message import ReadCoilsRequest, WriteSingleCoilRequest
 from pymodbus.pdu.register_message import ReadInputRegistersRequest
 import serial
 
+from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.serial_ports import open_serial
+from soft_continuum.hardware.serial_ports import discard_output, open_serial
 
-QUIET = 2.0
-"""Timeouts of silence before the line is used again; doubled by each failure in a row."""
-LONGEST_QUIET = 1.0
+PAUSE = 2.0
+"""Timeouts without a byte before the line is used again; doubled by each failure in a row."""
+MAX_PAUSE = 1.0
 """s; some boards need 0.5 s without a byte to find the beginning of a request again."""
 BITS_PER_CHARACTER = 11  # the longest there is; 8N1 has 10
 EXCEPTION_SIZE = 5
@@ -44,15 +45,17 @@ class RefusedError(HardwareError):
 
 class ModbusBus:
     """
-    Requests to the devices on one line, one at a time; for one thread.
+    Requests to the devices on one line, one at a time; for one thread, but ``close`` for any.
 
-    Every request returns or raises HardwareError within the timeout (plus the few milliseconds of
-    silence between frames), at once while the line must stay silent.  A port that has gone is
-    opened again by the next request.
+    Every request returns or raises HardwareError within the timeout, plus the gap between frames
+    (2 to 32 ms, by baud rate); during a pause it raises at once.  Writing never waits.  A lost
+    port is opened again by the next request.
     """
 
-    def __init__(self, port: str, baud_rate: int, timeout: float) -> None:
+    def __init__(self, port: str, baud_rate: int, timeout: float, clock: Clock = STEADY) -> None:
         """Use ``port``, 8N1, once it is opened; timeout: s from a request to its whole reply."""
+        self.clock = clock
+        self._lock = threading.Lock()  # of all that follows, during a request
         self._port = port
         self._baud_rate = baud_rate
         self._timeout = timeout
@@ -63,26 +66,31 @@ class ModbusBus:
         self._opened = False  # by open(), whether or not the port is there now
         self._used_at = 0.0
         self._failures = 0  # in a row
-        self._quiet = 0.0
-        self._quiet_until = 0.0
-        self._trouble = ''
+        self._pause = 0.0
+        self._paused_until = 0.0
+        self._error = ''
         self.out_of_step = True
 
     def open(self) -> None:
-        """Open the port; raises HardwareError that says what to do."""
+        """Open the port; raises HardwareError with the remedy."""
         self.close()
-        self._failures, self._quiet_until, self._trouble = 0, 0.0, ''
+        with self._lock:
+            self._open()
+
+    def _open(self) -> None:
+        self._failures, self._paused_until, self._error = 0, 0.0, ''
         self.out_of_step = True
         self._connect()
         self._opened = True
 
     def close(self) -> None:
-        """Close the port; no request opens it again."""
-        self._opened = False
-        self._disconnect()
+        """Close the port; no request opens it again.  Waits for a request under way."""
+        with self._lock:
+            self._opened = False
+            self._disconnect()
 
     def set_in_step(self) -> None:
-        """Trust the replies again: none that is late can come any more."""
+        """Trust replies again: no late one can be received any more."""
         self.out_of_step = False
         self._failures = 0
 
@@ -98,20 +106,25 @@ class ModbusBus:
         return tuple(self._request(request, OVERHEAD + 2 * count).registers)
 
     def write_coil(self, unit: int, coil: int, on: bool) -> None:
-        """Switch one coil (function 05); that it was acknowledged does not say that it moved."""
+        """Switch one coil (function 05); an acknowledgement does not prove that it moved."""
         request = WriteSingleCoilRequest(address=coil, bits=[on], dev_id=unit)
         self._request(request, len(self._framer.buildFrame(request)))
 
     def _request(self, request: ModbusPDU, size: int) -> ModbusPDU:
         """Send a request; return its reply of ``size`` bytes, or raise HardwareError."""
+        with self._lock:
+            return self._exchange(request, size)
+
+    def _exchange(self, request: ModbusPDU, size: int) -> ModbusPDU:
         line = self._ready_line()
         frame = self._framer.buildFrame(request)
         try:
-            line.write(frame)
-            reply = bytes(line.read(size))
-        except (OSError, termios.error):
+            if os.write(line.fileno(), frame) < len(frame):
+                raise self._lost()
+            reply = self._read(line, size)
+        except (OSError, ValueError):
             raise self._lost() from None
-        self._used_at = monotonic()
+        self._used_at = self.clock()
         who = f'Modbus unit {request.dev_id} on {self._port}'
         if not reply:
             raise self._failed(
@@ -131,6 +144,17 @@ class ModbusBus:
                 'parameters with the manual of the board')
         return answer
 
+    def _read(self, line: serial.Serial, size: int) -> bytes:
+        """Return ``size`` bytes, or what was received within the timeout."""
+        deadline = self.clock() + self._timeout
+        reply = b''
+        while len(reply) < size and self.clock.wait([line.fileno()], deadline - self.clock()):
+            received = os.read(line.fileno(), size - len(reply))
+            if not received:
+                raise OSError('hung up')
+            reply += received
+        return reply
+
     def _decode(self, frame: bytes, reply: bytes, size: int) -> ModbusPDU | None:
         """Return the reply if it is one to this request and nothing besides."""
         unit, function = frame[:2]
@@ -143,49 +167,52 @@ class ModbusBus:
         return self._framer.handleFrame(reply, unit, 0)[1] if expected else None
 
     def _ready_line(self) -> serial.Serial:
-        """Return the line when it is open and silent; raise HardwareError when it is not."""
+        """Return the line when it is open and not paused; raise HardwareError otherwise."""
         if not self._opened:
             raise HardwareError(f'serial port {self._port} is not open; configure the node')
         line = self._serial or self._connect()
         try:
-            unasked = bytes(line.read(line.in_waiting))
-        except (OSError, termios.error):
+            ready = self.clock.wait([line.fileno()], 0.0)
+            unrequested = os.read(line.fileno(), 4096) if ready else b''
+            if ready and not unrequested:
+                raise OSError('hung up')
+        except (OSError, ValueError):
             raise self._lost() from None
-        if unasked and not self._trouble:
+        if unrequested and not self._error:
             raise self._failed(
-                f'{self._port}: {unasked.hex(" ")} came without a request; a device answers later '
-                'than modbus.timeout, or another program or controller uses the bus')
-        if unasked:
-            self._quiet_until = monotonic() + self._quiet
-        if monotonic() < self._quiet_until:
-            raise HardwareError(f'{self._trouble} (waiting until the line is silent)')
-        self._trouble = ''
-        sleep(max(0.0, self._used_at + self._gap - monotonic()))
+                f'{self._port}: {unrequested[:80].hex(" ")} was received without a request; a '
+                'device answers later than modbus.timeout, or another program or controller uses '
+                'the bus')
+        if unrequested:
+            self._paused_until = self.clock() + self._pause
+        if self.clock() < self._paused_until:
+            raise HardwareError(f'{self._error} (waiting until nothing is received)')
+        self._error = ''
+        self.clock.sleep(self._used_at + self._gap - self.clock())
         return line
 
     def _failed(self, message: str) -> HardwareError:
-        """Leave the line alone for a while, and return the error to raise."""
-        shortest = QUIET * self._timeout
-        self._quiet = max(shortest, min(shortest * 2 ** self._failures, LONGEST_QUIET))
-        self._failures = min(self._failures + 1, 10)  # long enough for any timeout
-        self._quiet_until = monotonic() + self._quiet
-        self._trouble = message
+        """Pause the line, and return the error to raise."""
+        shortest = PAUSE * self._timeout
+        self._pause = max(shortest, min(shortest * 2 ** self._failures, MAX_PAUSE))
+        self._failures = min(self._failures + 1, 10)  # enough for any timeout
+        self._paused_until = self.clock() + self._pause
+        self._error = message
         self.out_of_step = True
         return HardwareError(message)
 
-
     def _connect(self) -> serial.Serial:
-        self._serial = open_serial(self._port, self._baud_rate, timeout=self._timeout,
-                                   write_timeout=self._timeout)
+        self._serial = open_serial(self._port, self._baud_rate)
         return self._serial
 
     def _disconnect(self) -> None:
-        if self._serial is not None:
-            self._serial.close()
-            self._serial = None
+        line, self._serial = self._serial, None
+        if line is not None:
+            discard_output(line)
+            line.close()
 
     def _lost(self) -> HardwareError:
         self._disconnect()
         return self._failed(
             f'serial port {self._port}: the connection is lost; check the cable and the power of '
-            'the adapter; the port is opened again by itself')
+            'the adapter; the port is opened again automatically')

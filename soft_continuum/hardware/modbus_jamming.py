@@ -4,8 +4,8 @@
 Pump and valves on a Modbus RTU relay board, pressure transmitters (4-20 mA) on an analog board.
 
 The boards have no watchdog and no fail-safe: they keep their relays as they are when this program
-or the line dies.  What the segments do when the boards lose power is decided by the plumbing, that
-is by ``modbus.energised_valve_evacuates``: true: without power all segments vent and the arm
+or the line fails.  What the segments do when the boards lose power depends on the plumbing, that
+is on ``modbus.energised_valve_evacuates``: true: without power all segments vent and the arm
 becomes soft; false: without power they stay connected to the (resting) pump and hold their vacuum
 as long as nothing leaks.
 """
@@ -13,7 +13,6 @@ as long as nothing leaks.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import nan
-from time import monotonic
 from typing import Any, ClassVar, Self
 
 from soft_continuum.hardware.modbus_bus import (
@@ -26,9 +25,9 @@ from soft_continuum.hardware.protocols import HardwareError, JammingReading
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 
 BROKEN_WIRE, SHORT_CIRCUIT = 3600, 21000
-"""uA; a current below the one or above the other comes from no working transmitter."""
-COILS_EVERY = 0.2
-"""s between two looks at the relays: they change only by a command or when the board resets."""
+"""uA; no working transmitter gives less than the one or more than the other."""
+COILS_INTERVAL = 0.2
+"""s between two readings of the relays: they change only by a command or a reset of the board."""
 REQUEST_SIZE = 8  # bytes
 
 
@@ -75,8 +74,10 @@ class ModbusJamming:
     """
     A JammingDriver over Modbus RTU.
 
-    Calls return or raise within a few timeouts at worst, and within one when a board is dead.
-    Nothing is switched but by set_evacuated and set_pump: not on open, close or reconnection.
+    A call makes one to four requests, each bounded by ``modbus.timeout`` (0.1 s by default, 1 s at
+    most), and raises after the first that is not answered: a board that does not answer holds its
+    caller for one timeout, then calls raise at once for at least two timeouts.  Nothing is
+    switched but by set_evacuated and set_pump: not on open, close or reconnection.
     """
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
@@ -115,36 +116,10 @@ class ModbusJamming:
         """
         Return a driver for checked ``values`` of PARAMETERS, of the arm and of ambient_pressure.
 
-        ``clock`` is not used: a serial line lives in real time, whatever the clock of ROS says.
+        clock: not used; a device continues when a node's clock is paused or set.
         Raises ParameterError when the values do not fit together.
         """
-        segments = len(values['arm.segment_lengths'])
-        registers = RegisterMap(
-            relay_unit=values['modbus.relay_unit'],
-            pump_coil=values['modbus.pump_coil'],
-            valve_coils=_addresses(values, 'modbus.valve_coils', segments),
-            energised_valve_evacuates=values['modbus.energised_valve_evacuates'],
-            analog_unit=values['modbus.analog_unit'],
-            pressure_registers=_addresses(values, 'modbus.pressure_registers', segments),
-            ambient_pressure=values['ambient_pressure'],
-            vacuum_at_4_ma=values['modbus.vacuum_at_4_ma'],
-            vacuum_at_20_ma=values['modbus.vacuum_at_20_ma'])
-        if registers.pump_coil in registers.valve_coils:
-            raise ParameterError(
-                f'parameter modbus.pump_coil is {registers.pump_coil}, which is also one of '
-                'modbus.valve_coils; every coil switches one thing')
-        if registers.vacuum_at_4_ma == registers.vacuum_at_20_ma:
-            raise ParameterError(
-                f'parameters modbus.vacuum_at_4_ma and modbus.vacuum_at_20_ma are both '
-                f'{registers.vacuum_at_4_ma:g} Pa; give the two ends of the range')
-        # What one reply can carry.
-        for name, addresses, most in (('modbus.pump_coil and modbus.valve_coils',
-                                       registers.coils, 2000),
-                                      ('modbus.pressure_registers', registers.registers, 125)):
-            if len(addresses) > most:
-                raise ParameterError(
-                    f'{name} reach from {addresses[0]} to {addresses[-1]}; one request reads at '
-                    f'most {most}, so put them closer together')
+        registers = registers_from_parameters(values)
         baud_rate, timeout = values['modbus.baud_rate'], values['modbus.timeout']
         largest = max(2 * len(registers.registers), (len(registers.coils) + 7) // 8, 3)
         on_wire = (REQUEST_SIZE + OVERHEAD + largest) * BITS_PER_CHARACTER / baud_rate
@@ -169,10 +144,10 @@ class ModbusJamming:
         self._bus.close()
 
     def read(self) -> JammingReading:
-        """Return pressures as of now, relays as of at most COILS_EVERY ago."""
+        """Return pressures as of now, relays as of at most COILS_INTERVAL ago."""
         self._get_in_step()
         coils = self._coils
-        if coils is None or monotonic() >= self._coils_at + COILS_EVERY:
+        if coils is None or self._bus.clock() >= self._coils_at + COILS_INTERVAL:
             coils = self._read_coils()
         addresses = self._map.registers
         currents = self._bus.read_input_registers(
@@ -185,13 +160,13 @@ class ModbusJamming:
             coils[self._map.coils.index(self._map.pump_coil)])
 
     def set_evacuated(self, segment: int, evacuated: bool) -> None:
-        """Switch the valve of a segment (0-based) and see that its relay follows."""
+        """Switch the valve of a segment (0-based) and check that its relay follows."""
         self._switch(self._map.valve_coils[segment],
                      evacuated == self._map.energised_valve_evacuates,
                      f'valve of segment {segment + 1}')
 
     def set_pump(self, running: bool) -> None:
-        """Switch the pump and see that its relay follows."""
+        """Switch the pump and check that its relay follows."""
         self._switch(self._map.pump_coil, running, 'pump')
 
     def _switch(self, coil: int, on: bool, what: str) -> None:
@@ -208,18 +183,18 @@ class ModbusJamming:
     def _read_coils(self) -> tuple[bool, ...]:
         addresses = self._map.coils
         self._coils = self._bus.read_coils(self._map.relay_unit, addresses[0], len(addresses))
-        self._coils_at = monotonic()
+        self._coils_at = self._bus.clock()
         return self._coils
 
     def _get_in_step(self) -> None:
         """
-        After a reply that was missed, make sure that no late reply is taken for a new one.
+        After a missed reply, make sure that no late reply is taken for a new one.
 
-        A board answers in the order in which it was asked.  So once it has answered a request
-        whose reply has a length of its own, nothing asked before can still come: the analog board
-        is asked for one register alone (or, where one is all, for two: it may refuse).  The relay
-        board has no such request that switches nothing; what it says first is thrown away, so
-        that at most this question's own reply, as fresh, can be taken for that to the next.
+        A board answers in the order of its requests.  Once it has answered a request whose reply
+        has a length of its own, no earlier reply can follow: the analog board is asked for one
+        register alone (or, where one is all, for two: it may refuse).  The relay board has no such
+        request that switches nothing; its first reply is dropped, so that at most the reply to
+        this request, as recent, can be taken for that to the next.
         """
         if not self._bus.out_of_step:
             return
@@ -234,6 +209,38 @@ class ModbusJamming:
             if len(registers) > 1:
                 raise
         self._bus.set_in_step()
+
+
+def registers_from_parameters(values: Mapping[str, Any]) -> RegisterMap:
+    """Return the addresses in the parameters; raises ParameterError when they do not fit."""
+    segments = len(values['arm.segment_lengths'])
+    registers = RegisterMap(
+        relay_unit=values['modbus.relay_unit'],
+        pump_coil=values['modbus.pump_coil'],
+        valve_coils=_addresses(values, 'modbus.valve_coils', segments),
+        energised_valve_evacuates=values['modbus.energised_valve_evacuates'],
+        analog_unit=values['modbus.analog_unit'],
+        pressure_registers=_addresses(values, 'modbus.pressure_registers', segments),
+        ambient_pressure=values['ambient_pressure'],
+        vacuum_at_4_ma=values['modbus.vacuum_at_4_ma'],
+        vacuum_at_20_ma=values['modbus.vacuum_at_20_ma'])
+    if registers.pump_coil in registers.valve_coils:
+        raise ParameterError(
+            f'parameter modbus.pump_coil is {registers.pump_coil}, which is also one of '
+            'modbus.valve_coils; every coil switches one thing')
+    if registers.vacuum_at_4_ma == registers.vacuum_at_20_ma:
+        raise ParameterError(
+            f'parameters modbus.vacuum_at_4_ma and modbus.vacuum_at_20_ma are both '
+            f'{registers.vacuum_at_4_ma:g} Pa; give the two ends of the range')
+    # What one reply can carry.
+    for name, addresses, limit in (('modbus.pump_coil and modbus.valve_coils',
+                                   registers.coils, 2000),
+                                  ('modbus.pressure_registers', registers.registers, 125)):
+        if len(addresses) > limit:
+            raise ParameterError(
+                f'{name} reach from {addresses[0]} to {addresses[-1]}; one request reads at '
+                f'most {limit}, so put them closer together')
+    return registers
 
 
 def _addresses(values: Mapping[str, Any], name: str, segments: int) -> tuple[int, ...]:

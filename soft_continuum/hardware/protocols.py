@@ -2,40 +2,51 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a driver of tendon steppers and a driver of jamming valves must do."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 
 class HardwareError(RuntimeError):
-    """A device does not do what it should; the message says which, how, and what to do."""
+    """A device failed; the message names it, what was seen, and the remedy."""
+
+
+def describe_pulls(tendons: Sequence[str], pulls: Sequence[float]) -> str:
+    """Return pulls (m) for a person to read: ``right_tendon 12.30 mm, left_tendon -4.00 mm``."""
+    return ', '.join(f'{name} {1e3 * pull:.2f} mm'
+                     for name, pull in zip(tendons, pulls, strict=True))
 
 
 @dataclass(frozen=True)
 class TendonReading:
     """
-    State of the right and the left stepper.
+    State of the steppers, one value per tendon, in the order of the arm's ``tendon_names``.
 
-    pulls: m, negative is let out.  speeds: m/s.  tensions: N, None where nothing measures them.
+    pulls: m, negative is paid out.  speeds: m/s.  tensions: N, None where nothing measures them.
     referenced: whether the pulls are known relative to the straight arm.
     """
 
-    pulls: tuple[float, float]
-    speeds: tuple[float, float]
+    pulls: tuple[float, ...]
+    speeds: tuple[float, ...]
     referenced: bool
-    tensions: tuple[float, float] | None = None
+    tensions: tuple[float, ...] | None = None
 
     @property
     def moving(self) -> bool:
-        """Whether either tendon moves."""
+        """Whether any tendon moves."""
         return any(speed != 0.0 for speed in self.speeds)
 
 
 class TendonDriver(Protocol):
     """
-    Two steppers that pull the right and the left tendon.
+    Steppers that pull the tendons.
 
-    Calls return within a few milliseconds and raise HardwareError when the device fails.  A
-    driver holds its tendons (motors energised) whenever it does not move them, also after close.
+    ``read``, ``move``, ``stop`` and ``reference`` never wait for the device: they return within a
+    few milliseconds whatever it does, because a control loop calls them.  They raise HardwareError
+    when the device has failed, is not open or is being opened.  ``open`` may take up to 6 s and
+    ``close`` up to 1 s (to stop moving tendons), on any thread; ``close`` during ``open`` makes
+    that raise HardwareError.  A driver holds its tendons (motors energised) whenever it does not
+    move them, also after close.
     """
 
     @property
@@ -51,18 +62,18 @@ class TendonDriver(Protocol):
     def read(self) -> TendonReading:
         """Return the present state."""
 
-    def move(self, pulls: tuple[float, float], duration: float) -> None:
-        """Move both tendons to ``pulls`` (m), to arrive together after ``duration`` (s)."""
+    def move(self, pulls: tuple[float, ...], duration: float) -> None:
+        """Move all tendons to ``pulls`` (m), to arrive together after ``duration`` (s)."""
 
     def stop(self) -> None:
-        """Brake as fast as no step is lost, then hold."""
+        """Brake as fast as possible without losing a step, then hold."""
 
     def reference(self) -> None:
         """
-        Take the present position, the straight arm, as zero pull of both tendons, or look for it.
+        Take the present position, the straight arm, as zero pull of all tendons, or search for it.
 
-        A driver that looks for it begins to, and reads as moving until the tendons rest at zero
-        pull, or not referenced until it gave up.
+        A driver that searches for it only begins to, and reads as moving until the tendons rest at
+        zero pull, or not referenced if it was not found.
         """
 
 
@@ -84,9 +95,11 @@ class JammingDriver(Protocol):
     """
     A vacuum pump with one valve and one pressure sensor per segment.
 
-    Calls return within some tens of milliseconds and raise HardwareError when the device fails;
-    the next call tries again, and opens a port again that was lost.  A valve connects its segment
-    to the pump or to the atmosphere and stays as it is on close.
+    ``read``, ``set_evacuated`` and ``set_pump`` return within some tens of milliseconds.  When a
+    device does not answer they raise HardwareError after one bounded request, some 0.1 s; the next
+    call tries again, and reopens a lost port.  ``open`` may take up to 6 s.  One thread calls all
+    but ``close``, which any thread may call at any time.  A valve connects its segment to the pump
+    or to the atmosphere and stays as it is on close.
     """
 
     def open(self) -> None:

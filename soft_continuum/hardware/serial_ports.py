@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Serial ports: opened by one program only, with errors that name the fix."""
 
+import contextlib
 import errno
 import os
 from pathlib import Path
+import termios
 
 import serial
 from serial.tools.list_ports import comports
@@ -46,6 +48,12 @@ def open_serial(port: str, baud_rate: int, **serial_options: object) -> serial.S
         raise HardwareError(f'serial port {port}: {_explain(port, error)}') from None
 
 
+def discard_output(port: serial.Serial) -> None:
+    """Drop what was not sent yet: closing a port waits up to 30 s for a device that takes none."""
+    with contextlib.suppress(OSError, ValueError, termios.error):
+        termios.tcflush(port.fileno(), termios.TCOFLUSH)
+
+
 def _explain(port: str, error: OSError | ValueError) -> str:
     code = getattr(error, 'errno', None)
     if code == errno.ENOENT or not os.path.exists(port):
@@ -58,7 +66,7 @@ def _explain(port: str, error: OSError | ValueError) -> str:
         return ('is in use by another program; close it (see which: '
                 f'fuser -v {os.path.realpath(port)})')
     if code in (errno.EIO, errno.ENXIO, errno.ENODEV):
-        return f'the device has gone; check the cable and the power; {describe_ports()}'
+        return f'the device is gone; check the cable and the power; {describe_ports()}'
     return f'cannot be opened ({error}); {describe_ports()}'
 
 

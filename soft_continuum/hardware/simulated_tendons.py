@@ -2,19 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated steppers: finite speed and acceleration, whole steps."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import copysign, sqrt
 from typing import Any, ClassVar, Self
 
-from soft_continuum.hardware.protocols import TendonReading
+from soft_continuum.hardware.protocols import HardwareError, TendonReading
 from soft_continuum.parameters.parameter import Parameter
 
 TIME_STEP = 0.001  # s
-BRAKE_EARLY = 0.8  # of the acceleration limit is planned with, so that no target is overrun
+BRAKING_SHARE = 0.8  # of the acceleration limit, to brake before the target
 
 
 class SimulatedTendons:
-    """Two simulated steppers that start at zero pull, referenced and at rest."""
+    """Simulated steppers that start at zero pull, referenced and at rest."""
 
     reference_moves = False
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
@@ -25,27 +25,32 @@ class SimulatedTendons:
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:
         """Return what the parameters of the node describe."""
-        return cls(clock, values['speed_limit'], values['acceleration_limit'],
-                   values['simulated_tendons.step'])
+        # Here, because it loads the mechanics: doctor must run when they do not compile.
+        from soft_continuum.parameters.arm import arm_from_parameters
 
-    def __init__(self, clock: Callable[[], float], speed_limit: float,
+        return cls(clock, arm_from_parameters(values).tendon_names, values['speed_limit'],
+                   values['acceleration_limit'], values['simulated_tendons.step'])
+
+    def __init__(self, clock: Callable[[], float], tendons: Sequence[str], speed_limit: float,
                  acceleration_limit: float, step: float) -> None:
         """
         Take the time (s) from ``clock``.
 
-        speed_limit: m/s.  acceleration_limit: m/s^2.  step: pull per motor step, m.
+        tendons: their names.  speed_limit: m/s.  acceleration_limit: m/s^2.  step: pull per
+        motor step, m.
         """
         self._clock = clock
+        self._tendons = tuple(tendons)
         self._speed_limit = speed_limit
         self._acceleration = acceleration_limit
         self._step = step
         self._time = clock()
-        self._pulls = [0.0, 0.0]
-        self._speeds = [0.0, 0.0]
-        self._targets = [0.0, 0.0]
+        self._pulls = [0.0] * len(tendons)
+        self._speeds = [0.0] * len(tendons)
+        self._targets = [0.0] * len(tendons)
         self._arrival = self._time
         self._braking = False
-        self._zero = [0.0, 0.0]
+        self._zero = [0.0] * len(tendons)
 
     def open(self) -> None:
         """Connect."""
@@ -58,13 +63,15 @@ class SimulatedTendons:
     def read(self) -> TendonReading:
         """Return pulls in whole steps, and speeds."""
         self._advance()
-        right, left = (
-            self._step * round((p - z) / self._step)
-            for p, z in zip(self._pulls, self._zero, strict=True))
-        return TendonReading((right, left), (self._speeds[0], self._speeds[1]), referenced=True)
+        pulls = (self._step * round((p - z) / self._step)
+                 for p, z in zip(self._pulls, self._zero, strict=True))
+        return TendonReading(tuple(pulls), tuple(self._speeds), referenced=True)
 
-    def move(self, pulls: tuple[float, float], duration: float) -> None:
-        """Set new targets, to be reached after ``duration`` s as far as the limits allow."""
+    def move(self, pulls: tuple[float, ...], duration: float) -> None:
+        """Set new targets (m), to be reached after ``duration`` s as far as the limits allow."""
+        if len(pulls) != len(self._tendons):
+            raise HardwareError(
+                f'{len(pulls)} pulls were given; needed: one for each of {list(self._tendons)}')
         self._advance()
         self._targets = [self._step * round(p / self._step) + z
                          for p, z in zip(pulls, self._zero, strict=True)]
@@ -94,26 +101,26 @@ class SimulatedTendons:
         self._time = max(self._time, now)
 
     def _brake(self, step: float) -> None:
-        most = self._acceleration * step
+        max_change = self._acceleration * step
         for i, speed in enumerate(self._speeds):
-            self._speeds[i] = copysign(max(0.0, abs(speed) - most), speed) or 0.0
+            self._speeds[i] = copysign(max(0.0, abs(speed) - max_change), speed) or 0.0
             self._pulls[i] += self._speeds[i] * step
         if not any(self._speeds):
             self._targets = list(self._pulls)
 
     def _approach(self, step: float) -> None:
-        """Go on towards the targets, both tendons to arrive together."""
-        left = [t - p for t, p in zip(self._targets, self._pulls, strict=True)]
+        """Continue towards the targets, all tendons to arrive together."""
+        remaining = [t - p for t, p in zip(self._targets, self._pulls, strict=True)]
         # In time if the limits allow, and never too fast to brake before the target.
         duration = max(self._arrival - self._time, step, *(
-            abs(d) / min(self._speed_limit, sqrt(BRAKE_EARLY * 2 * self._acceleration * abs(d)))
-            for d in left if d != 0.0))
-        most = self._acceleration * step
-        for i, distance in enumerate(left):
+            abs(d) / min(self._speed_limit, sqrt(BRAKING_SHARE * 2 * self._acceleration * abs(d)))
+            for d in remaining if d != 0.0))
+        max_change = self._acceleration * step
+        for i, distance in enumerate(remaining):
             change = distance / duration - self._speeds[i]
-            self._speeds[i] += max(-most, min(most, change))
+            self._speeds[i] += max(-max_change, min(max_change, change))
             if abs(distance) <= abs(self._speeds[i]) * step + 1e-12 and (
-                    abs(self._speeds[i]) <= 2 * most):
+                    abs(self._speeds[i]) <= 2 * max_change):
                 self._pulls[i], self._speeds[i] = self._targets[i], 0.0
             else:
                 self._pulls[i] += self._speeds[i] * step

@@ -8,6 +8,7 @@ A trajectory that is not accepted changes nothing.  A stop always wins and lasts
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
@@ -16,25 +17,56 @@ from soft_continuum.mechanics.chain import Array
 
 JOIN_TOLERANCE = 2e-4
 """m between a set-point and a trajectory that replaces the present one; the driver smooths it."""
-LATE = 0.2
+MAX_DELAY = 0.2
 """s by which a trajectory may arrive late and still be joined."""
-TENDONS = ('right_tendon', 'left_tendon')
+
+
+class Reason(IntEnum):
+    """Why a motion was refused or ended; the values of MotionRequest.reason."""
+
+    NO_REASON = 0
+    INVALID = 1
+    BEYOND_LIMITS = 2
+    TENSION = 3
+    ALL_STIFF = 4
+    STIFFNESS_UNKNOWN = 5
+    STIFFNESS_CHANGED = 6
+    SHAPE_UNKNOWN = 7
+    NOT_REFERENCED = 8
+    HOMING = 9
+    STOPPED = 10
+    INACTIVE = 11
+    DEVICE = 12
+    REPLACED = 13
+    HELD = 14
+    LATE = 15
+    BUSY = 16
 
 
 class MotionRefusedError(ValueError):
     """A motion is not allowed; the message says what was asked for and what is allowed."""
 
+    def __init__(self, reason: Reason, message: str) -> None:
+        """Refuse for a ``reason``, which programs act on, with a message for a person."""
+        super().__init__(message)
+        self.reason = reason
+
 
 @dataclass(frozen=True)
 class TendonLimits:
-    """Travel (m), speed (m/s) of the tendons."""
+    """
+    How far and how fast the tendons may move.
 
+    tendons: their names.  pull_limits: smallest and largest pull, m.  speed_limit: m/s.
+    """
+
+    tendons: tuple[str, ...]
     pull_limits: tuple[float, float]
     speed_limit: float
 
 
 class TendonController:
-    """Follows trajectories of both tendons within limits, on one driver."""
+    """Follows trajectories of all tendons within limits, on one driver."""
 
     def __init__(self, driver: TendonDriver, limits: TendonLimits) -> None:
         """Use an opened ``driver``; nothing moves until a trajectory is accepted."""
@@ -43,11 +75,11 @@ class TendonController:
         self.reading = driver.read()
         self.stopped = False
         self.stopped_because = ''
-        self.homing = False  # or on the way from the switches to zero pull
+        self.homing = False  # searching for the switches, or pulling from them to zero
         self._busy = False  # until the driver has come to rest after a trajectory
         self._interval = 0.02
         self._times: Array = np.zeros(0)
-        self._pulls: Array = np.zeros((0, 2))
+        self._pulls: Array = np.zeros((0, len(limits.tendons)))
         self._setpoint = np.array(self.reading.pulls)
         self._setpoint_time = -np.inf
 
@@ -66,38 +98,42 @@ class TendonController:
         """
         Replace the present trajectory from ``now`` on.
 
-        times: (points,) s on the clock of ``now``; pulls: (points, 2) m, right and left.
-        begin: when the trajectory was to start, on the same clock; a late one may catch up as far
-        as the driver's own limits let it.  ``predict`` raises MotionRefusedError for pulls (k, 2)
-        that the arm must not be given.  Raises MotionRefusedError; then the present trajectory
-        goes on unchanged.
+        times: (points,) s on the clock of ``now``.  pulls: (points, tendons) m.  begin: when the
+        trajectory was to start, on the same clock; a late one may catch up as far as the driver's
+        own limits let it.  ``predict`` raises MotionRefusedError for pulls (k, tendons) that the
+        arm must not be given.  Raises MotionRefusedError; then the present trajectory continues
+        unchanged.
         """
         if self.stopped:
             raise MotionRefusedError(
+                Reason.STOPPED,
                 f'stopped ({self.stopped_because}); call ~/resume before any motion')
         if self.homing:
-            raise MotionRefusedError('the tendons are being homed; wait until they rest')
+            raise MotionRefusedError(
+                Reason.HOMING, 'the tendons are being homed; wait until they rest')
         if not self.reading.referenced:
             raise MotionRefusedError(
+                Reason.NOT_REFERENCED,
                 'the position is not referenced; straighten the arm and call ~/reference')
         self._check(times, pulls, now)
-        # The set-point that was sent last, then the points that are still ahead of it.
+        # From the set-point that was sent last through the points that are still ahead of it.
         start = max(now, self._setpoint_time) if self.following else now
         ahead = times > start
-        if not ahead.any():  # it ends before the set-point after this one: go there by then
+        if not ahead.any():  # it ends before the next set-point: be at its end by then
             ahead[-1], times = True, np.append(times[:-1], start + self._interval)
         times = np.concatenate([[start], times[ahead]])
         pulls = np.concatenate([[self._planned(start)], pulls[ahead]])
         steps = np.abs(np.diff(pulls, axis=0)).max(axis=1)
-        # The resolution of seconds since 1970 counts as none.
+        # Seconds since 1970 have a coarse floating-point resolution.
         allowed = self.limits.speed_limit * (np.diff(times) + 2 * np.spacing(times[-1]))
         allowed = allowed * (1 + 1e-6)
-        late = 0.0 if begin is None else min(max(0.0, start - begin), LATE)
+        late = 0.0 if begin is None else min(max(0.0, start - begin), MAX_DELAY)
         allowed[0] += JOIN_TOLERANCE + self.limits.speed_limit * late
         if np.any(steps > allowed):
             worst = int(np.argmax(steps - allowed))
             speed = steps[worst] / np.diff(times)[worst]
             raise MotionRefusedError(
+                Reason.BEYOND_LIMITS,
                 f'needs a tendon speed of {speed:.4g} m/s; '
                 f'speed_limit: {self.limits.speed_limit:g} m/s')
         predict(pulls)
@@ -108,22 +144,32 @@ class TendonController:
         """Return where the present trajectory is at ``time``, or the set-point without one."""
         if not self.following:
             return self._setpoint
-        return np.array([np.interp(time, self._times, self._pulls[:, i]) for i in (0, 1)])
+        return np.array([np.interp(time, self._times, pulls) for pulls in self._pulls.T])
 
     def _check(self, times: Array, pulls: Array, now: float) -> None:
-        if not (np.all(np.isfinite(times)) and np.all(np.isfinite(pulls))):
-            raise MotionRefusedError('positions and times must be finite numbers')
-        if np.any(np.diff(times) <= 0.0):
-            raise MotionRefusedError('time_from_start must increase from point to point')
-        if times[-1] <= now - LATE:  # else it was as short as its way here was long
+        tendons = self.limits.tendons
+        if pulls.ndim != 2 or pulls.shape != (len(times), len(tendons)) or len(times) == 0:
             raise MotionRefusedError(
+                Reason.INVALID, f'positions of shape {pulls.shape} were given; needed: for each '
+                f'of {len(times)} points {", ".join(tendons)}')
+        if not (np.all(np.isfinite(times)) and np.all(np.isfinite(pulls))):
+            raise MotionRefusedError(
+                Reason.INVALID, 'positions and times must be finite numbers')
+        if np.any(np.diff(times) <= 0.0):
+            raise MotionRefusedError(
+                Reason.INVALID, 'time_from_start must increase from point to point')
+        if times[-1] <= now - MAX_DELAY:  # it may be shorter than it took to arrive
+            raise MotionRefusedError(
+                Reason.INVALID,
                 f'the trajectory ended {now - times[-1]:.3f} s ago; check header.stamp '
                 '(zero: start now) and the clocks')
         low, high = self.limits.pull_limits
         if pulls.min() < low or pulls.max() > high:
+            worst = int(np.argmax(np.maximum(low - pulls, pulls - high).max(axis=0)))
             raise MotionRefusedError(
-                f'pulls reach from {pulls.min():.4g} to {pulls.max():.4g} m; '
-                f'pull_limits: {low:g} to {high:g} m')
+                Reason.BEYOND_LIMITS,
+                f'pulls of {tendons[worst]} reach from {pulls[:, worst].min():.4g} to '
+                f'{pulls[:, worst].max():.4g} m; pull_limits: {low:g} to {high:g} m')
 
     def hold(self) -> None:
         """End the present trajectory: brake and hold, ready for the next one."""
@@ -149,10 +195,11 @@ class TendonController:
         Raises MotionRefusedError while the tendons move, or are stopped and would move.
         """
         if self.following or self.reading.moving:
-            raise MotionRefusedError('the tendons are moving; wait until they rest')
+            raise MotionRefusedError(
+                Reason.INVALID, 'the tendons are moving; wait until they rest')
         if self._driver.reference_moves and self.stopped:
             raise MotionRefusedError(
-                f'stopped ({self.stopped_because}); call ~/resume before homing')
+                Reason.STOPPED, f'stopped ({self.stopped_because}); call ~/resume before homing')
         self._driver.reference()
         self._busy = self.homing = self._driver.reference_moves
         self.update(0.0, 0.0)
@@ -165,9 +212,9 @@ class TendonController:
             ahead = self._setpoint_time = now + interval
             self._setpoint = self._planned(ahead)
             try:
-                self._driver.move((float(self._setpoint[0]), float(self._setpoint[1])), interval)
+                self._driver.move(tuple(float(pull) for pull in self._setpoint), interval)
             except HardwareError:
-                self._times = np.zeros(0)  # nothing goes on by itself when the device is back
+                self._times = np.zeros(0)  # nothing moves by itself when the device is back
                 raise
             if ahead >= self._times[-1]:
                 self._times = np.zeros(0)

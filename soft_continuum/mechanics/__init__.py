@@ -19,8 +19,8 @@ from soft_continuum.mechanics.arm import (
     Tendon,
 )
 from soft_continuum.mechanics.batch import Batch, solve_batch
-from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, RigidChain
-from soft_continuum.mechanics.elastica import Elastica, Rod
+from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, RigidChain, SLACK
+from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.inverse import (
     AngleFit,
     angles_for_tip,
@@ -31,7 +31,7 @@ from soft_continuum.mechanics.inverse import (
 )
 from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
 from soft_continuum.mechanics.sensitivity import Linearisation, Sensitivity
-from soft_continuum.mechanics.statics import OverconstrainedError, SLACK, Statics, StaticsError
+from soft_continuum.mechanics.statics import Statics
 
 __all__ = [
     'LEFT',
@@ -44,7 +44,6 @@ __all__ = [
     'ArmError',
     'Batch',
     'Disc',
-    'Elastica',
     'Equilibrium',
     'Jam',
     'LawError',
@@ -53,7 +52,6 @@ __all__ = [
     'OverconstrainedError',
     'PointForce',
     'RigidChain',
-    'Rod',
     'Segment',
     'Sensitivity',
     'Statics',

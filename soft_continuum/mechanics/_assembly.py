@@ -7,11 +7,12 @@ In absolute angles the springs give a tridiagonal Hessian, loads a diagonal one 
 span a diagonal plus a rank-one term.
 """
 
-from math import sqrt
+from math import cos, sin, sqrt
 
 import numpy as np
 
-from soft_continuum.mechanics._compile import compiled
+from soft_continuum.mechanics._arrays import workspace
+from soft_continuum.mechanics._compile import borrowing, compiled
 
 
 @compiled
@@ -54,9 +55,20 @@ def table_law(q, length, table):  # type: ignore[no-untyped-def]
     return (moment if q >= 0.0 else -moment), slope / length
 
 
-@compiled
-def tendon_geometry(cosine, sine, bodies, guides, spans, lengths):  # type: ignore[no-untyped-def]
-    """Fill spans (2, segments, 3): length and unit direction; and lengths (2,), m."""
+@borrowing
+def turn(theta, work):  # type: ignore[no-untyped-def]
+    """Fill the cosines and sines of the absolute angles."""
+    cosine, sine = work.cosine, work.sine
+    for i in range(theta.shape[0]):
+        cosine[i] = cos(theta[i])
+        sine[i] = sin(theta[i])
+
+
+@borrowing
+def tendon_geometry(system, work, lengths):  # type: ignore[no-untyped-def]
+    """Fill the tendons' spans from the cosines and sines in ``work``, and lengths (2,), m."""
+    cosine, sine, spans = work.cosine, work.sine, work.spans
+    bodies, guides = system.bodies, system.guides
     segments = guides.shape[0]
     per_segment = cosine.shape[0] // segments
     for s in range(segments):
@@ -82,22 +94,25 @@ def tendon_geometry(cosine, sine, bodies, guides, spans, lengths):  # type: igno
             lengths[t] = length + (lengths[t] if s > 0 else 0.0)
 
 
-@compiled
-def add_tendon(t, tension, ratios, cosine, sine, bodies, guides, spans, group,  # type: ignore[no-untyped-def]
-               diagonal, columns, rows, used):
+@borrowing
+def add_tendon(t, tension, system, work, used):  # type: ignore[no-untyped-def]
     """
     Add one tendon to the system: its force column, its row, one column and row per curved span.
 
     The Hessian of a span's length is diagonal plus (d x u)(d x u)'/length.  Returns the number of
     columns used after it.
     """
+    bodies, guides, ratios, group = system.bodies, system.guides, system.ratios, system.group
+    cosine, sine, spans = work.cosine, work.sine, work.spans
+    diagonal, columns, rows = work.diagonal, work.columns, work.rows
     segments = guides.shape[0]
     per_segment = cosine.shape[0] // segments
     side = 1.0 - 2.0 * t
     column = used
     used += 1
-    columns[:, column] = 0.0
-    rows[column, :] = 0.0
+    for k in range(diagonal.shape[0]):
+        columns[k, column] = 0.0
+        rows[column, k] = 0.0
     for s in range(segments):
         first = s * per_segment
         disc = first + per_segment - 1
@@ -111,8 +126,9 @@ def add_tendon(t, tension, ratios, cosine, sine, bodies, guides, spans, group,  
         scale = sqrt(abs(force) / spans[t, s, 0])
         sign = 1.0 if force > 0.0 else -1.0
         if curved:
-            columns[:, used] = 0.0
-            rows[used, :] = 0.0
+            for k in range(diagonal.shape[0]):
+                columns[k, used] = 0.0
+                rows[used, k] = 0.0
         for i in range(first - 1 if lower >= 0 else first, disc + 1):
             k = group[i]
             if i == first - 1:  # the lower guide moves with the disc below
@@ -140,9 +156,12 @@ def add_tendon(t, tension, ratios, cosine, sine, bodies, guides, spans, group,  
     return used
 
 
-@compiled
-def balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off, secant):  # type: ignore[no-untyped-def]
+@borrowing
+def add_springs_and_loads(theta, system, work, secant):  # type: ignore[no-untyped-def]
     """Add springs and loads to the moment balance of every group and to its tridiagonal part."""
+    bodies, joints, tables = system.bodies, system.joints, system.tables
+    cosine, sine, group = work.cosine, work.sine, system.group
+    gradient, diagonal, off = work.gradient, work.diagonal, work.off
     for i in range(theta.shape[0]):
         k = group[i]
         j = group[i - 1] if i > 0 else -1
@@ -171,61 +190,51 @@ def balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagon
 
 
 @compiled
-def moment_balance(theta, tension, bodies, joints, tables, guides, ratios, group, groups):  # type: ignore[no-untyped-def]
-    """Return the unbalanced moment of every rigid group (groups,), N m, at given tensions."""
-    gradient = np.zeros(groups)
-    diagonal = np.zeros(groups)
-    off = np.zeros(groups)
-    width = 3 + 2 * guides.shape[0]
-    columns = np.empty((groups, width))
-    rows = np.empty((width, groups))
-    spans = np.empty((2, guides.shape[0], 3))
-    cosine = np.cos(theta)
-    sine = np.sin(theta)
-    tendon_geometry(cosine, sine, bodies, guides, spans, np.empty(2))
-    balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off, False)
-    for t in range(2):
-        if tension[t] != 0.0:
-            add_tendon(t, tension[t], ratios, cosine, sine, bodies, guides, spans, group,
-                       diagonal, columns, rows, 0)
-            gradient += tension[t] * columns[:, 0]
-    return gradient
+def _springs_and_loads(theta, system, groups):  # type: ignore[no-untyped-def]
+    """Return a Work that holds the springs, the loads and the geometry of the tendons."""
+    work = workspace(theta.shape[0], system.guides.shape[0], groups)
+    turn(theta, work)
+    tendon_geometry(system, work, np.empty(2))
+    add_springs_and_loads(theta, system, work, False)
+    return work
 
 
 @compiled
-def dense_system(theta, tension, bodies, joints, tables, guides, ratios, group, groups):  # type: ignore[no-untyped-def]
+def moment_balance(theta, tension, system, groups):  # type: ignore[no-untyped-def]
+    """Return the unbalanced moment of every rigid group (groups,), N m, at given tensions."""
+    work = _springs_and_loads(theta, system, groups)
+    for t in range(2):
+        if tension[t] != 0.0:
+            add_tendon(t, tension[t], system, work, 0)
+            for k in range(groups):
+                work.gradient[k] += tension[t] * work.columns[k, 0]
+    return work.gradient
+
+
+@compiled
+def dense_system(theta, tension, system, groups):  # type: ignore[no-untyped-def]
     """
     Return the Hessian (groups, groups) N m/rad at given tensions, and the tendons' columns.
 
     columns, rows: (groups, 2) m, moment per tension, and change of a tendon's length per angle;
     they differ by friction only.
     """
-    gradient = np.zeros(groups)
-    diagonal = np.zeros(groups)
-    off = np.zeros(groups)
-    width = 3 + 2 * guides.shape[0]
-    columns = np.zeros((groups, width))
-    rows = np.zeros((width, groups))
-    spans = np.empty((2, guides.shape[0], 3))
-    cosine = np.cos(theta)
-    sine = np.sin(theta)
-    tendon_geometry(cosine, sine, bodies, guides, spans, np.empty(2))
-    balance(theta, cosine, sine, bodies, joints, tables, group, gradient, diagonal, off, False)
-    force = np.empty((groups, 2))
-    reach = np.empty((groups, 2))
+    work = _springs_and_loads(theta, system, groups)
+    columns = np.empty((groups, 2))
+    rows = np.empty((groups, 2))
     hessian = np.zeros((groups, groups))
     for t in range(2):
-        used = add_tendon(t, tension[t], ratios, cosine, sine, bodies, guides, spans, group,
-                          diagonal, columns, rows, 0)
-        force[:, t] = columns[:, 0]
-        reach[:, t] = rows[0, :]
+        used = add_tendon(t, tension[t], system, work, 0)
+        for k in range(groups):
+            columns[k, t] = work.columns[k, 0]
+            rows[k, t] = work.rows[0, k]
         for c in range(1, used):
             for k in range(groups):
                 for m in range(groups):
-                    hessian[k, m] += columns[k, c] * rows[c, m]
+                    hessian[k, m] += work.columns[k, c] * work.rows[c, m]
     for k in range(groups):
-        hessian[k, k] += diagonal[k]
+        hessian[k, k] += work.diagonal[k]
         if k + 1 < groups:
-            hessian[k, k + 1] += off[k]
-            hessian[k + 1, k] += off[k]
-    return hessian, force, reach
+            hessian[k, k + 1] += work.off[k]
+            hessian[k + 1, k] += work.off[k]
+    return hessian, columns, rows

@@ -32,7 +32,7 @@ def _cache_directory() -> str:
     return os.path.join(cache, 'soft_continuum', digest)
 
 
-def compiled(function: Function, parallel: bool = False) -> Function:
+def compiled(function: Function, **options: bool) -> Function:
     """Compile with numba, kept on disk and free of the interpreter lock."""
     if not COMPILED:
         return function
@@ -40,7 +40,7 @@ def compiled(function: Function, parallel: bool = False) -> Function:
     numba.config.CACHE_DIR = _CACHE
     try:
         dispatcher: Function = numba.njit(
-            cache=True, nogil=True, error_model='numpy', parallel=parallel)(function)
+            cache=True, nogil=True, error_model='numpy', **options)(function)
     finally:
         numba.config.CACHE_DIR = before
     return dispatcher
@@ -49,6 +49,20 @@ def compiled(function: Function, parallel: bool = False) -> Function:
 def compiled_parallel(function: Function) -> Function:
     """Compile with numba; prange loops run on all cores."""
     return compiled(function, parallel=True)
+
+
+def borrowing(function: Function, **options: bool) -> Function:
+    """
+    Compile with numba without reference counts, for functions that allocate nothing.
+
+    They take tuples of many arrays; counting references to each would cost a third of a solve.
+    """
+    return compiled(function, _nrt=False, **options)
+
+
+def inlined(function: Function) -> Function:
+    """Compile with numba, as ``borrowing``, into the caller."""
+    return borrowing(function, forceinline=True)
 
 
 def is_compiled() -> bool:

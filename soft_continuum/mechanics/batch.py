@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics import _newton
-from soft_continuum.mechanics._boundary import NO_TENSION, TAUT_LIMIT
+from soft_continuum.mechanics._active_set import NO_TENSION
+from soft_continuum.mechanics._arrays import Drive, State, System
 from soft_continuum.mechanics._checks import refuse_friction
+from soft_continuum.mechanics._problem import TURN_LIMIT_BOTH_TAUT
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics, StaticsError
 
@@ -58,23 +60,28 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium, pulls: Ar
                          'linear stiffness laws')
     target = np.broadcast_to(target, (count, 2))
     straight = np.array([m.chain.straight_length for m in models])[:, None]
-    boundaries = [m._boundary(start, soft, np.zeros(2)) for m in models]
-    if boundaries[0].groups == 0:
+    problems = [m.problem(start, soft, np.zeros(2)) for m in models]
+    systems, groups = [p.system for p in problems], problems[0].groups
+    if groups == 0:
         raise ValueError('every segment is stiff; a batch needs a soft one')
     theta = np.tile(np.cumsum(start.joint_angles), (count, 1))
+    # One layout whatever is shared: another would be compiled anew.
+    lengths_wanted = np.ascontiguousarray(straight - target)
     tension = np.tile(np.nan_to_num(start.tensions), (count, 1))
     lengths, residual, turned = np.empty((count, 2)), np.empty(count), np.empty(count)
     status = np.empty(count, dtype=np.int64)
     _newton.newton_batch(
-        theta, tension, np.array([m._bodies for m in models]),
-        np.array([b.joints for b in boundaries]), models[0].laws.tables,
-        np.array([m.chain.guides for m in models]), boundaries[0].group[None, :],
-        np.array([boundaries[0].groups]), straight - target,
-        np.array([m.compliance for m in models]), np.array([m.tolerance for m in models]),
-        lengths, status, residual, turned)
-    near = np.where((tension > NO_TENSION).all(axis=1), TAUT_LIMIT,
-                    [b.direct_limit for b in boundaries])
-    found = (status == _newton.CONVERGED) & (turned <= near)
+        State(theta, tension, lengths),
+        System(np.array([s.bodies for s in systems]), np.array([s.joints for s in systems]),
+               systems[0].tables, np.array([s.guides for s in systems]), systems[0].ratios,
+               systems[0].group[None, :]),
+        np.array([groups]),
+        Drive(problems[0].drive.mode, lengths_wanted,
+              np.array([m.compliance for m in models]), problems[0].drive.segment),
+        np.array([m.continuation.tolerance for m in models]), status, residual, turned)
+    limit = np.where((tension > NO_TENSION).all(axis=1), TURN_LIMIT_BOTH_TAUT,
+                     [p.turn_limit for p in problems])
+    found = (status == _newton.CONVERGED) & (turned <= limit)
     batch = Batch(np.diff(theta, axis=1, prepend=0.0), tension, straight - lengths, found,
                   np.zeros(count, dtype=bool), residual)
     for i in np.flatnonzero(~found):

@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 
 RIGHT, LEFT = 0, 1
 
+SLACK = -np.inf
+"""A pull that leaves the tendon slack in every shape."""
+
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
@@ -26,9 +29,9 @@ class Equilibrium:
 
     joint_angles: (joints,) rad.  tensions: (2,) N of the right and left tendon at the base; nan
     where no soft segment is there to determine it.  pulls: (2,) m, by how much the path of each
-    tendon is shorter than in the straight arm.  slack: (2,) m of rope that is left over.
-    residual: largest unbalanced moment, N m.  jumped: the equilibrium followed from the start
-    ceased to exist on the way and the arm went over to the next stable one.  stiff: which
+    tendon is shorter than in the straight arm.  slack: (2,) m by which each tendon is longer than
+    its path.  residual: largest unbalanced moment, N m.  jumped: the equilibrium followed from the
+    start ceased to exist on the way and the arm went over to the next stable one.  stiff: which
     segments were stiff.  held_angles: (joints,) rad, the shape that the jam of each stiff segment
     holds.  vacuum: of each segment, 0 to 1; empty for full.
     """

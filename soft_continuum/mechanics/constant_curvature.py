@@ -52,7 +52,7 @@ def bending_angle(segment: Segment, pull: float) -> float:
     """
     Return the bending angle (rad) at which the right tendon is ``pull`` m shorter in a segment.
 
-    Negative pulls (tendon let out) give negative angles.  Raises ArmError when the segment cannot
+    Negative pulls (tendon paid out) give negative angles.  Raises ArmError when the segment cannot
     take up that pull within its bending angle limit.
     """
     limit = segment.bending_angle_limit

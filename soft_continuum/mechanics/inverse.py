@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-From what is wanted to what must be set: pulls for angles, angles for a tip pose, the workspace.
+Inverse problems: pulls for angles, angles for a tip pose, the workspace.
 
-An arm is set segment by segment (paper, IV-B): each is bent while the others are stiff.  All of
-this is ours.
+An arm is set segment by segment (paper, IV-B): each is bent while the others are stiff.  None of
+these inverse problems is in the paper.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
 
 METRES_PER_RADIAN = 0.1  # what a tangent that is wanted as well counts
 SAME_ANGLE = 1e-9  # rad: a segment this close has its angle
-MOST_PASSES = 100  # of setting all segments, before elastic ones are taken not to fit together
+MAX_PASSES = 100  # over all segments, before elastic ones are taken not to fit together
 REACHED = 1e-6  # m: a tip this close is where it was wanted
 
 
@@ -146,7 +146,7 @@ def set_shape(statics: Statics, bending_angles: Sequence[float],
         raise ValueError(f'bending_angles must be one finite number in rad for each of the '
                          f'{segments} segments; given: {bending_angles!r}')
     goal = wanted.copy()
-    for _ in range(MOST_PASSES):
+    for _ in range(MAX_PASSES):
         state = start or statics.chain.straight()
         for segment in turns:
             present = statics.chain.bending_angles(state.joint_angles)[segment]
@@ -158,7 +158,7 @@ def set_shape(statics: Statics, bending_angles: Sequence[float],
         goal[turns] += missed
     raise StaticsError(
         f'segments {[s + 1 for s in turns]} give way to each other and are still '
-        f'{np.degrees(missed).round(3).tolist()} degrees from their angles after {MOST_PASSES} '
+        f'{np.degrees(missed).round(3).tolist()} degrees from their angles after {MAX_PASSES} '
         'passes; take smaller angles or stiffer jams', state)
 
 

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What acts in the joints: springs, jams and the shape these hold; and friction at the guides.
+The moments in the joints: springs, jams and the shapes these hold; and friction at the guides.
 
-Columns of the joints array, which _assembly.balance reads: soft stiffness, soft table, jam
-stiffness, jam table, held angle, yield moment, length of spring.
+Columns of the joints array, which _assembly.py reads: soft stiffness, soft table, jam stiffness,
+jam table, held angle, yield moment, length of spring.
 """
 
 from collections.abc import Sequence
@@ -136,26 +136,26 @@ class JointLaws:
         if not self._jams or np.isinf(joints[:, YIELD]).all():
             return joints
         offset = angles - joints[:, HELD]
-        most = self._yield_offsets(joints)
-        beyond = np.abs(offset) > most
+        limit = self._yield_offsets(joints)
+        beyond = np.abs(offset) > limit
         if not beyond.any():
             return joints
         after = joints.copy()
-        after[beyond, HELD] += np.sign(offset[beyond]) * (np.abs(offset) - most)[beyond]
+        after[beyond, HELD] += np.sign(offset[beyond]) * (np.abs(offset) - limit)[beyond]
         return after
 
     def _yield_offsets(self, joints: Array) -> Array:
         """Return the offset (joints,) rad from the held angle at which the jam yields."""
-        most = np.full(len(joints), np.inf)
+        limit = np.full(len(joints), np.inf)
         for i, row in enumerate(joints):
             if row[JAM] <= 0.0 or np.isinf(row[YIELD]):
                 continue
             if row[JAM_TABLE] < 0:
-                most[i] = row[YIELD] / row[JAM]
+                limit[i] = row[YIELD] / row[JAM]
             else:
                 curvatures, moments = self.tables[int(row[JAM_TABLE])]
-                most[i] = extended(row[YIELD] / row[JAM], moments, curvatures) * row[LENGTH]
-        return most
+                limit[i] = extended(row[YIELD] / row[JAM], moments, curvatures) * row[LENGTH]
+        return limit
 
 
 def tension_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) -> Array:

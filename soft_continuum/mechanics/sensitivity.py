@@ -20,6 +20,7 @@ from soft_continuum.mechanics.joints import (
     HELD,
     JAM,
     JAM_TABLE,
+    LENGTH,
     SOFT,
     SOFT_TABLE,
     tension_ratios,
@@ -61,23 +62,24 @@ class Linearisation:
         self._chain = chain = statics.chain
         sliding = sliding_signs(sliding)
         self._state = state
-        self._boundary = boundary = statics._boundary(
+        problem = statics.problem(
             state, [not s for s in state.stiff], np.zeros(2), state.vacuum or None)
-        self._tables = statics.laws.tables
-        # Rounding must not decide which joints yield: they go a little beyond, or back.
-        at_yield = np.abs(self._jam_moments()) >= (1.0 - 1e-9) * boundary.joints[:, YIELD]
-        offset = state.joint_angles - boundary.joints[:, HELD]
-        boundary.joints[at_yield, HELD] -= (1e-7 if loading else -1e-7) * offset[at_yield]
-        self.theta = np.cumsum(state.joint_angles)
         ratios = tension_ratios(chain, state.joint_angles, sliding)
         compliance = compliances(chain, state.joint_angles, sliding)
+        self._groups = groups = problem.groups
+        self._system = problem.with_friction(ratios, compliance).system
+        joints = self._system.joints
+        # Rounding must not decide which joints yield: they go a little beyond, or back.
+        at_yield = np.abs(self._jam_moments()) >= (1.0 - 1e-9) * joints[:, YIELD]
+        offset = state.joint_angles - joints[:, HELD]
+        joints[at_yield, HELD] -= (1e-7 if loading else -1e-7) * offset[at_yield]
+        self.theta = np.cumsum(state.joint_angles)
         self.tensions = np.nan_to_num(state.tensions)
         self.hessian, self._force, self._reach = _assembly.dense_system(
-            self.theta, self.tensions, statics._bodies, boundary.joints, statics.laws.tables,
-            chain.guides, ratios, boundary.group, boundary.groups)
+            self.theta, self.tensions, self._system, groups)
         self._taut = [t for t in (0, 1) if self.tensions[t] > 0.0
                       and (compliance[t] > 0.0 or self._reach[:, t].any())]
-        groups, size = boundary.groups, boundary.groups + len(self._taut)
+        size = groups + len(self._taut)
         self._matrix = np.zeros((size, size))
         self._matrix[:groups, :groups] = self.hessian
         for row, t in enumerate(self._taut, start=groups):
@@ -87,7 +89,7 @@ class Linearisation:
 
     def pulls(self) -> Sensitivity:
         """Return the derivatives with respect to the pulls (right, left), per m."""
-        groups = self._boundary.groups
+        groups = self._groups
         right_side = np.zeros((len(self._matrix), 2))
         for row, t in enumerate(self._taut, start=groups):
             right_side[row, t] = -1.0
@@ -95,26 +97,26 @@ class Linearisation:
 
     def bending_stiffness(self) -> Sensitivity:
         """Return the derivatives with respect to E I of every segment's soft law, per N m^2."""
-        joints = self._boundary.joints
+        joints = self._system.joints
         if np.any(joints[:, SOFT_TABLE] >= 0):
             raise ValueError('a segment with a moment-curvature table has no single E I')
         moments = joints[:, SOFT] * self._state.joint_angles
         # Joint stiffness is proportional to E I, and a jam's, K - 1 times it, as well.
-        jam = np.clip(joints[:, JAM] * (self._state.joint_angles - joints[:, 4]),
-                      -joints[:, 5], joints[:, 5])
+        jam = np.clip(joints[:, JAM] * (self._state.joint_angles - joints[:, HELD]),
+                      -joints[:, YIELD], joints[:, YIELD])
         # A jam's table is a whole stiff segment's less the soft one's.
         table = joints[:, JAM_TABLE] >= 0
-        offset = self._state.joint_angles - joints[:, 4]
+        offset = self._state.joint_angles - joints[:, HELD]
         jam[table] = -(joints[:, JAM] * self._chain.joint_stiffness * offset)[table]
-        jam[np.abs(self._jam_moments()) >= joints[:, 5]] = 0.0
+        jam[np.abs(self._jam_moments()) >= joints[:, YIELD]] = 0.0
         stiffness = [s.bending_stiffness for s in self._chain.arm.segments]
         return self._solve(self._by_segment((moments + jam), stiffness))
 
     def stiffness_ratio(self) -> Sensitivity:
         """Return the derivatives with respect to the ratio K of every stiff segment."""
-        joints = self._boundary.joints
+        joints = self._system.joints
         moments = self._jam_moments()
-        elastic = np.abs(moments) < joints[:, 5]
+        elastic = np.abs(moments) < joints[:, YIELD]
         ratios = np.array([s.jam.ratio for s in self._chain.arm.segments])
         moments = np.where(elastic, moments, 0.0)
         return self._solve(self._by_segment(moments, np.where(
@@ -122,16 +124,16 @@ class Linearisation:
 
     def _jam_moments(self) -> Array:
         """Return what the jams would bear without a limit, (joints,), N m."""
-        joints = self._boundary.joints
-        moments: Array = self._state.joint_angles - joints[:, 4]
+        joints = self._system.joints
+        moments: Array = self._state.joint_angles - joints[:, HELD]
         for i in np.flatnonzero(joints[:, JAM_TABLE] >= 0):
             moments[i] = _assembly.table_law(
-                moments[i], joints[i, 6], self._tables[int(joints[i, JAM_TABLE])])[0]
+                moments[i], joints[i, LENGTH], self._system.tables[int(joints[i, JAM_TABLE])])[0]
         return moments * joints[:, JAM]
 
     def _by_segment(self, moments: Array, parameters: Sequence[float] | Array) -> Array:
         """Return minus the change of the moment balance per parameter of each segment."""
-        chain, group = self._chain, self._boundary.group
+        chain, group = self._chain, self._system.group
         right_side = np.zeros((len(self._matrix), chain.segments))
         for i, moment in enumerate(moments):
             s = i // chain.joints_per_segment
@@ -143,13 +145,13 @@ class Linearisation:
         return right_side
 
     def _solve(self, right_side: Array) -> Sensitivity:
-        chain, boundary = self._chain, self._boundary
+        chain, group = self._chain, self._system.group
         solution = np.linalg.solve(self._matrix, right_side)
         moved = np.zeros((chain.joints, right_side.shape[1]))
-        free = boundary.group >= 0
-        moved[free] = solution[boundary.group[free]]
+        free = group >= 0
+        moved[free] = solution[group[free]]
         tensions = np.zeros((2, right_side.shape[1]))
-        tensions[self._taut] = solution[boundary.groups:]
+        tensions[self._taut] = solution[self._groups:]
         lengths, theta = chain.body_lengths[:, None], self.theta[:, None]
         tip = np.stack([(lengths * np.cos(theta) * moved).sum(axis=0),
                         (-lengths * np.sin(theta) * moved).sum(axis=0), moved[-1]])

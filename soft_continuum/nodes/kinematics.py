@@ -3,6 +3,7 @@
 
 """The node that knows the shape of the arm from tendons, stiffness and the model."""
 
+from collections.abc import Iterable
 from typing import Any
 
 from geometry_msgs.msg import PoseArray
@@ -13,22 +14,15 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.hardware.tendon_controller import TENDONS
-from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
+from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.nodes.markers import shape_markers
-from soft_continuum.nodes.support import (
-    ERROR,
-    load_model,
-    NodeParameters,
-    OK,
-    SLACK_ALLOWANCE,
-    Status,
-    WARN,
-)
+from soft_continuum.nodes.model import load_model, loading, SLACK_ALLOWANCE
+from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.status import ERROR, OK, Status, WARN
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.ros.conversions import poses_to_ros
+from soft_continuum.ros.conversions import full_poses, poses_to_ros
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.urdf import arm_urdf, joint_names
 
@@ -57,18 +51,19 @@ class Kinematics(Node):
         self.parameters = NodeParameters(self, NODE_PARAMETERS['kinematics'])
         self.status = Status(self, 'rigid multibody model')
         self._arm = arm_from_parameters(self.parameters)
-        load_model(self)
+        self._tendons = self._arm.tendon_names
+        self._compiled = False
         self._statics = Statics(self._arm)
         segments = len(self._arm.segments)
         self._stiff: list[bool | None] = [None] * segments
         self._pulls: Array | None = None
-        self._sliding = np.zeros(2, dtype=int)
+        self._sliding = np.zeros(len(self._tendons), dtype=int)
         self._state: Equilibrium | None = None
         self._solved: tuple[Any, ...] = ()
         frame = self.parameters['frame_id']
         self._segment_message, self._disc_message = PoseArray(), PoseArray()
         self._joint_message = JointState(name=joint_names(self._statics.chain))
-        self._tension_message = JointState(name=list(TENDONS))
+        self._tension_message = JointState(name=list(self._tendons))
         for message in (self._segment_message, self._disc_message):
             message.header.frame_id = frame
         self._segment_poses = self.create_publisher(PoseArray, 'segment_poses', STREAM)
@@ -85,13 +80,19 @@ class Kinematics(Node):
                 Bool, f'segment_{i + 1}/stiff',
                 lambda message, i=i: self._on_stiff(i, message.data), LATCHED)
         self.create_service(Trigger, '~/reset', self._on_reset)
-        self.status.set(OK, 'waiting for tendon_states and segment_N/stiff')
+        self.status.set(OK, loading())
 
     def quit(self) -> None:
         """Nothing to do: this node moves nothing."""
 
     def start(self) -> None:
-        """Nothing to do: the node works as soon as it hears the others."""
+        """Load the model; then the node works as soon as the others publish."""
+        load_model(self, self._on_model)
+
+    def _on_model(self) -> None:
+        self._compiled = True
+        self.status.set(OK, 'waiting for tendon_states and segment_N/stiff')
+        self._publish()
 
     def _on_stiff(self, segment: int, stiff: bool) -> None:
         # The motion up to now counts for the stiffness up to now.
@@ -100,9 +101,9 @@ class Kinematics(Node):
 
     def _on_tendons(self, message: JointState) -> None:
         try:
-            pulls = np.array([message.position[message.name.index(t)] for t in TENDONS])
+            pulls = np.array([message.position[message.name.index(t)] for t in self._tendons])
         except (ValueError, IndexError):
-            self.status.set(WARN, f'tendon_states without position of {" and ".join(TENDONS)}')
+            self.status.set(WARN, f'tendon_states without position of {", ".join(self._tendons)}')
             return
         if not np.all(np.isfinite(pulls)):
             self.status.set(WARN, 'tendon_states with a position that is not a finite number')
@@ -115,7 +116,7 @@ class Kinematics(Node):
         self._publish()
 
     def _publish(self) -> None:
-        if self._pulls is None or None in self._stiff:
+        if not self._compiled or self._pulls is None or None in self._stiff:
             return
         if self._state is None and np.abs(self._pulls).max() <= UNMOVED:
             self._state = self._statics.chain.straight()
@@ -129,12 +130,12 @@ class Kinematics(Node):
             return
         stamp = self.get_clock().now().to_msg()
         chain, state = self._statics.chain, self._state
-        points = chain.points(state.joint_angles)
+        poses = full_poses(chain.points(state.joint_angles))
         for message in (self._segment_message, self._disc_message, self._joint_message,
                         self._tension_message):
             message.header.stamp = stamp
-        self._segment_poses.publish(poses_to_ros(points[2::2], self._segment_message))
-        self._disc_poses.publish(poses_to_ros(points, self._disc_message))
+        self._segment_poses.publish(poses_to_ros(poses[2::2], self._segment_message))
+        self._disc_poses.publish(poses_to_ros(poses, self._disc_message))
         self._joint_message.position = state.joint_angles.tolist()
         self._joint_states.publish(self._joint_message)
         self._tension_message.effort = state.tensions.tolist()
@@ -153,10 +154,10 @@ class Kinematics(Node):
         if key == self._solved:
             return True
         soft = [not stiff for stiff in self._stiff]
-        short = self._pulls - self._state.pulls
+        short = self._pulls - np.asarray(self._state.pulls)
         if not any(soft) and short.max() > self.parameters['straight_tolerance']:
             self.status.set(ERROR, 'the tendons do not fit the stiff arm: its shape is unknown',
-                            short_right=f'{short[RIGHT]:.6f}', short_left=f'{short[LEFT]:.6f}')
+                            **self._named('short', short))
             return False
         # A locked arm does not yield to the last step of a stepper.
         pulls = self._pulls if any(soft) else np.minimum(self._pulls, self._state.pulls)
@@ -168,26 +169,30 @@ class Kinematics(Node):
         self._state, self._solved = state, key
         if state.jumped:
             self.get_logger().warning('a soft segment folded over to another equilibrium')
-        right, left = state.tensions
         self.status.set(
             OK, 'following the arm', soft=' '.join(str(i + 1) for i, s in enumerate(soft) if s),
-            tension_right=f'{right:.2f}', tension_left=f'{left:.2f}',
-            slack_right=f'{state.slack[RIGHT]:.6f}', slack_left=f'{state.slack[LEFT]:.6f}')
+            **self._named('tension', state.tensions, digits=2),
+            **self._named('slack', state.slack))
         return True
+
+    def _named(self, quantity: str, values: Iterable[float], digits: int = 6) -> dict[str, str]:
+        """Return values of the status, one for each tendon."""
+        return {f'{quantity}_{name}': f'{value:.{digits}f}'
+                for name, value in zip(self._tendons, values, strict=True)}
 
     def _equilibrium(self, pulls: Array, soft: list[bool]) -> Equilibrium:
         """
         Return the state for pulls (2,) m; raises StaticsError.
 
-        The tendons of the model do not give: a micrometre too short both, as steppers round, would
-        buckle the arm.  Up to SLACK_ALLOWANCE the one that carries less is let go.
+        The tendons of the model do not give: with all of them a micrometre too short, as steppers
+        round, the arm would buckle.  Up to SLACK_ALLOWANCE one is slackened, if possible the one
+        that carries least.
         """
         assert self._state is not None
         sliding = self._sliding.tolist()
         state = self._statics.solve(self._state, pulls, soft, sliding=sliding)
         if all(state.taut):
-            less = RIGHT if state.tensions[RIGHT] < state.tensions[LEFT] else LEFT
-            for tendon in (less, 1 - less):
+            for tendon in np.argsort(state.tensions):
                 eased = np.array(pulls)
                 eased[tendon] -= SLACK_ALLOWANCE
                 other = self._statics.solve(self._state, eased, soft, sliding=sliding)
@@ -198,6 +203,8 @@ class Kinematics(Node):
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._pulls is None:
             response.message = 'no tendon_states yet; start tendon_actuation'
+        elif not self._compiled:
+            response.message = loading()
         elif True not in self._stiff and None not in self._stiff:
             # Without a stiff segment the pulls alone make the shape.
             try:
@@ -211,7 +218,7 @@ class Kinematics(Node):
             self._publish()
         elif np.abs(self._pulls).max() > self.parameters['straight_tolerance']:
             response.message = (
-                f'pulls are {self._pulls[RIGHT]:.4f} and {self._pulls[LEFT]:.4f} m; straighten '
+                f'pulls are {", ".join(f"{pull:.4f}" for pull in self._pulls)} m; straighten '
                 'the arm and call tendon_actuation/reference first, or soften every segment')
         else:
             self._state, self._solved = self._statics.chain.straight(), ()

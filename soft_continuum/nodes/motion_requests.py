@@ -1,8 +1,28 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What happened to the trajectories that were sent: the last accepted and the last refused one."""
+"""Trajectories that were sent, and what happened to the last accepted and the last refused one."""
 
+from dataclasses import dataclass
+
+from soft_continuum.hardware.tendon_controller import Reason
+from soft_continuum.mechanics.chain import Array
 from soft_continuum_interfaces.msg import MotionRequest
+
+
+@dataclass(frozen=True)
+class Request:
+    """
+    A trajectory to be judged.
+
+    times: (k,) s from its start.  pulls: (k, tendons) m.  start: s of ROS, None for as soon as it
+    is accepted.  revocation: how often motion had been revoked when it came.
+    """
+
+    id: str
+    times: Array
+    pulls: Array
+    start: float | None
+    revocation: int
 
 
 class MotionRequests:
@@ -21,12 +41,12 @@ class MotionRequests:
         """Follow a trajectory from now on."""
         self.accepted = MotionRequest(id=request_id, status=MotionRequest.FOLLOWING)
 
-    def refuse(self, request_id: str, reason: int, message: str) -> None:
+    def refuse(self, request_id: str, reason: Reason, message: str) -> None:
         """Refuse a trajectory; the accepted one goes on."""
         self.refused = MotionRequest(
             id=request_id, status=MotionRequest.REFUSED, reason=reason, message=message)
 
-    def end(self, reason: int, message: str) -> None:
+    def end(self, reason: Reason, message: str) -> None:
         """End the accepted trajectory before its end, if it is still followed."""
         if self.following:
             self.accepted = MotionRequest(id=self.accepted.id, status=MotionRequest.ENDED,

@@ -1,24 +1,27 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Starting, spinning and ending nodes: the same for one node and for several in a process."""
+"""Starting, spinning and ending a node."""
 
 from collections.abc import Callable, Sequence
+import gc
 from importlib import import_module
 import signal
 import sys
+import traceback
 from typing import Any
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import Executor
-from rclpy.node import Node
+from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
 from soft_continuum.parameters.files import load_description, read_parameter_file
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.ros import names
 
 try:
     from rclpy.experimental import EventsExecutor as BestExecutor
@@ -27,17 +30,16 @@ except ImportError:  # before rclpy 7.1.4
 
 ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
 
-NODES = {
-    'tendon_actuation': 'TendonActuation',
-    'jamming_valves': 'JammingValves',
-    'kinematics': 'Kinematics',
-    'shape_sequencer': 'ShapeSequencer',
-}
+NODES = names.NODES
+SWITCH_INTERVAL = 0.001
+"""s for which one thread of Python may keep the others waiting, such as that of control."""
 
 
 def node_class(name: str) -> Callable[..., Any]:
-    """Return the class of the node called ``name``."""
-    found: Callable[..., Any] = getattr(import_module(f'soft_continuum.nodes.{name}'), NODES[name])
+    """Return the class of the node called ``name``: ShapeSequencer for shape_sequencer."""
+    class_name = name.title().replace('_', '')
+    found: Callable[..., Any] = getattr(
+        import_module(f'soft_continuum.nodes.{name}'), class_name)
     return found
 
 
@@ -58,10 +60,18 @@ class Signals:
             raise KeyboardInterrupt
 
     def spin(self, executor: Executor, ended: Callable[[], bool] = lambda: False) -> None:
-        """Spin until a signal comes, ROS is shut down, or ``ended`` says so."""
+        """
+        Spin until a signal comes, ROS is shut down, or ``ended`` returns True.
+
+        What a callback raises is logged: a node that goes on can still hold the tendons.
+        """
         self.starting = False
         while not self.received and rclpy.ok() and not ended():
-            executor.spin_once(timeout_sec=0.1)
+            try:
+                executor.spin_once(timeout_sec=0.1)
+            except Exception:
+                get_logger('soft_continuum').error(
+                    f'a callback failed; going on:\n{traceback.format_exc()}')
 
 
 def make_executor() -> Executor:
@@ -69,32 +79,32 @@ def make_executor() -> Executor:
     return BestExecutor()
 
 
-def run(names: Sequence[str], args: Sequence[str] | None = None) -> int:
+def run(name: str, args: Sequence[str] | None = None) -> int:
     """
-    Run nodes in this process until SIGINT or SIGTERM; return the exit status.
+    Run one node until SIGINT or SIGTERM; return the exit status.
 
-    Signals end the spinning first, so that nodes can still hold the tendons and say so.
+    args: program and ROS arguments, by default those of this process.  Signals end the spinning
+    first, so that the node can still hold the tendons and report it.
     """
     signals = Signals()
     arguments = list(sys.argv if args is None else args)
-    nodes: list[Any] = []
     executor: Executor | None = None
+    nodes: list[Any] = []
+    sys.setswitchinterval(SWITCH_INTERVAL)
     try:
-        check_parameter_files(arguments, names)
+        check_parameter_files(arguments, [name])
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()
-        for name in names:
-            nodes.append(node_class(name)())
-            executor.add_node(nodes[-1])
-        for node in nodes:
-            node.start()
+        nodes.append(node_class(name)())
+        executor.add_node(nodes[0])
+        nodes[0].start()
+        gc.freeze()  # to look through all that was imported takes 0.1 s, in which nothing runs
         signals.spin(executor)
     except ParameterError as error:
-        print(f'{names[len(nodes)] if len(nodes) < len(names) else names[-1]}: {error}',
-              file=sys.stderr)
+        print(f'{name}: {error}', file=sys.stderr)
         return 2
     except ROS_ARGUMENT_ERRORS as error:
-        print(f'{names[0]}: {argument_error(arguments, error)}', file=sys.stderr)
+        print(f'{name}: {argument_error(arguments, error)}', file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 0
@@ -113,19 +123,18 @@ def argument_error(arguments: Sequence[str], error: Exception) -> str:
 def end(executor: Executor | None, nodes: Sequence[Any]) -> None:
     """Let every node hold, then take all down."""
     for node in nodes:
-        node.quit()
+        try:
+            node.quit()
+        except Exception:  # the others have to hold all the same
+            get_logger('soft_continuum').error(traceback.format_exc())
     if executor is not None:
         executor.shutdown()
     for node in nodes:
-        _destroy(node)
+        node.destroy_node()
     rclpy.try_shutdown()
 
 
-def _destroy(node: Node) -> None:
-    node.destroy_node()
-
-
-def check_parameter_files(arguments: Sequence[str], names: Sequence[str]) -> None:
+def check_parameter_files(arguments: Sequence[str], nodes: Sequence[str]) -> None:
     """
     Read every ``--params-file`` in the arguments as the nodes will, before rclpy does.
 
@@ -134,7 +143,7 @@ def check_parameter_files(arguments: Sequence[str], names: Sequence[str]) -> Non
     paths = [path for before, path in zip(arguments, arguments[1:], strict=False)
              if before == '--params-file']
     table = {p.name: p for p in ALL_PARAMETERS}
-    for name in names:
+    for name in nodes:
         if paths:
             load_description(*paths, node=name)
         for path in paths:

@@ -16,8 +16,10 @@ from soft_continuum.mechanics.chain import RigidChain
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.markers import target_markers
+from soft_continuum.nodes.model import load_model
+from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.sequence_server import GoalRequest, SequenceServer
-from soft_continuum.nodes.support import load_model, NodeParameters, OK, StatePublisher, Status
+from soft_continuum.nodes.status import OK, StatePublisher, Status
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.shapes import angles_problem, SHAPE_PREFIX, shapes_from_parameters
@@ -74,7 +76,6 @@ class ShapeSequencer(Node):
         self._rejected = ''  # why the last goal was, until one is accepted
         self._last: dict[str, str] = {}  # how the last goal ended, for ~/status
         self._state = ShapeSequencerState()
-        load_model(self)
         self._planning = PlanningThread(self._arm)
         self._commander = ArmCommander(self, self._arm)
         self._observed = ArmObserver(self, self._arm, self.parameters, self._on_tendon_state)
@@ -86,7 +87,8 @@ class ShapeSequencer(Node):
         self._show_target(())  # an earlier process may have left one
 
     def start(self) -> None:
-        """Nothing to do: the node waits for goals."""
+        """Load the model; goals are planned once that is done."""
+        load_model(self)
 
     def quit(self) -> None:
         """Hold the tendons before the process ends; segments stay as they are."""

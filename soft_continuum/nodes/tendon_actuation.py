@@ -1,63 +1,54 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The node that owns the tendon steppers."""
 
+from collections.abc import Callable
+import traceback
 from typing import Any
 
-from builtin_interfaces.msg import Time
-import numpy as np
-from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Bool
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
-from soft_continuum.hardware.protocols import HardwareError, TendonDriver
+from soft_continuum.hardware.protocols import TendonDriver
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
+    Reason,
     TendonController,
     TendonLimits,
-    TENDONS,
 )
-from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
-from soft_continuum.mechanics.statics import Statics, StaticsError
-from soft_continuum.nodes.motion_requests import MotionRequests
-from soft_continuum.nodes.support import (
-    EmergencyStop,
-    ERROR,
-    load_model,
-    ManagedNode,
-    OK,
-    RETRY,
-    SLACK_ALLOWANCE,
-    StatePublisher,
-    WARN,
-)
+from soft_continuum.nodes.emergency_stop import EmergencyStop
+from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
+from soft_continuum.nodes.model import load_model, loading
+from soft_continuum.nodes.motion_requests import Request
+from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
+from soft_continuum.nodes.reported_arm import ReportedArm
+from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
+from soft_continuum.nodes.tendon_control import Device, Report, TendonControl
+from soft_continuum.nodes.threads import on_ros_thread, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import seconds, trajectory_from_ros
-from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
-from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
+from soft_continuum.ros.qos import STREAM
+from soft_continuum_interfaces.msg import TendonActuationState
 
-STRAIGHT = 0.02  # rad: largest bending angle of a segment that counts as straight
-PREDICTION_STEP = 0.002  # m of pull between two predicted states
-
-
-class PredictionError(MotionRefusedError):
-    """The model predicts too much tension, or finds no shape."""
+MAX_POINTS = 1000
+"""Points of one trajectory."""
 
 
 class TendonActuation(ManagedNode):
     """
-    Moves both tendons along trajectories, as far as the arm may be moved.
+    Moves the tendons along trajectories, as far as the arm may be moved.
 
     Subscribes to ~/joint_trajectory (trajectory_msgs/JointTrajectory), segment_N/stiff,
     segment_N/pressure, joint_states and emergency_stop (std_msgs/Bool).  Publishes tendon_states
     (sensor_msgs/JointState), ~/state (soft_continuum_interfaces/TendonActuationState, latched),
-    ~/status and /diagnostics.  Serves ~/stop, ~/resume and ~/reference
-    (std_srvs/Trigger).
+    ~/status and /diagnostics.  Serves ~/stop, ~/resume and ~/reference (std_srvs/Trigger).
+
+    Four threads: those of a ManagedNode, of which the one of control owns a TendonControl, and one
+    that judges trajectories, because the model takes its time.  A stop that comes while a
+    trajectory is judged wins.
 
     A device that fails counts as lost: it is connected to again as soon as it answers, and then
     nothing moves before ~/resume.
@@ -66,371 +57,216 @@ class TendonActuation(ManagedNode):
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and services."""
         super().__init__('tendon_actuation', NODE_PARAMETERS['tendon_actuation'], **options)
-        self._arm = arm_from_parameters(self.parameters)
-        load_model(self)
-        self._statics = Statics(self._arm)
-        self._controller: TendonController | None = None
-        self._driver: TendonDriver | None = None
-        self._requests = MotionRequests()
-        self._state = StatePublisher(self, TendonActuationState)
-        self._stopped = TendonActuationState.NOT_STOPPED
-        self._stopped_because = ''  # while there is no controller to keep it
-        self._lost = ''  # why the device was lost
-        self._connect_age = Age()  # since the last attempt to connect to it again
-        self._refused = ''
-        self._refused_stamp = Time()
-        self._ended = ''
-        self._stiff: list[bool | None] = [None] * len(self._arm.segments)
-        self._stiff_at_start: list[bool | None] = []
-        self._jamming_age = Age()
-        self._shape: Equilibrium | None = None
-        self._shape_age = Age()
+        arm = arm_from_parameters(self.parameters)
+        self._tendons = arm.tendon_names
+        self._prediction = TensionPrediction(arm)
+        self._arm = ReportedArm(self, self._prediction.chain, self.parameters['silence_timeout'])
+        rate = self.parameters['tendon_rate']
+        self._control = TendonControl(
+            self._tendons, self._arm, 1.0 / rate, self._seconds,
+            lambda report: on_ros_thread(self, self._publish, report), self._release_driver)
+        self._loop = self.control(rate, self._control.cycle, self._on_control_failure)
+        self._judging = Worker('trajectories', self._on_thread_failure)
+        self._compiled = False
         self._states = self.create_publisher(JointState, 'tendon_states', STREAM)
+        self._state_publisher = StatePublisher(self, TendonActuationState)
         self.create_subscription(
             JointTrajectory, '~/joint_trajectory', self._on_trajectory, STREAM)
-        self.create_subscription(JointState, 'joint_states', self._on_shape, SENSOR)
-        for i in range(len(self._arm.segments)):
-            self.create_subscription(
-                Bool, f'segment_{i + 1}/stiff',
-                lambda message, i=i: self._on_stiff(i, message.data), LATCHED)
-        self.create_subscription(
-            FluidPressure, 'segment_1/pressure', lambda _: self._jamming_age.refresh(), SENSOR)
         self._emergency = EmergencyStop(self, self._on_emergency)
         self.create_service(Trigger, '~/stop', self._on_stop)
         self.create_service(Trigger, '~/resume', self._on_resume)
         self.create_service(Trigger, '~/reference', self._on_reference)
-        self._interval = 1.0 / self.parameters['tendon_rate']
-        self._timer = self.create_timer(self._interval, self._update)
+
+    def _seconds(self) -> float:
+        return self.get_clock().now().nanoseconds * 1e-9
+
+    # The device.
 
     def hardware_id(self) -> str:
         """Name the driver."""
         return f'{self.parameters["tendon_driver"]} tendon steppers'
 
-    def configure(self) -> None:
+    def open_device(self) -> Device:
         """Connect and read; move nothing."""
         driver: TendonDriver = make_driver(
             TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, self._seconds)
         driver.open()
-        self._driver, self._controller = driver, TendonController(driver, self._limits())
-        self._lost = ''
-        if self._stopped_because:  # a stop outlasts a reconnection
-            self._controller.stop(self._stopped_because)
-        self.status.set(OK, 'connected')
+        low, high = self.parameters['pull_limits']
+        limits = TendonLimits(self._tendons, (low, high), self.parameters['speed_limit'])
+        return driver, TendonController(driver, limits)
+
+    def close_device(self, device: Device) -> None:
+        """Hold and disconnect."""
+        device[0].close()
+
+    def _release_driver(self, driver: TendonDriver) -> None:
+        self.connecting.submit(driver.close)
+
+    def attach(self, device: Device) -> None:
+        """Control a device from now on."""
+        self._control.attach(device)
+
+    def detach(self) -> Device | None:
+        """Stop to control the device."""
+        return self._control.detach()
+
+    def activate(self) -> None:
+        """Accept trajectories."""
+        self._control.activate()
 
     def deactivate(self) -> None:
         """Brake and hold."""
-        if self._controller is not None:
-            try:
-                self._controller.hold()
-            except HardwareError as error:
-                self._lose(error)
-                return
-        self._requests.end(MotionRequest.INACTIVE, 'the node was deactivated')
-        self.status.set(OK, 'inactive')
-        self._publish_state()
+        self._control.deactivate()
 
-    def clean_up(self) -> None:
-        """Hold and disconnect."""
-        self._disconnect()
-        self._lost = ''
+    def lost(self) -> bool:
+        """Whether a device that was attached failed."""
+        return self._control.lost
 
-    def _disconnect(self) -> None:
-        if self._controller is not None:
-            self._stopped_because = self._controller.stopped_because
-        if self._driver is not None:
-            self._driver.close()
-        self._driver = self._controller = None
+    def not_connected(self, error: str) -> None:
+        """Take note of an attempt to connect that failed."""
+        self._loop.post(self._control.not_connected, error)
 
-    def _lose(self, error: HardwareError) -> None:
-        """Disconnect from a device that failed; nothing moves before it is back and ~/resume."""
-        self._disconnect()
-        self._lost = str(error)
-        if not self._stopped_because:
-            self._stopped = TendonActuationState.STOPPED_BY_DEVICE
-            self._stopped_because = f'the device failed: {error}'
-        self._requests.end(MotionRequest.DEVICE, str(error))
-        self._connect_age.refresh()
-        self._say()
+    def start(self) -> None:
+        """Load the model, then connect if ``autostart`` asks for it."""
+        self.status.set(OK, loading())
+        load_model(self, self._on_model)
 
-    def _connect_again(self) -> None:
-        if self._connect_age.seconds < RETRY:
-            return
-        try:
-            self.configure()
-        except (HardwareError, ValueError) as error:
-            self._lost = str(error)
-        self._say()
-        self._connect_age.refresh()
+    def _on_model(self) -> None:
+        self._compiled = True
+        super().start()
 
-    def _limits(self) -> TendonLimits:
-        low, high = self.parameters['pull_limits']
-        return TendonLimits((low, high), self.parameters['speed_limit'])
+    def quit(self) -> None:
+        """Hold and disconnect before the process ends."""
+        super().quit()
+        self._judging.close(CLOSE_TIMEOUT)
 
-    def _seconds(self) -> float:
-        return self.get_clock().now().nanoseconds * 1e-9
-
-    def _on_stiff(self, segment: int, stiff: bool) -> None:
-        self._stiff[segment] = stiff
-        self._jamming_age.refresh()
-
-    def _on_shape(self, message: JointState) -> None:
-        if (len(message.position) != self._statics.chain.joints
-                or not np.all(np.isfinite(message.position))):
-            return
-        self._shape = self._statics.chain.state(message.position)
-        self._shape_age.refresh()
+    # Trajectories.
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        if not self.active or self._controller is None:
-            reason = MotionRequest.DEVICE if self._lost else MotionRequest.INACTIVE
-            self._refuse(message, reason, self._lost or 'the node is not active')
+        if not message.points:
+            self._loop.post(self._control.hold, Reason.HELD,
+                            'a trajectory without points asked the tendons to hold')
             return
+        request_id = message.header.frame_id
         try:
-            if not message.points:
-                self._controller.hold()
-                self._requests.end(
-                    MotionRequest.HELD, 'a trajectory without points asked the tendons to hold')
-                self._say()
-                return
-            if interlock := self._interlock():
-                self._refuse(message, *interlock)
-                return
-            now = self._seconds()
-            times, pulls = trajectory_from_ros(message, now)
-            begin = seconds(message.header.stamp) or now
-            self._controller.accept(times, pulls, now, self._predict, begin)
+            request = self._request(message)
+            if not self._judging.submit(self._judge, request):
+                raise MotionRefusedError(
+                    Reason.BUSY, 'too many trajectories wait to be judged; send them '
+                    'more slowly')
         except MotionRefusedError as error:
-            self._refuse(message, self._refusal_reason(error), str(error))
-            return
-        except HardwareError as error:
-            self._lose(error)
-            return
-        if self._requests.following:
-            self._requests.end(MotionRequest.REPLACED, 'a newer trajectory took its place')
-            self._publish_state()
-        self._requests.accept(message.header.frame_id)
-        self._refused = self._ended = ''
-        self._stiff_at_start = list(self._stiff)
-        self._say()
+            self._refuse(request_id, error)
 
-    def _refusal_reason(self, error: MotionRefusedError) -> int:
-        assert self._controller is not None
-        if isinstance(error, PredictionError):
-            return int(MotionRequest.TENSION)
-        if self._controller.stopped:
-            return int(MotionRequest.STOPPED)
-        if self._controller.homing:
-            return int(MotionRequest.HOMING)
-        if not self._controller.reading.referenced:
-            return int(MotionRequest.NOT_REFERENCED)
-        return int(MotionRequest.BEYOND_LIMITS if '_limit' in str(error)
-                   else MotionRequest.INVALID)
-
-    def _refuse(self, trajectory: JointTrajectory, reason: int, message: str) -> None:
-        self._refused, self._refused_stamp = message, trajectory.header.stamp
-        self._requests.refuse(trajectory.header.frame_id, reason, message)
-        self.get_logger().error(f'trajectory refused: {message}')
-        self._say()
-
-    @property
-    def _knows_stiffness(self) -> bool:
-        return (None not in self._stiff
-                and self._jamming_age.seconds <= self.parameters['silence_timeout'])
-
-    @property
-    def _known_shape(self) -> Equilibrium | None:
-        fresh = self._shape_age.seconds <= self.parameters['silence_timeout']
-        return self._shape if fresh else None
-
-    def _interlock(self) -> tuple[int, str] | None:
-        """Return why the arm must not be moved at all now, None when it may be."""
-        timeout = self.parameters['silence_timeout']
-        if not self._knows_stiffness:
-            return (MotionRequest.STIFFNESS_UNKNOWN,
-                    'it is not known which segments are soft: nothing received from '
-                    f'jamming_valves for {timeout:g} s')
-        if all(self._stiff):
-            return (MotionRequest.ALL_STIFF, 'every segment is stiff; soften one first '
-                    '(jamming_valves/segment_N/set_stiff)')
-        if self._known_shape is None:
-            return (MotionRequest.SHAPE_UNKNOWN,
-                    'the shape of the arm is not known, so no tension can be predicted: no '
-                    f'joint_states from kinematics for {timeout:g} s')
-        return None
-
-    def _homing_interlock(self) -> str:
-        """Return why tendons must not be paid out to their switches now, empty when they may."""
-        if not self._knows_stiffness:
-            return 'it is not known whether the arm is stiff: nothing received from jamming_valves'
-        if not all(self._stiff):
-            return 'homing pays out the tendons: stiffen every segment'
-        if (shape := self._known_shape) is not None:
-            bent = np.abs(self._statics.chain.bending_angles(shape.joint_angles)).max()
-            if bent > STRAIGHT:
-                return ('homing ends where the straight arm has its tendons just taut, but a '
-                        f'segment is bent by {bent:.3f} rad: straighten the arm, and call '
-                        'kinematics/reset if kinematics is wrong')
-        return ''
-
-    def _predict(self, pulls: Array) -> None:
-        """Refuse pulls (k, 2) m in which the model sees too much tension, or no shape at all."""
-        assert self._shape is not None
-        limit = self.parameters['tension_limit']
-        both_limit = self.parameters['co_contraction_limit']
-        soft = [not stiff for stiff in self._stiff]
-        state = self._shape
+    def _request(self, message: JointTrajectory) -> Request:
+        """Return a trajectory as numbers; raises MotionRefusedError when it cannot be one."""
+        if not self._compiled:
+            raise MotionRefusedError(Reason.INACTIVE, loading())
+        if len(message.points) > MAX_POINTS:
+            raise MotionRefusedError(
+                Reason.INVALID, f'{len(message.points)} points; allowed: {MAX_POINTS}; '
+                'send the trajectory in parts')
         try:
-            for before, after in zip(pulls[:-1], pulls[1:], strict=True):
-                steps = int(np.ceil(np.abs(after - before).max() / PREDICTION_STEP)) or 1
-                for part in np.arange(1, steps + 1) / steps:
-                    wanted = before + part * (after - before)
-                    state = self._statics.solve(state, wanted - SLACK_ALLOWANCE, soft)
-                    right, left = state.tensions
-                    if max(right, left) > limit or min(right, left) > both_limit:
-                        raise PredictionError(
-                            f'at pulls of right {wanted[RIGHT] * 1e3:.2f} mm, left '
-                            f'{wanted[LEFT] * 1e3:.2f} mm the tension would be {right:.1f} and '
-                            f'{left:.1f} N; tension_limit: {limit:g} N, co_contraction_limit '
-                            f'(both at once): {both_limit:g} N')
-        except StaticsError as error:
-            raise PredictionError(str(error)) from None
+            times, pulls = trajectory_from_ros(message, self._tendons)
+        except ValueError as error:
+            raise MotionRefusedError(Reason.INVALID, str(error)) from None
+        return Request(message.header.frame_id, times, pulls,
+                       seconds(message.header.stamp) or None, self._control.revocations)
 
-    def _update(self) -> None:
-        controller = self._controller
-        if controller is None:
-            if self._lost:
-                self._connect_again()
-            return
+    def _judge(self, request: Request) -> None:
+        """Follow a trajectory if nothing speaks against it; on a thread that may take long."""
+        control, stiff = self._control, self._arm.stiff
         try:
-            if controller.busy:
-                if controller.homing:
-                    message = self._homing_interlock()
-                    interlock = (MotionRequest.HOMING, message) if message else None
-                else:
-                    interlock = self._interlock()
-                if not interlock and not controller.homing and self._stiff != self._stiff_at_start:
-                    interlock = (MotionRequest.STIFFNESS_CHANGED,
-                                 'a segment changed between soft and stiff during the motion')
-                if interlock and not self._ended:
-                    controller.hold()
-                    self._requests.end(*interlock)
-                    self._ended = f'motion ended: {interlock[1]}'
-            reading = controller.update(self._seconds(), self._interval)
-        except HardwareError as error:
-            self._lose(error)
-            return
-        if not controller.busy:
-            self._requests.done()
+            pulls = self._loop.call(control.prepare, request)
+            joint_angles = self._arm.joint_angles
+            if joint_angles is not None:  # else follow() says why not
+                limits = TensionLimits(
+                    self.parameters['tension_limit'], self.parameters['co_contraction_limit'])
+                self._prediction.check(
+                    pulls, joint_angles, [not s for s in stiff], limits,
+                    lambda: control.revocations != request.revocation)
+            self._loop.call(control.follow, request, stiff)
+        except MotionRefusedError as error:
+            self._refuse(request.id, error)
+        except Exception as error:
+            self._refuse(request.id, MotionRefusedError(
+                Reason.INVALID, f'it could not be judged: {type(error).__name__}: {error}'))
+            raise
+
+    def _refuse(self, request_id: str, error: MotionRefusedError) -> None:
+        self.get_logger().error(f'trajectory refused: {error}')
+        self._loop.post(self._control.refuse, request_id, error.reason, str(error))
+
+    # What is reported.
+
+    def _on_control_failure(self, error: Exception) -> None:
+        self.get_logger().error(''.join(traceback.format_exception(error)))
+        self._control.failed(error)
+
+    def publish_last(self) -> None:
+        """Publish the state in which the process ends."""
+        self._publish(self._control.snapshot())
+
+    def _publish(self, report: Report) -> None:
+        state, reading = report.state, report.reading
+        if reading is not None:
+            message = JointState(
+                name=list(self._tendons), position=list(reading.pulls),
+                velocity=list(reading.speeds), effort=list(reading.tensions or ()))
+            nanoseconds = round(report.time * 1e9)
+            message.header.stamp.sec = nanoseconds // 1_000_000_000
+            message.header.stamp.nanosec = nanoseconds % 1_000_000_000
+            self._states.publish(message)
+        self._state_publisher.publish(state)
+        self.status.set(*self._summary(report), stopped=state.stop_message, ended=report.ended,
+                        referenced=str(state.referenced).lower(), refused=report.refused)
+
+    def _summary(self, report: Report) -> tuple[bytes, str]:
+        """Return the level and the text of the status."""
+        state = report.state
+        if state.fault:
+            return ERROR, state.fault
+        if not state.connected:
+            return OK, 'not connected'
         if not self.active:
-            return
-        if controller.homing and not reading.referenced:  # positions mean nothing meanwhile
-            self._say()
-            return
-        message = JointState(name=list(TENDONS), position=list(reading.pulls),
-                             velocity=list(reading.speeds), effort=list(reading.tensions or ()))
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._states.publish(message)
-        self._say()
+            return OK, 'inactive'
+        if not self._compiled:
+            return WARN, loading()
+        if state.homing:
+            return WARN, 'homing'
+        if state.stop_message:
+            return WARN, f'stopped: {state.stop_message}'
+        if not state.referenced:
+            return WARN, 'position not referenced'
+        if report.ended:
+            return WARN, report.ended
+        return OK, 'following' if state.moving else 'holding'
 
-    def _publish_state(self) -> None:
-        controller = self._controller
-        state = TendonActuationState(
-            tendons=list(TENDONS), connected=controller is not None, fault=self._lost,
-            stopped=self._stopped, stop_message=self._stopped_because,
-            accepted=self._requests.accepted, refused=self._requests.refused)
-        if controller is not None:
-            state.referenced = controller.reading.referenced
-            state.moving, state.homing = controller.busy, controller.homing
-            state.stop_message = controller.stopped_because
-        self._state.publish(state)
+    # Services.
 
-    def _say(self) -> None:
-        self._publish_state()
-        controller = self._controller
-        if controller is None:
-            self.status.set(ERROR if self._lost else OK, self._lost or 'not connected',
-                            stopped=self._stopped_because, refused=self._refused)
-            return
-        if controller.homing:
-            level, text = WARN, 'homing'
-        elif controller.stopped:
-            level, text = WARN, f'stopped: {controller.stopped_because}'
-        elif not controller.reading.referenced:
-            level, text = WARN, 'position not referenced'
-        elif self._ended:
-            level, text = WARN, self._ended
-        else:
-            level, text = OK, 'following' if controller.following else 'holding'
-        self.status.set(
-            level, text, stopped=controller.stopped_because, ended=self._ended,
-            referenced=str(controller.reading.referenced).lower(), refused=self._refused,
-            refused_stamp=f'{self._refused_stamp.sec}.{self._refused_stamp.nanosec:09d}')
+    def _answer(self, response: Trigger.Response, function: Callable[..., tuple[bool, str]],
+                *arguments: Any) -> Trigger.Response:
+        try:
+            response.success, response.message = self._loop.call(function, *arguments)
+        except TimeoutError:
+            response.message = 'the thread of control did not answer; see the log of this node'
+        return response
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = self._stop(
-            TendonActuationState.STOPPED_BY_SERVICE, '~/stop was called')
-        return response
+        return self._answer(response, self._control.stop,
+                            TendonActuationState.STOPPED_BY_SERVICE, '~/stop was called')
 
     def _on_emergency(self, on: bool) -> None:
         if on:
-            self._stop(TendonActuationState.STOPPED_BY_EMERGENCY, 'emergency_stop is on')
+            self._loop.post(self._control.stop, TendonActuationState.STOPPED_BY_EMERGENCY,
+                            'emergency_stop is on')
         else:
             self.get_logger().warning('emergency_stop is off; nothing moves before ~/resume')
-
-    def _stop(self, kind: int, reason: str) -> tuple[bool, str]:
-        """Stop all motion; return whether the device was reached, and the answer."""
-        self._stopped = kind
-        self._requests.end(MotionRequest.STOPPED, reason)
-        if self._controller is None:
-            self._stopped_because = reason
-            self._say()
-            if self._lost:
-                return False, f'the stop did not reach the device: {self._lost}'
-            return True, 'not connected; stopped all the same'
-        try:
-            self._controller.stop(reason)
-        except HardwareError as error:
-            self._lose(error)
-            return False, f'the stop did not reach the device: {error}'
-        self._say()
-        return True, 'stopped, holding tension; nothing moves before ~/resume'
 
     def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._emergency.on:
             response.message = 'emergency_stop is on; it has to be published as false first'
             return response
-        if not self.active or self._controller is None:
-            response.message = self._lost or 'the node is not active'
-            return response
-        self._controller.resume()
-        self._stopped = TendonActuationState.NOT_STOPPED
-        self._ended = ''
-        self._say()
-        response.success = True
-        response.message = 'ready, from the present position'
-        return response
+        return self._answer(response, self._control.resume)
 
     def _on_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self.active or self._controller is None:
-            response.message = self._lost or 'the node is not active'
-            return response
-        homes = self._driver is not None and self._driver.reference_moves
-        if homes and (interlock := self._homing_interlock()):
-            response.message = interlock
-            return response
-        try:
-            self._ended = ''
-            self._controller.reference()
-        except MotionRefusedError as error:
-            response.message = str(error)
-            return response
-        except HardwareError as error:
-            self._lose(error)
-            response.message = str(error)
-            return response
-        self._say()
-        response.success = True
-        response.message = ('homing; the tendons are at zero pull when they rest' if homes else
-                            'the present position counts as the straight arm; '
-                            'call kinematics/reset if it was not known')
-        return response
+        return self._answer(response, self._control.reference)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The four nodes in one process, for machines without launch_ros: ``./run up``.
+The four nodes in processes of their own, without launch_ros: ``./run up``.
 
 It takes the arguments of launch/bringup.launch.py.
 """
@@ -11,13 +11,17 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 import sys
+from time import sleep
 
 from ament_index_python.packages import get_package_share_directory
 
-from soft_continuum.nodes.runtime import NODES, run
+from soft_continuum.nodes.processes import NodeProcesses
+from soft_continuum.nodes.runtime import argument_error, NODES, ROS_ARGUMENT_ERRORS, Signals
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.parameters.parameter import ParameterError
 
 DRIVERS = ('tendon_driver', 'jamming_driver')
+PERIOD = 0.05  # s between two looks at the processes
 
 
 def description_file() -> Path:
@@ -49,5 +53,19 @@ def ros_arguments(argv: Sequence[str]) -> list[str]:
 
 
 def main() -> int:
-    """Run until Ctrl-C."""
-    return run(list(NODES), ros_arguments(sys.argv[1:]))
+    """Run until Ctrl-C, or until no node is left; return the exit status."""
+    signals, arguments = Signals(), ros_arguments(sys.argv[1:])
+    try:
+        with NodeProcesses(NODES, arguments) as nodes:
+            signals.starting = False
+            while not signals.received and nodes.check():
+                sleep(PERIOD)
+    except ParameterError as error:
+        print(f'up: {error}', file=sys.stderr)
+        return 2
+    except ROS_ARGUMENT_ERRORS as error:
+        print(f'up: {argument_error(arguments, error)}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 0
+    return 0 if signals.received else 1

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Conversions between the library's arrays and ROS messages."""
 
 from collections.abc import Sequence
@@ -9,7 +8,7 @@ from geometry_msgs.msg import Pose, PoseArray
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from soft_continuum.hardware.tendon_controller import MotionRefusedError, TENDONS
+from soft_continuum.mechanics.arm import TENDONS
 from soft_continuum.mechanics.chain import Array, orientation
 
 
@@ -18,53 +17,62 @@ def seconds(stamp: object) -> float:
     return float(stamp.sec + stamp.nanosec * 1e-9)  # type: ignore[attr-defined]
 
 
+def full_poses(planar: Array) -> Array:
+    """
+    Return poses (k, 7) of planar rows (k, 3).
+
+    planar: x, z (m) and angle about +y (rad).  A pose is position x, y, z (m) and quaternion x, y,
+    z, w; z of its frame is the tangent of the backbone.
+    """
+    poses = np.zeros((len(planar), 7))
+    poses[:, 0], poses[:, 2] = planar[:, 0], planar[:, 1]
+    poses[:, 3:] = [orientation(float(angle)) for angle in planar[:, 2]]
+    return poses
+
+
 def poses_to_ros(poses: Array, message: PoseArray) -> PoseArray:
-    """Write (x, z, angle) rows, m and rad, into a kept PoseArray: z of a pose is the tangent."""
+    """Write poses (k, 7), position in m and quaternion x, y, z, w, into a kept PoseArray."""
     while len(message.poses) < len(poses):
         message.poses.append(Pose())
-    for pose, (x, z, angle) in zip(message.poses, poses, strict=True):
-        pose.position.x, pose.position.z = float(x), float(z)
-        q = pose.orientation
-        q.x, q.y, q.z, q.w = orientation(float(angle))
+    for pose, row in zip(message.poses, poses.tolist(), strict=True):
+        p, q = pose.position, pose.orientation
+        p.x, p.y, p.z, q.x, q.y, q.z, q.w = row
     return message
 
 
 def poses_from_ros(message: PoseArray) -> Array:
-    """Return (x, z, angle) rows of a PoseArray whose rotations are about y, m and rad."""
-    return np.array([(p.position.x, p.position.z,
-                      2.0 * np.arctan2(p.orientation.y, p.orientation.w))
-                     for p in message.poses])
+    """Return the poses (k, 7) of a PoseArray: position in m and quaternion x, y, z, w."""
+    return np.array([(p.position.x, p.position.y, p.position.z, p.orientation.x, p.orientation.y,
+                      p.orientation.z, p.orientation.w) for p in message.poses]).reshape(-1, 7)
 
 
-def trajectory_to_ros(times: Array, pulls: Array, tendons: Sequence[str] = TENDONS
-                      ) -> JointTrajectory:
-    """Return times (k,) s and pulls (k, tendons) m as a JointTrajectory without a stamp."""
+def trajectory_to_ros(
+        times: Array, pulls: Array, tendons: Sequence[str] = TENDONS) -> JointTrajectory:
+    """Return times (k,) s and pulls (k, tendons) m as a JointTrajectory without stamp and id."""
     message = JointTrajectory(joint_names=list(tendons))
-    for time, pull in zip(times, pulls, strict=True):
-        point = JointTrajectoryPoint(positions=[float(p) for p in pull])
+    for time, positions in zip(times, pulls, strict=True):
+        point = JointTrajectoryPoint(positions=[float(pull) for pull in positions])
         point.time_from_start.sec = int(time)
         point.time_from_start.nanosec = min(999_999_999, int((time % 1.0) * 1e9))
         message.points.append(point)
     return message
 
 
-def trajectory_from_ros(message: JointTrajectory, now: float) -> tuple[Array, Array]:
+def trajectory_from_ros(message: JointTrajectory, tendons: Sequence[str]) -> tuple[Array, Array]:
     """
-    Return times (k,) s, on the clock of ``now``, and pulls (k, 2) m, right and left.
+    Return times (k,) s from the start, and pulls (k, tendons) m in the order of ``tendons``.
 
-    A stamp of zero starts the trajectory now.  Raises MotionRefusedError when the joint names or
-    the number of positions are not those of the two tendons.
+    Raises ValueError when the joint names or the number of positions are not those of the tendons.
     """
-    if sorted(message.joint_names) != sorted(TENDONS):
-        raise MotionRefusedError(
-            f'joint_names are {list(message.joint_names)}; needed: {list(TENDONS)}')
+    names = list(message.joint_names)
+    if sorted(names) != sorted(tendons):
+        raise ValueError(f'joint_names are {names}; needed: {list(tendons)}')
     for number, point in enumerate(message.points, start=1):
-        if len(point.positions) != len(TENDONS):
-            raise MotionRefusedError(
+        if len(point.positions) != len(tendons):
+            raise ValueError(
                 f'point {number} has {len(point.positions)} positions; needed: one for each of '
-                f'{list(message.joint_names)}')
-    order = [list(message.joint_names).index(name) for name in TENDONS]
-    start = seconds(message.header.stamp) or now
-    times = np.array([start + seconds(p.time_from_start) for p in message.points])
+                f'{names}')
+    order = [names.index(name) for name in tendons]
+    times = np.array([seconds(p.time_from_start) for p in message.points])
     pulls = np.array([[p.positions[i] for i in order] for p in message.points], dtype=float)
     return times, pulls

@@ -71,8 +71,8 @@ class RunnerSettings:
     Deadlines and tolerances.
 
     jamming_timeout, settle_timeout: s.  settle_tolerance: m.  soft_vacuum: Pa below ambient up to
-    which a segment is soft.  horizon: s of motion sent ahead, so that the tendons stop by
-    themselves soon after the sequencer is gone.  retry: s between repeated requests.
+    which a segment is soft.  horizon: s of motion sent ahead; the tendons stop
+    by themselves that soon after the sequencer ended.  retry: s between repeated requests.
     """
 
     jamming_timeout: float = 10.0

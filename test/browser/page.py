@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import expect
 
-DEADLINE = 90.0  # s: everything is rendered in software, on a machine that does other things
+DEADLINE = 90.0  # s: everything is rendered in software
 
 
 class Page:
@@ -22,6 +22,10 @@ class Page:
 
     def __init__(self, page: Any) -> None:
         self.page = page
+
+    def close(self) -> None:
+        """Close the page and its profile."""
+        self.page.context.close()
 
     def button(self, name: str, number: int = 0) -> Any:
         """Return a button by its exact label."""
@@ -57,16 +61,16 @@ class Page:
         rows, columns, _ = colours.shape
         return colours[rows // 6:, columns * 9 // 20:columns * 13 // 20]
 
-    def wait_for_pixels(self, is_meant: Callable[[Any], Any], least: int, most: int,
+    def wait_for_pixels(self, has_colour: Callable[[Any], Any], low: int, high: int,
                         what: str) -> None:
-        """Wait until so many pixels of the middle of the scene are as they are meant to be."""
+        """Wait until so many pixels of the middle of the scene have a colour."""
         deadline = time.monotonic() + DEADLINE
         while True:
-            count = int(is_meant(self.picture()).sum())
-            if least <= count <= most:
+            count = int(has_colour(self.picture()).sum())
+            if low <= count <= high:
                 return
             assert time.monotonic() < deadline, (
-                f'{count} pixels are {what}; expected: {least} to {most}')
+                f'{count} pixels are {what}; expected: {low} to {high}')
 
 
 def dark(colours: Any) -> Any:

@@ -16,7 +16,9 @@ import yaml
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.hardware.grbl_motion import Motors
 from soft_continuum.hardware.grbl_tendons import GrblTendons
+from soft_continuum.mechanics.arm import TENDONS
 
 PATIENCE = 60.0  # s until a test gives up waiting; a loaded computer is slow
 TIMEOUT = 1.0  # s that a Modbus reply may take on one
@@ -71,8 +73,8 @@ def _references(tendons):
 
 def steppers(rig):
     """The driver of the rig's tendons, as a node has it."""
-    return GrblTendons(str(rig.grbl.port), 115200, (200.0, 200.0), (1.0, 1.0), 0.03, 0.3,
-                       (-0.06, 0.06))
+    motors = Motors(TENDONS, (200.0, 200.0), (1.0, 1.0))
+    return GrblTendons(str(rig.grbl.port), 115200, motors, 0.03, 0.3, (-0.06, 0.06))
 
 
 def is_referenced(rig):

@@ -3,40 +3,46 @@
 """A driver on an emulated GRBL board, and what tests ask of both."""
 
 from contextlib import contextmanager
-import time
 
 import pytest
+from virtual_clock import VirtualClock
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.grbl_motion import Motors
 from soft_continuum.hardware.grbl_tendons import GrblTendons
 from soft_continuum.hardware.protocols import HardwareError
 
+TENDONS = ('right_tendon', 'left_tendon')
 STEPS_PER_MM = 200.0
 STEP = 1e-3 / STEPS_PER_MM  # m
 SPEED, ACCELERATION = 0.03, 0.3
-PATIENCE = 20.0  # s until a test gives up waiting; a loaded computer is slow
+TIMEOUT = 60.0  # s of emulated time for anything to happen
 
 
-def driver(port, **changes):
+def driver(device, tendons=TENDONS, signs=None, **changes):
+    """A driver, not opened, of an emulated board, in its time, or of a port."""
+    emulated = isinstance(device, GrblEmulator)
+    motors = Motors(tendons, (STEPS_PER_MM,) * len(tendons), signs or (1.0,) * len(tendons))
     values = {
-        'port': str(port), 'baud_rate': 115200, 'steps_per_mm': (STEPS_PER_MM, STEPS_PER_MM),
-        'signs': (1.0, 1.0), 'speed_limit': SPEED, 'acceleration_limit': ACCELERATION,
-        'pull_limits': (-0.06, 0.06)}
+        'port': device.port if emulated else str(device), 'baud_rate': 115200, 'motors': motors,
+        'speed_limit': SPEED, 'acceleration_limit': ACCELERATION, 'pull_limits': (-0.06, 0.06),
+        'clock': device.clock if emulated else STEADY}
     return GrblTendons(**{**values, **changes})
 
 
 @contextmanager
 def board(**options):
-    """An emulated board without a driver."""
-    with GrblEmulator(**options) as emulator:
+    """An emulated board without a driver, on a clock of its own."""
+    with GrblEmulator(clock=VirtualClock(), **options) as emulator:
         yield emulator
 
 
 @contextmanager
 def rig(referenced=True, settings=None, **changes):
     """An emulated board and an open driver at zero pull."""
-    with GrblEmulator(settings=settings) as emulator:
-        tendons = driver(emulator.port, **changes)
+    with board(settings=settings) as emulator:
+        tendons = driver(emulator, **changes)
         tendons.open()
         if referenced:
             tendons.reference()
@@ -46,29 +52,30 @@ def rig(referenced=True, settings=None, **changes):
             tendons.close()
 
 
-def until(condition, what=''):
-    """Wait until something is true; fail if it never is."""
-    deadline = time.monotonic() + PATIENCE
+def until(device, condition, what=''):
+    """Wait until something is true, on the clock of an emulator or driver; fail if it never is."""
+    clock = getattr(device, 'clock', device)
+    deadline = clock() + TIMEOUT
     while not condition():
-        assert time.monotonic() < deadline, f'never: {what or condition}'
-        time.sleep(0.002)
+        assert clock() < deadline, f'never: {what or condition}'
+        clock.sleep(0.002)
 
 
 def at_rest(tendons):
     """Wait for the end of all motion; return the reading there."""
-    until(lambda: not tendons.read().moving, 'at rest')
+    until(tendons, lambda: not tendons.read().moving, 'at rest')
     return tendons.read()
 
 
 def failed(tendons):
-    """Wait for the driver to give up; return what it says."""
+    """Wait for the driver to fail; return its error."""
     def gives_up():
         try:
             tendons.read()
         except HardwareError:
             return True
         return False
-    until(gives_up, 'a HardwareError')
+    until(tendons, gives_up, 'a HardwareError')
     with pytest.raises(HardwareError) as error:
         tendons.read()
     with pytest.raises(HardwareError):
@@ -80,15 +87,20 @@ def in_motion(emulator, tendons, pull=0.04):
     """Start a long motion and wait until it is well under way."""
     start = emulator.motors[0]
     tendons.move((pull, -pull), 2.0)
-    until(lambda: abs(emulator.motors[0] - start) > 300, 'in motion')
+    until(emulator, lambda: abs(emulator.motors[0] - start) > 300, 'in motion')
 
 
 def standing(emulator):
     """Wait until the motors stand; return where."""
-    until(lambda: not emulator.moving, 'motors stand')
+    until(emulator, lambda: not emulator.moving, 'motors stand')
     return emulator.motors
 
 
 def steps(pulls):
     """Motor steps of pulls (m)."""
     return tuple(round(p / STEP) for p in pulls)
+
+
+def settled(tendons):
+    """Wait until no line to the controller is under way."""
+    until(tendons, lambda: tendons._session.settled, 'settled')

@@ -1,14 +1,16 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the tests of the Modbus driver share: drivers of an emulated rig, and patience."""
+"""What the tests of the Modbus driver share: emulated rigs and their drivers."""
 
-from time import monotonic, sleep
+from virtual_clock import VirtualClock
 
-from soft_continuum.hardware.modbus_jamming import ModbusJamming
+from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.hardware.modbus_bus import ModbusBus
+from soft_continuum.hardware.modbus_jamming import ModbusJamming, registers_from_parameters
 from soft_continuum.hardware.protocols import HardwareError
 
 AMBIENT = 101325.0
-TIMEOUT = 0.2  # s; a busy computer may need some of it
+TIMEOUT = 0.1  # s
 
 
 def parameters(port, segments=3, **changes):
@@ -24,15 +26,32 @@ def parameters(port, segments=3, **changes):
     } | {f'modbus.{name}': value for name, value in changes.items()}
 
 
+def emulated(segments=3, **options):
+    """An emulated rig on a clock of its own."""
+    return ModbusEmulator(segments, clock=VirtualClock(), **options)
+
+
 def driver_of(emulator, **changes):
-    """Return a driver, not opened, of an emulated rig."""
+    """A driver, not opened, of an emulated rig, in its time."""
     values = parameters(emulator.link or emulator.port, len(emulator.segments), **changes)
-    return ModbusJamming.from_parameters(values, monotonic)
+    bus = ModbusBus(values['modbus.port'], values['modbus.baud_rate'], values['modbus.timeout'],
+                    emulator.clock)
+    return ModbusJamming(bus, registers_from_parameters(values))
 
 
-def eventually(action, accept=lambda result: True, seconds=30.0):
-    """Return what ``action`` returns once it fails no longer and is accepted."""
-    deadline = monotonic() + seconds
+def receive(emulator, line, size, timeout=20.0):
+    """Return ``size`` bytes from an open port, or what came within a time (s)."""
+    data, deadline = b'', emulator.clock() + timeout
+    while len(data) < size and emulator.clock.wait(
+            [line.fileno()], deadline - emulator.clock()):
+        data += line.read(min(size - len(data), line.in_waiting))
+    return data
+
+
+def eventually(emulator, action, accept=lambda result: True):
+    """Return what ``action`` returns once it succeeds and is accepted."""
+    clock = emulator.clock
+    deadline = clock() + 30.0
     while True:
         try:
             result = action()
@@ -41,6 +60,6 @@ def eventually(action, accept=lambda result: True, seconds=30.0):
             problem = AssertionError(f'still {result}')
         except HardwareError as error:
             problem = error
-        if monotonic() > deadline:
+        if clock() > deadline:
             raise problem
-        sleep(0.01)
+        clock.sleep(0.01)

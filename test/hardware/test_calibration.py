@@ -7,17 +7,17 @@ from math import inf, nan
 
 import pytest
 
-from soft_continuum.hardware import calibration
 from soft_continuum.hardware.calibration import (
     CalibrationError,
     corrected_steps,
     judge,
-    LONGEST_MOVE,
+    MAX_MOVE,
     measure_segment,
     SegmentVacuum,
     SPEED,
     TendonBench,
 )
+from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
@@ -26,42 +26,41 @@ from soft_continuum.hardware.tendon_controller import TendonLimits
 
 SETTINGS = JammingSettings()
 SOFT = 10e3  # Pa of vacuum
+TENDONS = ('right_tendon', 'left_tendon')
 GOOD = SegmentVacuum(0, 0.3, 94e3, 0.4, 500.0, 0.6)
 
 
-class Time:
+class Time(Clock):
     """Time that passes only while somebody sleeps."""
 
-    now = 100.0
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
 
     def sleep(self, seconds):
         self.now += seconds
 
-    def read(self):
-        return self.now
-
 
 @pytest.fixture
-def time(monkeypatch):
-    found = Time()
-    monkeypatch.setattr(calibration, 'monotonic', found.read)
-    monkeypatch.setattr(calibration, 'sleep', found.sleep)
-    return found
+def time():
+    return Time()
 
 
 def bench_of(time, tendons=None, initially_stiff=False):
-    tendons = tendons or SimulatedTendons(time.read, 0.03, 0.3, 5e-6)
-    jamming = SimulatedJamming(time.read, 3, JammingPlant(), initially_stiff)
+    tendons = tendons or SimulatedTendons(time, TENDONS, 0.03, 0.3, 5e-6)
+    jamming = SimulatedJamming(time, 3, JammingPlant(), initially_stiff)
     return tendons, jamming, TendonBench(
-        tendons, jamming, 2, TendonLimits((-0.06, 0.06), 0.03), 101325.0 - SOFT)
+        tendons, jamming, 2, TendonLimits(TENDONS, (-0.06, 0.06), 0.03), 101325.0 - SOFT, time)
 
 
 @pytest.mark.parametrize('plant', [
     JammingPlant(), JammingPlant(ultimate_vacuum=85e3, evacuation_time=2.0, leak_rate=1500.0),
     JammingPlant(evacuation_time=0.2, venting_time=1.5, valve_delay=0.3, leak_rate=0.0)])
 def test_the_constants_of_a_plant_are_found(time, plant):
-    jamming = SimulatedJamming(time.read, 2, plant, initially_stiff=True)
-    found = measure_segment(jamming, 1, 2, SETTINGS, SOFT, leak_time=5.0)
+    jamming = SimulatedJamming(time, 2, plant, initially_stiff=True)
+    found = measure_segment(jamming, 1, 2, SETTINGS, SOFT, 5.0, time)
     assert found.ultimate_vacuum == pytest.approx(plant.ultimate_vacuum, rel=0.02)
     assert found.evacuation_time == pytest.approx(plant.evacuation_time, rel=0.05)
     assert found.venting_time == pytest.approx(plant.venting_time, rel=0.02)
@@ -71,28 +70,29 @@ def test_the_constants_of_a_plant_are_found(time, plant):
 def test_the_time_to_stiff_counts_from_the_command(time):
     quick = JammingPlant(valve_delay=0.0)
     times = [
-        measure_segment(SimulatedJamming(time.read, 1, plant, False), 0, 1, SETTINGS, SOFT,
-                        1.0).time_to_stiff for plant in (quick, replace(quick, valve_delay=0.5))]
+        measure_segment(SimulatedJamming(time, 1, plant, False), 0, 1, SETTINGS, SOFT,
+                        1.0, time).time_to_stiff
+        for plant in (quick, replace(quick, valve_delay=0.5))]
     assert times[1] - times[0] == pytest.approx(0.5, abs=0.01)
 
 
 def test_after_a_test_everything_is_vented_and_the_pump_rests(time):
-    jamming = SimulatedJamming(time.read, 3, JammingPlant(), initially_stiff=True)
-    measure_segment(jamming, 0, 3, SETTINGS, SOFT, 1.0)
+    jamming = SimulatedJamming(time, 3, JammingPlant(), initially_stiff=True)
+    measure_segment(jamming, 0, 3, SETTINGS, SOFT, 1.0, time)
     reading = jamming.read()
     assert reading.evacuated == (False, False, False)
     assert not reading.pump
 
 
 def test_a_segment_that_cannot_be_vented_is_not_tested(time):
-    blocked = SimulatedJamming(time.read, 1, JammingPlant(venting_time=100.0), True)
+    blocked = SimulatedJamming(time, 1, JammingPlant(venting_time=100.0), True)
     with pytest.raises(HardwareError, match='segment 1 keeps its vacuum though it is vented'):
-        measure_segment(blocked, 0, 1, SETTINGS, SOFT, 1.0)
+        measure_segment(blocked, 0, 1, SETTINGS, SOFT, 1.0, time)
 
 
 def test_a_segment_that_never_stiffens_has_no_other_figures(time):
-    weak = SimulatedJamming(time.read, 1, JammingPlant(ultimate_vacuum=30e3), False)
-    found = measure_segment(weak, 0, 1, SETTINGS, SOFT, 1.0)
+    weak = SimulatedJamming(time, 1, JammingPlant(ultimate_vacuum=30e3), False)
+    found = measure_segment(weak, 0, 1, SETTINGS, SOFT, 1.0, time)
     assert found.time_to_stiff == inf
     assert 'never stiff: 30' in judge(found, SETTINGS)[0]
 
@@ -126,12 +126,12 @@ def test_tendons_move_slowly_and_by_what_was_asked_for(time):
 
 
 @pytest.mark.parametrize(('distances', 'reason'), [
-    ((2 * LONGEST_MOVE, 0.0), 'at a time'), ((nan, 0.0), 'at a time'),
-    ((0.0, -LONGEST_MOVE), 'pull_limits')])
+    ((2 * MAX_MOVE, 0.0), 'at a time'), ((nan, 0.0), 'at a time'),
+    ((0.0, -MAX_MOVE), 'pull_limits')])
 def test_a_motion_that_is_not_allowed_moves_nothing(time, distances, reason):
     tendons, _, bench = bench_of(time)
     for _ in range(6):
-        bench.move((0.0, -0.99 * LONGEST_MOVE))
+        bench.move((0.0, -0.99 * MAX_MOVE))
     before = tendons.read().pulls
     with pytest.raises(CalibrationError, match=reason):
         bench.move(distances)
@@ -140,7 +140,7 @@ def test_a_motion_that_is_not_allowed_moves_nothing(time, distances, reason):
 
 def test_nothing_moves_while_the_segment_is_stiff(time):
     tendons, jamming, bench = bench_of(time, initially_stiff=True)
-    with pytest.raises(HardwareError, match='segment 3 is not soft'):
+    with pytest.raises(HardwareError, match='segment 3 is no longer soft'):
         bench.move((0.001, 0.0))
     bench.soften()
     assert jamming.read().evacuated == (True, True, False)
@@ -161,7 +161,8 @@ class ShortSteppers(SimulatedTendons):
 
 
 def test_steppers_that_do_not_arrive_are_an_error(time):
-    tendons, _, bench = bench_of(time, ShortSteppers(time.read, 0.03, 0.3, 5e-6))
-    with pytest.raises(HardwareError, match='rest at 2.00 and 0.00 mm instead of 4.00'):
+    tendons, _, bench = bench_of(time, ShortSteppers(time, TENDONS, 0.03, 0.3, 5e-6))
+    with pytest.raises(
+            HardwareError, match='right_tendon 2.00 mm, .* instead of right_tendon 4.00'):
         bench.move((0.004, 0.0))
     assert tendons.stopped

@@ -4,9 +4,20 @@
 
 import random
 import threading
-import time
 
-from grbl_rig import at_rest, board, driver, failed, in_motion, rig, standing, STEP, steps, until
+from grbl_rig import (
+    at_rest,
+    board,
+    driver,
+    failed,
+    in_motion,
+    rig,
+    settled,
+    standing,
+    STEP,
+    steps,
+    until,
+)
 import pytest
 
 from soft_continuum.hardware.protocols import HardwareError
@@ -16,7 +27,7 @@ QUEUE = 0.2 * 0.03 / STEP  # steps that may still be made
 
 
 def unreferenced(tendons):
-    until(lambda: not tendons.read().referenced, 'the reference is lost')
+    until(tendons, lambda: not tendons.read().referenced, 'the reference is lost')
     with pytest.raises(HardwareError, match='call reference'):
         tendons.move((0.0, 0.0), 1.0)
     return at_rest(tendons)
@@ -41,7 +52,7 @@ def test_a_cable_pulled_out_in_motion_leaves_only_the_queue_to_run():
 
 def test_a_cable_put_back_moves_nothing_before_open_and_the_position_is_known(tmp_path):
     with board(link=str(tmp_path / 'port')) as emulator:
-        tendons = driver(emulator.port)
+        tendons = driver(emulator)
         tendons.open()
         tendons.reference()
         in_motion(emulator, tendons)
@@ -49,21 +60,21 @@ def test_a_cable_put_back_moves_nothing_before_open_and_the_position_is_known(tm
         failed(tendons)
         where = standing(emulator)
         emulator.plug()
-        time.sleep(0.2)
+        emulator.clock.sleep(0.2)
         assert emulator.motors == where
         failed(tendons)
         tendons.close()
         tendons.open()
         reading = tendons.read()
         assert reading.referenced and steps(reading.pulls) == where[:2]
-        time.sleep(0.2)
+        emulator.clock.sleep(0.2)
         assert emulator.motors == where
         tendons.close()
 
 
 def test_a_board_that_lost_power_while_unplugged_is_not_believed(tmp_path):
     with board(link=str(tmp_path / 'port')) as emulator:
-        tendons = driver(emulator.port)
+        tendons = driver(emulator)
         tendons.open()
         tendons.reference()
         in_motion(emulator, tendons)
@@ -85,8 +96,10 @@ def test_a_reset_at_the_board_loses_the_reference(moving):
         emulator.reset()
         where = emulator.motors
         unreferenced(tendons)
-        time.sleep(0.1)
-        assert emulator.motors == where
+        after = standing(emulator)
+        # A jog that was on its way is still executed, from a position that is wrong.
+        assert all(abs(b - a) <= 2 * QUEUE * moving for a, b in zip(where, after, strict=True))
+        where = after
         tendons.reference()
         tendons.move((0.001, 0.002), 0.1)
         assert at_rest(tendons).pulls == pytest.approx((0.001, 0.002), abs=1e-9)
@@ -123,7 +136,7 @@ def test_firmware_that_hangs_in_motion_is_reported_and_goes_on_by_the_queue_at_m
         after = standing(emulator)
         assert all(abs(b - a) <= QUEUE for a, b in zip(before, after, strict=True))
         emulator.hang = False
-        time.sleep(0.2)
+        emulator.clock.sleep(0.2)
         assert emulator.motors == after
         failed(tendons)
 
@@ -134,7 +147,7 @@ def test_an_acknowledgement_that_is_lost_ends_the_motion():
         emulator.drop_ok = 1
         assert 'did not acknowledge' in failed(tendons)
         after = standing(emulator)
-        time.sleep(0.1)
+        emulator.clock.sleep(0.1)
         assert emulator.motors == after
         tendons.close()
         tendons.open()
@@ -159,10 +172,11 @@ def test_an_acknowledgement_that_is_too_late_ends_the_motion():
 
 def test_an_acknowledgement_that_nothing_waits_for_is_ignored():
     with rig() as (emulator, tendons):
-        until(lambda: not tendons._setup_lines and not tendons._link.unanswered)
+        settled(tendons)
         with emulator.lock:
             emulator.say('ok')
             emulator.say('error:9')
+        emulator.clock.sleep(0.2)  # until they have arrived
         tendons.move((0.001, 0.001), 0.1)
         at_rest(tendons)
         assert emulator.motors[:2] == steps((0.001, 0.001))
@@ -171,7 +185,7 @@ def test_an_acknowledgement_that_nothing_waits_for_is_ignored():
 @pytest.mark.parametrize('seed', range(3))
 def test_a_noisy_line_may_end_a_motion_but_no_position_is_wrong(seed):
     with rig() as (emulator, tendons):
-        until(lambda: not tendons._setup_lines and not tendons._link.unanswered)
+        settled(tendons)
         emulator.random = random.Random(seed)
         emulator.garble = 0.1
         try:
@@ -181,14 +195,14 @@ def test_a_noisy_line_may_end_a_motion_but_no_position_is_wrong(seed):
             standing(emulator)
         else:
             if reading.referenced:
-                until(lambda: steps(tendons.read().pulls) == emulator.motors[:2])
+                until(emulator, lambda: steps(tendons.read().pulls) == emulator.motors[:2])
         emulator.garble = 0.0
 
 
 @pytest.mark.parametrize('number', [1, 2, 3])
 @pytest.mark.parametrize('moving', [False, True])
 def test_an_alarm_is_reported_with_its_meaning_and_never_unlocked(number, moving, monkeypatch):
-    monkeypatch.setattr('soft_continuum.hardware.grbl_setup.FIND_TIME', 1.0)
+    monkeypatch.setattr('soft_continuum.hardware.grbl_setup.FIND_TIMEOUT', 1.0)
     with rig() as (emulator, tendons):
         if moving:
             in_motion(emulator, tendons)
@@ -211,7 +225,7 @@ def test_a_button_at_the_board_ends_the_motion_for_good(press, moving):
         getattr(emulator, press)()
         failed(tendons)
         where = standing(emulator)
-        time.sleep(0.2)
+        emulator.clock.sleep(0.2)
         assert emulator.motors == where
 
 
@@ -229,8 +243,8 @@ def test_a_jog_that_runs_as_a_program_can_be_stopped(delay):
     with rig() as (emulator, tendons):
         emulator.firmware.race = True
         tendons.move((0.03, -0.03), 0.5)
-        until(lambda: emulator.firmware.state == 'Run')
-        time.sleep(delay)
+        until(emulator, lambda: emulator.firmware.state == 'Run')
+        emulator.clock.sleep(delay)
         asked = emulator.time
         tendons.stop()
         reading = at_rest(tendons)
@@ -247,14 +261,14 @@ def test_a_stop_that_was_left_half_done_is_finished_and_not_resumed():
         emulator.hold()
         tendons.open()
         assert emulator.firmware.state == 'Idle'
-        time.sleep(0.1)
+        emulator.clock.sleep(0.1)
         assert emulator.motors == where
         assert not tendons.read().referenced  # a soft reset forgets what would prove it
 
 
 def test_a_position_moved_by_somebody_else_is_not_believed():
     with rig() as (emulator, tendons):
-        until(lambda: not tendons._setup_lines and not tendons._link.unanswered)
+        settled(tendons)
         with emulator.lock:
             assert emulator.firmware._do('$J=G21G91X1F600') == 0
         unreferenced(tendons)
@@ -270,7 +284,7 @@ def test_a_refused_line_is_reported_with_its_meaning():
 def test_a_second_program_cannot_open_the_port():
     with rig() as (emulator, tendons):
         with pytest.raises(HardwareError, match='in use by another program'):
-            driver(emulator.port).open()
+            driver(emulator).open()
         assert tendons.read().referenced
 
 
@@ -290,31 +304,118 @@ def test_a_file_that_is_no_serial_port_is_refused(tmp_path):
         driver(tmp_path / 'file').open()
 
 
-def test_silence_at_the_other_end_is_reported(monkeypatch):
-    monkeypatch.setattr('soft_continuum.hardware.grbl_setup.FIND_TIME', 0.5)
+def test_a_port_that_does_not_answer_is_reported(monkeypatch):
+    monkeypatch.setattr('soft_continuum.hardware.grbl_setup.FIND_TIMEOUT', 0.5)
     with board() as emulator:
         emulator.hang = True
-        with pytest.raises(HardwareError, match='nothing that speaks GRBL'):
-            driver(emulator.port).open()
+        with pytest.raises(HardwareError, match='no GRBL controller answered'):
+            driver(emulator).open()
 
 
 def test_a_board_that_is_reset_by_opening_its_port_is_waited_for():
     with board() as emulator:
         emulator.hang = True
-        tendons = driver(emulator.port)
+        tendons = driver(emulator)
 
         def boot():
-            time.sleep(1.0)
+            emulator.clock.sleep(1.0)
             emulator.hang = False
             emulator.reset()
-        threading.Thread(target=boot).start()
+        booting = threading.Thread(target=boot)
+        booting.start()
         tendons.open()
         assert not tendons.read().referenced
         tendons.close()
+        booting.join()
 
 
 def test_a_port_is_free_again_after_a_failed_open():
     with board(settings={1: 25}) as emulator:
         with pytest.raises(HardwareError):
-            driver(emulator.port).open()
+            driver(emulator).open()
         open_serial(emulator.port, 115200).close()
+
+
+def test_a_board_that_reports_motion_but_makes_no_step_is_an_error():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        emulator.firmware.stalled = True
+        begin = emulator.time
+        assert 'no step for 0.5 s at right_tendon' in failed(tendons)
+        assert emulator.time - begin < 1.0
+
+
+def test_a_stop_that_is_not_confirmed_within_a_second_is_an_error():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        emulator.firmware.stalled = True
+        tendons.stop()
+        begin = emulator.time
+        assert 'not confirmed a stop within 1 s' in failed(tendons)
+        assert 0.9 < emulator.time - begin < 1.3
+
+
+def test_a_motion_that_ends_short_is_reported_with_both_positions_and_the_state():
+    with rig() as (emulator, tendons):
+        tendons.move((0.004, -0.002), 0.2)
+        jogs = tendons._session._jogs
+        until(emulator, lambda: jogs.end == jogs.target, 'all jogs are sent')
+        emulator.firmware._realtime(0x85)  # another program cancels the last jog
+        error = failed(tendons)
+        assert error.count('right_tendon') == error.count('left_tendon') == 2
+        assert 'short of' in error and 'in the state Idle' in error
+
+
+# Whatever the board does, its caller goes on.
+
+
+@pytest.mark.parametrize('call', ['read', 'stop', 'reference'])
+def test_a_driver_that_is_being_opened_answers_at_once_and_can_be_closed(call):
+    with board() as emulator:
+        emulator.hang = True
+        tendons = driver(emulator)
+        errors = []
+
+        def connect():
+            with pytest.raises(HardwareError) as error:
+                tendons.open()
+            errors.append(str(error.value))
+        opening = threading.Thread(target=connect)
+        opening.start()
+        until(emulator, lambda: tendons._opening is not None)
+        begin = emulator.time
+        with pytest.raises(HardwareError, match='is being opened'):
+            getattr(tendons, call)()
+        tendons.close()
+        until(emulator, lambda: not opening.is_alive())
+        assert emulator.time - begin < 0.1
+        assert 'closed while' in errors[0]
+        open_serial(emulator.port, 115200).close()
+
+
+@pytest.mark.parametrize('fault', ['hang', 'late_ok'])
+def test_no_call_waits_for_a_board_that_does_not_answer(fault):
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        setattr(emulator, fault, 100.0)
+        before = emulator.clock()
+        for _ in range(100):
+            tendons.move((0.01, 0.01), 0.02)
+            tendons.read()
+        tendons.stop()
+        assert emulator.clock() == before  # time passes only when somebody waits
+
+
+def test_an_opening_that_is_reset_again_and_again_ends():
+    with board() as emulator:
+        take = emulator.firmware.take
+
+        def reset_instead(data):
+            if b'$' in data:
+                emulator.reset()
+            take(data)
+        emulator.firmware.take = reset_instead
+        begin = emulator.time
+        with pytest.raises(HardwareError):
+            driver(emulator).open()
+        assert emulator.time - begin < 6.1

@@ -4,11 +4,11 @@
 
 import contextlib
 from contextlib import contextmanager
-import time
 
 from grbl_rig import at_rest, board, driver, failed, standing, until
 import pytest
 
+from soft_continuum.hardware.grbl_states import State
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 
@@ -21,7 +21,7 @@ HOMES = {22: 1, 23: 3, 130: 100, 131: 100}
 def rig(**options):
     """A board that is locked until it is homed, and an open driver that knows how to."""
     with board(switches=SWITCHES, settings=HOMES, **options) as emulator:
-        tendons = driver(emulator.port, homed_pulls=HOMED)
+        tendons = driver(emulator, homed_pulls=HOMED)
         tendons.open()
         try:
             yield emulator, tendons
@@ -31,7 +31,7 @@ def rig(**options):
 
 def home(tendons):
     tendons.reference()
-    until(lambda: tendons.read().referenced, 'homed')
+    until(tendons, lambda: tendons.read().referenced, 'homed')
     return at_rest(tendons)
 
 
@@ -52,7 +52,7 @@ def test_homing_finds_the_same_zero_from_anywhere():
         tendons.move((0.004, -0.002), 0.3)
         at_rest(tendons)
         emulator.reset()
-        until(lambda: not tendons.read().referenced, 'the reset is seen')
+        until(emulator, lambda: not tendons.read().referenced, 'the reset is seen')
         at_rest(tendons)
         assert home(tendons).pulls == (0.0, 0.0)
         assert emulator.motors == (0, 0, 0)
@@ -60,7 +60,7 @@ def test_homing_finds_the_same_zero_from_anywhere():
 
 def test_a_motor_that_turns_the_other_way_is_let_out_the_other_way():
     with board(switches=(12.0, -10.0), settings={**HOMES, 23: 2}) as emulator:
-        tendons = driver(emulator.port, homed_pulls=HOMED, signs=(-1.0, 1.0))
+        tendons = driver(emulator, homed_pulls=HOMED, signs=(-1.0, 1.0))
         tendons.open()
         assert home(tendons).pulls == (0.0, 0.0)
         assert emulator.motors == (0, 0, 0)
@@ -71,7 +71,7 @@ def test_nothing_homes_or_moves_by_itself():
     with rig() as (emulator, tendons):
         with pytest.raises(HardwareError, match='call reference'):
             tendons.move((0.001, 0.0), 0.1)
-        time.sleep(0.3)
+        emulator.clock.sleep(0.3)
         assert emulator.motors == (0, 0, 0)
         assert not any(line in ('$H', '$X') for line in emulator.firmware.received)
 
@@ -84,9 +84,9 @@ def test_it_moves_until_it_rests_at_zero_and_takes_no_other_motion_before():
             tendons.move((0.0, 0.0), 1.0)
         with pytest.raises(HardwareError, match='moving'):
             tendons.reference()
-        until(lambda: emulator.moving, 'it moves')
+        until(emulator, lambda: emulator.moving, 'it moves')
         assert tendons.read().moving
-        until(lambda: tendons.read().referenced, 'homed')
+        until(emulator, lambda: tendons.read().referenced, 'homed')
         assert tendons.read().moving or tendons.read().pulls == (0.0, 0.0)
         assert at_rest(tendons).pulls == (0.0, 0.0)
 
@@ -94,7 +94,7 @@ def test_it_moves_until_it_rests_at_zero_and_takes_no_other_motion_before():
 def test_a_stop_while_it_looks_for_the_switches_ends_motion_and_locks_the_board():
     with rig() as (emulator, tendons):
         tendons.reference()
-        until(lambda: emulator.moving, 'it moves')
+        until(emulator, lambda: emulator.moving, 'it moves')
         begin = emulator.time
         tendons.stop()
         standing(emulator)
@@ -110,8 +110,8 @@ def test_a_stop_while_it_looks_for_the_switches_ends_motion_and_locks_the_board(
 def test_a_stop_on_the_way_from_the_switches_holds_where_it_is_and_knows_where():
     with rig() as (emulator, tendons):
         tendons.reference()
-        until(lambda: tendons.read().referenced, 'homed')
-        until(lambda: emulator.moving, 'it moves')
+        until(emulator, lambda: tendons.read().referenced, 'homed')
+        until(emulator, lambda: emulator.moving, 'it moves')
         tendons.stop()
         reading = at_rest(tendons)
         assert reading.referenced and max(reading.pulls) < 0.0
@@ -122,7 +122,7 @@ def test_a_stop_on_the_way_from_the_switches_holds_where_it_is_and_knows_where()
 def test_a_new_process_finds_the_zero_without_homing_again():
     with board(switches=SWITCHES, settings=HOMES) as emulator:
         for known in (False, True):
-            tendons = driver(emulator.port, homed_pulls=HOMED)
+            tendons = driver(emulator, homed_pulls=HOMED)
             tendons.open()
             assert tendons.read().referenced == known
             if not known:
@@ -138,25 +138,25 @@ def test_a_stop_at_any_moment_of_homing_wins():
     for delay in (0.0, 0.02, 0.3, 0.8, 1.25, 1.4, 1.6, 2.0):
         with rig() as (emulator, tendons):
             tendons.reference()
-            time.sleep(delay)
+            emulator.clock.sleep(delay)
             with contextlib.suppress(HardwareError):
                 tendons.stop()
             where = standing(emulator)
-            time.sleep(0.5)
+            emulator.clock.sleep(0.5)
             assert emulator.motors == where, f'moved on after a stop at {delay} s'
 
 
 def test_a_stop_whose_byte_is_lost_is_sent_again():
     with rig() as (emulator, tendons):
         tendons.reference()
-        until(lambda: emulator.moving, 'it moves')
+        until(emulator, lambda: emulator.moving, 'it moves')
         emulator.hang = True  # what the board does not hear, it does not do
         tendons.stop()
-        time.sleep(0.1)
+        emulator.clock.sleep(0.1)
         emulator.hang = False
         failed(tendons)
         where = standing(emulator)
-        time.sleep(0.3)
+        emulator.clock.sleep(0.3)
         assert emulator.motors == where and where[0] < -20
 
 
@@ -164,11 +164,11 @@ def test_a_stop_that_comes_when_the_switches_are_just_found_pulls_nothing():
     with rig() as (emulator, tendons):
         emulator.late_ok = 1.0
         tendons.reference()
-        until(lambda: emulator.firmware.state == 'Home', 'it homes')
-        until(lambda: emulator.firmware.state == 'Idle', 'it has homed, and says so later')
+        until(emulator, lambda: emulator.firmware.state == 'Home', 'it homes')
+        until(emulator, lambda: emulator.firmware.state == 'Idle', 'it has homed')
         where = emulator.motors
         tendons.stop()
-        time.sleep(1.5)
+        emulator.clock.sleep(1.5)
         assert emulator.motors == where
         assert not tendons.read().referenced
 
@@ -177,36 +177,39 @@ def test_a_stop_that_comes_when_the_switches_are_just_found_pulls_nothing():
 def test_a_reset_of_the_board_while_it_homes_is_no_zero(state):
     with rig() as (emulator, tendons):
         tendons.reference()
-        until(lambda: emulator.moving, 'it moves')
+        until(emulator, lambda: emulator.moving, 'it moves')
         with emulator.lock:
             emulator.reset()
             emulator.firmware.state = state  # Idle: a build that is not locked when switched on
         where = standing(emulator)
         at_rest(tendons)
-        time.sleep(0.3)
+        emulator.clock.sleep(0.3)
         assert emulator.motors == where
         assert not tendons.read().referenced
         emulator.firmware.state = 'Alarm'
-        time.sleep(0.3)
+        emulator.clock.sleep(0.3)
 
 
 def test_homing_that_takes_too_long_is_ended(monkeypatch):
-    monkeypatch.setattr('soft_continuum.hardware.grbl_tendons.HOMING_TIME', 0.3)
+    monkeypatch.setattr('soft_continuum.hardware.grbl_session.HOMING_TIMEOUT', 0.3)
     with rig() as (emulator, tendons):
         tendons.reference()
-        assert 'not come to its end' in failed(tendons)
+        assert 'not ended' in failed(tendons)
         where = standing(emulator)
-        time.sleep(0.3)
+        emulator.clock.sleep(0.3)
         assert emulator.motors == where and where[0] > -2000
 
 
 def test_a_status_that_was_on_its_way_does_not_end_homing_before_it_began():
     with rig() as (emulator, tendons):
         home(tendons)
-        for count in range(2, 8):
-            until(lambda: tendons._queries, 'a status is on its way')
+        for count in (2, 3):
             tendons.reference()
-            until(lambda: tendons.read().referenced, 'homed')
+            until(emulator, lambda: tendons.state is State.SEEKING, 'it seeks')
+            with emulator.lock:
+                for _ in range(3):
+                    emulator.say('<Idle|MPos:0.000,0.000,0.000|FS:0,0>')
+            until(emulator, lambda: tendons.read().referenced, 'homed')
             at_rest(tendons)
             assert emulator.firmware.received.count('$H') == count
         assert emulator.motors == (0, 0, 0)
@@ -214,7 +217,7 @@ def test_a_status_that_was_on_its_way_does_not_end_homing_before_it_began():
 
 def test_switches_that_are_not_found_are_an_alarm_and_no_zero():
     with board(settings=HOMES) as emulator:
-        tendons = driver(emulator.port, homed_pulls=HOMED)
+        tendons = driver(emulator, homed_pulls=HOMED)
         tendons.open()
         tendons.reference()
         assert 'ALARM:9' in failed(tendons)
@@ -227,7 +230,7 @@ def test_switches_that_are_not_found_are_an_alarm_and_no_zero():
 def test_settings_that_contradict_homing_are_named(settings, homed, words):
     with board(switches=SWITCHES, settings={**HOMES, **settings}) as emulator:
         with pytest.raises(HardwareError) as refused:
-            driver(emulator.port, homed_pulls=homed).open()
+            driver(emulator, homed_pulls=homed).open()
         assert words in str(refused.value)
 
 

@@ -12,7 +12,7 @@ from soft_continuum.hardware.grbl_link import (
     Banner,
     Feedback,
     jog_line,
-    LONGEST_LINE,
+    MAX_LINE_LENGTH,
     MessageReader,
     parse,
     Setting,
@@ -33,7 +33,7 @@ from soft_continuum.hardware.grbl_link import (
     ('<Hold:0|MPos:0.000,0.000,0.000|Bf:15,128|FS:0,0|WCO:1.000,2.000,3.000>',
      Status('Hold', '0', (0.0, 0.0, 0.0), (1.0, 2.0, 3.0))),
     ('<Jog|MPos:0.0,0.0,0.0,7.5|FS:0,0|Pn:XH|Ov:100,100,100>',
-     Status('Jog', '', (0.0, 0.0, 0.0), None, 'XH')),
+     Status('Jog', '', (0.0, 0.0, 0.0, 7.5), None, 'XH')),
     ('<Run|WPos:1.000,2.000,3.000>', Status('Run', '', None, None)),
 ])
 def test_every_kind_of_line_is_understood(line, message):
@@ -85,8 +85,9 @@ def test_no_bytes_make_the_reader_fail_and_the_next_line_is_understood_again():
     settings(deadline=None, derandomize=True, max_examples=100)(fuzz)()
 
 
-@given(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4), st.floats(0.0, 1e6))
-def test_a_jog_fits_into_a_line_of_the_firmware(x, y, feed):
-    line = jog_line(x, y, feed)
-    assert len(line) <= LONGEST_LINE
+@settings(deadline=None, derandomize=True, max_examples=100)
+@given(st.lists(st.floats(-1e4, 1e4), min_size=1, max_size=4), st.floats(0.0, 1e6))
+def test_a_jog_fits_into_a_line_of_the_firmware(position, feed):
+    line = jog_line(position, feed)
+    assert len(line) <= MAX_LINE_LENGTH
     assert 'E' not in line.upper() and 'F0.0' not in line

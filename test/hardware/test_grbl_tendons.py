@@ -4,7 +4,7 @@
 
 import math
 import random
-import time
+import sys
 
 from grbl_rig import (
     at_rest,
@@ -13,6 +13,7 @@ from grbl_rig import (
     failed,
     in_motion,
     rig,
+    settled,
     SPEED,
     standing,
     STEP,
@@ -22,7 +23,9 @@ from grbl_rig import (
 )
 import pytest
 
-from soft_continuum.hardware.grbl_tendons import GrblTendons
+from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.grbl_tendons import GrblTendons, motors_from_parameters
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 
@@ -32,14 +35,14 @@ QUEUE_LIMIT = 0.2  # s of motion in the controller
 
 def follow(tendons, path, duration, watch=lambda: None):
     """Send set-points as the node does."""
-    start = time.monotonic()
+    start = tendons.clock()
     ahead = 0.0
     while ahead < duration:
-        ahead = min(time.monotonic() - start + INTERVAL, duration)
+        ahead = min(tendons.clock() - start + INTERVAL, duration)
         tendons.move(path(ahead), INTERVAL)
         tendons.read()
         watch()
-        time.sleep(INTERVAL)
+        tendons.clock.sleep(INTERVAL)
 
 
 def test_opening_moves_nothing_and_believes_no_position():
@@ -87,7 +90,7 @@ def test_both_tendons_are_always_equally_far_on_their_way():
         while tendons.read().moving:
             x, y, _ = emulator.motors
             assert abs(y + x / 2) <= 0.1 * STEPS_PER_MM
-            time.sleep(0.005)
+            emulator.clock.sleep(0.005)
 
 
 @pytest.mark.parametrize('braking', [300.0, 1000.0])
@@ -99,18 +102,21 @@ def test_never_more_than_200_ms_of_motion_wait_in_the_controller(braking):
         tendons.move((-0.03, 0.03), 0.1)
         while tendons.read().moving:
             queued.append(emulator.remaining_time())
-            time.sleep(0.02)
+            emulator.clock.sleep(0.02)
         assert 0.0 < max(queued) <= QUEUE_LIMIT + 1e-9
 
 
-def test_a_driver_that_dies_leaves_at_most_the_queue_to_run():
+@pytest.mark.filterwarnings('ignore::pytest.PytestUnhandledThreadExceptionWarning')
+def test_a_driver_that_dies_leaves_at_most_the_queue_to_run(monkeypatch):
     with rig() as (emulator, tendons):
         in_motion(emulator, tendons)
         with tendons._lock:  # as if the process had ended here
-            before = emulator.motors
-            standing(emulator)
-        most = SPEED * QUEUE_LIMIT / STEP
-        assert all(abs(b - a) <= most for a, b in zip(before, emulator.motors, strict=True))
+            before, ended = emulator.motors, tendons._thread
+            monkeypatch.setattr(tendons._session, 'act', lambda now: sys.exit())
+        after = standing(emulator)
+        assert not ended.is_alive()
+        largest = SPEED * QUEUE_LIMIT / STEP
+        assert all(abs(b - a) <= largest for a, b in zip(before, after, strict=True))
 
 
 def test_no_tendon_is_faster_than_its_limit():
@@ -120,7 +126,7 @@ def test_no_tendon_is_faster_than_its_limit():
         while tendons.read().moving:
             with emulator.lock:
                 samples.append((emulator.motors[0], emulator.firmware.time))
-            time.sleep(0.01)
+            emulator.clock.sleep(0.01)
         for (a, t), (b, u) in zip(samples, samples[10:], strict=False):
             assert abs(b - a) * STEP <= SPEED * (u - t) * 1.001 + 2 * STEP
 
@@ -147,9 +153,9 @@ def test_what_is_no_motion_or_beyond_the_travel_is_refused(pulls, duration):
 @pytest.mark.parametrize('seed', range(6))
 def test_a_stop_at_any_moment_takes_less_than_300_ms_and_loses_no_step(seed):
     with rig() as (emulator, tendons):
-        start = time.monotonic()
+        start = emulator.clock()
         in_motion(emulator, tendons)
-        until(lambda: time.monotonic() > start + random.Random(seed).uniform(0.0, 0.8))
+        until(emulator, lambda: emulator.clock() > start + random.Random(seed).uniform(0.0, 0.8))
         asked = emulator.time
         tendons.stop()
         reading = at_rest(tendons)
@@ -163,7 +169,7 @@ def test_after_a_stop_tendons_go_on_only_to_a_new_goal():
         in_motion(emulator, tendons)
         tendons.stop()
         where = steps(at_rest(tendons).pulls)
-        time.sleep(0.3)
+        emulator.clock.sleep(0.3)
         assert emulator.motors[:2] == where
         tendons.move((0.001, 0.0), 0.5)
         at_rest(tendons)
@@ -252,14 +258,15 @@ def test_a_restarted_driver_knows_the_position_after_a_stop():
 
 def test_a_program_that_died_in_the_middle_of_a_line_leaves_no_motion_behind():
     with board() as emulator:
-        first = driver(emulator.port)
+        first = driver(emulator)
         first.open()
         first.reference()
-        until(lambda: not first._setup_lines and not first._link.unanswered)
+        settled(first)
         first._link.write(b'$J=G21G90G53X30.0000')
+        emulator.clock.sleep(0.1)
         first.close()
         first.open()
-        time.sleep(0.2)
+        emulator.clock.sleep(0.2)
         assert emulator.motors == (0, 0, 0)
         first.close()
 
@@ -273,7 +280,7 @@ def test_settings_that_contradict_the_configuration_are_named(setting, value):
         if setting == 22:
             emulator.firmware.state = 'Idle'  # unlocked by hand
         with pytest.raises(HardwareError, match='contradict') as error:
-            driver(emulator.port).open()
+            driver(emulator).open()
         assert str(error.value).count('needed: ') == 1
         assert f'needed: ${setting}=' in str(error.value)
 
@@ -281,10 +288,10 @@ def test_settings_that_contradict_the_configuration_are_named(setting, value):
 def test_a_setting_that_was_refused_fits_after_the_command_that_the_error_names():
     with board(settings={100: 160, 120: 50}) as emulator:
         with pytest.raises(HardwareError) as error:
-            driver(emulator.port).open()
+            driver(emulator).open()
         for part in str(error.value).split('needed: ')[1:]:
             assert emulator.firmware._do(part.split(' ')[0]) == 0
-        tendons = driver(emulator.port)
+        tendons = driver(emulator)
         tendons.open()
         tendons.close()
 
@@ -292,16 +299,37 @@ def test_a_setting_that_was_refused_fits_after_the_command_that_the_error_names(
 def test_the_node_makes_a_driver_from_its_parameters():
     values = {p.name: p.default for p in GrblTendons.PARAMETERS}
     values |= {'speed_limit': SPEED, 'acceleration_limit': 0.3, 'pull_limits': (-0.06, 0.06)}
-    with board() as emulator:
-        tendons = GrblTendons.from_parameters(
-            {**values, 'grbl.port': emulator.port}, time.monotonic)
+    with GrblEmulator() as emulator:
+        tendons = GrblTendons.from_parameters({**values, 'grbl.port': emulator.port}, STEADY)
         tendons.open()
         assert tendons.read().pulls == (0.0, 0.0)
         tendons.close()
 
 
-@pytest.mark.parametrize('change', [
-    {'signs': (1.0, 0.5)}, {'signs': (1.0,)}, {'steps_per_mm': (200.0,)}])
-def test_parameters_that_make_no_sense_are_refused(change):
-    with pytest.raises(ParameterError, match=f'grbl.{next(iter(change))}'):
-        driver('/dev/null', **change)
+@pytest.mark.parametrize(('name', 'value'), [
+    ('signs', (1.0, 0.5)), ('signs', (1.0,)), ('steps_per_mm', (200.0,)),
+    ('steps_per_mm', (200.0, 200.0, 200.0))])
+def test_motors_that_are_not_one_per_tendon_are_refused_with_the_names_of_the_tendons(name, value):
+    values = {p.name: p.default for p in GrblTendons.PARAMETERS} | {f'grbl.{name}': value}
+    with pytest.raises(ParameterError, match=f'grbl.{name}') as refused:
+        motors_from_parameters(values)
+    assert len(value) == 2 or 'right_tendon, left_tendon' in str(refused.value)
+
+
+def test_three_tendons_are_three_axes():
+    with rig(tendons=('a', 'b', 'c')) as (emulator, tendons):
+        tendons.move((0.002, -0.001, 0.003), 0.2)
+        assert at_rest(tendons).pulls == pytest.approx((0.002, -0.001, 0.003), abs=1e-9)
+        assert emulator.motors == (400, -200, 600)
+        tendons.reference()
+        tendons.move((0.0, 0.001, 0.0), 0.1)
+        at_rest(tendons)
+        tendons.close()
+        tendons.open()
+        assert tendons.read().referenced
+        assert tendons.read().pulls == pytest.approx((0.0, 0.001, 0.0), abs=1e-9)
+
+
+def test_a_motion_of_the_wrong_number_of_tendons_is_refused_with_their_names():
+    with rig() as (_, tendons), pytest.raises(HardwareError, match='right_tendon, left_tendon'):
+        tendons.move((0.001,), 0.1)

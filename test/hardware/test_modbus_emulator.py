@@ -7,25 +7,25 @@ import subprocess
 import sys
 import tty
 
-from modbus_line import eventually
+from modbus_line import emulated, eventually, receive
 import pytest
 
 from soft_continuum.emulators.modbus import COMMANDS, main, obey
 from soft_continuum.emulators.modbus_rig import crc, ModbusEmulator
 from soft_continuum.hardware.serial_ports import open_serial
 
-SOON = 0.1  # s within which no answer counts as silence; it may only be too short, never too long
+NO_ANSWER_TIME = 0.5  # s without an answer
 
 
 @pytest.fixture
 def emulator():
-    with ModbusEmulator() as rig:
+    with emulated() as rig:
         yield rig
 
 
-def ask(emulator, request, size, patience=20.0):
+def ask(emulator, request, size, timeout=20.0):
     """Send the bytes of a request (hex, without checksum); return ``size`` bytes of the answer."""
-    return ask_raw(emulator, sealed(request), size, patience)
+    return ask_raw(emulator, sealed(request), size, timeout)
 
 
 def sealed(request):
@@ -33,10 +33,10 @@ def sealed(request):
     return data + crc(data)
 
 
-def ask_raw(emulator, data, size, patience=20.0):
-    with open_serial(emulator.port, 9600, timeout=patience) as line:
+def ask_raw(emulator, data, size, timeout=20.0):
+    with open_serial(emulator.port, 9600) as line:
         line.write(data)
-        reply = line.read(size)
+        reply = receive(emulator, line, size, timeout)
     if len(reply) < 4:
         return reply.hex(' ')
     assert crc(reply[:-2]) == reply[-2:]
@@ -63,7 +63,7 @@ def test_coils_are_written_together(emulator):
 
 
 def test_more_than_eight_coils_are_read_in_the_order_of_the_standard():
-    with ModbusEmulator(12) as emulator:
+    with emulated(12) as emulator:
         assert ask(emulator, '01 0F 0000 000A 02 01 02', 8) == '01 0f 00 00 00 0a'
         assert ask(emulator, '01 01 0000 000D', 7) == '01 01 02 01 02'
 
@@ -89,38 +89,38 @@ def test_what_the_boards_cannot_do_is_answered_by_the_exception_of_the_standard(
 @pytest.mark.parametrize('data', [
     sealed('03 01 0000 0001'), sealed('01 05 0001 FF00')[:-1] + b'\0', b'\x01', b'\0' * 50])
 def test_other_units_and_damaged_requests_are_met_with_silence(emulator, data):
-    assert ask_raw(emulator, data, 5, SOON) == ''
+    assert ask_raw(emulator, data, 5, NO_ANSWER_TIME) == ''
     assert emulator.coils == (False,) * 4
     assert ask(emulator, '01 01 0000 0004', 6) == '01 01 01 00'
 
 
 def test_requests_that_wait_are_answered_in_their_order(emulator):
     both = sealed('01 05 0001 FF00') + sealed('01 01 0000 0004')
-    with open_serial(emulator.port, 9600, timeout=20.0) as line:
+    with open_serial(emulator.port, 9600) as line:
         line.write(both)
-        assert line.read(14) == sealed('01 05 0001 FF00') + sealed('01 01 01 02')
+        assert receive(emulator, line, 14) == sealed('01 05 0001 FF00') + sealed('01 01 01 02')
 
 
 def test_the_rig_evacuates_and_vents_as_its_relays_say(emulator):
     ask(emulator, '01 0F 0000 0004 01 05', 8)  # the pump and the valve of segment 2
-    eventually(lambda: emulator.vacuum(1), lambda vacuum: vacuum > 93e3)
+    eventually(emulator, lambda: emulator.vacuum(1), lambda vacuum: vacuum > 93e3)
     assert emulator.vacuum(0) == emulator.vacuum(2) == 0.0
     ask(emulator, '01 05 0002 0000', 8)
-    eventually(lambda: emulator.vacuum(1), lambda vacuum: vacuum < 1e3)
+    eventually(emulator, lambda: emulator.vacuum(1), lambda vacuum: vacuum < 1e3)
 
 
 def test_a_leak_keeps_a_segment_from_its_vacuum():
-    with ModbusEmulator(initially_stiff=True) as emulator:
+    with emulated(initially_stiff=True) as emulator:
         obey(emulator, 'leak 2 100000')
-        eventually(lambda: emulator.vacuum(1), lambda vacuum: vacuum < 60e3)
+        eventually(emulator, lambda: emulator.vacuum(1), lambda vacuum: vacuum < 60e3)
         assert emulator.vacuum(0) > 93e3
         obey(emulator, 'repair')
-        eventually(lambda: emulator.vacuum(1), lambda vacuum: vacuum > 93e3)
+        eventually(emulator, lambda: emulator.vacuum(1), lambda vacuum: vacuum > 93e3)
 
 
 def test_the_link_is_there_while_the_adapter_is_plugged_in(tmp_path):
     link = tmp_path / 'rig'
-    with ModbusEmulator(link=link) as emulator:
+    with emulated(link=link) as emulator:
         assert os.path.realpath(link) == emulator.port
         obey(emulator, 'unplug')
         assert not link.is_symlink()
@@ -159,23 +159,23 @@ def test_every_fault_is_there_when_typed_and_gone_when_repaired(emulator, line, 
 
 def test_a_hung_board_says_nothing(emulator):
     obey(emulator, 'hang')
-    assert ask(emulator, '01 01 0000 0004', 6, SOON) == ''
+    assert ask(emulator, '01 01 0000 0004', 6, NO_ANSWER_TIME) == ''
 
 
 def test_noise_is_as_long_as_typed(emulator):
-    with open_serial(emulator.port, 9600, timeout=20.0) as line:
+    with open_serial(emulator.port, 9600) as line:
         obey(emulator, 'noise 5')
-        assert len(line.read(5)) == 5
+        assert len(receive(emulator, line, 5)) == 5
 
 
 def test_a_relay_board_that_loses_power_drops_every_relay():
-    with ModbusEmulator(initially_stiff=True) as emulator:
+    with emulated(initially_stiff=True) as emulator:
         obey(emulator, 'power-cycle')
         assert emulator.coils == (False,) * 4
 
 
 def test_the_state_says_all_there_is_to_see():
-    with ModbusEmulator(2, initially_stiff=True) as emulator:
+    with emulated(2, initially_stiff=True) as emulator:
         state = obey(emulator, 'state')
     assert 'pump on' in state and 'segment 2: valve on, vacuum 94.0 kPa, 19040 uA' in state
 

@@ -6,16 +6,20 @@ No bytes on a Modbus line crash or hang the driver, or are taken for a reply whe
 FUZZ_CASES=25000 in the environment runs that many of each of the four that need no line.
 """
 
+from contextlib import suppress
 from math import isnan
 import os
+import select
+import socket
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from modbus_line import AMBIENT, driver_of, eventually
+from modbus_line import AMBIENT, driver_of, emulated, eventually, receive
 import pytest
 
-from soft_continuum.emulators.modbus_rig import crc, ModbusEmulator
+from soft_continuum.emulators.modbus_rig import crc
 from soft_continuum.hardware import modbus_bus
+from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.modbus_bus import ModbusBus
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import open_serial
@@ -53,39 +57,44 @@ def streams(draw):
     return bytes(data)
 
 
-class Line:
-    """A serial line at the other end of which every write is met by the next bytes to come."""
+class Line(Clock):
+    """A serial line on which every request is met by the next bytes to come, and its time."""
 
     def __init__(self, answers):
         self.answers = list(answers)
-        self.coming = b''
+        self.near, self.far = socket.socketpair()
+        self.far.setblocking(False)
+        self.fileno = self.near.fileno
+        self.now = 0.0
 
-    def write(self, data):
-        self.coming += self.answers.pop(0) if self.answers else b''
+    def __call__(self):
+        self.now += 1.0
+        return self.now
 
-    @property
-    def in_waiting(self):
-        return len(self.coming)
-
-    def read(self, size):
-        data, self.coming = self.coming[:size], self.coming[size:]
-        return data
+    def wait(self, files, timeout):
+        with suppress(BlockingIOError):
+            if self.far.recv(4096) and self.answers:
+                self.far.send(self.answers.pop(0))
+        return select.select(files, [], [], 0.0)[0]
 
     def close(self):
-        """Nothing to close."""
+        self.near.close()
+        self.far.close()
+
+
+def bus_on(line, monkeypatch):
+    monkeypatch.setattr(modbus_bus, 'open_serial', lambda *_: line)
+    bus = ModbusBus('line', 115200, 1e-9, line)
+    bus.open()
+    return bus
 
 
 @pytest.mark.parametrize('ask, reply', EXCHANGES.values(), ids=EXCHANGES)
 def test_only_a_reply_is_taken_for_a_reply(monkeypatch, ask, reply):
-    monkeypatch.setattr(modbus_bus, 'sleep', lambda seconds: None)
-
     @settings(max_examples=CASES, deadline=None, derandomize=True)
     @given(st.lists(streams(), min_size=1, max_size=3))
     def check(answers):
-        line = Line(answers)
-        monkeypatch.setattr(modbus_bus, 'open_serial', lambda *_, **__: line)
-        bus = ModbusBus('line', 115200, 1e-9)
-        bus.open()
+        bus = bus_on(Line(answers), monkeypatch)
         for answer in answers:
             try:
                 ask(bus)
@@ -94,29 +103,28 @@ def test_only_a_reply_is_taken_for_a_reply(monkeypatch, ask, reply):
             taken = answer[:len(reply) + 2]
             assert crc(taken[:-2]) == taken[-2:] and len(taken) == len(reply) + 2
             assert taken[:3] == reply[:3] and (taken[1] != 5 or taken[:-2] == reply)
+        bus.close()
 
     check()
 
 
 def test_a_right_reply_is_taken(monkeypatch):
     for ask, reply in EXCHANGES.values():
-        line = Line([sealed(reply)])
-        monkeypatch.setattr(modbus_bus, 'open_serial', lambda *_, line=line, **__: line)
-        bus = ModbusBus('line', 115200, 1.0)
-        bus.open()
+        bus = bus_on(Line([sealed(reply)]), monkeypatch)
         ask(bus)
+        bus.close()
 
 
 def test_the_driver_survives_any_bytes_on_a_real_line_and_reads_again_afterwards():
-    with ModbusEmulator() as emulator:
+    with emulated() as emulator:
         driver = driver_of(emulator, timeout=0.02)
-        eventually(lambda: driver.open() or True)
+        eventually(emulator, lambda: driver.open() or True)
 
         @settings(max_examples=min(CASES, 40), deadline=None, derandomize=True)
         @given(streams(), st.booleans())
         def check(data, unasked):
             emulator.transform = None
-            eventually(driver.read)
+            eventually(emulator, driver.read)
             emulator.transform = None if unasked else lambda reply: data
             if unasked:
                 emulator.send(data)
@@ -131,7 +139,7 @@ def test_the_driver_survives_any_bytes_on_a_real_line_and_reads_again_afterwards
 
         check()
         emulator.transform = None
-        reading = eventually(driver.read)
+        reading = eventually(emulator, driver.read)
         assert reading.pressures == (AMBIENT,) * 3 and not any(reading.evacuated)
         driver.close()
 
@@ -139,22 +147,22 @@ def test_the_driver_survives_any_bytes_on_a_real_line_and_reads_again_afterwards
 @settings(max_examples=min(CASES, 50), deadline=None, derandomize=True)
 @given(st.lists(st.one_of(st.binary(max_size=40), st.binary(max_size=20).map(sealed)),
                 max_size=4))
-def test_the_emulated_boards_survive_any_request(emulated, requests):
+def test_the_emulated_boards_survive_any_request(boards, requests):
     request = sealed(bytes([1, 1, 0, 0, 0, 4]))
-    with open_serial(emulated.port, 115200, timeout=0.05) as line:
+    with open_serial(boards.port, 115200) as line:
         for data in requests:
             line.write(data)
 
         def answer():
             line.reset_input_buffer()
             line.write(request)
-            return line.read(6)
+            return receive(boards, line, 6, 0.05)
 
-        reply = eventually(answer, lambda reply: reply[:3] == b'\1\1\1')
+        reply = eventually(boards, answer, lambda reply: reply[:3] == b'\1\1\1')
     assert reply == sealed(reply[:-2])
 
 
 @pytest.fixture(scope='module')
-def emulated():
-    with ModbusEmulator() as emulator:
+def boards():
+    with emulated() as emulator:
         yield emulator

@@ -8,6 +8,7 @@ import pytest
 
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons, TIME_STEP
 
+TENDONS = ('right_tendon', 'left_tendon')
 SPEED, ACCELERATION, STEP = 0.03, 0.3, 5e-6
 ROUNDING = 1e-12  # m
 BRAKING = SPEED**2 / (2 * ACCELERATION)  # m, from full speed
@@ -33,7 +34,7 @@ class Clock:
 
 def rig():
     clock = Clock()
-    return clock, SimulatedTendons(clock, SPEED, ACCELERATION, STEP)
+    return clock, SimulatedTendons(clock, TENDONS, SPEED, ACCELERATION, STEP)
 
 
 def after(clock, tendons, seconds):

@@ -15,12 +15,14 @@ from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.hardware.tendon_controller import (
     JOIN_TOLERANCE,
     MotionRefusedError,
+    Reason,
     TendonController,
     TendonLimits,
 )
 
 SPEED, ACCELERATION, STEP = 0.03, 0.3, 5e-6
-LIMITS = TendonLimits((-0.02, 0.04), SPEED)
+TENDONS = ('right_tendon', 'left_tendon')
+LIMITS = TendonLimits(TENDONS, (-0.02, 0.04), SPEED)
 INTERVAL = 0.02  # s between updates
 BRAKING = SPEED**2 / (2 * ACCELERATION)  # m
 
@@ -76,7 +78,7 @@ class WatchedTendons(SimulatedTendons):
     """Simulated steppers that keep the set-points they were sent."""
 
     def __init__(self, clock):
-        super().__init__(clock, SPEED, ACCELERATION, STEP)
+        super().__init__(clock, TENDONS, SPEED, ACCELERATION, STEP)
         self.sent, self.due, self.intervals = [], [], []
 
     def move(self, pulls, duration):
@@ -216,7 +218,7 @@ REFUSALS = {
     'past': ([(-2.0, 0.0, 0.0), (-0.5, 0.01, 0.0)], ['ended 0.500 s ago', 'header.stamp']),
     'pulled too far': (
         [(5.0, 0.041, 0.0)], ['0.041', 'pull_limits', '-0.02 to 0.04 m']),
-    'let out too far': (
+    'paid out too far': (
         [(5.0, 0.0, -0.021)], ['-0.021', 'pull_limits', '-0.02 to 0.04 m']),
     'too fast': ([(0.1, 0.03, 0.0)], ['speed_limit', '0.03 m/s']),
     'too fast later on': (
@@ -231,6 +233,8 @@ def test_a_trajectory_is_refused_with_what_was_asked_and_what_is_allowed(rig, po
         rig.accept(*points)
     for word in words:
         assert word in str(refused.value)
+    limits = any(name in str(refused.value) for name in ('pull_limits', 'speed_limit'))
+    assert refused.value.reason is (Reason.BEYOND_LIMITS if limits else Reason.INVALID)
 
 
 @pytest.mark.parametrize('points', [points for points, _ in REFUSALS.values()], ids=REFUSALS)
@@ -251,12 +255,13 @@ def test_a_refused_trajectory_moves_nothing_at_rest(obedient, points):
 
 
 def no(pulls):
-    raise MotionRefusedError('the tension would be 75 N; tension_limit: 60 N')
+    raise MotionRefusedError(Reason.TENSION, 'the tension would be 75 N; tension_limit: 60 N')
 
 
 def test_what_the_prediction_refuses_is_refused_with_its_reason(rig):
-    with pytest.raises(MotionRefusedError, match='75 N; tension_limit: 60 N'):
+    with pytest.raises(MotionRefusedError, match='75 N; tension_limit: 60 N') as refused:
         rig.accept((1.0, 0.01, 0.0), predict=no)
+    assert refused.value.reason is Reason.TENSION
     assert not rig.controller.following
 
 
@@ -270,8 +275,9 @@ def test_what_the_prediction_refuses_leaves_the_present_trajectory_going():
 def test_a_driver_that_lost_its_position_is_not_moved(obedient):
     obedient.driver.reading = replace(obedient.driver.reading, referenced=False)
     obedient.update()
-    with pytest.raises(MotionRefusedError, match='not referenced; .* ~/reference'):
+    with pytest.raises(MotionRefusedError, match='not referenced; .* ~/reference') as refused:
         obedient.accept((1.0, 0.01, 0.0))
+    assert refused.value.reason is Reason.NOT_REFERENCED
     obedient.controller.reference()
     obedient.accept((1.0, 0.01, 0.0))
 
@@ -292,6 +298,30 @@ def test_a_motion_at_the_speed_limit_is_accepted_however_time_is_counted(rig, ep
     way = np.arange(1, 101) * SPEED * spacing
     rig.accept(*np.stack([spacing * np.arange(1, 101), way, -0.5 * way], axis=1))
     assert rig.controller.following
+
+
+@pytest.mark.parametrize('names', [('a',), ('a', 'b', 'c')])
+def test_any_number_of_tendons_is_moved_and_named(names):
+    clock = Clock()
+    driver = SimulatedTendons(clock, names, SPEED, ACCELERATION, STEP)
+    controller = TendonController(driver, TendonLimits(names, LIMITS.pull_limits, SPEED))
+    goal = np.linspace(0.01, 0.005, len(names))
+    controller.accept(np.array([clock.now + 1.0]), goal[None, :], clock.now, lambda pulls: None)
+    for _ in range(100):
+        reading = controller.update(clock.now, INTERVAL)
+        clock.now += INTERVAL
+    assert reading.pulls == pytest.approx(goal, abs=STEP)
+    with pytest.raises(MotionRefusedError, match=f'pulls of {names[-1]} reach'):
+        controller.accept(np.array([clock.now + 9.0]), np.r_[goal[:-1], 0.05][None, :],
+                          clock.now, lambda pulls: None)
+
+
+@pytest.mark.parametrize('shape', [(0, 2), (1, 1), (1, 3), (2, 2)])
+def test_pulls_that_are_not_one_for_each_tendon_and_time_are_refused_with_the_names(rig, shape):
+    times = rig.clock.now + np.arange(1.0, 1.0 + min(shape[0], 1))
+    with pytest.raises(MotionRefusedError, match='right_tendon, left_tendon') as refused:
+        rig.controller.accept(times, np.zeros(shape), rig.clock.now, lambda pulls: None)
+    assert refused.value.reason is Reason.INVALID
 
 
 # One trajectory after another.
@@ -421,8 +451,9 @@ def test_a_resume_by_itself_moves_nothing(rig):
 
 def test_a_stop_without_a_reason_is_a_stop(rig):
     rig.controller.stop('')
-    with pytest.raises(MotionRefusedError, match='resume'):
+    with pytest.raises(MotionRefusedError, match='resume') as refused:
         rig.accept((1.0, 0.01, 0.0))
+    assert refused.value.reason is Reason.STOPPED
 
 
 def test_the_set_point_after_resume_is_the_measured_position(rig):

@@ -64,7 +64,7 @@ def pulls(draw, arm, soft, state, tendons=None):
     Return pulls for the right, the left or both tendons, from the state on.
 
     They turn every soft segment by up to half a radian more; of both tendons the antagonist is
-    let out by up to 30 % more or less than it would have to follow.
+    paid out by up to 30 % more or less than it would have to follow.
     """
     which = draw(st.sampled_from(['right', 'left', 'both'])) if tendons is None else tendons
     reach = sum(min(s.guide_offsets) for s, free in zip(arm.segments, soft, strict=True) if free)

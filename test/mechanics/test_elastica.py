@@ -11,7 +11,6 @@ import pytest
 from soft_continuum.mechanics import (
     Arm,
     Disc,
-    elastica,
     LEFT,
     RIGHT,
     Segment,
@@ -19,7 +18,7 @@ from soft_continuum.mechanics import (
     Statics,
     StaticsError,
 )
-from soft_continuum.mechanics.elastica import Elastica
+from soft_continuum.mechanics.references import Elastica, elastica
 
 BODIES = np.array([8, 16, 32, 64, 128])
 ALL = (True, True, True)

@@ -4,6 +4,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import fcntl
+import gc
 import itertools
 import os
 from pathlib import Path
@@ -31,6 +32,8 @@ def _compiled() -> None:
     with open(Path(tempfile.gettempdir()) / 'soft_continuum_compile.lock', 'w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         warm_up()
+    gc.collect()
+    gc.freeze()  # else every collection looks through all that was imported
 
 
 def _used_ports() -> set[int]:

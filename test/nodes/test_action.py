@@ -43,8 +43,9 @@ class Reached:
     @classmethod
     def of(cls, rig: Rig) -> 'Reached':
         rig.wait_for_more(rig.segment_poses, 3)
-        return cls(rig.pulls, poses_from_ros(rig.segment_poses.last)[:, 2],
-                   poses_from_ros(rig.disc_poses.last)[-1, :2])
+        poses = poses_from_ros(rig.segment_poses.last)
+        return cls(rig.pulls, 2 * np.arctan2(poses[:, 4], poses[:, 6]),
+                   poses_from_ros(rig.disc_poses.last)[-1, [0, 2]])
 
     def check(self, angles: tuple[float, ...], tip: Array) -> None:
         assert np.degrees(self.tangents) == pytest.approx(np.degrees(np.cumsum(angles)), abs=0.1)

@@ -18,7 +18,7 @@ from std_srvs.srv import SetBool
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
-from soft_continuum.nodes.support import RETRY
+from soft_continuum.nodes.managed_node import RETRY
 from soft_continuum_interfaces.action import RunShapeSequence
 
 Result = RunShapeSequence.Result
@@ -249,7 +249,7 @@ def test_without_autostart_no_device_is_looked_for(devices: Bench) -> None:
 def test_an_emergency_stop_ends_the_motion_until_it_is_off_and_resumed(
         arm: Rig, profile: QoSProfile, fit: int) -> None:
     button = arm.publisher(Bool, 'emergency_stop', profile)
-    arm.wait_for(lambda: button.get_subscription_count() >= 3 * fit, 'all nodes to listen')
+    arm.wait_for(lambda: button.get_subscription_count() >= 2 * fit, 'all nodes to listen')
     goal = arm.goal((0.0, 0.0, 0.6), (0.0, 0.0, -0.6), hold=0.5)
     arm.wait_for(lambda: arm.moving, 'a motion')
     button.publish(Bool(data=True))

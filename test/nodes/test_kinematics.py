@@ -173,8 +173,8 @@ def test_steppers_that_round_both_pulls_up_do_not_buckle_the_arm(rig: Rig, fake:
     fake.pull((2.5e-6, 2.5e-6))
     rig.wait_for(lambda: len(rig.joints) > before, 'a shape')
     assert np.abs(shape(rig, 1)).max() < 1e-3
-    rig.wait_for(lambda: rig.status_value('kinematics', 'tension_right'), 'tensions')
-    assert float(rig.status_value('kinematics', 'tension_right')) < 1.0
+    rig.wait_for(lambda: rig.status_value('kinematics', 'tension_right_tendon'), 'tensions')
+    assert float(rig.status_value('kinematics', 'tension_right_tendon')) < 1.0
 
 
 def test_the_shape_is_unknown_after_starting_on_pulled_tendons(rig: Rig, fake: FakeArm) -> None:

@@ -38,7 +38,7 @@ def start(domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFix
         guard = threading.Timer(10.0, os.kill, (os.getpid(), signal.SIGTERM))
         guard.start()
         try:
-            status = run([node], [node, '--ros-args', '--log-level', 'fatal', *arguments])
+            status = run(node, [node, '--ros-args', '--log-level', 'fatal', *arguments])
         finally:
             guard.cancel()
         return status, capfd.readouterr().err

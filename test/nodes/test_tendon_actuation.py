@@ -131,7 +131,7 @@ def test_a_trajectory_of_the_past_is_refused(tendons: Rig) -> None:
 
 def test_a_trajectory_that_would_need_too_much_tension_is_refused(tendons: Rig) -> None:
     assert tendons.set_parameter('tendon_actuation', 'tension_limit', 0.3).successful
-    refused(tendons, PULL, 'tension', 'tension_limit: 0.3 N', 'right 4.00 mm')
+    refused(tendons, PULL, 'tension', 'tension_limit: 0.3 N', 'right_tendon 4.00 mm')
     assert tendons.set_parameter('tendon_actuation', 'tension_limit', 60.0).successful
     send(tendons, PULL)
     arrives(tendons, (0.004, -0.005))

@@ -21,7 +21,8 @@ SHAPES = {'left': (0.0, 0.4, 0.2), 'right': (0.0, -0.3, 0.5)}
 
 def assert_bends(rig: Rig, angles: tuple[float, ...]) -> None:
     rig.wait_for_more(rig.segment_poses, 3)
-    tangents = poses_from_ros(rig.segment_poses.last)[:, 2]
+    poses = poses_from_ros(rig.segment_poses.last)
+    tangents = 2 * np.arctan2(poses[:, 4], poses[:, 6])
     assert tangents == pytest.approx(np.cumsum(angles), abs=np.radians(0.1))
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A plan sets one segment after the other, and ends where it should by the model."""
+"""A plan sets one segment after the other and ends at the bending angles, by the model."""
 
 from dataclasses import replace
 from itertools import permutations
@@ -49,7 +49,7 @@ def soft(planner, move):
 
 
 def followed(planner, plans):
-    """What the model makes of the pulls, point by point: (move, states of all its points)."""
+    """The states of the model along the pulls: (move, states at all its points)."""
     state = planner.statics.chain.straight()
     for move in moves_of(plans):
         states = [state]
@@ -95,7 +95,7 @@ def library():
     return planned(C_FORM, UPRIGHT, S_FORM)
 
 
-# What a plan does.
+# Plans.
 
 
 def test_the_three_shapes_of_the_paper_end_at_their_angles(library):
@@ -225,7 +225,7 @@ def test_an_arm_with_five_segments_is_planned_alike():
     check_arrives(planner, plans)
 
 
-# What a plan refuses.
+# Refusals.
 
 
 def test_pulls_beyond_the_limits_are_refused_naming_shape_and_segment():
@@ -236,7 +236,7 @@ def test_pulls_beyond_the_limits_are_refused_naming_shape_and_segment():
     assert '0.0301' in str(refused.value)  # what it would need
 
 
-def test_letting_out_beyond_the_limits_is_refused():
+def test_paying_out_beyond_the_limits_is_refused():
     with pytest.raises(PlanError, match=r'c_form: segment 1 .*pull_limits: -0\.01 to 0\.06'):
         planned(C_FORM, pull_limits=(-0.01, 0.06))
 
@@ -274,7 +274,7 @@ bends = st.tuples(*[st.floats(radians(-60.0), radians(60.0))] * 3)
 
 @settings(deadline=None, derandomize=True, max_examples=12)
 @given(bends, bends)
-def test_whatever_is_asked_is_refused_or_arrives_within_the_limits(first, then):
+def test_any_two_shapes_are_refused_or_reached_within_the_limits(first, then):
     try:
         plans, planner = planned(Shape('first', first), Shape('then', then))
     except PlanError:
@@ -367,8 +367,8 @@ def test_planning_does_not_depend_on_what_was_planned_before():
 
 
 def test_a_state_found_by_its_joint_angles_can_be_planned_from(library):
-    """As the sequencer does it: from the joint angles that it heard, without tensions."""
+    """As the sequencer does it: from the joint angles that it received, without tensions."""
     plans, planner = library
-    heard = Statics(ARM).chain.state(plans[0].state.joint_angles)
-    plan, = planner.plan(heard, plans[0].moves[-1].pulls[-1], [UPRIGHT])
+    received = Statics(ARM).chain.state(plans[0].state.joint_angles)
+    plan, = planner.plan(received, plans[0].moves[-1].pulls[-1], [UPRIGHT])
     assert plan.moves[0].pulls == pytest.approx(plans[1].moves[0].pulls, abs=1e-7)

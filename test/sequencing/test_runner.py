@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A run sets its shapes or ends with the reason, and never leaves the arm in between."""
+"""A run sets its shapes or ends with a reason, and always leaves the arm in a defined state."""
 
 from concurrent.futures import Future
 from dataclasses import replace
@@ -28,7 +28,7 @@ property_test = settings(deadline=None, derandomize=True, max_examples=40)
 
 
 def one_soft_at_most_and_none_moved_stiff(rig):
-    """What holds at every moment of a run on a rig without faults."""
+    """Claims that hold throughout a run on a rig without faults."""
     soft = [i for i, flag in enumerate(rig.soft) if flag]
     assert len(soft) <= 1
     if rig.moving or rig.tendons.following:
@@ -70,7 +70,7 @@ def running(phase, segment=None, **rig):
 
 
 def check_at_rest_and_stiff(rig, without=()):
-    """What every ending but a stop leaves behind, also later on."""
+    """The state of the arm after every ending but a stop, also later on."""
     commands = list(rig.commands)
     for _ in range(3):
         assert not rig.moving and not rig.tendons.following
@@ -89,12 +89,12 @@ def check_ends(rig, code, message=''):
     return outcome
 
 
-# A run that nothing disturbs.
+# Undisturbed runs.
 
 
 @pytest.fixture(scope='module')
 def undisturbed():
-    """The paper's three shapes, with all that was checked on the way."""
+    """A run of the paper's three shapes, checked at every step."""
     rig = VirtualRig(SHAPES)
     rig.angles_at = {}
 
@@ -212,12 +212,12 @@ def test_arms_with_fewer_segments_run_alike(segments):
     assert rig.angles == pytest.approx(shape.bending_angles, abs=np.radians(0.1))
 
 
-# Time and messages are not ideal.
+# Latency, pauses, and arms that are not ready.
 
 
 @pytest.mark.parametrize('speed', [0.03, 0.035, 0.04, 0.045, 0.05])
 @pytest.mark.parametrize('latency', [0.01, 0.03, 0.06])
-def test_messages_that_take_their_time_do_not_end_a_run(latency, speed):
+def test_latency_does_not_end_a_run(latency, speed):
     rig = VirtualRig((C_FORM,), latency=latency,
                      plan_settings=replace(PLAN_SETTINGS, speed=speed, acceleration=0.4))
     outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
@@ -231,7 +231,7 @@ def test_a_run_at_the_speed_of_the_default_settings_succeeds():
     assert (outcome.code, outcome.message) == (Code.SUCCESSFUL, '')
 
 
-def test_the_tendons_rest_soon_after_the_sequencer_is_gone():
+def test_the_tendons_rest_soon_after_the_sequencer_ended():
     rig = running(Phase.MOVING, plan_settings=PlanSettings())
     rig.runner = None
     rig.go_on(RUNNER_SETTINGS.horizon + REACTION)
@@ -293,7 +293,7 @@ def test_a_run_waits_until_the_tendons_rest():
     assert moving == [False]
 
 
-# Every ending.
+# Endings.
 
 
 @pytest.mark.parametrize('phase', WORKING_PHASES)
@@ -412,7 +412,7 @@ def test_a_segment_that_never_softens_ends_the_run():
     assert not any(c[1] == 'follow' for c in rig.commands)
 
 
-def test_a_request_that_got_lost_is_repeated():
+def test_a_request_that_was_lost_is_repeated():
     rig = VirtualRig((BOW,))
     rig.broken.add(0)
     rig.run(until=reaches(Phase.SOFTENING))
@@ -582,7 +582,7 @@ def test_a_segment_that_loses_its_vacuum_while_a_shape_is_held_is_noticed():
     assert outcome.code is Code.HARDWARE_FAULT and outcome.shapes_completed == 0
 
 
-# Anything at any moment.
+# Any event at any moment.
 
 EVENTS = {
     'cancel': (lambda rig, i: rig.runner.cancel(Code.CANCELED, 'event'), {Code.CANCELED}),
@@ -637,7 +637,7 @@ def disturbed(script, latency):
 
 @property_test
 @given(events, st.sampled_from([0.0, 0.01, 0.04]))
-def test_a_run_ends_in_order_whatever_happens_at_whatever_moment(event, latency):
+def test_any_event_at_any_moment_ends_a_run_in_a_defined_state(event, latency):
     rig, outcome = disturbed([event], latency)
     name, segment, _ = event
     assert outcome.code in EVENTS[name][1] | {Code.SUCCESSFUL}
@@ -654,7 +654,7 @@ def test_a_run_ends_in_order_whatever_happens_at_whatever_moment(event, latency)
 
 @property_test
 @given(st.lists(events, min_size=2, max_size=4), st.sampled_from([0.0, 0.01]))
-def test_a_run_ends_whatever_else_happens_while_it_winds_down(script, latency):
+def test_further_events_while_a_run_winds_down_do_not_keep_it_from_ending(script, latency):
     rig, outcome = disturbed(script, latency)
     assert outcome is not None
     check_progress(rig)

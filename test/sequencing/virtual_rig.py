@@ -14,6 +14,7 @@ from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJam
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
+    Reason,
     TendonController,
     TendonLimits,
 )
@@ -70,11 +71,13 @@ class VirtualRig:
 
     def __post_init__(self):
         segments = len(self.arm.segments)
-        self.steppers = Steppers(lambda: self.now, SPEED, self.acceleration, 5e-6)
+        self.steppers = Steppers(
+            lambda: self.now, self.arm.tendon_names, SPEED, self.acceleration, 5e-6)
         self.steppers.rig = self
         self.air = SimulatedJamming(
             lambda: self.now, segments, JammingPlant(), self.stiff_at_start)
-        self.tendons = TendonController(self.steppers, TendonLimits((-0.06, 0.06), SPEED))
+        self.tendons = TendonController(
+            self.steppers, TendonLimits(self.arm.tendon_names, (-0.06, 0.06), SPEED))
         self.jamming = JammingController(self.air, segments, JAMMING_SETTINGS)
         self.jamming.update()
         self.statics = Statics(self.arm)
@@ -145,12 +148,12 @@ class VirtualRig:
 
     def _predict(self, pulls):
         if all(self.jamming.stiff):
-            raise MotionRefusedError('every segment is stiff')
+            raise MotionRefusedError(Reason.ALL_STIFF, 'every segment is stiff')
         state = self.state
         for pull in pulls:
             state = self.statics.solve(state, pull, self.soft)
             if state.tensions.max() > self.plan_settings.tension_limit:
-                raise MotionRefusedError('too much tension')
+                raise MotionRefusedError(Reason.TENSION, 'too much tension')
 
     @property
     def soft(self):

@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import cos, pi, sin
 
 from energy_reference import Reference
-from extended_arms import arms, between, FEW, masks, paper_like, pulls
+from general_arms import arms, between, FEW, masks, paper_like, pulls
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -14,8 +14,8 @@ import pytest
 
 from soft_continuum.mechanics import ArmError, Disc, RIGHT, SLACK, Statics
 from soft_continuum.mechanics.arm import PointForce, Tendon
-from soft_continuum.mechanics.elastica import Elastica
 from soft_continuum.mechanics.laws import MomentCurvature
+from soft_continuum.mechanics.references import Elastica
 
 BOTH_SLACK = (SLACK, SLACK)
 HANGING, HORIZONTAL = pi, pi / 2

@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import inf
 
 from energy_reference import Reference
-from extended_arms import arms, between, FEW, masks, paper_like, pulls
+from general_arms import arms, between, FEW, masks, paper_like, pulls
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
@@ -17,7 +17,7 @@ from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
 
 
-def rope(arm):
+def tendon_length(arm):
     """Return the length of a tendon from stepper to tip in the straight arm, m."""
     return (sum((s.length**2 + (s.guide_offsets[1] - s.guide_offsets[0])**2)**0.5
                 for s in arm.segments)
@@ -32,7 +32,7 @@ def test_a_tendon_is_longer_than_asked_for_by_t_l_over_ea(arm, data):
     soft = data.draw(masks(arm))
     asked = np.array(data.draw(pulls(arm, straight, soft)))
     state = statics.solve(straight, asked, soft)
-    stretch = state.tensions * rope(arm) / arm.tendon.axial_stiffness
+    stretch = state.tensions * tendon_length(arm) / arm.tendon.axial_stiffness
     path = Reference(arm).pulls(state.joint_angles)
     taut = state.tensions > 0.0
     assert asked[taut] - path[taut] == pytest.approx(stretch[taut], abs=1e-12)
@@ -50,7 +50,7 @@ def test_stretched_tendons_are_springs_in_the_energy(segments, asked, gravity):
     statics = Statics(arm)
     state = statics.solve(statics.chain.straight(), asked, (True,) * segments)
     expected = Reference(arm).rest(
-        statics.chain.straight().joint_angles, stretch=(asked, rope(arm) / 800.0))
+        statics.chain.straight().joint_angles, stretch=(asked, tendon_length(arm) / 800.0))
     assert state.joint_angles == pytest.approx(expected, abs=1e-6)
 
 

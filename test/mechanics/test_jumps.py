@@ -5,7 +5,7 @@
 from dataclasses import replace
 
 from energy_reference import Reference
-from extended_arms import arms, FEW, masks, paper_like, pulls
+from general_arms import arms, FEW, masks, paper_like, pulls
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -146,7 +146,7 @@ def snapping():
 
 
 def sweep(statics, state, drives):
-    """Return the states for the right tendon pulled and the left one let out by each drive."""
+    """Return the states for the right tendon pulled and the left one paid out by each drive."""
     states = []
     for drive in drives:
         state = statics.solve(state, (drive, -drive), (True,))

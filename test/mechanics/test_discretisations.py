@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 
-from extended_arms import arms, FEW, paper_like
+from general_arms import arms, FEW, paper_like
 from hypothesis import given
 import numpy as np
 import pytest

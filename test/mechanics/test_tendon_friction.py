@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import exp, nan, radians
 
 from energy_reference import Reference
-from extended_arms import arms, FEW, paper_like, pulls
+from general_arms import arms, FEW, paper_like, pulls
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -14,7 +14,6 @@ import pytest
 
 from soft_continuum.mechanics import (
     angles_for_tip,
-    Elastica,
     LEFT,
     Linearisation,
     pulls_for_angles,
@@ -27,8 +26,9 @@ from soft_continuum.mechanics import (
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.joints import tension_ratios
 from soft_continuum.mechanics.laws import Jam
+from soft_continuum.mechanics.references import Elastica
 
-PULLED, LET_OUT, AT_REST = (1, 1), (-1, -1), (0, 0)
+PULLED, PAID_OUT, AT_REST = (1, 1), (-1, -1), (0, 0)
 
 
 def rough(segments=3, friction=0.3, stretch=np.inf, **changes):
@@ -84,7 +84,7 @@ def test_an_arc_turns_the_tendon_by_half_its_angle_at_either_end(degrees, fricti
     state = statics.chain.uniform(np.radians(degrees))
     turns = np.abs(np.radians(degrees))
     before = np.cumsum(turns) - turns / 2  # all of the segments below, half of its own
-    for sliding, sign in ((PULLED, -1.0), (LET_OUT, 1.0)):
+    for sliding, sign in ((PULLED, -1.0), (PAID_OUT, 1.0)):
         ratios = tension_ratios(statics.chain, state.joint_angles, sliding)
         expected = np.exp(sign * friction * before)
         assert ratios == pytest.approx(np.array([expected, expected]), rel=1e-12)
@@ -167,7 +167,7 @@ def test_pulled_and_let_out_arms_bracket_the_frictionless_one(side, gravity):
     asked = [SLACK, SLACK]
     asked[side] = 0.03
     states = [statics.solve(statics.chain.straight(), asked, (True,) * 3, sliding=sliding)
-              for sliding in (PULLED, AT_REST, LET_OUT)]
+              for sliding in (PULLED, AT_REST, PAID_OUT)]
     base, _, tip = np.abs([statics.chain.bending_angles(s.joint_angles) for s in states]).T
     # Pulled, the tension has fallen at the tip: the base takes more of the pull, the tip less.
     assert np.all(np.diff(base) < -0.01)
@@ -183,7 +183,7 @@ def test_a_pulled_tendon_needs_more_tension_at_the_base_for_the_same_angle_of_th
     soft = (False, True)
     pulled, rest, let_out = (
         statics.solve(start, (pull, SLACK), soft, sliding=sliding)
-        for sliding in (PULLED, AT_REST, LET_OUT))
+        for sliding in (PULLED, AT_REST, PAID_OUT))
     # One soft segment: the same length is the same shape, whatever the tension before it.
     assert pulled.joint_angles == pytest.approx(rest.joint_angles, abs=1e-9)
     turned = wrapped(statics.chain.arm, rest.joint_angles)[RIGHT, 1]
@@ -194,7 +194,7 @@ def test_a_pulled_tendon_needs_more_tension_at_the_base_for_the_same_angle_of_th
 def test_without_a_coefficient_the_direction_does_not_matter():
     statics = rough(3, 0.0)
     states = [statics.solve(statics.chain.straight(), (0.03, SLACK), (True,) * 3, sliding=sliding)
-              for sliding in (PULLED, AT_REST, LET_OUT)]
+              for sliding in (PULLED, AT_REST, PAID_OUT)]
     for state in states[1:]:
         assert np.array_equal(state.joint_angles, states[0].joint_angles)
         assert np.array_equal(state.tensions, states[0].tensions)
@@ -219,7 +219,7 @@ def test_a_small_coefficient_is_a_small_change():
     assert apart[1] / apart[2] == pytest.approx(10.0, rel=0.05)
 
 
-@pytest.mark.parametrize('sliding', [PULLED, LET_OUT])
+@pytest.mark.parametrize('sliding', [PULLED, PAID_OUT])
 def test_solved_again_with_the_same_friction_nothing_moves(sliding):
     statics = rough(3, 0.5, gravity=9.80665, mounting_angle=2.0)
     state = statics.solve(statics.chain.straight(), (0.02, SLACK), (True,) * 3, sliding=sliding)
@@ -272,7 +272,7 @@ def test_the_other_tendon_of_a_mirrored_arm_has_the_mirrored_friction():
 
 
 @pytest.mark.parametrize('stretch', [np.inf, 2000.0])
-@pytest.mark.parametrize('sliding', [PULLED, LET_OUT])
+@pytest.mark.parametrize('sliding', [PULLED, PAID_OUT])
 def test_an_arm_bent_to_an_angle_with_friction_has_that_angle_at_those_pulls(stretch, sliding):
     statics = rough(3, 0.3, stretch)
     soft, straight = (True,) * 3, statics.chain.straight()

@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 
-from extended_arms import arms, between, FEW, masks, paper_like
+from general_arms import arms, between, FEW, masks, paper_like
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np

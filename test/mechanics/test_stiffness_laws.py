@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import inf, nan
 
 from energy_reference import Reference
-from extended_arms import arms, between, FEW, masks, paper_like, pulls
+from general_arms import arms, between, FEW, masks, paper_like, pulls
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np

@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import inf
 
 from energy_reference import Reference
-from extended_arms import arms, between, FEW, masks, paper_like, pulls
+from general_arms import arms, between, FEW, masks, paper_like, pulls
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
@@ -14,7 +14,7 @@ import pytest
 
 from soft_continuum.mechanics import SLACK, Statics, StaticsError
 from soft_continuum.mechanics.arm import Tendon
-from soft_continuum.mechanics.laws import Jam, linear, MomentCurvature
+from soft_continuum.mechanics.laws import Jam, MomentCurvature
 
 BOTH_SLACK = (SLACK, SLACK)
 TABLE = MomentCurvature((0.0, 2.0, 6.0), (0.0, 400.0, 800.0))  # stiffer than any random segment
@@ -52,7 +52,7 @@ def test_stiffening_at_rest_moves_nothing(arm, data):
 
 
 def test_a_rigid_arm_keeps_the_tension_of_a_tendon_that_stretches():
-    # Not overconstrained: the rope is as long as it was a moment ago, and as taut.
+    # Not overconstrained: the tendon is as long as it was a moment ago, and as taut.
     statics = Statics(paper_like(2, tendon=Tendon(1e4)))
     state = statics.solve(statics.chain.straight(), (0.01, SLACK), (True, True))
     held = statics.solve(state, (0.01, SLACK), (False, False))
@@ -302,81 +302,6 @@ def test_a_large_step_of_an_arm_whose_jams_all_yield_settles():
     state = statics.solve(start, (0.03669398006422326, SLACK), stiff)
     arm = Reference(statics.chain.arm, state.stiff, state.held_angles)
     assert arm.unbalanced(state.joint_angles, state.tensions) < 1e-9
-
-
-# Vacuum
-
-@pytest.mark.parametrize('exponent', [0.5, 1.0, 2.0])
-@pytest.mark.parametrize('vacuum', [0.2, 0.7])
-def test_the_jams_stiffness_grows_with_vacuum_to_its_power(exponent, vacuum):
-    part = Statics(paper_like(1, Jam(5.0, stiffness_exponent=exponent)))
-    full = Statics(paper_like(1, Jam(1.0 + 4.0 * vacuum**exponent)))
-    straight = part.chain.straight()
-    one = part.solve(straight, (0.01, SLACK), (False,), vacuum=(vacuum,))
-    other = full.solve(straight, (0.01, SLACK), (False,))
-    assert one.joint_angles == pytest.approx(other.joint_angles, abs=1e-12)
-    assert one.tensions == pytest.approx(other.tensions, rel=1e-12)
-
-
-@pytest.mark.parametrize('exponent', [0.0, 0.5, 1.0])
-@pytest.mark.parametrize('vacuum', [0.1, 0.5, 1.0])
-def test_the_limit_is_proportional_to_vacuum(exponent, vacuum):
-    statics = Statics(paper_like(
-        1, Jam(6.0, yield_moment=0.05, stiffness_exponent=exponent)))
-    state = statics.solve(statics.chain.straight(), (0.014, SLACK), (False,), vacuum=(vacuum,))
-    moments = jam_moments(statics, state, vacuum=(vacuum,))
-    assert moments == pytest.approx(0.05 * vacuum, rel=1e-9)
-
-
-def test_less_vacuum_creeps_further():
-    statics = Statics(paper_like(1, Jam(6.0, yield_moment=0.05)))
-    crept = [statics.solve_tensions(statics.chain.straight(), (9.0, 0.0), (False,),
-                                    vacuum=(vacuum,)).held_angles.max()
-             for vacuum in (1.0, 0.8, 0.5, 0.2)]
-    assert np.all(np.diff(crept) > 1e-3)
-
-
-@pytest.mark.parametrize('jam', [
-    Jam(), Jam(5.0), Jam(5.0, yield_moment=0.1), Jam(law=linear(1.0)),
-    Jam(5.0, stiffness_exponent=0.0), Jam(5.0, yield_moment=0.1, stiffness_exponent=0.0)])
-def test_without_vacuum_a_jam_holds_nothing(jam):
-    statics = Statics(paper_like(2, jam, gravity=9.80665, mounting_angle=2.0))
-    straight = statics.chain.straight()
-    stiff = statics.solve(straight, (0.01, SLACK), only(0, 2), vacuum=(0.0, 0.0))
-    soft = statics.solve(straight, (0.01, SLACK), (True, True))
-    assert stiff.joint_angles == pytest.approx(soft.joint_angles, abs=1e-10)
-
-
-def test_a_rigid_jam_has_all_its_vacuum_or_none():
-    statics = Statics(paper_like(2))
-    with pytest.raises(ValueError, match='vacuum of segment 2 is 0.3'):
-        statics.solve(statics.chain.straight(), (0.01, SLACK), only(0, 2), vacuum=(0.3, 0.3))
-
-
-def test_more_vacuum_moves_nothing_beyond_the_last_row_of_a_table():
-    soft_law = MomentCurvature((0.0, 5.0), (0.0, 0.05))
-    statics = Statics(paper_like(1, Jam(5.0), soft_law))
-    some = statics.solve(statics.chain.straight(), (0.012, SLACK), (False,), vacuum=(0.3,))
-    assert some.joint_angles.max() > 1.2 * 5.0 * statics.chain.joint_lengths[0]
-    full = statics.solve(some, (0.012, SLACK), (False,))
-    assert full.joint_angles == pytest.approx(some.joint_angles, abs=1e-9)
-    assert full.tensions == pytest.approx(some.tensions, abs=1e-6)
-
-
-def test_bending_keeps_the_vacuum_unless_another_is_given():
-    statics = Statics(paper_like(3, Jam(5.0)))
-    start = statics.solve(
-        statics.chain.straight(), (0.005, SLACK), only(1, 3), vacuum=(0.3, 1.0, 1.0))
-    assert statics.bend(start, 1, 0.3).vacuum == (0.3, 1.0, 1.0)
-    assert statics.bend(start, 1, 0.3, vacuum=(0.5, 1.0, 1.0)).vacuum == (0.5, 1.0, 1.0)
-
-
-@pytest.mark.parametrize('vacuum', [
-    0.5, (), (1.0,), (1.0, 1.1), (-0.1, 1.0), (np.nan, 1.0), ('a', 1.0)])
-def test_a_vacuum_of_the_wrong_size_or_range_is_refused(vacuum):
-    statics = Statics(paper_like(2, Jam(5.0)))
-    with pytest.raises(ValueError, match='vacuum'):
-        statics.solve(statics.chain.straight(), (0.01, SLACK), only(0, 2), vacuum=vacuum)
 
 
 # Softening

@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import permutations
 from math import nan, pi, radians
 
-from extended_arms import arms, between, FEW, masks, paper_like, pulls
+from general_arms import arms, between, FEW, masks, paper_like, pulls
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np

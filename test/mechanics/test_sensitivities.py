@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import inf
 
 from energy_reference import Reference
-from extended_arms import arms, FEW, masks, paper_like, pulls
+from general_arms import arms, FEW, masks, paper_like, pulls
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np

@@ -1,0 +1,108 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The paper's three shapes on a simulated rig: ``./run demo``.
+
+Starts the four nodes as processes in a namespace of their own, sends the sequence like any
+client, shows its progress, then prints a table per shape and writes a picture.
+"""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+import numpy as np
+
+from soft_continuum.analysis.figures import shapes_figure
+from soft_continuum.arguments import Parser
+from soft_continuum.client.arm import Arm
+from soft_continuum.client.errors import ClientError
+from soft_continuum.client.sequence import RunningSequence
+from soft_continuum.client.state import ArmState, Progress
+from soft_continuum.mechanics import constant_curvature
+from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.sequencing.progress import Phase
+
+HOLD = 0.5  # s
+STARTING_TIMEOUT = 60.0  # s: the model may have to be compiled
+
+
+def main() -> int:
+    """Run the demo; return the exit status."""
+    parser = Parser('demo', 'Set the three shapes of the paper on a simulated rig.')
+    parser.add_argument('--picture', type=Path, default=Path('demo_shapes.png'),
+                        help='where to write the picture (default: %(default)s)')
+    options = parser.parse_args()
+    if not options.picture.resolve().parent.is_dir():
+        parser.error(f'--picture {options.picture}: there is no such directory')
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    print('Starting the four nodes on a simulated rig ...', flush=True)
+    # A namespace of its own keeps it apart from an arm that may be running.
+    namespace = f'demo_{os.getpid()}'
+    nodes = subprocess.Popen(
+        [sys.executable, '-m', 'soft_continuum', 'up', '--namespace', namespace],
+        stderr=subprocess.DEVNULL)
+    try:
+        with Arm(namespace, timeout=STARTING_TIMEOUT) as arm:
+            _run(arm, options.picture)
+    except KeyboardInterrupt:
+        print('\ninterrupted; everything that was started has ended')
+        return 130
+    except ClientError as error:
+        print(f'\nthe sequence failed: {error}', file=sys.stderr)
+        return 1
+    finally:
+        nodes.send_signal(signal.SIGINT)
+        nodes.wait()
+    return 0
+
+
+def _run(arm: Arm, picture: Path) -> None:
+    """Run the shapes, print a table for each and write the picture."""
+    arm.wait_for(lambda state: state.pulls and state.tip and None not in state.stiff)
+    description, shapes = arm.description, arm.shapes
+    reached = _follow(arm, arm.start(*shapes, hold=HOLD))
+    for name, angles in shapes.items():
+        state = reached[name]
+        print(f'\n{name}: {", ".join(f"{np.degrees(a):+.1f}" for a in angles)} degrees')
+        print('                               x in mm   z in mm   tangent in degrees')
+        poses = [(f'end of segment {i}, rigid chain', pose.x, pose.z, pose.angle)
+                 for i, pose in enumerate(state.segment_poses or (), start=1)]
+        if state.tip is not None:
+            poses.append(('tip, rigid chain', state.tip.x, state.tip.z, state.tip.angle))
+        poses.append(('tip, constant curvature',
+                      *constant_curvature.poses(description, angles)[-1].tolist()))
+        for label, x, z, angle in poses:
+            print(f'{label:<30}{x * 1e3:8.2f}  {z * 1e3:8.2f}  {np.degrees(angle):10.2f}')
+        print('pulls: ' + ', '.join(f'{tendon} {pull * 1e3:.3f} mm' for tendon, pull in zip(
+            state.tendons, state.pulls or (), strict=True)))
+    shapes_figure(picture, RigidChain(description), {
+        name: (np.array(reached[name].joint_angles), angles) for name, angles in shapes.items()})
+    print(f'\nSimulated data. The rigid chain is under gravity, constant curvature is not.\n'
+          f'Picture: {picture}')
+
+
+def _follow(arm: Arm, running: RunningSequence) -> dict[str, ArmState]:
+    """Show the progress; return the state in which each shape was held."""
+    reached: dict[str, ArmState] = {}
+    shown = ''
+    for now in running.updates():
+        shown = _show(now, shown)
+        if now.phase == Phase.HOLDING:
+            reached[now.shape] = arm.state
+    running.result()
+    print(flush=True)
+    return reached
+
+
+def _show(now: Progress, shown: str) -> str:
+    """Print the progress: on a terminal a phase counts up in place; elsewhere it is one line."""
+    segment = f'segment {now.segment}' if now.segment else 'whole arm'
+    line = f'{now.shape:<16}{segment:<12}{now.phase}'
+    if line != shown or sys.stdout.isatty():
+        new_line = '\n' if line != shown and shown else ''
+        back = '\r' if sys.stdout.isatty() and not new_line else ''
+        print(f'{new_line}{back}{100 * now.fraction:4.0f} %  {line}', end='', flush=True)
+    return line

@@ -1,0 +1,239 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+From one equilibrium to the next: a full step, continuation in small ones, or a jump.
+
+A full Newton step is accepted when it ends close by.  Otherwise the path of equilibria is followed
+in small steps.  Where the path ends (a segment folds over), an overdamped motion by backward Euler
+finds the next stable equilibrium.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from soft_continuum.mechanics import _assembly, _newton
+from soft_continuum.mechanics._active_set import LENGTH_TOLERANCE
+from soft_continuum.mechanics._arrays import ANGLE, LENGTH, State, TENSION
+from soft_continuum.mechanics._problem import Point, Problem
+from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain, SLACK
+from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
+from soft_continuum.mechanics.joints import compliances, JointLaws, tension_ratios
+
+# Amplitudes of the waves, rad, that make a straight arm between two taut tendons buckle.
+BUCKLING_PERTURBATIONS = (1e-3, -2e-3, 4e-3, -8e-3, 0.016, -0.032)
+MIN_STEP = 1e-4  # of the path; below it the path has ended
+MAX_TOTAL_ITERATIONS = 20000  # of Newton's method in one solve
+MAX_FRICTION_ITERATIONS = 100
+MAX_DAMPING = 1e9  # N m/rad
+MAX_MOTION, SLOW_MOTION, AT_REST = 0.3, 0.02, 0.1  # rad per step of the overdamped motion
+
+
+class Continuation:
+    """Finds the equilibria of one arm, each from the state before it."""
+
+    def __init__(self, chain: RigidChain, laws: JointLaws) -> None:
+        """Take the chain and its joints, and set tolerances that rounding allows."""
+        self.chain, self.laws = chain, laws
+        tendon = (chain.straight_length + sum(d.height for d in chain.arm.discs)
+                  + chain.arm.tendon.free_length)
+        # 1e-11 N m and 1e-13 m, or what rounding allows for very stiff or very long arms.
+        stiffest = float(chain.joint_stiffness.max())
+        self.tolerance = np.array([max(1e-11, 1e-14 * stiffest), max(1e-10, 1e-13 * stiffest),
+                                   max(1e-13, 1e-15 * tendon)])
+
+    def solve(self, point: Point, problem: Problem, sliding: Sequence[int] = (0, 0)
+              ) -> Equilibrium:
+        """
+        Return the equilibrium of ``problem`` that continues the state ``point``.
+
+        sliding: as in Statics.solve.  Raises StaticsError or OverconstrainedError.
+        """
+        end, problem, jumped = self._step(point, problem)
+        if self.chain.arm.tendon.friction > 0.0 and any(sliding):
+            end, problem, also = self._with_friction(end, problem, sliding)
+            jumped = jumped or also
+        return self.result(end, problem, jumped=jumped)
+
+    def newton(self, start: Point, problem: Problem, target: Array | None = None,
+               bias: Array | None = None, damping: float = 0.0) -> Point:
+        """
+        Return where Newton's method ends from ``start``.
+
+        target: (2,) in place of that of the problem.  bias, damping: as in _newton.newton.
+        """
+        state = State(start.theta.copy(), start.tension.copy(), np.empty(2))
+        drive = problem.drive if target is None else problem.drive._replace(target=target)
+        status, iterations, residual, turned = _newton.newton(
+            tuple(state), tuple(problem.system), tuple(drive),
+            np.zeros(problem.groups) if bias is None else bias, damping, self.tolerance)
+        return Point(*state, status, residual, iterations, turned)
+
+    def result(self, point: Point, problem: Problem, jumped: bool = False) -> Equilibrium:
+        """Return a solved point as an Equilibrium."""
+        slack = np.zeros(2)
+        for t in (RIGHT, LEFT):
+            if problem.drive.mode[t] == LENGTH and point.tension[t] <= 0.0:
+                slack[t] = max(0.0, problem.drive.target[t] - point.lengths[t])
+        angles = point.theta.copy()
+        angles[1:] -= point.theta[:-1]
+        if problem.groups < self.chain.joints:  # locked joints keep theirs to the last bit
+            free = np.diff(problem.system.group, prepend=-1) > 0
+            angles = np.where(free, angles, problem.locked_angles)
+        return Equilibrium(
+            angles, point.tension, self.chain.straight_length - point.lengths, slack,
+            point.residual, point.iterations, problem.stiff,
+            self.laws.held(angles, problem.system.joints, problem.stiff), jumped, problem.vacuum)
+
+    def _step(self, point: Point, problem: Problem) -> tuple[Point, Problem, bool]:
+        """Reach the problem's equilibrium in one step, or else in small ones; and if it jumped."""
+        end = self.newton(point, problem)
+        if problem.reached_by(end):
+            return end, problem, False
+        return self.follow(point, problem)
+
+    def _with_friction(self, point: Point, problem: Problem, sliding: Sequence[int]
+                       ) -> tuple[Point, Problem, bool]:
+        """Iterate the loss of tension at the guides, which depends on the shape it leads to."""
+        jumped = False
+        for _ in range(MAX_FRICTION_ITERATIONS):
+            angles = np.diff(point.theta, prepend=0.0)
+            ratios = tension_ratios(self.chain, angles, sliding)
+            change = np.abs(ratios - problem.system.ratios).max()
+            problem = problem.with_friction(ratios, compliances(self.chain, angles, sliding))
+            point, problem, also = self._step(point, problem)
+            jumped = jumped or also
+            if change < 1e-13:
+                return point, problem, jumped
+        raise StaticsError('the friction at the guides did not converge',
+                           self.result(point, problem))
+
+    def follow(self, point: Point, problem: Problem) -> tuple[Point, Problem, bool]:
+        """
+        Follow the equilibrium from ``point`` in small steps.
+
+        The moments that the start leaves unbalanced are carried by dead moments that fade on the
+        way, while the tendons go from the lengths they have to their targets.  The held shape of
+        a jam that yields creeps along.  Also returns the problem after creep and whether the arm
+        jumped.
+        """
+        drive = problem.drive
+        tension = np.where(np.isinf(drive.target), 0.0, point.tension)
+        unbalanced = -_assembly.moment_balance(
+            point.theta, tension, problem.system, problem.groups)
+        gap = self._gap(point, problem, tension)
+        point = Point(point.theta, tension, point.lengths)
+        done, step, jumped, iterations = 0.0, 0.5, False, 0
+        while done < 1.0:
+            reached = min(1.0, done + step)
+            target = drive.target + (1.0 - reached) * gap
+            end = self.newton(point, problem, target, (1.0 - reached) * unbalanced)
+            iterations += end.iterations
+            if problem.reached_by(end):
+                point, done, step = end, reached, 2.0 * step
+            elif step > MIN_STEP:
+                step *= 0.5
+            else:  # the path has ended: drop the dead moments, and see where the arm moves to
+                unbalanced = np.zeros(problem.groups)
+                point = self._jump(point, problem, target)
+                iterations += point.iterations
+                done, jumped = reached, True
+            if iterations > MAX_TOTAL_ITERATIONS:
+                raise StaticsError(f'not converged after {iterations} iterations',
+                                   self.result(point, problem))
+            problem = self._after_creep(point, problem)
+        return replace(point, iterations=iterations), problem, jumped
+
+    def _after_creep(self, point: Point, problem: Problem) -> Problem:
+        joints = problem.system.joints
+        crept = self.laws.crept(np.diff(point.theta, prepend=0.0), joints)
+        return problem if crept is joints else problem.with_joints(crept)
+
+    def _gap(self, point: Point, problem: Problem, tension: Array) -> Array:
+        """Return how far each driven tendon (or angle) is from its target at the start."""
+        drive, gap = problem.drive, np.zeros(2)
+        for t in (RIGHT, LEFT):
+            if drive.mode[t] == ANGLE:
+                last = self.chain.last_joint
+                angles = np.diff(point.theta[last], prepend=0.0)
+                gap[t] = angles[drive.segment[t]] - drive.target[t]
+            elif drive.mode[t] == TENSION:
+                gap[t] = tension[t] - drive.target[t]
+            elif np.isfinite(drive.target[t]):
+                excess = point.lengths[t] - drive.compliance[t] * tension[t] - drive.target[t]
+                gap[t] = excess if tension[t] > 0.0 else max(excess, 0.0)
+        return gap
+
+    def _jump(self, begin: Point, problem: Problem, target: Array) -> Point:
+        """
+        Return the stable equilibrium that the arm moves to from where its path ended.
+
+        A straight arm between two taut tendons is at rest although unstable: then from a small
+        wave, to either side in turn.
+        """
+        mode = problem.drive.mode
+        starts = [] if np.any(mode == ANGLE) else [begin]
+        if np.all((mode == LENGTH) & (begin.lengths > target + LENGTH_TOLERANCE)):
+            wave = np.cos(2.0 * np.pi * np.arange(problem.groups) / self.chain.joints_per_segment)
+            starts += [_turned(begin, problem, size * wave) for size in BUCKLING_PERTURBATIONS]
+        for start in starts:
+            found = self._relax(start, problem, target)
+            if found is not None:
+                return found
+        raise self._failure(begin, problem, target)
+
+    def _relax(self, begin: Point, problem: Problem, target: Array) -> Point | None:
+        """Return the stable equilibrium where an overdamped motion from ``begin`` ends, if any."""
+        no_bias = np.zeros(problem.groups)
+        point, iterations = begin, 0
+        damping = float(self.chain.joint_stiffness.max())
+        # Where the arm rests on a ridge: a perturbation without symmetry, to either side in turn.
+        perturbation = 1e-5 * (1.5 + np.cos(np.arange(problem.groups)))
+        while iterations < MAX_TOTAL_ITERATIONS:
+            end = self.newton(point, problem, target, no_bias, damping)
+            iterations += end.iterations
+            moved = float(np.abs(end.theta - point.theta).max())
+            if end.status != _newton.CONVERGED or moved > MAX_MOTION:
+                damping *= 4.0
+                if damping > MAX_DAMPING:
+                    break
+                continue
+            point = end
+            if np.abs(np.diff(point.theta, prepend=0.0)).max() > np.pi:
+                break  # wound up: bodies would pass through each other
+            damping /= 2.0
+            if moved < SLOW_MOTION:
+                final = self.newton(point, problem, target, no_bias)
+                iterations += final.iterations
+                away = float(np.abs(final.theta - point.theta).max())
+                if final.status == _newton.CONVERGED and away < AT_REST:
+                    return replace(final, iterations=iterations)
+                if final.status == _newton.UNSTABLE and away < 1e-4:
+                    point = _turned(final, problem, perturbation)
+                    perturbation *= -2.0
+                    damping = float(self.chain.joint_stiffness.max())
+        return None
+
+    def _failure(self, point: Point, problem: Problem, target: Array) -> StaticsError:
+        state, drive = self.result(point, problem), problem.drive
+        if np.any(drive.mode == ANGLE):
+            return StaticsError('the path to that angle ends before it', state)
+        if np.any(point.lengths > target - 1e-4) and np.any(drive.mode == LENGTH):
+            straight = self.chain.straight_length
+            return OverconstrainedError(
+                'no shape of the soft segments has tendons as short as these pulls ask for: '
+                f'{self._pulls_text(straight - drive.target)}; the path to them ends at '
+                f'{self._pulls_text(straight - target)}; pay out a tendon', state)
+        return StaticsError('no stable equilibrium found near the present shape', state)
+
+    def _pulls_text(self, pulls: Array) -> str:
+        return ', '.join(
+            f'{name} slack' if pull == SLACK else f'{name} {pull * 1e3:.2f} mm'
+            for name, pull in zip(self.chain.arm.tendon_names, pulls, strict=True))
+
+
+def _turned(point: Point, problem: Problem, turn: Array) -> Point:
+    """Return the point with its rigid groups turned by ``turn`` (groups,), rad."""
+    group = problem.system.group
+    return replace(point, theta=point.theta + np.where(group >= 0, turn[group], 0.0))

@@ -1,0 +1,114 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the thread of control does with pump, valves and pressure sensors."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
+from soft_continuum.hardware.protocols import HardwareError, JammingDriver
+from soft_continuum_interfaces.msg import JammingValvesState
+
+
+@dataclass(frozen=True)
+class Report:
+    """State after a cycle or a request; pressures: absolute, Pa, None without new ones."""
+
+    state: JammingValvesState
+    pressures: tuple[float, ...] | None = None
+
+
+class JammingControl:
+    """
+    Switches segments and watches their pressures.
+
+    Every method is called on the thread of control; a Report goes out after whatever changes
+    something.
+    """
+
+    def __init__(self, segments: int, settings: JammingSettings,
+                 report: Callable[[Report], None]) -> None:
+        """Start without a device."""
+        self._segments, self._settings, self._report = segments, settings, report
+        self._driver: JammingDriver | None = None
+        self._controller: JammingController | None = None
+        self._active = self._read = False
+        self._fault = ''
+
+    def attach(self, driver: JammingDriver) -> None:
+        """Control an open ``driver`` from now on."""
+        self._driver = driver
+        self._controller = JammingController(driver, self._segments, self._settings)
+        self._fault, self._read = '', False
+        self.report()
+
+    def detach(self) -> JammingDriver | None:
+        """Return the driver, if there is one, and go on without."""
+        driver, self._driver, self._controller = self._driver, None, None
+        self._active, self._fault = False, ''
+        self.report()
+        return driver
+
+    def activate(self) -> None:
+        """Begin to read and to switch."""
+        self._active = True
+
+    def deactivate(self) -> None:
+        """Leave pump and valves as they are."""
+        self._active, self._fault = False, ''
+        self.report()
+
+    def not_connected(self, error: str) -> None:
+        """Take note of why there is no answer of the device."""
+        self._fault = error
+        self.report()
+
+    def failed(self, error: Exception) -> None:
+        """Report a mistake of this program like a device that failed."""
+        self.not_connected(f'control failed: {type(error).__name__}: {error}')
+
+    def cycle(self, _: float) -> None:
+        """Read the pressures, decide which segments are stiff, switch the pump if needed."""
+        if not self._active or self._controller is None:
+            return
+        try:
+            pressures = self._controller.update().pressures
+        except HardwareError as error:
+            self.not_connected(str(error))
+            return
+        self._fault, self._read = '', True
+        self._report(Report(self.state(), pressures))
+
+    def set_stiff(self, segments: Sequence[int], stiff: bool) -> None:
+        """
+        Evacuate or vent segments (0-based).
+
+        Raises ValueError when the node is not active, HardwareError when the device fails.
+        """
+        if not self._active or self._controller is None:
+            raise ValueError('not switched: the node is not active')
+        try:
+            for segment in segments:
+                self._controller.set_stiff(segment, stiff)
+        except HardwareError as error:
+            self.not_connected(str(error))
+            raise
+        if not stiff and not self._fault:  # what is vented is not stiff from now on
+            self.report()
+
+    def state(self) -> JammingValvesState:
+        """Return the state as it is now."""
+        controller = self._controller
+        state = JammingValvesState(
+            fault=self._fault, stiffness=[JammingValvesState.UNKNOWN] * self._segments,
+            segment_faults=[''] * self._segments)
+        if self._active and controller is not None and self._read and not self._fault:
+            state.connected, state.pump = True, controller.reading.pump
+            state.stiffness = [JammingValvesState.STIFF if stiff else JammingValvesState.NOT_STIFF
+                               for stiff in controller.stiff]
+            state.segment_faults = list(controller.faults)
+        return state
+
+    def report(self) -> None:
+        """Let the other threads know how things are."""
+        self._report(Report(self.state()))

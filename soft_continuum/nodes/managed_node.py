@@ -1,0 +1,249 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The lifecycle of a node that owns a device, and the threads that it has for it."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+import traceback
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.status import ERROR, Status
+from soft_continuum.nodes.threads import ControlLoop, on_ros_thread, Worker
+from soft_continuum.parameters.parameter import Parameter
+
+RETRY = 2.0  # s between attempts to connect to a device
+CLOSE_TIMEOUT = 2.0  # s that a device is given to hold and disconnect
+
+
+class ManagedNode(LifecycleNode):
+    """
+    A lifecycle node that owns a device, on three threads.
+
+    - That of ROS runs every callback.  It waits for nothing, except in the transition `configure`
+      that somebody asks for: the lifecycle of ROS 2 answers when the device is connected.
+    - ``loop`` controls the device; nothing else uses it.
+    - ``connecting`` opens and closes devices, which takes up to seconds.
+
+    With ``autostart`` the node becomes active by itself, as soon as its device lets it.  A device
+    that is lost is connected to again.
+    """
+
+    def __init__(self, name: str, table: Sequence[Parameter], **options: Any) -> None:
+        """Declare the parameters of ``table``."""
+        super().__init__(name, **options)
+        self.parameters = NodeParameters(self, table)
+        self.status = Status(self, self.hardware_id())
+        self.active = False
+        self.loop: ControlLoop | None = None
+        self.connecting = Worker('connecting', self._on_thread_failure)
+        self._opened: Any = None  # a device that is connected and not attached yet
+        self._attempt = False  # to connect is under way
+        self._was_configured = False  # then autostart has done its work
+        self._retry = self.create_timer(
+            RETRY, self._connect, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._answer_invalid_transitions()
+
+    def control(self, rate: float, cycle: Callable[[float], None],
+                failed: Callable[[Exception], None]) -> ControlLoop:
+        """Start the control loop; rate: Hz."""
+        self.loop = ControlLoop(f'{self.get_name()}_control', 1.0 / rate, cycle, failed)
+        return self.loop
+
+    # What a subclass does, besides.
+
+    @abstractmethod
+    def hardware_id(self) -> str:
+        """Name the device for diagnostics (REP-107)."""
+
+    @abstractmethod
+    def open_device(self) -> Any:
+        """Connect and move nothing, on the thread for it; raises HardwareError or ValueError."""
+
+    @abstractmethod
+    def close_device(self, device: Any) -> None:
+        """Hold and disconnect, on the thread for it."""
+
+    @abstractmethod
+    def attach(self, device: Any) -> None:
+        """Control a device from now on, on the thread of control."""
+
+    @abstractmethod
+    def detach(self) -> Any:
+        """Stop to control the device and return it, None without one, on the thread of control."""
+
+    @abstractmethod
+    def activate(self) -> None:
+        """Begin to work, on the thread of control."""
+
+    @abstractmethod
+    def deactivate(self) -> None:
+        """Hold and stop to work, on the thread of control."""
+
+    @abstractmethod
+    def lost(self) -> bool:
+        """Whether a device that was attached failed."""
+
+    @abstractmethod
+    def not_connected(self, error: str) -> None:
+        """Take note of an attempt to connect that failed, on the thread of ROS."""
+
+    @abstractmethod
+    def publish_last(self) -> None:
+        """Publish the state in which the process ends, on the thread of ROS."""
+
+    # Connecting.
+
+    def start(self) -> None:
+        """Connect and go to work if ``autostart`` asks for it."""
+        self._connect()
+
+    def _wants_device(self) -> bool:
+        return bool((self.parameters['autostart'] and self._state == 'unconfigured'
+                     and not self._was_configured) or self.lost())
+
+    def _connect(self) -> None:
+        if not self._attempt and self._wants_device():
+            self._attempt = True
+            self.connecting.submit(self._open)
+
+    def _open(self) -> None:
+        try:
+            self._opened, error = self.open_device(), ''
+        except (HardwareError, ValueError) as problem:
+            error = str(problem)
+        on_ros_thread(self, self._after_attempt, error)
+
+    def _after_attempt(self, error: str) -> None:
+        self._attempt = False
+        self._retry.reset()  # the attempt itself may have taken longer
+        if error:
+            self.not_connected(error)
+        elif self._opened is None:
+            return  # somebody configured the node meanwhile
+        elif not self._wants_device():
+            self._release(self._take())
+        elif self._state == 'unconfigured':
+            if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+                self.trigger_activate()
+        else:
+            self.in_loop(self.attach, self._take())
+
+    def _take(self) -> Any:
+        device, self._opened = self._opened, None
+        return device
+
+    def _release(self, device: Any) -> None:
+        if device is not None:
+            self.connecting.submit(self.close_device, device)
+
+    def _on_thread_failure(self, error: Exception) -> None:
+        self.get_logger().error(''.join(traceback.format_exception(error)))
+
+    def in_loop(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return what ``function`` returns on the thread of control, or raise what it raises."""
+        assert self.loop is not None
+        return self.loop.call(function, *arguments)
+
+    # The lifecycle.
+
+    @property
+    def _state(self) -> str:
+        return str(self._state_machine.current_state[1])
+
+    def _answer_invalid_transitions(self) -> None:
+        service = self._service_change_state
+        answer = service.callback
+
+        def change_state(request: Any, response: Any) -> Any:
+            try:
+                return answer(request, response)
+            except Exception as error:  # rclpy raises for a transition that is not valid now
+                self.get_logger().warning(
+                    f'transition refused in state {self._state}: {error}')
+                response.success = False
+                return response
+
+        service.callback = change_state
+
+    def _configure(self) -> None:
+        if self._opened is None:
+            self.connecting.call(self._open_now)
+        self.in_loop(self.attach, self._take())
+        self._was_configured = True
+
+    def _open_now(self) -> None:
+        if self._opened is None:  # else an attempt that was under way found it
+            self._opened = self.open_device()
+
+    def _activate(self) -> None:
+        self.in_loop(self.activate)
+        self.active = True
+
+    def _deactivate(self) -> None:
+        self.active = False
+        self.in_loop(self.deactivate)
+
+    def _clean_up(self) -> None:
+        self.active = False
+        self._release(self.in_loop(self.detach))
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Connect."""
+        return self._guarded(self._configure, super().on_configure, state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start."""
+        return self._guarded(self._activate, super().on_activate, state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop."""
+        return self._guarded(self._deactivate, super().on_deactivate, state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Disconnect."""
+        return self._guarded(self._clean_up, super().on_cleanup, state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop and disconnect, from any state."""
+        self._guarded(self._deactivate, super().on_shutdown, state)
+        return self._guarded(self._clean_up, super().on_shutdown, state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Disconnect and go back to unconfigured, to be configured again."""
+        self._guarded(self._clean_up, super().on_error, state)
+        return TransitionCallbackReturn.SUCCESS
+
+    def _guarded(self, work: Callable[[], None], parent: Any, state: LifecycleState
+                 ) -> TransitionCallbackReturn:
+        # rclpy swallows what a transition callback raises, so it is caught and reported here.
+        try:
+            work()
+        except (HardwareError, ValueError) as error:
+            self.status.set(ERROR, str(error))
+            return TransitionCallbackReturn.FAILURE
+        except Exception as error:
+            self.get_logger().error(traceback.format_exc())
+            self.status.set(ERROR, f'{type(error).__name__}: {error}')
+            return TransitionCallbackReturn.ERROR
+        parent(state)
+        return TransitionCallbackReturn.SUCCESS
+
+    def quit(self) -> None:
+        """Hold and disconnect before the process ends."""
+        with suppress(TimeoutError):
+            self._deactivate()
+        with suppress(TimeoutError):
+            self._clean_up()
+        if self._opened is not None:
+            self._release(self._take())
+        self.connecting.close(CLOSE_TIMEOUT)
+        if self.loop is not None:
+            self.loop.close()
+        self.publish_last()

@@ -1,0 +1,85 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tensions that the model predicts on the way along a trajectory."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from soft_continuum.hardware.tendon_controller import MotionRefusedError, Reason
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.statics import Statics, StaticsError
+from soft_continuum.nodes.model import SLACK_ALLOWANCE
+
+PREDICTION_STEP = 0.002  # m of pull between two predicted states
+MAX_STATES = 2000
+"""States predicted for one trajectory; one takes some milliseconds."""
+
+
+@dataclass(frozen=True)
+class TensionLimits:
+    """Largest predicted tension of any tendon, and of both at once, N."""
+
+    any_tendon: float
+    both: float
+
+
+class TensionPrediction:
+    """Follows a trajectory with the model, and refuses what would need too much tension."""
+
+    def __init__(self, arm: Arm) -> None:
+        """Prepare the model of ``arm``, which is compiled when it is first used."""
+        self._statics = Statics(arm)
+        self._tendons = arm.tendon_names
+        self.chain = self._statics.chain
+
+    @staticmethod
+    def steps(pulls: Array) -> list[int]:
+        """
+        Return how many states are predicted between the points of pulls (k, tendons) in m.
+
+        Raises MotionRefusedError when they are more than MAX_STATES.
+        """
+        moves = np.abs(np.diff(pulls, axis=0)).max(axis=1)
+        steps: list[int] = np.maximum(1, np.ceil(moves / PREDICTION_STEP)).astype(int).tolist()
+        if sum(steps) > MAX_STATES:
+            raise MotionRefusedError(
+                Reason.INVALID,
+                f'{len(pulls)} points with {moves.sum():.3f} m of pull take {sum(steps)} '
+                f'predicted states; allowed: {MAX_STATES}; send it in parts')
+        return steps
+
+    def check(self, pulls: Array, joint_angles: Array, soft: Sequence[bool],
+              limits: TensionLimits, revoked: Callable[[], bool]) -> None:
+        """
+        Refuse pulls (k, tendons) in m that need too much tension, or for which there is no shape.
+
+        joint_angles: (joints,) rad of the shape from which they start.  soft: per segment.  Ends
+        early once ``revoked``.  Raises MotionRefusedError.
+        """
+        state = self.chain.state(joint_angles)
+        try:
+            for before, after, steps in zip(
+                    pulls[:-1], pulls[1:], self.steps(pulls), strict=True):
+                for part in np.arange(1, steps + 1) / steps:
+                    if revoked():
+                        return
+                    wanted = before + part * (after - before)
+                    state = self._statics.solve(state, wanted - SLACK_ALLOWANCE, soft)
+                    self._check(wanted, np.asarray(state.tensions), limits)
+        except StaticsError as error:
+            raise MotionRefusedError(Reason.TENSION, str(error)) from None
+
+    def _check(self, pulls: Array, tensions: Array, limits: TensionLimits) -> None:
+        second = np.sort(tensions)[-2] if len(tensions) > 1 else 0.0
+        if tensions.max() > limits.any_tendon or second > limits.both:
+            predicted = ', '.join(
+                f'{name} {pull * 1e3:.2f} mm: {tension:.1f} N' for name, pull, tension
+                in zip(self._tendons, pulls, tensions, strict=True))
+            raise MotionRefusedError(
+                Reason.TENSION,
+                f'the tensions on the way would be too large, at {predicted}; tension_limit: '
+                f'{limits.any_tendon:g} N, co_contraction_limit (two at once): '
+                f'{limits.both:g} N')

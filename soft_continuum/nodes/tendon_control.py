@@ -1,0 +1,339 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the thread of control does with the tendons."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import NoReturn
+
+from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
+from soft_continuum.hardware.tendon_controller import (
+    MotionRefusedError,
+    Reason,
+    TendonController,
+)
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.nodes.motion_requests import MotionRequests, Request
+from soft_continuum.nodes.reported_arm import Interlock, ReportedArm
+from soft_continuum_interfaces.msg import TendonActuationState
+
+LATE_PERIODS = 5
+"""Periods that may pass between two cycles before the motion is ended instead of caught up."""
+MAX_REVOKED = 20  # motions whose further parts are refused
+Device = tuple[TendonDriver, TendonController]
+
+
+@dataclass(frozen=True)
+class Report:
+    """
+    State after a cycle or a request.
+
+    ended, refused: why the last motion was, for people; empty when a later one was accepted.
+    reading: None when it means nothing.  time: s of ROS.
+    """
+
+    state: TendonActuationState
+    ended: str
+    refused: str
+    reading: TendonReading | None
+    time: float
+
+
+class TendonControl:
+    """
+    Moves the tendons, as far as the arm may be moved.
+
+    Every method is called on the thread of control.  Other threads read ``revocations``, ``lost``
+    and nothing else, and receive a Report after whatever changes something.
+    """
+
+    def __init__(self, tendons: tuple[str, ...], arm: ReportedArm, period: float,
+                 clock: Callable[[], float], report: Callable[[Report], None],
+                 release: Callable[[TendonDriver], None]) -> None:
+        """
+        Start without a device.
+
+        period: of the control cycle, s.  clock: of ROS, s.  release: is given the driver of a
+        device that failed, to close it elsewhere.
+        """
+        self._tendons, self._arm, self._period, self._clock = tendons, arm, period, clock
+        self._publish, self._release = report, release
+        self._driver: TendonDriver | None = None
+        self._controller: TendonController | None = None
+        self._active = False
+        self._requests = MotionRequests()
+        self._stiff_at_start: tuple[bool | None, ...] = ()
+        self._stopped, self._stop_message = TendonActuationState.NOT_STOPPED, ''
+        self._fault = ''  # why there is no device
+        self._ended = self._refused = ''  # why the last motion was, for people
+        self._revoked: tuple[int, Reason, str] = (0, Reason.NO_REASON, '')
+        self._over: dict[str, tuple[Reason, str]] = {}  # motions that were revoked, by their id
+        self.lost = False  # a device that was attached
+
+    @property
+    def revocations(self) -> int:
+        """How often everything that was asked for before has been revoked."""
+        return self._revoked[0]
+
+    # The device.
+
+    def attach(self, device: Device) -> None:
+        """Control a device from now on; what was stopped stays stopped."""
+        self._driver, self._controller = device
+        self._fault, self.lost = '', False
+        if self._stop_message:
+            self._controller.stop(self._stop_message)
+        self.report()
+
+    def detach(self) -> Device | None:
+        """Return the device, if there is one, and go on without."""
+        device = None
+        if self._driver is not None and self._controller is not None:
+            device = self._driver, self._controller
+        self._driver = self._controller = None
+        self._active = self.lost = False
+        self._fault = ''
+        self.report()
+        return device
+
+    def activate(self) -> None:
+        """Accept trajectories."""
+        self._active = True
+        self.report()
+
+    def deactivate(self) -> None:
+        """Brake, hold and accept no trajectories."""
+        self._active = False
+        self.hold(Reason.INACTIVE, 'the node was deactivated')
+
+    def not_connected(self, error: str) -> None:
+        """Take note of why the device cannot be connected to."""
+        self._fault = error
+        self.report()
+
+    def _lose(self, error: HardwareError) -> None:
+        """Let go of a device that failed; nothing moves before it is back and resumed."""
+        if self._driver is not None:
+            self._release(self._driver)
+        self._driver = self._controller = None
+        self._fault, self.lost = str(error), True
+        if not self._stop_message:
+            self._stopped = TendonActuationState.STOPPED_BY_DEVICE
+            self._stop_message = f'the device failed: {error}'
+        self._revoke(Reason.DEVICE, str(error))
+        self.report()
+
+    def failed(self, error: Exception) -> None:
+        """Treat a mistake of this program like a device that failed."""
+        self._lose(HardwareError(f'control failed: {type(error).__name__}: {error}'))
+
+    # Trajectories.
+
+    def prepare(self, request: Request) -> Array:
+        """
+        Check a trajectory as far as that is quick; return the pulls (k, tendons) m to predict.
+
+        Raises MotionRefusedError.
+        """
+        controller = self._checked(request)
+        found: list[Array] = []
+
+        def keep(pulls: Array) -> None:
+            found.append(pulls)
+            raise _NotYetError
+
+        with suppress(_NotYetError):
+            self._accept(controller, request, keep)
+        return found[0]
+
+    def follow(self, request: Request, stiff: tuple[bool | None, ...]) -> None:
+        """
+        Follow a trajectory whose tensions were predicted for ``stiff``.
+
+        Raises MotionRefusedError.
+        """
+        controller = self._checked(request)
+        if stiff != self._arm.stiff:
+            self._refuse_because(Interlock(
+                Reason.STIFFNESS_CHANGED,
+                'a segment changed between soft and stiff before the motion began'))
+        self._accept(controller, request, lambda _: None)
+        if request.id != self._requests.accepted.id and self._requests.following:
+            self._requests.end(Reason.REPLACED, 'a newer trajectory took its place')
+            self.report()
+        self._requests.accept(request.id)
+        self._stiff_at_start, self._ended, self._refused = stiff, '', ''
+        self.report()
+
+    def _checked(self, request: Request) -> TendonController:
+        count, reason, message = self._revoked
+        if count != request.revocation:
+            self._forbid(request.id, reason, message)
+            raise MotionRefusedError(reason, message)
+        if request.id in self._over:
+            reason, message = self._over[request.id]
+            raise MotionRefusedError(
+                reason, f'the motion {request.id} has ended ({message}); send another one with '
+                'another header.frame_id')
+        if self._controller is None or not self._active:
+            raise MotionRefusedError(
+                Reason.DEVICE if self._fault else Reason.INACTIVE,
+                self._fault or 'the node is not active')
+        if interlock := self._arm.motion_interlock():
+            self._refuse_because(interlock)
+        return self._controller
+
+    def _accept(self, controller: TendonController, request: Request,
+                predict: Callable[[Array], None]) -> None:
+        now = self._clock()
+        start = now if request.start is None else request.start
+        controller.accept(start + request.times, request.pulls, now, predict, start)
+
+    @staticmethod
+    def _refuse_because(interlock: Interlock) -> NoReturn:
+        raise MotionRefusedError(interlock.reason, interlock.message)
+
+    def refuse(self, request_id: str, reason: Reason, message: str) -> None:
+        """Report that a trajectory is refused; whatever is followed goes on."""
+        self._refused = message
+        self._requests.refuse(request_id, reason, message)
+        self.report()
+
+    # Holding, stopping, referencing.
+
+    def _revoke(self, reason: Reason, message: str) -> None:
+        """End the motion, and refuse the trajectories that are being judged."""
+        self._revoked = (self._revoked[0] + 1, reason, message)
+        if self._requests.following:
+            self._forbid(self._requests.accepted.id, reason, message)
+        self._requests.end(reason, message)
+
+    def _forbid(self, request_id: str, reason: Reason, message: str) -> None:
+        """Accept no further part of a motion: it may come in parts that share an id."""
+        if request_id:
+            self._over[request_id] = reason, message
+            if len(self._over) > MAX_REVOKED:
+                del self._over[next(iter(self._over))]
+
+    def hold(self, reason: Reason, message: str) -> None:
+        """Brake and hold, ready for the next trajectory."""
+        self._revoke(reason, message)
+        if self._controller is not None:
+            try:
+                self._controller.hold()
+            except HardwareError as error:
+                self._lose(error)
+        self.report()
+
+    def stop(self, kind: int, message: str) -> tuple[bool, str]:
+        """
+        Brake and hold; nothing moves before ``resume``.
+
+        kind: of TendonActuationState.  Returns whether the device was reached, and the answer.
+        """
+        self._stopped, self._stop_message = kind, message
+        self._revoke(Reason.STOPPED,
+                     f'stopped ({message}); call ~/resume before any motion')
+        answer = True, 'stopped, holding tension; nothing moves before ~/resume'
+        if self._controller is None:
+            answer = True, 'not connected; stopped all the same'
+            if self._fault:
+                answer = False, f'the stop did not reach the device: {self._fault}'
+        else:
+            try:
+                self._controller.stop(message)
+            except HardwareError as error:
+                self._lose(error)
+                answer = False, f'the stop did not reach the device: {error}'
+        self.report()
+        return answer
+
+    def resume(self) -> tuple[bool, str]:
+        """Accept motion again, from where the tendons are; return success and the answer."""
+        if not self._active or self._controller is None:
+            return False, self._fault or 'the node is not active'
+        self._controller.resume()
+        self._stopped, self._stop_message = TendonActuationState.NOT_STOPPED, ''
+        self._ended = ''
+        self.report()
+        return True, 'ready, from the present position'
+
+    def reference(self) -> tuple[bool, str]:
+        """Take the position as zero pull, or begin to home; return success and the answer."""
+        if not self._active or self._controller is None or self._driver is None:
+            return False, self._fault or 'the node is not active'
+        homes = self._driver.reference_moves
+        if homes and (interlock := self._arm.homing_interlock()):
+            return False, interlock.message
+        self._ended = ''
+        try:
+            self._controller.reference()
+        except MotionRefusedError as error:
+            return False, str(error)
+        except HardwareError as error:
+            self._lose(error)
+            return False, str(error)
+        self.report()
+        return True, ('homing; the tendons are at zero pull when they rest' if homes else
+                      'the present position counts as the straight arm; '
+                      'call kinematics/reset if it was not known')
+
+    # The control cycle.
+
+    def cycle(self, late: float) -> None:
+        """Send the driver on, unless something speaks against it; late: s."""
+        controller = self._controller
+        if controller is None:
+            return
+        try:
+            if not self._ended and (interlock := self._cycle_interlock(controller, late)):
+                controller.hold()
+                self._revoke(interlock.reason, interlock.message)
+                self._ended = f'motion ended: {interlock.message}'
+            controller.update(self._clock(), self._period)
+        except HardwareError as error:
+            self._lose(error)
+            return
+        if not controller.busy:
+            self._requests.done()
+        self.report()
+
+    def _cycle_interlock(self, controller: TendonController, late: float) -> Interlock | None:
+        if not controller.busy:
+            return None
+        if controller.homing:
+            return self._arm.homing_interlock()
+        if interlock := self._arm.motion_interlock():
+            return interlock
+        if self._stiff_at_start != self._arm.stiff:
+            return Interlock(Reason.STIFFNESS_CHANGED,
+                             'a segment changed between soft and stiff during the motion')
+        if controller.following and late > LATE_PERIODS * self._period:
+            return Interlock(
+                Reason.LATE, f'the control cycle came {late:.3f} s late, more than '
+                f'{LATE_PERIODS} periods; the computer is too busy')
+        return None
+
+    def snapshot(self) -> Report:
+        """Return the state as it is now."""
+        controller = self._controller
+        state = TendonActuationState(
+            tendons=list(self._tendons), connected=controller is not None, fault=self._fault,
+            stopped=self._stopped, stop_message=self._stop_message,
+            accepted=self._requests.accepted, refused=self._requests.refused)
+        reading = None
+        if controller is not None:
+            state.referenced = controller.reading.referenced
+            state.moving, state.homing = controller.busy, controller.homing
+            if self._active and (state.referenced or not state.homing):
+                reading = controller.reading
+        return Report(state, self._ended, self._refused, reading, self._clock())
+
+    def report(self) -> None:
+        """Let the other threads know how things are."""
+        self._publish(self.snapshot())
+
+
+class _NotYetError(Exception):
+    """A trajectory that is all right so far is not to be followed yet."""

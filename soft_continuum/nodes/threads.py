@@ -1,0 +1,144 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The threads of a node: one for control, one for what takes long, and that of ROS."""
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+import os
+from queue import Empty, Full, Queue, SimpleQueue
+import threading
+from time import monotonic
+import traceback
+from typing import Any
+
+from rclpy.node import Node
+
+CALL_TIMEOUT = 3.0
+"""s that a caller waits for a thread; drivers promise to be much faster."""
+PRIORITY = 20  # of control among real-time threads, where the system allows any
+
+
+def on_ros_thread(node: Node, function: Callable[..., None], *arguments: Any) -> None:
+    """Let the executor of ``node`` call ``function``, from any thread; without one nothing is."""
+    executor = node.executor
+    if executor is not None:
+        executor.create_task(function, *arguments)
+
+
+class _Request:
+    """
+    Something that another thread is to do, and its result.
+
+    ``failed`` is called with what it raised, unless somebody waits for the result.
+    """
+
+    def __init__(self, function: Callable[..., Any], arguments: tuple[Any, ...],
+                 failed: Callable[[Exception], None] | None = None) -> None:
+        self._function, self._arguments, self._failed = function, arguments, failed
+        self.future: Future[Any] = Future()
+
+    def run(self) -> None:
+        """Do it."""
+        try:
+            self.future.set_result(self._function(*self._arguments))
+        except Exception as error:
+            self.future.set_exception(error)
+            if self._failed is not None:
+                try:
+                    self._failed(error)
+                except Exception:  # the thread has to go on, to hold if nothing else
+                    traceback.print_exc()
+
+
+class ControlLoop:
+    """
+    A thread that controls one device: nothing else uses the device while the loop runs.
+
+    It calls ``cycle`` at a steady rate, on absolute deadlines, with how much longer ago than one
+    period the last one began (s).  A deadline that was missed is left out, never made up for.
+    Between two cycles it does what other threads ask for: ``call`` waits for the result, ``post``
+    does not.  ``failed`` is called, on the same thread, with what ``cycle`` or a posted function
+    raised.
+    """
+
+    def __init__(self, name: str, period: float, cycle: Callable[[float], None],
+                 failed: Callable[[Exception], None]) -> None:
+        """Start at once; period: s."""
+        self._period, self._cycle, self._failed = period, cycle, failed
+        self._requests: SimpleQueue[_Request] = SimpleQueue()
+        self._ending = False
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """
+        Return what ``function`` returns on the thread of the loop, or raise what it raises.
+
+        Raises TimeoutError after CALL_TIMEOUT; the function may still be called then.
+        """
+        request = _Request(function, arguments)
+        self._requests.put(request)
+        return request.future.result(CALL_TIMEOUT)
+
+    def post(self, function: Callable[..., Any], *arguments: Any) -> None:
+        """Let the loop call ``function`` as soon as it can."""
+        self._requests.put(_Request(function, arguments, self._failed))
+
+    def close(self) -> None:
+        """End the thread after what was asked for before."""
+        self.post(setattr, self, '_ending', True)
+        self._thread.join(CALL_TIMEOUT)
+
+    def _run(self) -> None:
+        with suppress(OSError):  # only some systems allow it
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        last = monotonic()
+        deadline = last + self._period
+        while not self._ending:
+            with suppress(Empty):
+                self._requests.get(timeout=max(0.0, deadline - monotonic())).run()
+            now = monotonic()
+            if now >= deadline and not self._ending:
+                late, last = now - last - self._period, now
+                _Request(self._cycle, (late,), self._failed).run()
+                deadline += self._period * (1 + (monotonic() - deadline) // self._period)
+
+
+class Worker:
+    """
+    A thread for what takes long: one thing after another, and only so many that wait.
+
+    ``failed`` is called, on the same thread, with what a submitted function raised.
+    """
+
+    def __init__(self, name: str, failed: Callable[[Exception], None], limit: int = 8) -> None:
+        """Start at once; ``limit``: how many may wait."""
+        self._failed = failed
+        self._work: Queue[_Request | None] = Queue(limit)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> bool:
+        """Call ``function`` when it is its turn; return False when too many wait already."""
+        try:
+            self._work.put_nowait(_Request(function, arguments, self._failed))
+        except Full:
+            return False
+        return True
+
+    def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return what ``function`` returns, or raise what it raises, however long it takes."""
+        request = _Request(function, arguments)
+        self._work.put(request)
+        return request.future.result()
+
+    def close(self, timeout: float) -> None:
+        """End the thread after what was asked for before; wait ``timeout`` s at most."""
+        with suppress(Full):
+            self._work.put(None, timeout=timeout)
+        self._thread.join(timeout)
+
+    def _run(self) -> None:
+        while (work := self._work.get()) is not None:
+            work.run()

@@ -1,0 +1,147 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the sequencer takes for the state of the arm, and when that is a fault."""
+
+from typing import Any
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import FluidPressure, JointState
+
+from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
+from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationState
+
+ARM = load_arm(description_file())
+SEGMENTS, TENDONS = len(ARM.segments), list(ARM.tendon_names)
+JOINTS = RigidChain(ARM).joints
+TIMEOUT = 0.5  # s
+STIFF, SOFT = JammingValvesState.STIFF, JammingValvesState.NOT_STIFF
+UNKNOWN = JammingValvesState.UNKNOWN
+
+
+class Bench:
+    """An observer, the messages that it gets, and the clock."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 100.0
+        monkeypatch.setattr('soft_continuum.ros.age.monotonic', lambda: self.now)
+        node = Mock()
+        self.observer = ArmObserver(
+            node, ARM, {'silence_timeout': TIMEOUT, 'ambient_pressure': 101325.0}, Mock())
+        self._callbacks = {
+            call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
+        self.jamming(STIFF)
+        self.tendons()
+        self.stream()
+
+    def send(self, topic: str, message: Any) -> None:
+        self._callbacks[topic](message)
+
+    def stream(self, seconds: float = 0.0) -> None:
+        """Let time pass, in which all streams go on."""
+        self.now += seconds
+        self.send('tendon_states', JointState(
+            name=TENDONS[::-1], position=[-0.002, 0.001], velocity=[0.0, 0.0]))
+        self.send('joint_states', JointState(position=[0.01] * JOINTS))
+        self.send('segment_1/pressure', FluidPressure(fluid_pressure=11325.0))
+
+    def jamming(self, stiffness: int, fault: str = '', segment_fault: str = '') -> None:
+        self.send('jamming_valves/state', JammingValvesState(
+            connected=not fault, fault=fault, stiffness=[stiffness] * SEGMENTS,
+            segment_faults=[segment_fault, *[''] * (SEGMENTS - 1)]))
+
+    def tendons(self, **values: Any) -> None:
+        self.send('tendon_actuation/state', TendonActuationState(
+            **{'connected': True, 'referenced': True, **values}))
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    """Return an observer of a sound, stiff arm."""
+    return Bench(monkeypatch)
+
+
+def test_a_sound_arm_may_be_moved_and_its_tendons_are_known_by_name(bench: Bench) -> None:
+    assert bench.observer.interlock == ''
+    assert bench.observer.pulls == (0.001, -0.002)
+    observation = bench.observer.observation(None, '')
+    assert observation.stiff == (True,) * SEGMENTS
+    assert observation.vacuum[0] == pytest.approx(90e3)
+    assert not observation.moving
+
+
+@pytest.mark.parametrize('topic', ['tendon_states', 'joint_states', 'segment_1/pressure'])
+def test_a_stream_that_ends_is_a_fault_after_the_timeout(bench: Bench, topic: str) -> None:
+    bench._callbacks[topic] = Mock()
+    bench.stream(0.9 * TIMEOUT)
+    assert bench.observer.fault == ''
+    bench.stream(0.2 * TIMEOUT)
+    assert bench.observer.fault.startswith('nothing received for 0.5 s from ')
+    assert topic.split('/')[-1] in bench.observer.fault
+
+
+@pytest.mark.parametrize('fault', ['device', 'segment', 'tendons'])
+def test_a_fault_counts_once_it_has_lasted(bench: Bench, fault: str) -> None:
+    def report() -> None:
+        if fault == 'tendons':
+            bench.tendons(connected=False, fault='no answer')
+        else:
+            bench.jamming(UNKNOWN if fault == 'device' else STIFF, **{
+                'fault' if fault == 'device' else 'segment_fault': 'no answer'})
+
+    report()
+    bench.stream(0.9 * TIMEOUT)
+    report()  # the same fault, reported again, lasts on
+    assert bench.observer.fault == ''
+    assert bench.observer.all_stiff  # as was last known
+    bench.stream(0.2 * TIMEOUT)
+    assert bench.observer.fault.endswith('no answer')
+
+
+def test_a_fault_that_ended_in_time_does_not_count(bench: Bench) -> None:
+    bench.jamming(UNKNOWN, fault='no answer')
+    bench.stream(0.9 * TIMEOUT)
+    bench.jamming(STIFF)
+    bench.stream(0.9 * TIMEOUT)
+    bench.jamming(UNKNOWN, fault='no answer')
+    assert bench.observer.fault == ''
+
+
+def test_a_segment_that_is_not_stiff_counts_at_once(bench: Bench) -> None:
+    bench.jamming(SOFT)
+    assert not bench.observer.all_stiff
+
+
+@pytest.mark.parametrize('values, reason', [
+    ({'stopped': TendonActuationState.STOPPED_BY_SERVICE, 'stop_message': 'the button'},
+     'the button'),
+    ({'referenced': False}, 'not referenced'),
+])
+def test_no_sequence_begins_on_an_arm_that_is_stopped_or_not_referenced(
+        bench: Bench, values: dict[str, Any], reason: str) -> None:
+    bench.tendons(**values)
+    assert reason in bench.observer.interlock
+    bench.tendons()
+    assert bench.observer.interlock == ''
+
+
+@pytest.mark.parametrize('position', [
+    [np.nan] * JOINTS, [1.7e308] * JOINTS, [0.0] * (JOINTS - 1)], ids=['nan', 'absurd', 'short'])
+def test_joint_states_of_no_arm_are_ignored(bench: Bench, position: list[float]) -> None:
+    before = bench.observer.shape
+    bench.send('joint_states', JointState(position=position))
+    assert bench.observer.shape is before
+
+
+@pytest.mark.parametrize('message', [
+    JointState(name=TENDONS, position=[np.nan, 0.0]),
+    JointState(name=TENDONS, position=[0.0]),
+    JointState(name=['a', 'b'], position=[0.0, 0.0])], ids=['nan', 'short', 'other names'])
+def test_tendon_states_of_no_arm_are_ignored(bench: Bench, message: JointState) -> None:
+    bench.send('tendon_states', message)
+    assert bench.observer.pulls == (0.001, -0.002)
