@@ -10,7 +10,6 @@ import argparse
 from collections.abc import Sequence
 import re
 import signal
-import subprocess
 import sys
 import threading
 from typing import Any
@@ -26,8 +25,10 @@ from soft_continuum.browser.session import Session
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
-from soft_continuum.nodes.runtime import argument_error, ROS_ARGUMENT_ERRORS
+from soft_continuum.nodes.processes import NodeProcesses
+from soft_continuum.nodes.runtime import argument_error, NODES, ROS_ARGUMENT_ERRORS
 from soft_continuum.nodes.up import ros_arguments
+from soft_continuum.parameters.parameter import ParameterError
 
 PORT = 8080
 SCENE_PERIOD = 0.04  # s
@@ -110,14 +111,16 @@ def ui() -> int:
                        help='start no nodes; show those that run')
     options, rest = known.parse_known_args()
     arguments = ros_arguments(rest)
-    nodes = [] if options.view_only else [subprocess.Popen(
-        [sys.executable, '-m', 'soft_continuum', 'up', *rest])]
-    try:
+    if options.view_only:
         return run(arguments, options)
-    finally:
-        for node in nodes:
-            node.send_signal(signal.SIGINT)
-            node.wait()
+    try:
+        with NodeProcesses(NODES, arguments):
+            return run(arguments, options)
+    except ParameterError as error:
+        print(f'ui: {error}', file=sys.stderr)
+    except ROS_ARGUMENT_ERRORS as error:
+        print(f'ui: {argument_error(arguments, error)}', file=sys.stderr)
+    return 2
 
 
 def browser() -> int:

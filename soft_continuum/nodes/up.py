@@ -58,7 +58,7 @@ def main() -> int:
     try:
         with NodeProcesses(NODES, arguments) as nodes:
             signals.starting = False
-            while not signals.received and nodes.check():
+            while not signals.received and nodes.running:
                 sleep(PERIOD)
     except ParameterError as error:
         print(f'up: {error}', file=sys.stderr)
