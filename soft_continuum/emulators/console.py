@@ -10,6 +10,8 @@ import sys
 import threading
 from typing import Any, TypeVar
 
+from soft_continuum.arguments import Parser
+
 Emulator = TypeVar('Emulator')
 Ranges = Mapping[str, tuple[float, float]]
 RANGES: Ranges = {'SECONDS': (0.0, 3600.0), 'SHARE': (0.0, 1.0)}
@@ -66,7 +68,7 @@ def execute(commands: Mapping[str, Command], ranges: Ranges, emulator: Any, line
     return done if isinstance(done, str) else 'done'
 
 
-def serve(program: str, make: Callable[[], AbstractContextManager[Emulator]],
+def serve(parser: Parser, make: Callable[[], AbstractContextManager[Emulator]],
           introduce: Callable[[Emulator], str], obey: Callable[[Emulator, str], str]) -> int:
     """
     Serve an emulator until ``quit`` or Ctrl-C; return the exit status.
@@ -86,8 +88,7 @@ def serve(program: str, make: Callable[[], AbstractContextManager[Emulator]],
                     print(error, flush=True)
             threading.Event().wait()  # no terminal: serve until Ctrl-C
     except OSError as error:
-        print(f'{program}: {error}', file=sys.stderr)
-        return 1
+        return parser.fail(error)
     except KeyboardInterrupt:
         pass
     return 0

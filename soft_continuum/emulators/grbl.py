@@ -84,7 +84,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         right, left = ((switch + 1.0) * 1e-3 for switch in arguments.switches)  # 1 mm off: $27
         homing = f'\n      homed_pulls: [{right:.4f}, {left:.4f}]'
     return console.serve(
-        parser.prog, lambda: GrblEmulator(
+        parser, lambda: GrblEmulator(
             arguments.link, Clock(arguments.time_factor), settings, arguments.switches),
         lambda emulator: CONFIGURATION.format(
             port=emulator.port, x=emulator.firmware.settings[100],

@@ -89,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     numbers = range(arguments.segments)
     return serve(
-        parser.prog, lambda: ModbusEmulator(
+        parser, lambda: ModbusEmulator(
             arguments.segments, initially_stiff=arguments.stiff, link=arguments.link,
             baud_rate=arguments.baud_rate),
         lambda emulator: CONFIGURATION.format(

@@ -303,4 +303,4 @@ def test_the_emulator_runs_as_a_program(tmp_path):
 
 def test_a_link_that_cannot_be_made_is_an_error_not_a_traceback(tmp_path, capsys):
     assert main(['--link', str(tmp_path / 'missing' / 'port')]) == 1
-    assert 'grbl_emulator:' in capsys.readouterr().err
+    assert 'emulate grbl:' in capsys.readouterr().err
