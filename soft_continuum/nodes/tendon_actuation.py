@@ -193,7 +193,10 @@ class TendonActuation(ManagedNode):
             raise
 
     def _refuse(self, request_id: str, error: MotionRefusedError) -> None:
-        self.get_logger().error(f'trajectory refused: {error}')
+        if error.reason is Reason.HELD:  # by its sender
+            self.get_logger().info(f'trajectory refused: {error}')
+        else:
+            self.get_logger().error(f'trajectory refused: {error}')
         self._loop.post(self._control.refuse, request_id, error.reason, str(error))
 
     # What is reported.
