@@ -18,7 +18,7 @@ from soft_continuum.nodes.motion_requests import MotionRequests, Request
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm
 from soft_continuum_interfaces.msg import TendonActuationState
 
-LATE_PERIODS = 5
+LATE_PERIODS = 10
 """Periods that may pass between two cycles before the motion is ended instead of caught up."""
 MAX_REVOKED = 20  # motions whose further parts are refused
 Device = tuple[TendonDriver, TendonController]

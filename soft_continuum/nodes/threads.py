@@ -7,6 +7,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 import os
 from queue import Empty, Full, Queue, SimpleQueue
+import sys
 import threading
 from time import monotonic
 import traceback
@@ -16,6 +17,8 @@ from rclpy.node import Node
 
 CALL_TIMEOUT = 3.0
 """s that a caller waits for a thread; drivers promise to be much faster."""
+SWITCH_INTERVAL = 0.001
+"""s for which another thread of Python may keep control waiting."""
 PRIORITY = 20  # of control among real-time threads, where the system allows any
 
 
@@ -68,6 +71,7 @@ class ControlLoop:
         self._period, self._cycle, self._failed = period, cycle, failed
         self._requests: SimpleQueue[_Request] = SimpleQueue()
         self._ending = False
+        sys.setswitchinterval(SWITCH_INTERVAL)
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
