@@ -23,10 +23,20 @@ PRIORITY = 20  # of control among real-time threads, where the system allows any
 
 
 def on_ros_thread(node: Node, function: Callable[..., None], *arguments: Any) -> None:
-    """Let the executor of ``node`` call ``function``, from any thread; without one nothing is."""
+    """
+    Let the executor of ``node`` call ``function``, from any thread; without one nothing is.
+
+    What it raises is logged: rclpy's EventsExecutor ends the process over a task that raises.
+    """
+    def task() -> None:
+        try:
+            function(*arguments)
+        except Exception:
+            node.get_logger().error(traceback.format_exc())
+
     executor = node.executor
     if executor is not None:
-        executor.create_task(function, *arguments)
+        executor.create_task(task)
 
 
 class _Request:
