@@ -6,12 +6,10 @@
 Nodes and view are processes of their own: what the view does takes no time from the nodes.
 """
 
-import argparse
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
 import re
 import signal
-import subprocess
-import sys
 import threading
 from typing import Any
 
@@ -19,6 +17,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 import viser
 
+from soft_continuum.arguments import DONE, Parser, WRONG_USAGE
 from soft_continuum.browser.access import AccessError, open_server, page_address
 from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.scene import Scene
@@ -26,8 +25,10 @@ from soft_continuum.browser.session import Session
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
-from soft_continuum.nodes.runtime import argument_error, ROS_ARGUMENT_ERRORS
-from soft_continuum.nodes.up import ros_arguments
+from soft_continuum.nodes.processes import NodeProcesses
+from soft_continuum.nodes.runtime import argument_error, NODES, ROS_ARGUMENT_ERRORS
+from soft_continuum.nodes.up import ros_arguments, start_parser
+from soft_continuum.parameters.parameter import ParameterError
 
 PORT = 8080
 SCENE_PERIOD = 0.04  # s
@@ -81,52 +82,51 @@ class View:
             self._session.update_description()
 
 
-def parser(program: str) -> argparse.ArgumentParser:
-    """Return the options of the view."""
-    options = argparse.ArgumentParser(
-        prog=program, allow_abbrev=False,
-        description='The arm in a browser. All other options are those of ./run up.')
-    options.add_argument('--host', default='127.0.0.1',
-                         help='address to listen on; beyond this machine only with --token '
-                         '(default: %(default)s)')
-    options.add_argument('--port', type=int, default=PORT,
-                         help='port, 0 for any free one (default: %(default)s)')
-    options.add_argument('--token', type=_token,
-                         help='what a browser has to show: 12 or more letters, digits, - and _')
-    return options
+def _add_view_options(parser: Parser) -> None:
+    parser.add_argument('--host', default='127.0.0.1',
+                        help='address to listen on; beyond this machine only with --token '
+                        '(default: %(default)s)')
+    parser.add_argument('--port', type=int, default=PORT,
+                        help='port, 0 for any free one (default: %(default)s)')
+    parser.add_argument('--token', type=_token,
+                        help='what a browser has to show: 12 or more letters, digits, - and _')
 
 
 def _token(text: str) -> str:
     if not TOKEN.fullmatch(text):
-        raise argparse.ArgumentTypeError(
+        raise ArgumentTypeError(
             'a token is 12 or more letters, digits, - and _, such as openssl rand -hex 16 prints')
     return text
 
 
 def ui() -> int:
     """Run the four nodes and the view until Ctrl-C; return the exit status."""
-    known = parser('./run ui')
-    known.add_argument('--view-only', action='store_true',
-                       help='start no nodes; show those that run')
-    options, rest = known.parse_known_args()
-    arguments = ros_arguments(rest)
-    nodes = [] if options.view_only else [subprocess.Popen(
-        [sys.executable, '-m', 'soft_continuum', 'up', *rest])]
+    parser = start_parser('ui', 'The four nodes, and the arm in a browser.')
+    _add_view_options(parser)
+    parser.add_argument('--view-only', action='store_true',
+                        help='start no nodes; show those that run')
+    options = parser.parse_args()
+    arguments = ros_arguments(options)
+    if options.view_only:
+        return run(parser, arguments, options)
     try:
-        return run(arguments, options)
-    finally:
-        for node in nodes:
-            node.send_signal(signal.SIGINT)
-            node.wait()
+        with NodeProcesses(NODES, arguments):
+            return run(parser, arguments, options)
+    except ParameterError as error:
+        return parser.fail(error, WRONG_USAGE)
+    except ROS_ARGUMENT_ERRORS as error:
+        return parser.fail(argument_error(arguments, error), WRONG_USAGE)
 
 
 def browser() -> int:
     """Run the view alone, with the arguments of a ROS node; return the exit status."""
-    options, rest = parser('browser').parse_known_args()
-    return run(['browser', *rest], options)
+    parser = Parser('browser', 'The arm in a browser. All other arguments are those of a node.')
+    _add_view_options(parser)
+    options, rest = parser.parse_known_args()
+    return run(parser, ['browser', *rest], options)
 
 
-def run(arguments: Sequence[str], options: argparse.Namespace) -> int:
+def run(parser: Parser, arguments: Sequence[str], options: Namespace) -> int:
     """Run the view, with ROS arguments, until SIGINT or SIGTERM; return the exit status."""
     signal.signal(signal.SIGTERM, _interrupt)
     connection: Connection | None = None
@@ -140,11 +140,9 @@ def run(arguments: Sequence[str], options: argparse.Namespace) -> int:
         print(f'The arm is at {page_address(server, token)} (Ctrl-C ends it)', flush=True)
         threading.Event().wait()
     except (AccessError, ClientError) as error:
-        print(f'{error}', file=sys.stderr)
-        return 2
+        return parser.fail(error, WRONG_USAGE)
     except ROS_ARGUMENT_ERRORS as error:
-        print(argument_error(arguments, error), file=sys.stderr)
-        return 2
+        return parser.fail(argument_error(arguments, error), WRONG_USAGE)
     except KeyboardInterrupt:
         pass
     finally:
@@ -152,7 +150,7 @@ def run(arguments: Sequence[str], options: argparse.Namespace) -> int:
             connection.close()
         if server is not None:
             server.stop()
-    return 0
+    return DONE
 
 
 async def _show(server: viser.ViserServer, requests: Requests) -> View:

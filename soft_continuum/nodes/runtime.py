@@ -22,11 +22,7 @@ from soft_continuum.parameters.files import load_description, read_parameter_fil
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 from soft_continuum.ros import names
-
-try:
-    from rclpy.experimental import EventsExecutor as BestExecutor
-except ImportError:  # before rclpy 7.1.4
-    from rclpy.executors import SingleThreadedExecutor as BestExecutor
+from soft_continuum.ros.executor import BestExecutor
 
 ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
 
