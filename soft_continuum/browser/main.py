@@ -26,9 +26,10 @@ from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.processes import NodeProcesses
-from soft_continuum.nodes.runtime import argument_error, NODES, ROS_ARGUMENT_ERRORS
+from soft_continuum.nodes.runtime import argument_error, ROS_ARGUMENT_ERRORS
 from soft_continuum.nodes.up import ros_arguments, start_parser
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.names import NODES
 
 PORT = 8080
 SCENE_PERIOD = 0.04  # s
@@ -106,16 +107,7 @@ def ui() -> int:
     parser.add_argument('--view-only', action='store_true',
                         help='start no nodes; show those that run')
     options = parser.parse_args()
-    arguments = ros_arguments(options)
-    if options.view_only:
-        return run(parser, arguments, options)
-    try:
-        with NodeProcesses(NODES, arguments):
-            return run(parser, arguments, options)
-    except ParameterError as error:
-        return parser.fail(error, WRONG_USAGE)
-    except ROS_ARGUMENT_ERRORS as error:
-        return parser.fail(argument_error(arguments, error), WRONG_USAGE)
+    return run(parser, () if options.view_only else NODES, ros_arguments(options), options)
 
 
 def browser() -> int:
@@ -123,23 +115,25 @@ def browser() -> int:
     parser = Parser('browser', 'The arm in a browser. All other arguments are those of a node.')
     _add_view_options(parser)
     options, rest = parser.parse_known_args()
-    return run(parser, ['browser', *rest], options)
+    return run(parser, (), ['browser', *rest], options)
 
 
-def run(parser: Parser, arguments: Sequence[str], options: Namespace) -> int:
-    """Run the view, with ROS arguments, until SIGINT or SIGTERM; return the exit status."""
+def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options: Namespace
+        ) -> int:
+    """Run nodes and the view, with ROS arguments, until SIGINT or SIGTERM; return the status."""
     signal.signal(signal.SIGTERM, _interrupt)
     connection: Connection | None = None
     server: viser.ViserServer | None = None
     token = options.token or ''
     try:
-        server = open_server(options.host, options.port, token)
-        connection = Connection('browser', timeout=ANSWER_TIMEOUT, arguments=arguments,
-                                discovery_timeout=DISCOVERY_TIMEOUT)
-        connection.requests.start(_show(server, connection.requests)).result()
-        print(f'The arm is at {page_address(server, token)} (Ctrl-C ends it)', flush=True)
-        threading.Event().wait()
-    except (AccessError, ClientError) as error:
+        with NodeProcesses(nodes, arguments):
+            server = open_server(options.host, options.port, token)
+            connection = Connection('browser', timeout=ANSWER_TIMEOUT, arguments=arguments,
+                                    discovery_timeout=DISCOVERY_TIMEOUT)
+            connection.requests.start(_show(server, connection.requests)).result()
+            print(f'The arm is at {page_address(server, token)} (Ctrl-C ends it)', flush=True)
+            threading.Event().wait()
+    except (AccessError, ClientError, ParameterError) as error:
         return parser.fail(error, WRONG_USAGE)
     except ROS_ARGUMENT_ERRORS as error:
         return parser.fail(argument_error(arguments, error), WRONG_USAGE)

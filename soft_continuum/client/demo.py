@@ -10,7 +10,6 @@ client, shows its progress, then prints a table per shape and writes a picture.
 import os
 from pathlib import Path
 import signal
-import subprocess
 import sys
 
 import numpy as np
@@ -23,6 +22,9 @@ from soft_continuum.client.sequence import RunningSequence
 from soft_continuum.client.state import ArmState, Progress
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.nodes.processes import NodeProcesses
+from soft_continuum.nodes.up import description_file
+from soft_continuum.ros.names import NODES
 from soft_continuum.sequencing.progress import Phase
 
 HOLD = 0.5  # s
@@ -41,11 +43,11 @@ def main() -> int:
     print('Starting the four nodes on a simulated rig ...', flush=True)
     # A namespace of its own keeps it apart from an arm that may be running.
     namespace = f'demo_{os.getpid()}'
-    nodes = subprocess.Popen(
-        [sys.executable, '-m', 'soft_continuum', 'up', '--namespace', namespace],
-        stderr=subprocess.DEVNULL)
+    arguments = ['demo', '--ros-args', '-r', f'__ns:=/{namespace}',
+                 '--params-file', str(description_file()), '--log-level', 'error']
     try:
-        with Arm(namespace, timeout=STARTING_TIMEOUT) as arm:
+        with (NodeProcesses(NODES, arguments),
+              Arm(namespace, timeout=STARTING_TIMEOUT) as arm):
             _run(arm, options.picture)
     except KeyboardInterrupt:
         print('\ninterrupted; everything that was started has ended')
@@ -53,9 +55,6 @@ def main() -> int:
     except ClientError as error:
         print(f'\nthe sequence failed: {error}', file=sys.stderr)
         return 1
-    finally:
-        nodes.send_signal(signal.SIGINT)
-        nodes.wait()
     return 0
 
 

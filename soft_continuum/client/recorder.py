@@ -12,7 +12,7 @@ from time import monotonic
 from soft_continuum.analysis.recording import RecordingWriter
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
-from soft_continuum.client.observed import JAMMING_STATE, ObservedArm, SEQUENCER_STATE
+from soft_continuum.client.observed import JAMMING_STATE, ObservedArm, SEQUENCER_STATE, TOPICS
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.ros.names import NODES
@@ -27,6 +27,7 @@ class Recorder:
         """Begin as soon as the tendons of the arm are known; ``directory`` exists."""
         self.goal_ended = False
         self._directory = directory
+        self._closed = False
         self._observed = observed
         self._writer: RecordingWriter | None = None
         self._begin = monotonic()
@@ -40,48 +41,58 @@ class Recorder:
         return self._writer is not None
 
     def close(self) -> None:
-        """Close the files."""
+        """Close the files; what comes later is not recorded."""
+        self._closed = True
         if self._writer is not None:
             self._writer.__exit__(None, None, None)
 
     def _on_message(self, topic: str) -> None:
-        observed = self._observed
+        if self._closed or not self._observed.tendons:
+            return
         if self._writer is None:
-            if not observed.tendons:
-                return
-            self._writer = RecordingWriter(self._directory, observed.tendons)
+            self._writer = RecordingWriter(self._directory, self._observed.tendons)
+            for earlier in TOPICS:
+                if self._observed.message(earlier) is not None:
+                    self._write(self._writer, earlier)
+        else:
+            self._write(self._writer, topic)
+
+    def _write(self, writer: RecordingWriter, topic: str) -> None:
+        """Write the latest message of a topic."""
+        observed = self._observed
         time = monotonic() - self._begin
         segment = re.match(r'segment_(\d+)/pressure', topic)
         if topic == 'tendon_states' and (pulls := observed.pulls()):
-            self._writer.write('tendons', time, *(1e3 * pull for pull in pulls))
+            writer.write('tendons', time, *(1e3 * pull for pull in pulls))
         elif topic == 'tendon_tensions' and (tensions := observed.tensions()):
-            self._writer.write('tensions', time, *tensions)
+            writer.write('tensions', time, *tensions)
         elif topic == 'disc_poses':
             for number, pose in enumerate(observed.poses(topic) or (), start=1):
-                self._writer.write('points', time, str(number), *(1e3 * p for p in pose.position),
+                writer.write('points', time, str(number), *(1e3 * p for p in pose.position),
                                    *pose.orientation)
         elif segment and (pressure := observed.pressure(int(segment[1]))) is not None:
-            self._writer.write('pressures', time, segment[1], pressure * 1e-3)
+            writer.write('pressures', time, segment[1], pressure * 1e-3)
         elif topic == JAMMING_STATE:
             for number in range(1, observed.segments + 1):
                 stiff = observed.stiff(number)
                 if stiff is not None and stiff != self._stiff.get(number):
                     self._stiff[number] = stiff
-                    self._writer.write('stiff', time, str(number), str(int(stiff)))
+                    writer.write('stiff', time, str(number), str(int(stiff)))
         elif topic == SEQUENCER_STATE:
             progress = observed.progress()
             self.goal_ended = progress is None and 'progress' in self._events
             if progress is not None:
                 where = f' segment {progress.segment}' if progress.segment else ''
-                self._event(time, 'progress', f'{progress.shape}: {progress.phase}{where}')
+                text = f'{progress.shape}: {progress.phase}{where}'
+                self._event(writer, time, 'progress', text)
         elif topic.endswith('/status'):
-            self._event(time, topic.removesuffix('/status'), observed.message(topic).message)
+            self._event(writer, time, topic.removesuffix('/status'),
+                        observed.message(topic).message)
 
-    def _event(self, time: float, source: str, text: str) -> None:
+    def _event(self, writer: RecordingWriter, time: float, source: str, text: str) -> None:
         if self._events.get(source) != text:
             self._events[source] = text
-            assert self._writer is not None
-            self._writer.write('events', time, source, text)
+            writer.write('events', time, source, text)
 
 
 async def _record(requests: Requests, directory: Path, duration: float, goal: bool) -> None:

@@ -82,15 +82,17 @@ class Tasks:
     async def close(self) -> None:
         """Start no more; let what still waits fail."""
         self._open = False
-        for work, future in self._tasks.items():
+        for work, future in list(self._tasks.items()):
             if not work.cr_running:  # type: ignore[attr-defined]  # all but this one
+                del self._tasks[work]
                 work.close()
                 future.set_exception(ClientError('this Arm was closed meanwhile'))
 
     def step(self, *_: object) -> None:
         """Let every coroutine see whether what it waits for has come."""
         for work in list(self._tasks):
-            self._advance(work)
+            if work in self._tasks:  # an earlier one may have closed it
+                self._advance(work)
         if not self._tasks:
             self._timer.cancel()
 

@@ -32,8 +32,8 @@ BROWSERS = ('chromium', 'chromium-browser', 'google-chrome')
 FLAGS = ('--no-sandbox', '--disable-gpu', '--enable-unsafe-swiftshader', '--disable-quic',
          '--no-first-run', '--disable-background-networking', '--disable-component-update',
          '--disable-sync')
-# Slow enough to be seen and stopped on its way.
-SLOW = {'tendon_speed': 0.004, 'silence_timeout': 10.0}
+# Slow enough to be seen and stopped on its way; at a rate that a busy machine keeps.
+SLOW = {'tendon_speed': 0.001, 'tendon_rate': 5.0, 'silence_timeout': 10.0}
 OpenPage = Callable[[str], Page]
 
 
@@ -46,7 +46,7 @@ def open_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenPage]:
     assert path, 'no Chromium; on Debian and Ubuntu: apt-get install chromium'
     # It renders in software, all the time: the nodes come first.
     nice = tmp_path_factory.mktemp('chromium') / 'chromium'
-    nice.write_text(f'#!/bin/sh\nexec nice -n 19 {path} "$@"\n')
+    nice.write_text(f'#!/bin/sh\nexec nice -n 5 {path} "$@"\n')
     nice.chmod(0o755)
     with sync_playwright() as driver:
         # Playwright gives it a user data directory of its own.

@@ -29,7 +29,7 @@ from command import Command  # noqa: E402
 from soft_continuum.client import Arm  # noqa: E402
 
 NAMESPACE = '/arm_under_test'  # of the rigs
-PATIENCE = 30.0  # s, on a loaded machine
+TIMEOUT = 30.0  # s, on a loaded machine
 
 
 @pytest.fixture
@@ -37,9 +37,10 @@ def arm(rig: Any) -> Any:
     """
     Return the four nodes of a quick arm, straight and stiff.
 
-    Not so quick that a motion may be over before a busy machine has delivered it.
+    Not so quick that a motion may be over before a busy machine has delivered it, and at a rate
+    that such a machine keeps.
     """
-    rig.start_arm(tendon_speed=0.03, tendon_acceleration=0.3)
+    rig.start_arm(tendon_speed=0.03, tendon_acceleration=0.3, tendon_rate=10.0)
     return rig
 
 
@@ -53,7 +54,7 @@ def here(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
 def connect(here: None) -> Iterator[Callable[..., Arm]]:
     """Return a maker of clients."""
     with ExitStack() as stack:
-        def make(namespace: str = NAMESPACE, timeout: float = PATIENCE) -> Arm:
+        def make(namespace: str = NAMESPACE, timeout: float = TIMEOUT) -> Arm:
             return stack.enter_context(Arm(namespace, timeout=timeout))
         yield make
 
@@ -69,7 +70,7 @@ def command(here: None) -> Iterator[Callable[..., Command]]:
     """Return a starter of the command line as a process, with the arguments given."""
     started: list[Command] = []
 
-    def start(*arguments: str, namespace: str = NAMESPACE, timeout: float = PATIENCE,
+    def start(*arguments: str, namespace: str = NAMESPACE, timeout: float = TIMEOUT,
               terminal: bool = False) -> Command:
         words = [*arguments, '--namespace', namespace, '--timeout', str(timeout)]
         started.append(Command(words, terminal))

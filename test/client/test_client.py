@@ -17,6 +17,7 @@ from soft_continuum.client import (
     Arm,
     ClientError,
     LostError,
+    MotionEndedError,
     NoAnswerError,
     NodesMissingError,
     RefusedError,
@@ -25,6 +26,7 @@ from soft_continuum.client import (
 )
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm, load_shapes
+from soft_continuum_interfaces.msg import MotionRequest
 
 matplotlib.use('Agg')
 DEADLINE = 30.0  # s
@@ -39,7 +41,7 @@ def wait_until(condition):
         sleep(0.01)
 
 
-# Seeing.
+# State.
 
 def test_the_state_of_a_straight_and_stiff_arm_is_complete(client):
     wait_until(lambda: client.state.tip and None not in client.state.pressures)
@@ -56,12 +58,12 @@ def test_the_state_of_a_straight_and_stiff_arm_is_complete(client):
     assert state.node('jamming_valves').values['stiff'] == 'true true true'
 
 
-def test_a_node_that_there_is_not_is_named_with_those_that_there_are(client):
+def test_an_unknown_node_is_named_with_the_known_ones(client):
     with pytest.raises(KeyError, match='jaming; the nodes are tendon_actuation, '):
         client.state.node('jaming')
 
 
-def test_what_is_no_longer_heard_is_no_longer_known(rig, connect):
+def test_what_is_stale_is_not_known(rig, connect):
     nodes = rig.start('jamming_valves')
     rig.start('kinematics', ready=False)
     arm = connect()
@@ -110,7 +112,7 @@ def test_a_sequence_reaches_its_shapes_and_reports_its_progress(client):
     ([], 'the sequence is empty'),
 ])
 def test_what_the_sequencer_rejects_is_refused_with_its_reason(client, shapes, reason):
-    for _ in range(2):  # the second time for the same reason, which is not said anew
+    for _ in range(2):  # the second time for the same reason
         with pytest.raises(RefusedError, match='shape_sequencer: .*' + reason):
             client.run(*shapes)
     assert client.state.bending_angles == STRAIGHT
@@ -241,7 +243,7 @@ def test_a_softened_segment_is_full_of_air_and_a_stiffened_one_evacuated(client)
 
 
 @pytest.mark.parametrize('segment', [0, 4, -1])
-def test_a_segment_that_there_is_not_is_refused(client, segment):
+def test_an_unknown_segment_is_refused(client, segment):
     with pytest.raises(RefusedError, match=f'no segment {segment}; the segments are 1 to 3'):
         client.soften(segment)
     assert client.state.stiff == (True, True, True)
@@ -257,7 +259,7 @@ def test_a_jog_pulls_the_tendons_while_a_segment_is_soft(client):
     assert client.state.pulls == pytest.approx((0.0, -0.0015), abs=2e-5)
 
 
-def test_a_jog_that_is_stopped_says_so(client, connect):
+def test_a_stopped_jog_is_refused_with_the_reason(client, connect):
     client.soften(3)
     other = connect()
     caught = []
@@ -277,6 +279,28 @@ def test_a_jog_that_is_stopped_says_so(client, connect):
         thread.join(DEADLINE)
     assert isinstance(caught[0], RefusedError) and 'stop was called' in str(caught[0])
     assert other.state.pulls[0] < 0.012
+
+
+def test_an_unknown_tendon_is_refused_with_the_names_of_the_tendons(client):
+    client.soften(3)
+    with pytest.raises(RefusedError, match='no tendon top; .* right_tendon, left_tendon'):
+        client.jog(top=0.001)
+    client.jog(left_tendon=-0.001)
+    state = client.state
+    assert state.tendons == ('right_tendon', 'left_tendon')
+    assert state.pulls == pytest.approx((0.0, -0.001), abs=2e-5)
+
+
+def test_of_two_jogs_at_once_the_newer_one_replaces_the_older(client, connect):
+    client.soften(3)
+    other = connect()
+    with ThreadPoolExecutor(1) as pool:
+        older = pool.submit(client.jog, left=-0.03)
+        other.wait_for(lambda state: state.pulls[1] < -0.001)
+        other.jog(left=0.001)
+        with pytest.raises(MotionEndedError, match='newer trajectory') as ended:
+            older.result(DEADLINE)
+    assert ended.value.reason == MotionRequest.REPLACED
 
 
 def test_a_jog_beyond_the_limits_is_refused(client):
@@ -328,8 +352,8 @@ def _why(call):
 
 
 def test_only_the_nodes_that_are_missing_are_named(rig, connect):
-    rig.start('kinematics', ready=False)
-    arm = connect(timeout=1.0)
+    rig.start('kinematics')
+    arm = connect(timeout=5.0)
     wait_until(lambda: arm.state.node('kinematics').message)
     assert arm.state.pulls is None
     with pytest.raises(NodesMissingError) as raised:
@@ -341,7 +365,7 @@ def test_only_the_nodes_that_are_missing_are_named(rig, connect):
 @pytest.mark.parametrize('call', [
     lambda arm: arm.run('c_form', hold=-1.0), lambda arm: arm.run('c_form', hold=nan),
     lambda arm: arm.jog(right=nan), lambda arm: arm.jog(left=inf)])
-def test_a_number_that_is_none_is_an_error_before_anything_is_sent(connect, call):
+def test_a_number_that_is_not_finite_is_an_error_before_anything_is_sent(connect, call):
     with pytest.raises(ValueError, match='nan|inf|-1'):
         call(connect(timeout=0.5))
 
@@ -352,6 +376,6 @@ def test_a_timeout_has_to_be_positive(timeout):
         Arm(timeout=timeout)
 
 
-def test_a_namespace_that_ros_does_not_take_is_named(here):
+def test_an_invalid_namespace_is_named(here):
     with pytest.raises(ClientError, match="'a b' is not one that ROS takes"):
         Arm('a b')

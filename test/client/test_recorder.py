@@ -19,7 +19,7 @@ from soft_continuum.cli.report import main as report
 
 
 class RecordProcess:
-    """The command record, listening to the rig."""
+    """The command record, of the rig."""
 
     def __init__(self, rig: Rig, domain: int, directory: Path, *options: str) -> None:
         self.directory = directory
@@ -30,13 +30,13 @@ class RecordProcess:
             env={**os.environ, 'ROS_DOMAIN_ID': str(domain)}, stdout=subprocess.PIPE,
             stderr=subprocess.PIPE, text=True)
 
-    def wait_until_it_hears(self) -> None:
-        def heard() -> bool:
+    def wait_until_it_records(self) -> None:
+        def recorded() -> bool:
             assert self.process.poll() is None, self.process.communicate()
             return all((self.directory / f'{name}.csv').exists() and len(
                 (self.directory / f'{name}.csv').read_text().splitlines()) > 3
                 for name in ('tendons', 'points', 'pressures', 'stiff'))
-        self._rig.wait_for(heard, 'a recording')
+        self._rig.wait_for(recorded, 'a recording')
         # The rig's own action client is one.
         self._rig.wait_for(lambda: self._rig.observer.count_subscribers(
             'run_shape_sequence/_action/feedback') >= 2, 'feedback')
@@ -49,7 +49,7 @@ class RecordProcess:
 @pytest.fixture
 def recorder(arm: Rig, domain: int, tmp_path: Path) -> Iterator[RecordProcess]:
     found = RecordProcess(arm, domain, tmp_path / 'run', '--goal')
-    found.wait_until_it_hears()
+    found.wait_until_it_records()
     yield found
     found.process.kill()
     found.process.wait()
