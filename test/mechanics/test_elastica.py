@@ -8,6 +8,8 @@ from math import cos, pi, radians, sin
 import numpy as np
 import pytest
 
+from benchmarks import elastica
+from benchmarks.elastica import Elastica
 from soft_continuum.mechanics import (
     Arm,
     Disc,
@@ -18,7 +20,6 @@ from soft_continuum.mechanics import (
     Statics,
     StaticsError,
 )
-from soft_continuum.mechanics.references import Elastica, elastica
 
 BODIES = np.array([8, 16, 32, 64, 128])
 ALL = (True, True, True)

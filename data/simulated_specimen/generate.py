@@ -8,7 +8,7 @@ leaf springs by what the paper measured for the middle one, and the masses that 
 its geometry times 1.23.  It is computed with a chain four times as fine as the models that are
 compared with it.  docs/how_to/measure_your_arm.md explains why it shows the paper's pattern.
 
-``python -m soft_continuum.analysis.specimen DIR`` writes the files.
+``python data/simulated_specimen/generate.py DIR`` writes the files.
 """
 
 import argparse
