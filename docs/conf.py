@@ -11,7 +11,8 @@ copyright = '2026 The soft_continuum authors'
 extensions = ['myst_parser', 'sphinx.ext.apidoc', 'sphinx.ext.autodoc', 'sphinx.ext.mathjax']
 # The source is the root of the repository: pages link to code and configuration.
 include_patterns = ['docs/**.md', 'docs/reference/api/**.rst', 'msg_docs/**.md']
-exclude_patterns = ['data/**', 'docs/reference/api/modules.rst']
+exclude_patterns = ['data/**', 'docs/reference/api/modules.rst',
+                    'docs/reference/api/soft_continuum.rst']
 root_doc = 'docs/index'
 html_theme = 'furo'
 html_title = 'soft_continuum'
@@ -21,15 +22,16 @@ myst_heading_anchors = 3
 # Links to folders only a repository can show; test/test_links.py checks all links.
 suppress_warnings = ['myst.xref_missing', 'ref.python']
 
-# The Python API, from the docstrings of the rooms that scripts and drivers import.
+# The Python API, from the docstrings of the packages that scripts and drivers import.
 apidoc_modules = [{
     'path': '../soft_continuum',
     'destination': 'docs/reference/api',
     'exclude_patterns': [f'../soft_continuum/{room}' for room in (
-        'browser', 'cli', 'emulators', 'nodes', '__main__.py')],
+        'browser', 'cli', 'emulators', 'nodes', 'ros', '__main__.py', 'arguments.py',
+        'colours.py', 'urdf.py')],
     'separate_modules': True,
     'module_first': True,
-    'automodule_options': {'members', 'show-inheritance'},
+    'automodule_options': {'members', 'show-inheritance', 'ignore-module-all'},
 }]
 autodoc_member_order = 'bysource'
 autodoc_typehints = 'signature'

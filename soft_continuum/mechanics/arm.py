@@ -36,7 +36,7 @@ class Segment:
 
     length: l, m.  bending_stiffness: E I of the soft state, N m^2.  mass: kg, spread evenly along
     the length.  guide_offsets: distance of the tendon guides from the backbone at the lower and
-    at the upper end, m.  bending_angle_limit: largest allowed |bending angle|, rad.
+    at the upper end, m.  bending_angle_limit: largest allowed size of the bending angle, rad.
     outer_diameter: m, for drawing.
     soft_law: measured moment over curvature of the soft state, in place of E I.  jam: what the
     stiff state adds.

@@ -127,13 +127,19 @@ def arm(rig: Rig) -> Rig:
 
 
 @pytest.fixture(scope='module')
-def shared_arm() -> Iterator[Rig]:
-    """Return the four nodes of a quick arm that all tests of a module use, one after the other."""
+def module_domain() -> Iterator[int]:
+    """Return a ROS domain for all tests of a module."""
     with domains() as take:
-        rig = Rig(take())
-        rig.start_arm()
-        yield rig
-        rig.close()
+        yield take()
+
+
+@pytest.fixture(scope='module')
+def shared_arm(module_domain: int) -> Iterator[Rig]:
+    """Return the four nodes of a quick arm that all tests of a module use, one after the other."""
+    rig = Rig(module_domain)
+    rig.start_arm()
+    yield rig
+    rig.close()
 
 
 @pytest.fixture

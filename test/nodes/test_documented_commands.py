@@ -1,0 +1,153 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The commands of the documentation work on a running arm.
+
+The front page and the tutorial are followed from top to bottom.  Of all other pages the ros2
+commands are compared with the interfaces of the nodes; test_pages.py checks the other commands.
+"""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+import re
+import runpy
+import shutil
+from signal import SIGINT
+import sys
+
+from documented_commands import (
+    blocks,
+    Checker,
+    command_lines,
+    is_ros2,
+    LINES,
+    PAGES,
+    program,
+    ROOT,
+)
+from processes import module_command, Processes
+import pytest
+import ros2_commands
+from ros_rig import QUICK, Rig
+import yaml
+
+from soft_continuum.cli.main import main
+from soft_continuum.nodes.runtime import NODES
+from soft_continuum.nodes.up import description_file
+
+FOLLOWED = ('README.md', 'docs/tutorials/first_shapes.md')
+REFUSED = ('soft_continuum jog --right 2', 'soft_continuum run no_such_shape')
+"""Lines that show what is not allowed."""
+ELSEWHERE = ('up', 'ui', 'demo')
+"""Verbs that other tests run: the arm of this module is the one that up starts."""
+
+
+@pytest.fixture(scope='module')
+def arm(module_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    """
+    Return an observer of the four nodes of a quick arm, in processes of their own.
+
+    The commands run in this process, where they would delay the control of the tendons.
+    """
+    directory = tmp_path_factory.mktemp('arm')
+    quick = directory / 'quick.yaml'
+    parameters = {**QUICK, 'tendon_rate': 20.0, 'jamming_rate': 20.0}
+    quick.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}), encoding='utf-8')
+    processes, rig = Processes(module_domain, directory), Rig(module_domain, namespace='/')
+    try:
+        processes.start([*module_command('up'), '--params-file', str(description_file()),
+                         '--params-file', str(quick)])
+        rig.wait_until_ready(*NODES)
+        yield rig
+    finally:
+        processes.close()
+        rig.close()
+
+
+@pytest.mark.parametrize('line', sorted({line for page in LINES for line in filter(
+    is_ros2, LINES[page])}))
+def test_the_nodes_have_what_a_ros2_line_names(arm: Rig, line: str) -> None:
+    ros2_commands.check(arm, line)
+
+
+# The pages that a newcomer follows.
+
+
+class Terminal:
+    """Where the blocks of a page are typed, in a directory like the root of the repository."""
+
+    def __init__(self, arm: Rig, directory: Path, elsewhere: Rig, processes: Processes) -> None:
+        """
+        Prepare the directory.
+
+        elsewhere, processes: an observer and a starter of processes in a domain of their own, for
+        nodes that drive emulated boards.
+        """
+        self._arm, self._elsewhere, self._processes = arm, elsewhere, processes
+        self._directory, self._checker = directory, Checker()
+        for name in ('data', 'docs', 'examples'):
+            (directory / name).symlink_to(ROOT / name)
+        shutil.copytree(ROOT / 'config', directory / 'config')
+        hardware = directory / 'config' / 'emulated_hardware.yaml'
+        hardware.write_text(self._moved(hardware.read_text(encoding='utf-8')), encoding='utf-8')
+
+    def _moved(self, text: str) -> str:
+        return re.sub(r'/tmp\b', str(self._directory), text)
+
+    def type(self, line: str) -> None:
+        """Run a line; fail when it does not do what the page says."""
+        words = program(self._moved(line))
+        if is_ros2(line):
+            ros2_commands.check(self._arm, line)()
+            return
+        self._checker.check(line)
+        if words[0] == 'python':
+            runpy.run_path(words[1], run_name='__main__')
+        elif words[:2] == ['soft_continuum', 'emulate']:
+            link = Path(words[words.index('--link') + 1])
+            self._processes.start(module_command('emulate') + words[2:])
+            self._arm.wait_for(link.exists, str(link))
+        elif words[:2] == ['soft_continuum', 'up'] and len(words) > 2:
+            nodes = self._processes.start(module_command('up') + words[2:])
+            self._elsewhere.wait_until_ready(*NODES)
+            nodes.send(SIGINT)
+            assert nodes.wait() == 0, nodes.output
+        elif words[0] == 'soft_continuum' and words[1] not in ELSEWHERE:
+            status = main(words[1:])
+            assert status == (1 if line in REFUSED else 0), f'{line}: status {status}'
+
+
+@pytest.fixture
+def terminal(arm: Rig, make_rig: Callable[..., Rig], processes: Processes, tmp_path: Path,
+             monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    """Return a terminal whose commands find the arm."""
+    directory = tmp_path / 'page'
+    directory.mkdir()
+    monkeypatch.chdir(directory)
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(arm.context.get_domain_id()))
+    monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
+    return Terminal(arm, directory, make_rig(namespace='/'), processes)
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize('page', FOLLOWED)
+def test_a_newcomer_can_follow_a_page_from_top_to_bottom(terminal: Terminal, page: str) -> None:
+    for language, text in blocks(PAGES[page]):
+        if language == 'python':
+            exec(compile(text, page, 'exec'), {'__name__': '__main__'})
+        for line in command_lines(text) if language == 'sh' else ():
+            terminal.type(line)
+
+
+@pytest.mark.timeout(300)
+def test_the_demo_sets_the_shapes_of_the_paper(
+        domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capfd: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+    monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
+    assert main(['demo']) == 0
+    assert (tmp_path / 'demo_shapes.png').stat().st_size > 10_000
+    shown = capfd.readouterr().out
+    for shape in 'c_form', 'upright_c_form', 's_form':
+        assert f'\n{shape}: ' in shown

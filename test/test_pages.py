@@ -1,0 +1,84 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The pages of the documentation hold together: links, contents, command lines, code."""
+
+import ast
+from importlib import import_module
+from pathlib import Path
+import re
+from textwrap import dedent
+
+from documented_commands import blocks, Checker, is_ros2, LINES, NOT_OURS, PAGES, ROOT
+import pytest
+
+from soft_continuum.parameters.files import load_description
+
+FENCE = re.compile(r'^ *```.*?^ *```', re.MULTILINE | re.DOTALL)
+LINK = re.compile(r'\]\(([^)\s]+)\)')
+HEADING = re.compile(r'^#+ (.+)$', re.MULTILINE)
+LANGUAGES = ('', 'sh', 'text', 'json', 'yaml', 'python', 'math', '{toctree}')
+CALLS = re.compile(r'(\./run|soft_continuum|ros2|python|colcon) ')
+
+
+def prose(page: Path) -> str:
+    """Return a page without its blocks of code."""
+    return FENCE.sub('', page.read_text(encoding='utf-8'))
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the anchors of the headings of a page, as GitHub and MyST make them."""
+    return {re.sub(r'[^\w\- ]', '', heading.lower()).replace(' ', '-')
+            for heading in HEADING.findall(prose(page))}
+
+
+@pytest.mark.parametrize('page', PAGES)
+def test_the_links_of_a_page_lead_somewhere(page: str) -> None:
+    for link in LINK.findall(prose(PAGES[page])):
+        if link.startswith(('http:', 'https:', 'mailto:')):
+            continue
+        path, _, anchor = link.partition('#')
+        target = (PAGES[page].parent / path).resolve() if path else PAGES[page]
+        assert target.exists(), link
+        if anchor:
+            assert anchor in anchors(target), link
+
+
+def test_the_contents_list_every_page_once() -> None:
+    index = ROOT / 'docs' / 'index.md'
+    listed = [(index.parent / line).with_suffix('.md').resolve()
+              for language, text in blocks(index) if language == '{toctree}'
+              for line in text.splitlines() if line and not line.startswith(':')]
+    pages = {path for name, path in PAGES.items() if '/' in name} - {index}
+    assert sorted(listed) == sorted(pages)
+
+
+@pytest.mark.parametrize('page', LINES)
+def test_every_line_of_a_page_fits_its_verb(page: str) -> None:
+    checker = Checker()
+    for line in LINES[page]:
+        if not is_ros2(line):
+            try:
+                checker.check(line)
+            except AssertionError as error:
+                pytest.fail(f'{line}: {error}')
+
+
+@pytest.mark.parametrize('page', PAGES)
+def test_a_block_of_a_page_is_what_its_language_says(page: str, tmp_path: Path) -> None:
+    for language, text in blocks(PAGES[page]):
+        assert language in LANGUAGES
+        if language != 'sh':
+            assert not any(CALLS.match(line) for line in text.splitlines()), f'not in sh: {text}'
+        if language == 'python':
+            for node in ast.walk(ast.parse(dedent(text))):
+                if isinstance(node, ast.ImportFrom) and node.module != 'my_rig.servo':
+                    assert {alias.name for alias in node.names} <= set(
+                        dir(import_module(node.module or ''))), ast.unparse(node)
+        if language == 'yaml' and text.startswith('/**:'):
+            (tmp_path / 'file.yaml').write_text(text, encoding='utf-8')
+            load_description(tmp_path / 'file.yaml')
+
+
+def test_lines_of_other_programs_are_still_in_the_pages() -> None:
+    lines = {line for page in LINES.values() for line in page}
+    assert not NOT_OURS - lines
