@@ -8,8 +8,6 @@ from math import cos, pi, radians, sin
 import numpy as np
 import pytest
 
-from benchmarks import elastica
-from benchmarks.elastica import Elastica
 from soft_continuum.mechanics import (
     Arm,
     Disc,
@@ -20,6 +18,8 @@ from soft_continuum.mechanics import (
     Statics,
     StaticsError,
 )
+from soft_continuum.mechanics.references import elastica
+from soft_continuum.mechanics.references.elastica import Elastica
 
 BODIES = np.array([8, 16, 32, 64, 128])
 ALL = (True, True, True)

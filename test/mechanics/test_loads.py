@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from benchmarks.elastica import Elastica
 from soft_continuum.mechanics import ArmError, Disc, RIGHT, SLACK, Statics
 from soft_continuum.mechanics.arm import PointForce, Tendon
 from soft_continuum.mechanics.laws import MomentCurvature
+from soft_continuum.mechanics.references.elastica import Elastica
 
 BOTH_SLACK = (SLACK, SLACK)
 HANGING, HORIZONTAL = pi, pi / 2

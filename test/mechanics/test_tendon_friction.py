@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from benchmarks.elastica import Elastica
 from soft_continuum.mechanics import (
     angles_for_tip,
     LEFT,
@@ -27,6 +26,7 @@ from soft_continuum.mechanics import (
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.joints import tension_ratios
 from soft_continuum.mechanics.laws import Jam
+from soft_continuum.mechanics.references.elastica import Elastica
 
 PULLED, PAID_OUT, AT_REST = (1, 1), (-1, -1), (0, 0)
 
