@@ -14,7 +14,6 @@ from math import hypot, sqrt
 from typing import Any, Self
 
 from soft_continuum.hardware.grbl_link import AXES
-from soft_continuum.hardware.protocols import describe_pulls
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.parameters.parameter import ParameterError
 
@@ -107,10 +106,6 @@ class Motors:
         """Return the difference in steps that makes pulls (m)."""
         return tuple(round(sign * p * s)
                      for p, s, sign in zip(pulls, self.steps_per_metre, self.signs, strict=True))
-
-    def describe(self, steps: Sequence[int]) -> str:
-        """Return the pulls that a difference in steps makes, for a person to read."""
-        return describe_pulls(self.tendons, self.to_pulls(steps))
 
 
 def add(a: Steps, b: Steps) -> Steps:

@@ -32,7 +32,7 @@ from soft_continuum.hardware.grbl_setup import (
     UNLOCK,
 )
 from soft_continuum.hardware.grbl_states import BUSY, Event, next_state, State
-from soft_continuum.hardware.protocols import HardwareError, TendonReading
+from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
 
 MOVING_QUERY_INTERVAL, RESTING_QUERY_INTERVAL = 0.025, 0.1  # s between two status queries
 QUERY_TIMEOUT = 0.2  # s for the answer to a status query
@@ -99,11 +99,6 @@ class GrblSession:
     def busy(self) -> bool:
         """Whether the tendons move or may move."""
         return self.state in BUSY
-
-    @property
-    def settled(self) -> bool:
-        """Whether no line waits to be sent or acknowledged."""
-        return not self._setup_lines and not self.link.unanswered
 
     # Requests
 
@@ -382,4 +377,5 @@ class GrblSession:
         self._setup_lines = mark_reference(self._motors.to_millimetres(offset))
 
     def _describe(self, steps: Steps) -> str:
-        return self._motors.describe(subtract(steps, self._zero))
+        pulls = self._motors.to_pulls(subtract(steps, self._zero))
+        return describe_pulls(self._motors.tendons, pulls)

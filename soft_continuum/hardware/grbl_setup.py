@@ -202,19 +202,13 @@ def _interrogate(link: GrblLink, deadline: float) -> Controller:
                 raise ResetSeenError
             if not isinstance(message, Status):
                 continue
-            if message.position is None:  # the check of $10 reports why
-                return Controller(version[0], settings, (0.0, 0.0, 0.0), None)
-            if not marked or message.work_offset is not None:
-                zero = _zero(message.work_offset) if marked else None
+            if message.position is None or not marked:  # no position: see the check of $10
+                return Controller(version[0], settings, message.position or (0.0, 0.0, 0.0), None)
+            if message.work_offset is not None:
+                zero = tuple(mm - MARK if i == MARK_AXIS else mm
+                             for i, mm in enumerate(message.work_offset))
                 return Controller(version[0], settings, message.position, zero)
     raise HardwareError('the GRBL controller does not report its position; check the cable')
-
-
-def _zero(work_offset: Coordinates | None) -> Coordinates | None:
-    """Return where zero pull is, without the mark."""
-    if work_offset is None:
-        return None
-    return tuple(mm - MARK if i == MARK_AXIS else mm for i, mm in enumerate(work_offset))
 
 
 def _ask(link: GrblLink, line: str, deadline: float) -> list[Message]:

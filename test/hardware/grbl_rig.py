@@ -103,4 +103,5 @@ def steps(pulls):
 
 def settled(tendons):
     """Wait until no line to the controller is under way."""
-    until(tendons, lambda: tendons._session.settled, 'settled')
+    session = tendons._session
+    until(tendons, lambda: not session._setup_lines and not session.link.unanswered, 'settled')
