@@ -30,7 +30,9 @@ COMMANDS = {
     'characterize': (characterize, [CURVES, *CHARACTERIZE]),
     'validate': (validate, [*PAPER, '--params-file', MASSES]),
     'converge': (converge, ['--most', '6']),
-    'identify': (identify, [*SHAPES, '--params-file', MASSES, '--hold-out', 's_form']),
+    'identify': (identify, [
+        *SHAPES, '--params-file', MASSES, '--fit', 'stiffness_1', 'stiffness_2', '--hold-out',
+        'c_form', 's_form', 'upright_c_form', 'released_3', 'loaded', 'loaded_left']),
     'workspace': (workspace, ['--per-segment', '3']),
 }
 
