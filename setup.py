@@ -28,8 +28,6 @@ setup(
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     package_data={PACKAGE: ['py.typed']},
     python_requires='>=3.11',
-    install_requires=['setuptools'],
-    extras_require={'test': ['pytest']},
     zip_safe=False,
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),

@@ -9,7 +9,7 @@ from importlib import import_module
 from benchmarks.tables import Section, write
 from benchmarks.timing import progress
 
-NAMES = ('startup', 'solve', 'batch', 'joints', 'accuracy', 'nodes')
+NAMES = ('startup', 'solve', 'batch', 'joints', 'accuracy', 'nodes', 'loops')
 
 
 def main() -> None:

@@ -33,7 +33,7 @@ import sys
 from geometry_msgs.msg import Pose, PoseArray
 import rclpy
 from sensor_msgs.msg import JointState
-from soft_continuum.nodes.runtime import make_executor
+from soft_continuum.ros.executor import BestExecutor
 from soft_continuum.ros.qos import STREAM
 rclpy.init()
 node = rclpy.create_node('bare')
@@ -42,7 +42,8 @@ if 'all' in sys.argv:
     names = [f'joint_{i}' for i in range(39)]
     messages |= {'disc_poses': PoseArray(poses=[Pose() for _ in range(8)]),
                  'joint_states': JointState(name=names, position=[0.0] * 39),
-                 'tendon_tensions': JointState(name=['right', 'left'], effort=[0.0, 0.0])}
+                 'tendon_tensions': JointState(name=['right_tendon', 'left_tendon'],
+                                               effort=[0.0, 0.0])}
 publishers = [(node.create_publisher(type(m), name, STREAM), m) for name, m in messages.items()]
 
 def publish():
@@ -51,7 +52,7 @@ def publish():
         publisher.publish(message)
 
 node.create_timer(0.01, publish)
-executor = make_executor()
+executor = BestExecutor()
 executor.add_node(node)
 while rclpy.ok():
     executor.spin_once(timeout_sec=0.1)

@@ -3,13 +3,14 @@
 """How every command reads its options: one style of help, errors, numbers and exit codes."""
 
 import argparse
-from collections.abc import Callable, Sequence
-from difflib import get_close_matches
+from collections.abc import Callable
 import os
 from pathlib import Path
 import re
 import sys
 from typing import Any, NoReturn
+
+from soft_continuum.parameters.parameter import name_hint
 
 DONE, FAILED, WRONG_USAGE, NO_NODES, INTERRUPTED = 0, 1, 2, 3, 130
 EXIT_CODES = ('exit status: 0 done, 1 refused or failed, 2 wrong usage or bad input, 3 no nodes, '
@@ -36,80 +37,6 @@ def command_name(verb: str = '') -> str:
     return f'{program} {verb}'.strip()
 
 
-def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """Return ``; did you mean X?`` for the closest of the known words, or nothing."""
-    close = get_close_matches(word, known, n=1)
-    return f'; did you mean {close[0]}?' if close else ''
-
-
-class Parser(argparse.ArgumentParser):
-    """A parser that answers wrong usage in one line, and completes on TAB (argcomplete)."""
-
-    def __init__(self, verb: str, description: str, **options: Any) -> None:
-        """verb: empty for the command line as a whole."""
-        settings: dict[str, Any] = {'allow_abbrev': False, 'epilog': EXIT_CODES} | options
-        super().__init__(prog=command_name(verb), description=description, **settings)
-        # Values such as -10,20 are no options.
-        self._negative_number_matcher = re.compile(r'-[\d.]')
-
-    # The base class is typed by overloads for namespaces of other types, which nobody here uses.
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse; on TAB print what fits instead, and end the process."""
-        if '_ARGCOMPLETE' in os.environ:
-            import argcomplete
-            argcomplete.autocomplete(self)
-        options, unknown = self.parse_known_args(args, namespace)
-        if unknown:
-            word = unknown[0].partition('=')[0]
-            self.error(f'unknown option {word}{did_you_mean(word, [*self._option_string_actions])}'
-                       if word.startswith('-') else f'unexpected argument {unknown[0]!r}')
-        return options
-
-    def error(self, message: str) -> NoReturn:
-        """End the process with one line on stderr."""
-        self.exit(WRONG_USAGE, f'{self.prog}: {message} ({self.prog} --help)\n')
-
-
-# Options that mean the same for every verb.
-
-
-def add_json_option(parser: argparse.ArgumentParser) -> None:
-    """Add ``--json``."""
-    parser.add_argument('--json', action='store_true',
-                        help='print JSON, one document per line, in SI units')
-
-
-def add_namespace_option(parser: argparse.ArgumentParser) -> None:
-    """Add ``--namespace``."""
-    parser.add_argument('--namespace', metavar='NAME', default='',
-                        help='namespace of the nodes, such as left')
-
-
-def add_arm_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of verbs that talk to nodes: ``--namespace``, ``--timeout``, ``--json``."""
-    add_namespace_option(parser)
-    parser.add_argument('--timeout', type=number_in(0.01, 3600.0, 's'), metavar='S', default=5.0,
-                        help='longest wait for nodes to be found and to answer (default: 5 s)')
-    add_json_option(parser)
-
-
-def add_params_file_option(parser: argparse.ArgumentParser) -> None:
-    """Add ``--params-file``."""
-    parser.add_argument('--params-file', type=Path, action='append', default=[], metavar='FILE',
-                        help='parameter file as the nodes take it; may be repeated, later ones '
-                             "win (default: the paper's arm, simulated)")
-
-
-def add_output_options(parser: argparse.ArgumentParser, default: str = '.') -> None:
-    """Add ``--output`` and ``--force``."""
-    parser.add_argument('--output', type=Path, default=Path(default), metavar='DIR',
-                        help='directory that results are written to (default: %(default)s)')
-    parser.add_argument('--force', action='store_true', help='overwrite results that exist')
-
-
-# Readers of values, for ``type=``.
-
-
 def number_in(low: float, high: float, unit: str) -> Callable[[str], float]:
     """Return a reader of a number between bounds."""
     def read(text: str) -> float:
@@ -134,3 +61,60 @@ def whole_number_in(low: int, high: int) -> Callable[[str], int]:
         return int(text)
 
     return read
+
+
+COMMON_OPTIONS: dict[str, dict[str, Any]] = {
+    '--params-file': {
+        'type': Path, 'action': 'append', 'default': [], 'metavar': 'FILE',
+        'help': 'parameter file as the nodes take it; may be repeated, later ones win '
+                "(default: the paper's arm, simulated)"},
+    '--output': {
+        'type': Path, 'default': Path(), 'metavar': 'DIR',
+        'help': 'directory that results are written to (default: %(default)s)'},
+    '--force': {'action': 'store_true', 'help': 'overwrite results that exist'},
+    '--namespace': {
+        'default': '', 'metavar': 'NAME', 'help': 'namespace of the nodes, such as left'},
+    '--timeout': {
+        'type': number_in(0.01, 3600.0, 's'), 'default': 5.0, 'metavar': 'S',
+        'help': 'longest wait for nodes to be found and to answer (default: 5 s)'},
+    '--json': {
+        'action': 'store_true', 'help': 'print JSON, one document per line, in SI units'},
+}
+"""The options that mean the same for every verb that has them."""
+FOR_ANALYSIS = ('--params-file', '--output', '--force')
+FOR_NODES = ('--namespace', '--timeout', '--json')
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that answers wrong usage in one line, and completes on TAB (argcomplete)."""
+
+    def __init__(self, verb: str, description: str, *common: str, **settings: Any) -> None:
+        """verb: empty for the command line as a whole.  common: names in COMMON_OPTIONS."""
+        super().__init__(prog=command_name(verb), description=description, epilog=EXIT_CODES,
+                         allow_abbrev=False, **settings)
+        for name in common:
+            self.add_argument(name, **COMMON_OPTIONS[name])
+        # Values such as -10,20 are no options.
+        self._negative_number_matcher = re.compile(r'-[\d.]')
+
+    # The base class is typed by overloads for namespaces of other types, which nobody here uses.
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse; on TAB print what fits instead, and end the process."""
+        if '_ARGCOMPLETE' in os.environ:
+            import argcomplete
+            argcomplete.autocomplete(self)
+        options, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            word = unknown[0].partition('=')[0]
+            self.error(f'unknown option {word}{name_hint(word, self._option_string_actions)}'
+                       if word.startswith('-') else f'unexpected argument {unknown[0]!r}')
+        return options
+
+    def error(self, message: str) -> NoReturn:
+        """End the process with one line on stderr."""
+        sys.exit(self.fail(f'{message} ({self.prog} --help)', WRONG_USAGE))
+
+    def fail(self, reason: object, status: int = FAILED) -> int:
+        """Say in one line on stderr why the verb failed; return its exit status."""
+        print(f'{self.prog}: {reason}', file=sys.stderr, flush=True)
+        return status

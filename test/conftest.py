@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which tests run: all of them, or with ``--quick`` those that need no processes and no browser."""
+"""Which tests run: all, or with ``--quick`` those that start neither processes nor a browser."""
 
 from pathlib import Path
 

@@ -1,9 +1,14 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
+import ast
+from collections.abc import Iterator
+from configparser import ConfigParser
 from importlib import import_module
 from pathlib import Path
+import re
 import runpy
+import sys
 from typing import Any
 from xml.etree import ElementTree
 
@@ -11,6 +16,8 @@ import pytest
 import setuptools
 
 ROOT = Path(__file__).resolve().parent.parent
+# Where the name of an import is not that of the distribution.  viser brings websockets.
+IMPORTED_AS = {'serial': 'pyserial', 'yaml': 'pyyaml', 'websockets': 'viser'}
 MANIFESTS = ('package.xml', 'soft_continuum_interfaces/package.xml')
 
 
@@ -59,3 +66,27 @@ def test_every_package_of_the_tree_is_installed_and_no_other(
     folders = {path.parent for path in (ROOT / 'soft_continuum').rglob('*.py')}
     modules = {'.'.join(folder.relative_to(ROOT).parts) for folder in folders}
     assert set(setup_arguments['packages']) == modules
+
+
+def test_every_package_that_is_imported_is_declared() -> None:
+    config = ConfigParser()
+    config.read(ROOT / 'setup.cfg')
+    declared = '\n'.join((config['options']['install_requires'],
+                          *config['options.extras_require'].values()))
+    names = {name.lower() for name in re.findall(r'^[\w-]+', declared, re.MULTILINE)}
+    ros = {element.text for kind in ('depend', 'exec_depend')
+           for element in manifest('package.xml').iter(kind)}
+    imported = {name.split('.')[0] for path in (ROOT / 'soft_continuum').rglob('*.py')
+                for name in imports(path)} - sys.stdlib_module_names - {'soft_continuum'}
+    distributions = {name: IMPORTED_AS.get(name, name) for name in imported}
+    missing = {name for name, distribution in distributions.items()
+               if distribution not in names and name not in ros}
+    assert not missing
+
+
+def imports(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module

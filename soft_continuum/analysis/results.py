@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a command leaves behind: tables on the screen, files that overwrite nothing."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 
@@ -40,28 +40,3 @@ def text_table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1
              for row in cells]
     lines.insert(1, '  '.join('-' * width for width in widths))
     return '\n'.join(line.rstrip() for line in lines)
-
-
-def write_parameters(path: Path, parameters: Mapping[str, Sequence[float] | float | str],
-                     comments: Sequence[str]) -> None:
-    """
-    Write a ROS 2 parameter file for all nodes, to be given after the arm's description.
-
-    parameters: by name below ``arm.``.  comments: lines at the top that say where it comes from.
-    """
-    lines = [f'# {" ".join(comment.splitlines())}'.rstrip() for comment in comments]
-    lines += ['/**:', '  ros__parameters:', '    arm:']
-    for name, value in parameters.items():
-        if isinstance(value, str):
-            text = value
-        elif isinstance(value, float):
-            text = _number(value)
-        else:
-            text = f'[{", ".join(_number(item) for item in value)}]'
-        lines.append(f'      {name}: {text}')
-    path.write_text('\n'.join(lines) + '\n', encoding='utf-8')
-
-
-def _number(value: float) -> str:
-    """Return six digits with a decimal point, without which ROS would read a whole number."""
-    return f'{value:#.6g}' if value else '0.0'

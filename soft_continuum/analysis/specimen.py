@@ -19,13 +19,12 @@ from pathlib import Path
 import numpy as np
 
 from soft_continuum.analysis.measured_shapes import Step
-from soft_continuum.analysis.results import write_parameters
 from soft_continuum.mechanics import SLACK, Statics
 from soft_continuum.mechanics.arm import Arm, SECOND_ORDER
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.stiffness import bending_stiffness_from_slope
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description
+from soft_continuum.parameters.files import load_description, write_parameters
 from soft_continuum.parameters.shapes import PAPER_SHAPES
 
 SLOPE = 72.0  # N/m, soft segment 2 (paper, eq. 7)
@@ -155,9 +154,7 @@ def write(directory: Path, seed: int = 2022) -> list[Path]:
     written.append(_write(directory / 'SIMULATED_segment_2_soft.csv', NOTE,
                           [[cell.replace('.', ',') for cell in row] for row in rows], ';'))
     layer = directory / 'SIMULATED_masses.yaml'
-    write_parameters(layer, {name.removeprefix('arm.'): masses
-                             for name, masses in weighed().items()},
-                     [f'{NOTE}: its masses, as they would be weighed.'])
+    write_parameters(layer, weighed(), [f'{NOTE}: its masses, as they would be weighed.'])
     return [*written, layer]
 
 

@@ -13,6 +13,7 @@ from math import inf
 
 from soft_continuum.mechanics.arm import Arm, Disc, Segment
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.parameters.parameter import Value
 
 START_RATIO = 20.0  # K where the description has rigid segments
 START_FRICTION = 0.05
@@ -130,23 +131,22 @@ def with_values(arm: Arm, unknowns: Sequence[Unknown], values: Array) -> Arm:
     return arm
 
 
-def parameters_of(arm: Arm, unknowns: Sequence[Unknown]
-                  ) -> dict[str, Sequence[float] | float | str]:
-    """Return the parameters of the description (below ``arm.``) that the unknowns change."""
+def parameters_of(arm: Arm, unknowns: Sequence[Unknown]) -> dict[str, Value]:
+    """Return the parameters of the description that the unknowns change."""
     names = ' '.join(u.name for u in unknowns)
-    parameters: dict[str, Sequence[float] | float | str] = {'discretisation': arm.discretisation}
+    parameters: dict[str, Value] = {'arm.discretisation': arm.discretisation}
     if 'stiffness' in names:
-        parameters['bending_stiffnesses'] = [s.bending_stiffness for s in arm.segments]
+        parameters['arm.bending_stiffnesses'] = tuple(s.bending_stiffness for s in arm.segments)
     if 'ratio' in names:
-        parameters['stiffness_ratios'] = [0.0 if s.jam.ratio == inf else s.jam.ratio
-                                          for s in arm.segments]
+        parameters['arm.stiffness_ratios'] = tuple(0.0 if s.jam.ratio == inf else s.jam.ratio
+                                                   for s in arm.segments)
     if 'mass' in names:
-        parameters['segment_masses'] = [s.mass for s in arm.segments]
-        parameters['disc_masses'] = [d.mass for d in arm.discs]
+        parameters['arm.segment_masses'] = tuple(s.mass for s in arm.segments)
+        parameters['arm.disc_masses'] = tuple(d.mass for d in arm.discs)
     if 'offset' in names:
-        parameters['guide_offsets'] = [o for s in arm.segments for o in s.guide_offsets]
+        parameters['arm.guide_offsets'] = tuple(o for s in arm.segments for o in s.guide_offsets)
     if 'friction' in names:
-        parameters['tendon_friction'] = arm.tendon.friction
+        parameters['arm.tendon_friction'] = arm.tendon.friction
     if 'tilt' in names:
-        parameters['mounting_angle'] = arm.mounting_angle
+        parameters['arm.mounting_angle'] = arm.mounting_angle
     return parameters

@@ -6,17 +6,18 @@
 Nodes and view are processes of their own: what the view does takes no time from the nodes.
 """
 
-import argparse
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
 import re
 import signal
-import sys
-from time import sleep
+import threading
+from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 import viser
 
+from soft_continuum.arguments import DONE, Parser, WRONG_USAGE
 from soft_continuum.browser.access import AccessError, open_server, page_address
 from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.scene import Scene
@@ -26,7 +27,7 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import argument_error, ROS_ARGUMENT_ERRORS
-from soft_continuum.nodes.up import ros_arguments
+from soft_continuum.nodes.up import ros_arguments, start_parser
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import NODES
 
@@ -35,7 +36,6 @@ SCENE_PERIOD = 0.04  # s
 PANEL_PERIOD = 0.2  # s
 DESCRIPTION_PERIOD = 2.0  # s between two requests for the description
 ANSWER_TIMEOUT = 5.0  # s for a service; the board of a rig answers within a fraction of one
-CHECK_PERIOD = 0.5  # s between two looks at the processes of the nodes
 DISCOVERY_TIMEOUT = 0.5  # s: nodes that run were discovered before somebody clicks
 TOKEN = re.compile('[A-Za-z0-9_-]{12,}')
 
@@ -83,65 +83,60 @@ class View:
             self._session.update_description()
 
 
-def parser(program: str) -> argparse.ArgumentParser:
-    """Return the options of the view."""
-    options = argparse.ArgumentParser(
-        prog=program, allow_abbrev=False,
-        description='The arm in a browser. All other options are those of ./run up.')
-    options.add_argument('--host', default='127.0.0.1',
-                         help='address to listen on; beyond this machine only with --token '
-                         '(default: %(default)s)')
-    options.add_argument('--port', type=int, default=PORT,
-                         help='port, 0 for any free one (default: %(default)s)')
-    options.add_argument('--token', type=_token,
-                         help='what a browser has to show: 12 or more letters, digits, - and _')
-    return options
+def _add_view_options(parser: Parser) -> None:
+    parser.add_argument('--host', default='127.0.0.1',
+                        help='address to listen on; beyond this machine only with --token '
+                        '(default: %(default)s)')
+    parser.add_argument('--port', type=int, default=PORT,
+                        help='port, 0 for any free one (default: %(default)s)')
+    parser.add_argument('--token', type=_token,
+                        help='what a browser has to show: 12 or more letters, digits, - and _')
 
 
 def _token(text: str) -> str:
     if not TOKEN.fullmatch(text):
-        raise argparse.ArgumentTypeError(
+        raise ArgumentTypeError(
             'a token is 12 or more letters, digits, - and _, such as openssl rand -hex 16 prints')
     return text
 
 
 def ui() -> int:
     """Run the four nodes and the view until Ctrl-C; return the exit status."""
-    known = parser('./run ui')
-    known.add_argument('--view-only', action='store_true',
-                       help='start no nodes; show those that run')
-    options, rest = known.parse_known_args()
-    return run(() if options.view_only else NODES, ros_arguments(rest), options)
+    parser = start_parser('ui', 'The four nodes, and the arm in a browser.')
+    _add_view_options(parser)
+    parser.add_argument('--view-only', action='store_true',
+                        help='start no nodes; show those that run')
+    options = parser.parse_args()
+    return run(parser, () if options.view_only else NODES, ros_arguments(options), options)
 
 
 def browser() -> int:
     """Run the view alone, with the arguments of a ROS node; return the exit status."""
-    options, rest = parser('browser').parse_known_args()
-    return run((), ['browser', *rest], options)
+    parser = Parser('browser', 'The arm in a browser. All other arguments are those of a node.')
+    _add_view_options(parser)
+    options, rest = parser.parse_known_args()
+    return run(parser, (), ['browser', *rest], options)
 
 
-def run(names: Sequence[str], arguments: Sequence[str], options: argparse.Namespace) -> int:
-    """Run nodes and the view until SIGINT or SIGTERM; return the exit status."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options: Namespace
+        ) -> int:
+    """Run nodes and the view, with ROS arguments, until SIGINT or SIGTERM; return the status."""
+    signal.signal(signal.SIGTERM, _interrupt)
     connection: Connection | None = None
     server: viser.ViserServer | None = None
     token = options.token or ''
     try:
-        with NodeProcesses(names, arguments) as nodes:
+        with NodeProcesses(nodes, arguments):
             server = open_server(options.host, options.port, token)
             connection = Connection('browser', timeout=ANSWER_TIMEOUT, arguments=arguments,
                                     discovery_timeout=DISCOVERY_TIMEOUT)
             connection.requests.start(_show(server, connection.requests)).result()
             print(f'The arm is at {page_address(server, token)} (Ctrl-C ends it)', flush=True)
-            while True:
-                nodes.check()
-                sleep(CHECK_PERIOD)
+            threading.Event().wait()
     except (AccessError, ClientError, ParameterError) as error:
-        print(f'{error}', file=sys.stderr)
-        return 2
+        return parser.fail(error, WRONG_USAGE)
     except ROS_ARGUMENT_ERRORS as error:
-        print(argument_error(arguments, error), file=sys.stderr)
-        return 2
+        return parser.fail(argument_error(arguments, error), WRONG_USAGE)
     except KeyboardInterrupt:
         pass
     finally:
@@ -149,9 +144,13 @@ def run(names: Sequence[str], arguments: Sequence[str], options: argparse.Namesp
             connection.close()
         if server is not None:
             server.stop()
-    return 0
+    return DONE
 
 
 async def _show(server: viser.ViserServer, requests: Requests) -> View:
     """Begin to show the arm, on the thread of the node."""
     return View(server, Session(requests))
+
+
+def _interrupt(*_: Any) -> None:
+    raise KeyboardInterrupt

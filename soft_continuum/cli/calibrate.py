@@ -15,10 +15,9 @@ from time import monotonic, sleep
 from typing import Any
 
 from soft_continuum.analysis.results import claim, text_table
-from soft_continuum.arguments import command_name, FAILED, number_in, WRONG_USAGE
-from soft_continuum.cli.common import guarded, new_parser
+from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, WRONG_USAGE
+from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number, one_of
-from soft_continuum.cli.rig import as_list, rig_parameters, write_parameters
 from soft_continuum.hardware.calibration import (
     CalibrationError,
     corrected_steps,
@@ -35,7 +34,9 @@ from soft_continuum.hardware.protocols import HardwareError, JammingDriver, Tend
 from soft_continuum.hardware.tendon_controller import TendonLimits
 from soft_continuum.mechanics.arm import TENDONS
 from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_rig, write_parameters
 from soft_continuum.parameters.nodes import jamming_settings
+from soft_continuum.parameters.parameter import as_yaml
 
 NAME = 'calibrate'
 GUIDE = 'docs/how_to/set_up_a_rig.md'
@@ -63,9 +64,9 @@ class Job:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status, FAILED if the rig failed."""
-    parser = new_parser(NAME, 'Measure a rig: steps/mm and signs of the steppers, the zero of the '
-                        'tendons, pump and segments. Results are a parameter file to give to the '
-                        'nodes after the others.')
+    parser = Parser(NAME, 'Measure a rig: steps/mm and signs of the steppers, the zero of the '
+                    'tendons, pump and segments. Results are a parameter file to give to the '
+                    'nodes after the others.', *FOR_ANALYSIS)
     per_tendon: dict[str, Any] = {
         'nargs': len(NAMES), 'metavar': tuple(name.upper() for name in NAMES)}
     parser.add_argument('what', choices=[*PROCEDURES, 'all'],
@@ -82,29 +83,23 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='zero: pull in the tendons by this much in mm instead of jogging')
     parser.add_argument('--leak-time', type=number_in(1.0, 600.0, 's'), metavar='S',
                         help='vacuum: how long the loss is watched in s (default: 10)')
-    options = parser.parse_args(argv)
-    for option, what in APPLIES.items():
-        if getattr(options, option) is not None and options.what not in (what, 'all'):
-            parser.error(f'--{option.replace("_", "-")} is for {NAME} {what} and {NAME} all, not '
-                         f'for {NAME} {options.what}')
-    # A terminal that is closed must not leave a pump running either.
-    before = {s: signal.signal(s, signal.default_int_handler)
-              for s in (signal.SIGTERM, signal.SIGHUP)}
+    for ended in (signal.SIGTERM, signal.SIGHUP):  # a closed terminal must not leave a pump on
+        signal.signal(ended, signal.default_int_handler)
     try:
-        return guarded(NAME, _run, options)
+        return run_verb(parser, _run, argv)
     except (HardwareError, DeclinedError) as error:
-        print(f'{command_name(NAME)}: {error}', file=sys.stderr)
-        return FAILED
+        return parser.fail(error)
     except CalibrationError as error:
-        print(f'{command_name(NAME)}: {error}', file=sys.stderr)
-        return WRONG_USAGE
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        return parser.fail(error, WRONG_USAGE)
 
 
 def _run(options: argparse.Namespace) -> None:
-    values = rig_parameters(options.params_file)
+    for option, what in APPLIES.items():
+        if getattr(options, option) is not None and options.what not in (what, 'all'):
+            raise CalibrationError(
+                f'--{option.replace("_", "-")} is for {NAME} {what} and {NAME} all, not for '
+                f'{NAME} {options.what}')
+    values = load_rig(options.params_file)
     name = f'calibration_{options.what}.yaml' if options.what != 'all' else 'calibration.yaml'
     path = Path(options.output, name)
     if options.what != 'zero':
@@ -114,7 +109,7 @@ def _run(options: argparse.Namespace) -> None:
     for procedure in procedures.values():
         procedure(job)
         if job.results:  # after each, so that what went well is not lost with what did not
-            write_parameters(path, job.results, f'Measured by {NAME} {options.what}.')
+            write_parameters(path, job.results, [f'Measured by {NAME} {options.what}.'])
     if job.results:
         print(f'\nWritten: {path}. Give it to the nodes as one more parameter file, after the '
               'others.')
@@ -182,8 +177,8 @@ def _forget_zero(values: Mapping[str, Any]) -> None:
     try:
         forget_reference(values['grbl.port'], values['grbl.baud_rate'])
     except HardwareError as error:
-        print(f'{command_name(NAME)}: the controller may still hold a provisional zero: '
-              f'power-cycle it before anything else ({error})', file=sys.stderr)
+        print(f'The controller may still hold a provisional zero: power-cycle it before anything '
+              f'else ({error})', file=sys.stderr)
 
 
 def _one(tendon: int, distance: float) -> tuple[float, ...]:
@@ -195,13 +190,18 @@ UNHOOKED = ('The tendons move by up to {:g} mm, one after the other, and nothing
             'unhook them from the arm, or pay out that much slack by hand.')
 
 
+def _must_ask(job: Job, why: str, option: str, note: str = '') -> None:
+    """Raise CalibrationError where --yes says that nobody is there to answer."""
+    if job.options.yes:
+        raise CalibrationError(
+            f'{why}: give {option} {" ".join(NAMES).upper()}{note}, or leave out --yes')
+
+
 def _signs(job: Job) -> None:
     """Find out in which direction each stepper pulls."""
     seen = job.options.seen
     if seen is None:
-        if job.options.yes:
-            raise CalibrationError('somebody must watch the tendons: give --seen '
-                                   f'{" ".join(NAMES).upper()}, or leave out --yes')
+        _must_ask(job, 'somebody must watch the tendons', '--seen')
         seen = []
         with _bench(job, UNHOOKED.format(SIGN_MOVE)) as (bench, _):
             for tendon, name in enumerate(NAMES):
@@ -212,7 +212,7 @@ def _signs(job: Job) -> None:
                     answer = ask(
                         f'Was the {name} tendon pulled in, or paid out? '
                         f'({PULLED_IN}, {PAID_OUT}, again)',
-                        one_of({a: a for a in (*DIRECTIONS, 'again')}))
+                        one_of(*DIRECTIONS, 'again'))
                     bench.move(_one(tendon, -SIGN_MOVE))
                 seen.append(answer)
     signs = tuple(sign * DIRECTIONS[answer]
@@ -225,9 +225,7 @@ def _steps(job: Job) -> None:
     distance = job.options.distance or 5.0
     travels = job.options.measured
     if travels is None:
-        if job.options.yes:
-            raise CalibrationError('travel must be measured: give --measured '
-                                   f'{" ".join(NAMES).upper()}, or leave out --yes')
+        _must_ask(job, 'travel must be measured', '--measured')
         travels = []
         with _bench(job, f'{UNHOOKED.format(distance)} Have a caliper or ruler ready and a mark '
                     'on each tendon.') as (bench, _):
@@ -259,7 +257,7 @@ def _travel(text: str, distance: float) -> float:
 
 def _take(job: Job, name: str, values: tuple[float, ...]) -> None:
     """Keep a result for the stepper controller, if the rig has one."""
-    print(f'{name}: {as_list(values)} ({", ".join(NAMES)}); it was {as_list(job.values[name])}')
+    print(f'{name}: {as_yaml(values)} ({", ".join(NAMES)}); it was {as_yaml(job.values[name])}')
     job.values[name] = values
     if job.values['tendon_driver'] == 'grbl':
         job.results[name] = values
@@ -271,9 +269,8 @@ def _take(job: Job, name: str, values: tuple[float, ...]) -> None:
 def _zero(job: Job) -> None:
     """Take up the slack of all tendons; then the straight arm is zero."""
     take_up = job.options.take_up
-    if take_up is None and job.options.yes:
-        raise CalibrationError('somebody must look at the slack: give --take-up '
-                               f'{" ".join(NAMES).upper()} (0: just taut), or leave out --yes')
+    if take_up is None:
+        _must_ask(job, 'somebody must look at the slack', '--take-up', ' (0: just taut)')
     with _bench(job, 'The arm is straight and all tendons are hooked in, slack or just taut.',
                 sets_zero=True) as (bench, tendons):
         if take_up is None:
@@ -289,12 +286,10 @@ def _zero(job: Job) -> None:
         kept = tendons.read().referenced
     finally:
         tendons.close()
-    if kept:
-        print('The controller keeps it: start the nodes.')
-    else:
-        print('The controller does not keep it, because opening its port resets it '
-              f'({GUIDE}): start the nodes, and with the arm straight and all tendons just '
-              'taut type soft_continuum reference.')
+    print('The controller keeps it: start the nodes.' if kept else
+          f'The controller does not keep it, because opening its port resets it ({GUIDE}): start '
+          'the nodes, and with the arm straight and all tendons just taut type soft_continuum '
+          'reference.')
 
 
 def _jog(bench: TendonBench) -> None:
@@ -356,12 +351,10 @@ def _vacuum(job: Job) -> None:
             print(f'segment {result.segment + 1}: {text}')
     stiff = [r for r in results if isfinite(r.time_to_stiff)]
     job.failures += [f'segment {r.segment + 1} does not become stiff' for r in results
-                if r not in stiff]
-    if not stiff:
-        return
-    for name in ('ultimate_vacuum', 'evacuation_time', 'venting_time', 'leak_rate'):
-        # The simulation has one number for all segments.
-        job.results[f'simulated_jamming.{name}'] = fmean(getattr(r, name) for r in stiff)
+                     if r not in stiff]
+    if stiff:  # the simulation has one number for all segments
+        for name in ('ultimate_vacuum', 'evacuation_time', 'venting_time', 'leak_rate'):
+            job.results[f'simulated_jamming.{name}'] = fmean(getattr(r, name) for r in stiff)
 
 
 def _cell(value: float) -> str:

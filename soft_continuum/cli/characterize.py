@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 from soft_continuum.analysis.characterisation import (
     Characterisation,
@@ -16,13 +17,15 @@ from soft_continuum.analysis.characterisation import (
 )
 from soft_continuum.analysis.curves import read_curves
 from soft_continuum.analysis.delimited import MeasurementError
-from soft_continuum.analysis.results import claim, text_table, write_parameters
+from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.analysis.stiffness_figure import MeasuredState, stiffness_figure
-from soft_continuum.arguments import number_in
-from soft_continuum.cli.common import described_arm, guarded, new_parser
+from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser
+from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.mechanics.arm import Arm, ArmError, Segment
 from soft_continuum.mechanics.stiffness import joint_stiffness
 from soft_continuum.parameters.arm import arm_from_parameters, table_parameters
+from soft_continuum.parameters.files import write_parameters
+from soft_continuum.parameters.parameter import Value
 
 NAME = 'characterize'
 COLUMNS = ('force', 'displacement', 'time', 'repetition')
@@ -31,8 +34,8 @@ UNITS = ('force', 'displacement', 'time')
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
-    parser = new_parser(NAME, 'Bending stiffness E I of a segment, soft and stiff, from '
-                        'force-displacement curves of a testing machine.')
+    parser = Parser(NAME, 'Bending stiffness E I of a segment, soft and stiff, from '
+                    'force-displacement curves of a testing machine.', *FOR_ANALYSIS)
     parser.add_argument('soft', type=Path, nargs='*', metavar='FILE',
                         help='CSV files of the soft segment, one repetition or more in each')
     parser.add_argument('--stiff', type=Path, nargs='+', default=[], metavar='FILE',
@@ -50,14 +53,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in UNITS:
         parser.add_argument(f'--{name}-unit', metavar='UNIT',
                             help=f'unit of {name}, in place of what the header says')
-    options = parser.parse_args(argv)
-    if not options.soft and not options.stiff:
-        parser.error('no file given; name the CSV files of the soft segment, or of the stiff one '
-                     'after --stiff')
-    return guarded(NAME, _run, options)
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:
+    if not options.soft and not options.stiff:
+        raise MeasurementError('no file given; name the CSV files of the soft segment, or of the '
+                               'stiff one after --stiff')
     values, arm = described_arm(options)
     if not 1 <= options.segment <= len(arm.segments):
         raise ArmError(f'there is no segment {options.segment}; --segment is 1 to '
@@ -65,23 +67,20 @@ def _run(options: argparse.Namespace) -> None:
     index = options.segment - 1
     segment = arm.segments[index]
     leaf = arm_from_parameters(values | {'arm.bending_stiffnesses': (0.0,)}).segments[index]
-    columns = {n: getattr(options, f'{n}_column') for n in COLUMNS
-               if getattr(options, f'{n}_column')}
-    units = {n: getattr(options, f'{n}_unit') for n in UNITS if getattr(options, f'{n}_unit')}
+    files = {state: paths for state, paths in (('soft', options.soft), ('stiff', options.stiff))
+             if paths}
     states = []
-    for name, files in (('soft', options.soft), ('stiff', options.stiff)):
-        if files:
-            curves = read_curves(files, columns, units)
-            states.append(MeasuredState(
-                name, curves, characterise(curves, segment.length, options.lever_arm)))
+    for name, paths in files.items():
+        curves = read_curves(paths, _given(options, 'column'), _given(options, 'unit'))
+        states.append(MeasuredState(
+            name, curves, characterise(curves, segment.length, options.lever_arm)))
     results = {state.name: state.result for state in states}
     soft = (results['soft'].bending_stiffness if 'soft' in results
             else segment.bending_stiffness)
     if not options.trust_stiffness:
-        _question(options, results, leaf.bending_stiffness, soft)
+        _question(files, results, leaf.bending_stiffness, soft)
     parameters = _parameters(results, values, arm, index, soft)
-    # What the nodes would refuse is not written.
-    arm_from_parameters(values | {f'arm.{name}': value for name, value in parameters.items()})
+    arm_from_parameters(values | parameters)  # what the nodes would refuse is not written
     figure, layer = claim(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
 
     print(f'Segment {options.segment}, bending length {segment.length:g} m, lever arm '
@@ -104,59 +103,62 @@ def _run(options: argparse.Namespace) -> None:
     stiffness_figure(figure, states, f'segment {options.segment}')
     write_parameters(layer, parameters, [
         f'Stiffness of segment {options.segment}, by {NAME} from',
-        *(f'  {file.name} ({name})' for name, files in (
-            ('soft', options.soft), ('stiff', options.stiff)) for file in files),
+        *(f'  {path.name} ({name})' for name, paths in files.items() for path in paths),
         f'with a lever arm of {options.lever_arm:g} m.',
         *(f'E I {name}: {r.bending_stiffness:.4g} +- {r.half_width:.2g} N m^2 (95 %)'
           for name, r in results.items())])
     print(f'\nFigure: {figure}\nParameters: {layer}')
 
 
-def _question(options: argparse.Namespace, results: dict[str, Characterisation], leaf: float,
-              soft: float) -> None:
+def _given(options: argparse.Namespace, what: str) -> dict[str, str]:
+    """Return the headers or units that were given, by the names of their columns."""
+    return {name: given for name in COLUMNS if (given := getattr(options, f'{name}_{what}', None))}
+
+
+def _question(files: Mapping[str, Sequence[Path]], results: Mapping[str, Characterisation],
+              leaf: float, soft: float) -> None:
     """Raise MeasurementError when a stiffness looks like a wrong unit."""
-    for name, files in (('soft', options.soft), ('stiff', options.stiff)):
-        if not files:
-            continue
+    for name, paths in files.items():
         doubt = (question_soft(results[name], leaf) if name == 'soft'
                  else question_stiff(results[name], soft))
         if doubt:
             raise MeasurementError(
-                f'{", ".join(str(f) for f in files)}: {doubt}? State the right one with '
+                f'{", ".join(map(str, paths))}: {doubt}? State the right one with '
                 '--force-unit, --displacement-unit or --lever-arm; --trust-stiffness accepts it')
 
 
 def _table(states: Sequence[MeasuredState], bodies: int, leaf: Segment, segment: Segment) -> str:
     alone = joint_stiffness(leaf.bending_stiffness, segment.length, bodies)
-    rows = [['repetitions', *(str(len(s.curves)) for s in states)],
-            ['points on the way up',
-             *(str(sum(len(c.loading[0]) for c in s.curves)) for s in states)]]
 
-    def row(label: str, value: list[str]) -> None:
-        rows.append([label, *value])
+    def column(state: MeasuredState) -> dict[str, str]:
+        result = state.result
+        line, stiffness = result.regression, result.bending_stiffness
+        joint = joint_stiffness(stiffness, segment.length, bodies)
+        return {
+            'repetitions': str(len(state.curves)),
+            'points on the way up': str(sum(len(c.loading[0]) for c in state.curves)),
+            'k, N/mm': f'{1e-3 * line.slope:.4g}',
+            '  95 % confidence, +- N/mm': f'{1e-3 * line.half_width:.2g}',
+            '  of each repetition, N/mm': _listed([f'{1e-3 * k:.4g}' for k in line.each]),
+            '  R^2': f'{line.determination:.5f}',
+            'E I, N m^2 (eq. 8)': f'{stiffness:.4g}',
+            '  95 % confidence, +- N m^2': f'{result.half_width:.2g}',
+            'c_phi = E I / l, N m/rad': f'{stiffness / segment.length:.4g}',
+            f'c_phi_i, n = {bodies}, N m/rad (eq. 5)': f'{joint:.4g}',
+            '  leaf spring alone, N m/rad': f'{alone:.4g}',
+            '  error of the leaf spring alone': f'{100 * (1 - alone / joint):.3g} %',
+            'furthest from a line, of largest force':
+                f'{100 * result.linearity_error:.2g} %' if isfinite(result.linearity_error)
+                else 'not determined',
+            'spread between repetitions, N': f'{result.spread:.2g}',
+            'settling, last over first force': f'{100 * result.settling:+.2g} %',
+            'hysteresis, work lost':
+                _listed([f'{100 * h:.2g} %' for h in result.hysteresis]) or 'not measured',
+        }
 
-    results = [s.result for s in states]
-    stiffness = [joint_stiffness(r.bending_stiffness, segment.length, bodies) for r in results]
-    row('k, N/mm', [f'{1e-3 * r.regression.slope:.4g}' for r in results])
-    row('  95 % confidence, +- N/mm', [f'{1e-3 * r.regression.half_width:.2g}' for r in results])
-    row('  of each repetition, N/mm',
-        [_listed([f'{1e-3 * k:.4g}' for k in r.regression.each]) for r in results])
-    row('  R^2', [f'{r.regression.determination:.5f}' for r in results])
-    row('E I, N m^2 (eq. 8)', [f'{r.bending_stiffness:.4g}' for r in results])
-    row('  95 % confidence, +- N m^2', [f'{r.half_width:.2g}' for r in results])
-    row('c_phi = E I / l, N m/rad', [f'{r.bending_stiffness / segment.length:.4g}'
-                                     for r in results])
-    row(f'c_phi_i, n = {bodies}, N m/rad (eq. 5)', [f'{c:.4g}' for c in stiffness])
-    row('  leaf spring alone, N m/rad', [f'{alone:.4g}'] * len(results))
-    row('  error of the leaf spring alone', [f'{100 * (1 - alone / c):.3g} %' for c in stiffness])
-    row('furthest from a line, of largest force',
-        [f'{100 * r.linearity_error:.2g} %' if isfinite(r.linearity_error) else 'not determined'
-         for r in results])
-    row('spread between repetitions, N', [f'{r.spread:.2g}' for r in results])
-    row('settling, last over first force', [f'{100 * r.settling:+.2g} %' for r in results])
-    row('hysteresis, work lost',
-        [_listed([f'{100 * h:.2g} %' for h in r.hysteresis]) or 'not measured' for r in results])
-    return text_table(['', *(s.name for s in states)], rows)
+    columns = [column(state) for state in states]
+    return text_table(['', *(s.name for s in states)],
+                      [[label, *(c[label] for c in columns)] for label in columns[0]])
 
 
 def _listed(items: Sequence[str]) -> str:
@@ -164,30 +166,21 @@ def _listed(items: Sequence[str]) -> str:
     return ' '.join(items if len(items) <= 6 else [*items[:3], '...', *items[-2:]])
 
 
-def _parameters(results: dict[str, Characterisation], values: Mapping[str, object],
-                arm: Arm, index: int, soft: float) -> dict[str, Sequence[float]]:
+def _parameters(results: Mapping[str, Characterisation], values: Mapping[str, Value],
+                arm: Arm, index: int, soft: float) -> dict[str, Value]:
     """Return what replaces the lists of the description, whole lists as these are."""
-    parameters: dict[str, Sequence[float]] = {}
-    segments = arm.segments
-    for name, laws in (('soft', [s.soft_law for s in segments]),
-                       ('stiff', [s.jam.law for s in segments])):
-        before = list(laws)
-        if name in results:
-            laws[index] = results[name].table
-        if laws != before:
-            parameters |= table_parameters(laws, name)
-    if 'soft' in results:
-        parameters['bending_stiffnesses'] = _replaced(
-            values['arm.bending_stiffnesses'], len(segments), index, soft)
-    if 'stiff' in results:
-        parameters['stiffness_ratios'] = _replaced(
-            values['arm.stiffness_ratios'], len(segments), index,
-            results['stiff'].bending_stiffness / soft)
+    parameters: dict[str, Value] = {}
+    laws = {'soft': [s.soft_law for s in arm.segments], 'stiff': [s.jam.law for s in arm.segments]}
+    for name, result in results.items():
+        before = laws[name][index]
+        laws[name][index] = result.table
+        if before != result.table:
+            parameters |= table_parameters(laws[name], name)
+        stiffness = result.bending_stiffness
+        replaced, value = {'soft': ('arm.bending_stiffnesses', stiffness),
+                           'stiff': ('arm.stiffness_ratios', stiffness / soft)}[name]
+        given: Any = values[replaced]
+        whole = [*given] if len(given) == len(arm.segments) else [*given] * len(arm.segments)
+        whole[index] = value
+        parameters[replaced] = tuple(whole)
     return parameters
-
-
-def _replaced(given: object, count: int, index: int, value: float) -> Sequence[float]:
-    assert isinstance(given, tuple)
-    whole = list(given if len(given) == count else given * count)
-    whole[index] = value
-    return whole

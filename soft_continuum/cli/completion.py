@@ -10,29 +10,23 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 import os
 from pathlib import Path
-import sys
 from typing import Any
 
-from soft_continuum.arguments import command_name, DONE, FAILED, Parser
+from soft_continuum.arguments import DONE, Parser
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the completion script of a shell, or the cached names of the shapes."""
+    """Print the completion script of a shell."""
     parser = Parser('completion', 'Print the script for tab completion. For bash put this into '
                     '~/.bashrc: source <(soft_continuum completion bash)')
-    parser.add_argument('what', choices=('bash', 'zsh', 'fish', 'shapes'),
-                        help='the shell; shapes: the names that are offered after run')
-    what = parser.parse_args(argv).what
-    if what == 'shapes':
-        print('\n'.join(cached_shapes()))
-        return DONE
+    parser.add_argument('shell', choices=('bash', 'zsh', 'fish'))
+    shell = parser.parse_args(argv).shell
     try:
         from argcomplete.shell_integration import shellcode
     except ModuleNotFoundError:
-        print(f'{command_name("completion")}: needs argcomplete; install python3-argcomplete '
-              '(apt) or argcomplete (pip)', file=sys.stderr)
-        return FAILED
-    print(shellcode(['soft_continuum'], shell='bash' if what == 'zsh' else what))
+        return parser.fail('needs argcomplete; install python3-argcomplete (apt) or argcomplete '
+                           '(pip)')
+    print(shellcode(['soft_continuum'], shell='bash' if shell == 'zsh' else shell))
     return DONE
 
 

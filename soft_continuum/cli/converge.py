@@ -10,16 +10,16 @@ import numpy as np
 from soft_continuum.analysis.convergence import converge
 from soft_continuum.analysis.convergence_figure import convergence_figure
 from soft_continuum.analysis.results import claim, text_table
-from soft_continuum.arguments import number_in, whole_number_in
-from soft_continuum.cli.common import described_arm, guarded, new_parser
+from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, whole_number_in
+from soft_continuum.cli.common import described_arm, run_verb
 
 NAME = 'converge'
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
-    parser = new_parser(NAME, 'Convergence analysis: relative change of the bending angles from n '
-                        'to n + 1 bodies per segment at constant pulls.')
+    parser = Parser(NAME, 'Convergence analysis: relative change of the bending angles from n '
+                    'to n + 1 bodies per segment at constant pulls.', *FOR_ANALYSIS)
     parser.add_argument('--angle', type=number_in(1.0, 120.0, 'degrees'), default=36.0,
                         metavar='DEGREES', help='bending angle of every segment (default: 36)')
     parser.add_argument('--tolerance', type=number_in(1e-6, 0.1, ''), default=1e-3, metavar='PART',
@@ -28,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='largest number of bodies (default: 16)')
     parser.add_argument('--gravity', action='store_true',
                         help='with the weight of the arm (default: without, as in the paper)')
-    return guarded(NAME, _run, parser.parse_args(argv))
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:

@@ -10,15 +10,7 @@ from pathlib import Path
 import sys
 from time import monotonic
 
-from soft_continuum.arguments import (
-    add_json_option,
-    add_params_file_option,
-    command_name,
-    DONE,
-    FAILED,
-    INTERRUPTED,
-    Parser,
-)
+from soft_continuum.arguments import DONE, FAILED, INTERRUPTED, Parser
 from soft_continuum.hardware.checks import (
     Check,
     check_jamming,
@@ -30,16 +22,12 @@ from soft_continuum.hardware.checks import (
 )
 from soft_continuum.parameters.parameter import ParameterError
 
-NAME = 'doctor'
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status, FAILED if a check failed."""
-    parser = Parser(NAME, 'Check parameter files, model, ports, firmware, settings, valves and '
-                    'sensors step by step. Nothing is moved or switched. Nodes that use the rig '
-                    'must not run.')
-    add_params_file_option(parser)
-    add_json_option(parser)
+    parser = Parser('doctor', 'Check parameter files, model, ports, firmware, settings, valves '
+                    'and sensors step by step. Nothing is moved or switched. Nodes that use the '
+                    'rig must not run.', '--params-file', '--json')
     options = parser.parse_args(argv)
     found: list[Check] = []
     try:
@@ -48,8 +36,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             if not options.json:
                 print(f'{check.status:<4}  {check.step}: {check.message}', flush=True)
     except KeyboardInterrupt:
-        print(f'\n{command_name(NAME)}: interrupted', file=sys.stderr)
-        return INTERRUPTED
+        print(file=sys.stderr)
+        return parser.fail('interrupted', INTERRUPTED)
     failed = sum(check.status == FAIL for check in found)
     if options.json:
         print(json.dumps({'result': FAIL if failed else OK,
@@ -66,11 +54,11 @@ def checks(paths: Sequence[Path]) -> Iterator[Check]:
     yield model
     if model.status == FAIL:  # the parameter files describe a model
         return
-    from soft_continuum.cli.rig import rig_parameters  # imports the model
+    from soft_continuum.parameters.files import load_rig  # imports the model
 
     where = ', '.join(str(path) for path in paths) or "none given: the paper's arm, simulated"
     try:
-        values = rig_parameters(paths)
+        values = load_rig(paths)
     except ParameterError as error:
         yield Check('parameters', FAIL, str(error))
         return

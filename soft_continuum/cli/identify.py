@@ -19,19 +19,21 @@ from soft_continuum.analysis.identification import (
 )
 from soft_continuum.analysis.identification_figure import identification_figure, ShapeResult
 from soft_continuum.analysis.measured_shapes import MeasuredShape, read_shapes
-from soft_continuum.analysis.results import claim, text_table, write_parameters
+from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.analysis.unknowns import find_unknowns, IdentificationError, parameters_of
-from soft_continuum.cli.common import described_arm, guarded, new_parser
+from soft_continuum.arguments import FOR_ANALYSIS, Parser
+from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.statics import StaticsError
+from soft_continuum.parameters.files import write_parameters
 
 NAME = 'identify'
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
-    parser = new_parser(NAME, 'Fit what is not known of the arm to measured points. Errors on '
-                        'shapes that the fit did not see are reported.')
+    parser = Parser(NAME, 'Fit what is not known of the arm to measured points. Errors on '
+                    'shapes that the fit did not see are reported.', *FOR_ANALYSIS)
     parser.add_argument('points', type=Path, help='CSV file: shape, point, x, z')
     parser.add_argument('pulls', type=Path,
                         help='CSV file: shape, segment, right, left and, if known, payload')
@@ -42,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--hold-out', nargs='+', default=[], metavar='SHAPE',
                         help='shapes to leave out of the fit (default: fit all, then leave out '
                              'each in turn)')
-    return guarded(NAME, _run, parser.parse_args(argv))
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:

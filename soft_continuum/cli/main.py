@@ -9,15 +9,9 @@ import os
 import signal
 import sys
 
-from soft_continuum.arguments import (
-    add_arm_options,
-    did_you_mean,
-    DONE,
-    EXIT_CODES,
-    INTERRUPTED,
-    Parser,
-)
+from soft_continuum.arguments import DONE, FOR_NODES, INTERRUPTED, Parser
 from soft_continuum.cli.registry import GROUPS, Verb, VERBS
+from soft_continuum.parameters.parameter import name_hint
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -40,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.verb is None:
         parser.error('no verb given, such as status or demo')
     if options.verb not in VERBS:
-        parser.error(f'unknown verb {options.verb!r}{did_you_mean(options.verb, [*VERBS])}')
+        parser.error(f'unknown verb {options.verb!r}{name_hint(options.verb, VERBS)}')
     before = words[:len(words) - len(options.options) - 1]
     return call(VERBS[options.verb], [*before, *options.options])
 
@@ -67,10 +61,9 @@ def _parser() -> Parser:
     parser = Parser(
         '', 'A planar tendon-driven continuum arm with jamming segments: operate it, analyse it, '
         f'set it up.\nVERB --help shows the options of a verb.\n\n{listing}',
-        usage='%(prog)s VERB [OPTION]...', epilog=EXIT_CODES,
+        *FOR_NODES, usage='%(prog)s VERB [OPTION]...',
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--version', action='store_true', help='print the version and end')
-    add_arm_options(parser)
     return parser
 
 

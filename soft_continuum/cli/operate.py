@@ -3,20 +3,19 @@
 """The verbs that operate a running arm, from ``status`` to ``reset``."""
 
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from math import isfinite, radians
 import os
 import signal
 from time import sleep
-from typing import Any, NoReturn, TYPE_CHECKING
+from typing import NoReturn, TYPE_CHECKING
 
 from soft_continuum.arguments import (
-    add_arm_options,
     DONE,
     FAILED,
+    FOR_NODES,
     INTERRUPTED,
     NO_NODES,
     number_in,
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
 WATCH_PERIOD = 0.5  # s
 CANCEL_TIMEOUT = 60.0  # s for a canceled sequence to come to rest
 MAX_JOG = 1000.0  # mm; pull_limits are tighter
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass(frozen=True)
@@ -51,48 +51,32 @@ class Action:
 
 def main(verb: str, argv: Sequence[str] | None = None) -> int:
     """Run a verb on a running arm; return the exit status."""
-    parser, action = Parser(verb, VERBS[verb].help), ACTIONS[verb]
+    action = ACTIONS[verb]
+    parser = Parser(verb, VERBS[verb].help, *FOR_NODES)
     action.add_options(parser)
-    add_arm_options(parser)
     options = parser.parse_args(argv)
     if missing := action.missing(options):
         parser.error(missing)
-    output = Output(verb, options.json)
-    with _interruptible():
-        try:
-            from soft_continuum.client.arm import Arm
-            from soft_continuum.client.errors import ClientError, NodesMissingError
-        except ModuleNotFoundError as error:
-            output.fail(f'ROS 2 is not set up ({error}); source it, or start with ./run')
-            return FAILED
-        try:
-            with Arm(options.namespace, timeout=options.timeout) as arm:
-                return action.run(arm, options, output)
-        except NodesMissingError as error:
-            output.fail(str(error))
-            return NO_NODES
-        except ClientError as error:
-            output.fail(str(error))
-            return FAILED
-
-
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """Let SIGINT and SIGTERM interrupt; a second one ends the process at once."""
-    def interrupt(*_: object) -> NoReturn:
-        for number in before:
-            signal.signal(number, lambda *_: os._exit(INTERRUPTED))
-        raise KeyboardInterrupt
-
-    before: dict[int, Any] = {number: signal.getsignal(number)
-                              for number in (signal.SIGINT, signal.SIGTERM)}
-    for number in before:
-        signal.signal(number, interrupt)
+    output = Output(parser, options.json)
+    for number in INTERRUPTS:
+        signal.signal(number, _interrupt)
     try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        from soft_continuum.client.arm import Arm
+        from soft_continuum.client.errors import ClientError, NodesMissingError
+    except ModuleNotFoundError as error:
+        return output.fail(f'ROS 2 is not set up ({error}); source it, or start with ./run')
+    try:
+        with Arm(options.namespace, timeout=options.timeout) as arm:
+            return action.run(arm, options, output)
+    except ClientError as error:
+        return output.fail(error, NO_NODES if isinstance(error, NodesMissingError) else FAILED)
+
+
+def _interrupt(*_: object) -> NoReturn:
+    """Interrupt the verb; a second time, end the process at once."""
+    for number in INTERRUPTS:
+        signal.signal(number, lambda *_: os._exit(INTERRUPTED))
+    raise KeyboardInterrupt
 
 
 # Shapes.
@@ -148,11 +132,11 @@ def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
                 output.print('canceling; Ctrl-C again leaves at once')
             sequence.cancel()
         result = sequence.result(CANCEL_TIMEOUT)
-        output.print('done', **{'result': 'done', **asdict(result)})
+        output.print('done', result='done', **asdict(result))
         return DONE
     except SequenceError as error:
         if output.as_json:
-            output.print('', **{'result': 'failed', **asdict(error.result)})
+            output.print('', result='failed', **asdict(error.result))
         else:
             output.fail(str(error))
         return INTERRUPTED if interrupted else FAILED
@@ -161,11 +145,8 @@ def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
 def _shapes(arm: 'Arm', _: Namespace, output: Output) -> int:
     library = arm.shapes
     cache_shapes(library)
-    if output.as_json:
-        output.print('', shapes=library)
-    else:
-        for name, values in library.items():
-            print(f'{name:<20}{angles_text(values)}')
+    output.print('\n'.join(f'{name:<20}{angles_text(values)}' for name, values in
+                           library.items()), shapes=library)
     return DONE
 
 
@@ -179,14 +160,10 @@ def _segment(text: str) -> int:
     return int(text)
 
 
-def _segment_or_all(text: str) -> int | None:
-    """Read the number of a segment, or ``all`` as None."""
-    return None if text == 'all' else _segment(text)
-
-
 def _stiffen_options(parser: Parser) -> None:
-    segment = parser.add_argument('segment', type=_segment_or_all, metavar='N|all',
-                                  help='1 at the base')
+    segment = parser.add_argument(
+        'segment', type=lambda text: None if text == 'all' else _segment(text), metavar='N|all',
+        help='1 at the base')
     segment.completer = lambda **_: ['all']  # type: ignore[attr-defined]
 
 

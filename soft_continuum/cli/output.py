@@ -9,7 +9,7 @@ from math import degrees, isfinite
 import sys
 from typing import Any, TYPE_CHECKING
 
-from soft_continuum.arguments import command_name, DONE
+from soft_continuum.arguments import DONE, FAILED, Parser
 
 if TYPE_CHECKING:
     from soft_continuum.client.state import ArmState, Pose, Progress
@@ -21,10 +21,10 @@ UNKNOWN = '?'
 class Output:
     """Prints for people or, with ``--json``, one JSON document per line."""
 
-    def __init__(self, verb: str, as_json: bool) -> None:
-        """verb: for error messages."""
+    def __init__(self, parser: Parser, as_json: bool) -> None:
+        """parser: reports failures to people."""
         self.as_json = as_json
-        self._verb = verb
+        self._parser = parser
         self._bar = ''
 
     def print(self, text: str, **data: Any) -> None:
@@ -37,13 +37,13 @@ class Output:
         self.print(text, result='done', message=text)
         return DONE
 
-    def fail(self, reason: str) -> None:
-        """Report failure."""
-        self._end_bar()
+    def fail(self, reason: object, status: int = FAILED) -> int:
+        """Report failure; return the exit status."""
         if self.as_json:
-            print(json.dumps({'result': 'failed', 'message': reason}), flush=True)
-        else:
-            print(f'{command_name(self._verb)}: {reason}', file=sys.stderr, flush=True)
+            self.print('', result='failed', message=str(reason))
+            return status
+        self._end_bar()
+        return self._parser.fail(reason, status)
 
     def progress(self, now: 'Progress', before: 'Progress | None') -> None:
         """Show how far a sequence is: a bar on a terminal, else a line per phase."""

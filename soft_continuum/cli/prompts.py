@@ -2,10 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Questions on a terminal."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TypeVar
-
-from soft_continuum.hardware.calibration import CalibrationError
 
 T = TypeVar('T')
 
@@ -18,13 +16,13 @@ def ask(question: str, read: Callable[[str], T]) -> T:
     """
     Ask until the answer is valid; return what ``read`` makes of it.
 
-    read: raises CalibrationError, with what is allowed, for an answer that is not valid.
+    read: raises ValueError, with what is allowed, for an answer that is not valid.
     Raises DeclinedError at the end of the input.
     """
     while True:
         try:
             return read(input(f'{question} ').strip().lower())
-        except (CalibrationError, UnicodeDecodeError) as error:
+        except ValueError as error:
             print(error, flush=True)
         except EOFError:
             raise DeclinedError(
@@ -35,29 +33,27 @@ def ask(question: str, read: Callable[[str], T]) -> T:
 def confirm(text: str, yes: bool) -> None:
     """Print what is going to happen; unless ``yes``, ask for consent or raise DeclinedError."""
     print(f'\n{text}', flush=True)
-    if yes:
-        return
-    if not ask('Ready? (yes, no)', one_of({'yes': True, 'y': True, 'no': False, 'n': False})):
+    if not yes and ask('Ready? (yes, no)', one_of('yes', 'y', 'no', 'n')) in ('no', 'n'):
         raise DeclinedError('not confirmed, so nothing more was done')
 
 
-def one_of(meanings: Mapping[str, T]) -> Callable[[str], T]:
-    """Return a reader of one of the words in ``meanings``."""
-    def read(answer: str) -> T:
-        if answer not in meanings:
-            raise CalibrationError(f'{answer!r} was typed; allowed: {", ".join(meanings)}')
-        return meanings[answer]
+def one_of(*answers: str) -> Callable[[str], str]:
+    """Return a reader of one of the answers."""
+    def read(text: str) -> str:
+        if text not in answers:
+            raise ValueError(f'{text!r} was typed; allowed: {", ".join(answers)}')
+        return text
 
     return read
 
 
 def number(text: str, low: float, high: float, unit: str) -> float:
-    """Return a typed number; raises CalibrationError when it is not between the bounds."""
+    """Return a typed number; raises ValueError when it is not between the bounds."""
     try:
         value = float(text.replace(',', '.'))
     except ValueError:
         value = float('nan')
     if not low <= value <= high:
-        raise CalibrationError(f'{text!r} was typed; allowed: a number from {low:g} to {high:g} '
-                               f'{unit}')
+        raise ValueError(
+            f'{text!r} was typed; allowed: a number from {low:g} to {high:g} {unit}')
     return value

@@ -5,29 +5,25 @@
 import argparse
 from collections.abc import Sequence
 from math import inf
+from pathlib import Path
 
 from soft_continuum.analysis.recording import FILES
 from soft_continuum.analysis.results import claim
-from soft_continuum.arguments import (
-    add_namespace_option,
-    add_output_options,
-    number_in,
-    Parser,
-)
-from soft_continuum.cli.common import guarded
+from soft_continuum.arguments import number_in, Parser
+from soft_continuum.cli.common import run_verb
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
     parser = Parser('record', 'Record tendons, points, pressures, stiffness and progress of a '
-                    'running arm into CSV files, until Ctrl-C.')
+                    'running arm into CSV files, until Ctrl-C.', '--namespace', '--output',
+                    '--force')
     parser.add_argument('--duration', type=number_in(0.1, 1e6, 's'), metavar='S', default=inf,
                         help='end after so many seconds')
     parser.add_argument('--goal', action='store_true',
                         help='end when the goal that runs, or begins next, has ended')
-    add_namespace_option(parser)
-    add_output_options(parser, 'recording')
-    return guarded('record', _run, parser.parse_args(argv))
+    parser.set_defaults(output=Path('recording'))
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> int:

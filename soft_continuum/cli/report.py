@@ -9,17 +9,17 @@ from pathlib import Path
 from soft_continuum.analysis.recording import read_recording
 from soft_continuum.analysis.report import report_html
 from soft_continuum.analysis.results import claim, text_table
-from soft_continuum.arguments import add_output_options, Parser
-from soft_continuum.cli.common import guarded
+from soft_continuum.arguments import Parser
+from soft_continuum.cli.common import run_verb
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
-    parser = Parser('report', 'Write a page with the figures and tables of a recording.')
+    parser = Parser('report', 'Write a page with the figures and tables of a recording.',
+                    '--output', '--force')
     parser.add_argument('recording', type=Path, help='directory that record wrote')
     parser.add_argument('--title', default='', help='title of the page')
-    add_output_options(parser)
-    return guarded('report', _run, parser.parse_args(argv))
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:

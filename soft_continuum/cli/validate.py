@@ -13,7 +13,8 @@ from soft_continuum.analysis.measured_shapes import read_shapes
 from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.analysis.validation import predict, Prediction
 from soft_continuum.analysis.validation_figure import validation_figure
-from soft_continuum.cli.common import described_arm, guarded, new_parser
+from soft_continuum.arguments import FOR_ANALYSIS, Parser
+from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
@@ -23,15 +24,15 @@ NAME = 'validate'
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
-    parser = new_parser(NAME, 'Position error of constant curvature and of the chain, without '
-                        'and with gravity, against measured points.')
+    parser = Parser(NAME, 'Position error of constant curvature and of the chain, without '
+                    'and with gravity, against measured points.', *FOR_ANALYSIS)
     parser.add_argument('points', type=Path, help='CSV file: shape, point, x, z')
     parser.add_argument('pulls', type=Path,
                         help='CSV file: shape, segment, right, left and, if known, angle, payload')
     parser.add_argument('--corrected', type=Path, action='append', default=[], metavar='FILE',
                         help='parameters that correct the arm, such as characterize.yaml: one '
                              'more series; may be repeated')
-    return guarded(NAME, _run, parser.parse_args(argv))
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:

@@ -10,8 +10,8 @@ from time import monotonic
 from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.analysis.workspace import furthest_apart, reach
 from soft_continuum.analysis.workspace_figure import workspace_figure
-from soft_continuum.arguments import whole_number_in
-from soft_continuum.cli.common import described_arm, guarded, new_parser
+from soft_continuum.arguments import FOR_ANALYSIS, Parser, whole_number_in
+from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.statics import warm_up
 
@@ -24,12 +24,12 @@ USUAL_SHAPES = 2000
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
-    parser = new_parser(NAME, 'Where the tip can go, with and without gravity, when segments are '
-                        'set from the base on or from the tip on.')
+    parser = Parser(NAME, 'Where the tip can go, with and without gravity, when segments are '
+                    'set from the base on or from the tip on.', *FOR_ANALYSIS)
     parser.add_argument('--per-segment', type=whole_number_in(2, 101), metavar='N',
                         help='bending angles between the limits of each segment (default: 11, '
                         f'fewer where that would be more than {USUAL_SHAPES} shapes)')
-    return guarded(NAME, _run, parser.parse_args(argv))
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:

@@ -2,16 +2,73 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the command lines of the emulators share: serve, execute typed commands, end cleanly."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from math import nan
 import sys
 import threading
-from typing import TypeVar
+from typing import Any, TypeVar
+
+from soft_continuum.arguments import Parser
 
 Emulator = TypeVar('Emulator')
+Ranges = Mapping[str, tuple[float, float]]
+RANGES: Ranges = {'SECONDS': (0.0, 3600.0), 'SHARE': (0.0, 1.0)}
+"""The numbers that commands of every emulator take; whole numbers have bounds of type int."""
 
 
-def serve(program: str, make: Callable[[], AbstractContextManager[Emulator]],
+@dataclass(frozen=True)
+class Command:
+    """
+    A line that may be typed: the names of its numbers, its help and its function.
+
+    The function takes the emulator and the numbers, and may return what to print.
+    """
+
+    arguments: str
+    help: str
+    run: Callable[..., object]
+
+
+def set_to(name: str, value: object = None) -> Callable[..., None]:
+    """Return the function of a command that sets an attribute, to its number without a value."""
+    return lambda emulator, number=value: setattr(emulator, name, number)
+
+
+def execute(commands: Mapping[str, Command], ranges: Ranges, emulator: Any, line: str) -> str:
+    """
+    Carry out a typed line; return what to print.
+
+    ranges: smallest and largest value of each argument.  Raises ValueError for a line that is
+    wrong.
+    """
+    if line.strip() == 'help':
+        return '\n'.join([*(f'{name + " " + c.arguments:<20} {c.help}'
+                            for name, c in commands.items()), f'{"quit":<20} end'])
+    name, *words = line.split()
+    if name not in commands:
+        raise ValueError(f'{name} is no command; type help')
+    arguments = commands[name].arguments.split()
+    if len(words) != len(arguments):
+        raise ValueError(f'{name} takes: {" ".join(arguments) or "nothing more"}')
+    values = []
+    for argument, word in zip(arguments, words, strict=True):
+        low, high = ranges[argument]
+        whole = isinstance(low, int)
+        try:
+            value = float(word)
+        except ValueError:
+            value = nan
+        if not low <= value <= high or (whole and value % 1.0):
+            raise ValueError(f'{argument} is {word}; allowed: {low:g} to {high:g}'
+                             + (', whole numbers' if whole else ''))
+        values.append(int(value) if whole else value)
+    done = commands[name].run(emulator, *values)
+    return done if isinstance(done, str) else 'done'
+
+
+def serve(parser: Parser, make: Callable[[], AbstractContextManager[Emulator]],
           introduce: Callable[[Emulator], str], obey: Callable[[Emulator, str], str]) -> int:
     """
     Serve an emulator until ``quit`` or Ctrl-C; return the exit status.
@@ -31,8 +88,7 @@ def serve(program: str, make: Callable[[], AbstractContextManager[Emulator]],
                     print(error, flush=True)
             threading.Event().wait()  # no terminal: serve until Ctrl-C
     except OSError as error:
-        print(f'{program}: {error}', file=sys.stderr)
-        return 1
+        return parser.fail(error)
     except KeyboardInterrupt:
         pass
     return 0

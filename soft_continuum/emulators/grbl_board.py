@@ -2,21 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """An emulated GRBL 1.1 board on a pseudo-terminal, with its motors and its faults."""
 
-from collections.abc import Mapping, Sequence
-import os
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 import random
 import threading
-import tty
-from types import TracebackType
-from typing import Self
+from typing import Self, TypeVar
 
 from soft_continuum.emulators.grbl_firmware import GrblFirmware
 from soft_continuum.emulators.grbl_planner import Steps
+from soft_continuum.emulators.port import EmulatedPort
 from soft_continuum.hardware.clock import Clock, STEADY
 
 TIME_STEP = 0.002  # s, while something happens
 RESTING_STEP = 0.02  # s
+
+T = TypeVar('T')
 
 
 class GrblEmulator:
@@ -46,9 +46,8 @@ class GrblEmulator:
         self.lock = threading.RLock()
         self.random = random.Random(1)
         self._late: list[tuple[float, str]] = []
-        self._link = Path(link) if link else None
+        self._port = EmulatedPort(link)
         self.clock = clock
-        self._master = self._slave = -1
         self.firmware = GrblFirmware(settings or {}, self.say, self._acknowledge, switches)
         self._time = clock()
         self._closing = False
@@ -60,8 +59,7 @@ class GrblEmulator:
         self._thread.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 traceback: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         """Take the port away."""
         self._closing = True
         while self._thread.is_alive():
@@ -71,38 +69,38 @@ class GrblEmulator:
     # The truth, whatever the firmware reports
 
     @property
+    def port(self) -> str:
+        """The path of the port: of its link, if it has one."""
+        return str(self._port.link or self._port.name)
+
+    @property
     def motors(self) -> Steps:
         """Steps that the motors have made since the beginning."""
-        with self.lock:
-            self._advance()
-            return self.firmware.made
+        return self._read(lambda firmware: firmware.made)
 
     @property
     def moving(self) -> bool:
         """Whether the motors move."""
-        with self.lock:
-            self._advance()
-            return not self.firmware.planner.standing
+        return self._read(lambda firmware: not firmware.planner.standing)
 
     @property
     def energised(self) -> bool:
         """Whether the motors hold their load."""
-        with self.lock:
-            self._advance()
-            return self.firmware.energised
+        return self._read(lambda firmware: firmware.energised)
 
     @property
     def time(self) -> float:
         """Emulated time, s."""
-        with self.lock:
-            self._advance()
-            return self.firmware.time
+        return self._read(lambda firmware: firmware.time)
 
     def remaining_time(self) -> float:
         """Return for how long (s) the motors would move if no more came."""
+        return self._read(lambda firmware: firmware.planner.remaining_time())
+
+    def _read(self, value: Callable[[GrblFirmware], T]) -> T:
         with self.lock:
             self._advance()
-            return self.firmware.planner.remaining_time()
+            return value(self.firmware)
 
     # Faults
 
@@ -132,45 +130,29 @@ class GrblEmulator:
     def unplug(self) -> None:
         """Pull out the cable; the motors continue."""
         with self.lock:
-            for descriptor in (self._master, self._slave):
-                if descriptor >= 0:
-                    os.close(descriptor)
-            self._master = self._slave = -1
-            if self._link is not None and self._link.is_symlink():
-                self._link.unlink()
+            self._port.unplug()
 
     def plug(self) -> None:
         """Put the cable back; nothing is reset."""
         with self.lock:
-            self.unplug()
-            self._master, self._slave = os.openpty()
-            tty.setraw(self._slave)
-            os.set_blocking(self._master, False)
-            self.port = os.ttyname(self._slave)
-            if self._link is not None:
-                self._link.symlink_to(self.port)
-                self.port = str(self._link)
+            self._port.plug()
 
     # Time and bytes
 
     def _run(self) -> None:
         while not self._closing:
             with self.lock:
-                master = self._master
+                master = self._port.master
                 resting = self.firmware.resting and not self._late
-            try:
-                files = [master] if master >= 0 else []
-                self.clock.wait(files, RESTING_STEP if resting else TIME_STEP)
+            with suppress(OSError, ValueError):  # nothing was sent, or it was unplugged meanwhile
+                self.clock.wait([master] if master >= 0 else [],
+                                RESTING_STEP if resting else TIME_STEP)
                 with self.lock:
                     self._advance()
-                    if self._master == master >= 0:
-                        data = os.read(master, 4096)
+                    if self._port.master == master >= 0:
+                        data = self._port.read()
                         if not self.hang:
                             self.firmware.take(data)
-            except (BlockingIOError, ValueError):
-                continue
-            except OSError:  # unplugged meanwhile
-                continue
 
     def _advance(self) -> None:
         """Let the emulated time catch up."""
@@ -193,12 +175,9 @@ class GrblEmulator:
 
     def say(self, line: str) -> None:
         """Send a line, as far as faults let it through."""
-        if self.hang or self._master < 0:
+        if self.hang:
             return
         data = bytearray(line.encode('ascii') + b'\r\n')
         if self.garble and self.random.random() < self.garble:
             data[self.random.randrange(len(data))] = self.random.randrange(256)
-        try:
-            os.write(self._master, data)
-        except OSError:
-            return  # nothing reads: lost, as on a wire
+        self._port.write(bytes(data))

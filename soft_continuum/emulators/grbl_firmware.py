@@ -11,7 +11,6 @@ import re
 
 from soft_continuum.emulators.grbl_planner import (
     Coordinates,
-    coordinates,
     MachineSettings,
     Planner,
     Steps,
@@ -68,8 +67,7 @@ class GrblFirmware:
     @property
     def made(self) -> Steps:
         """Steps that the motors have made since the beginning."""
-        x, y, z = (a + b for a, b in zip(self.planner.motors, self.forgotten, strict=True))
-        return x, y, z
+        return tuple(a + b for a, b in zip(self.planner.motors, self.forgotten, strict=True))
 
     @property
     def energised(self) -> bool:
@@ -262,15 +260,15 @@ class GrblFirmware:
         return text + '>'
 
     def _position(self) -> Coordinates:
-        return coordinates(
+        return tuple(
             m / self.settings[100 + i] for i, m in enumerate(self.planner.motors))
 
     def _machine(self) -> MachineSettings:
         s = self.settings
         return MachineSettings(
-            coordinates(s[100 + i] for i in range(3)),
-            coordinates(s[110 + i] / 60.0 for i in range(3)),
-            coordinates(s[120 + i] for i in range(3)), s[11])
+            tuple(s[100 + i] for i in range(3)),
+            tuple(s[110 + i] / 60.0 for i in range(3)),
+            tuple(s[120 + i] for i in range(3)), s[11])
 
     def _do(self, line: str) -> int | None:
         """Execute one line; return its error, or None when the answer follows later."""

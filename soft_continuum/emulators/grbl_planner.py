@@ -8,7 +8,8 @@ cannot change them.  Positions are whole motor steps, lengths mm, times s.
 """
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from math import hypot, inf, sqrt
 
@@ -17,8 +18,9 @@ SEGMENTS = 5
 SEGMENT_TIME = 0.01  # s
 FINE = 0.001  # s; the speed is constant over this
 
-Steps = tuple[int, int, int]
-Coordinates = tuple[float, float, float]
+Steps = tuple[int, ...]
+Coordinates = tuple[float, ...]
+"""Of X, Y and Z."""
 
 
 @dataclass
@@ -71,7 +73,7 @@ class Planner:
         self._segments: deque[Segment] = deque()
         self._into_segment = 0.0  # s
         self._cut = self.motors  # where the segments lead
-        self._speed = 0.0  # at their end
+        self.speed = 0.0  # mm/s along the path, at their end
         self._into_block = 0.0  # mm, at their end
 
     @property
@@ -92,17 +94,17 @@ class Planner:
     @property
     def standing(self) -> bool:
         """Whether the motors stand, at the end of all motion or of a hold."""
-        return not self._segments and (not self.blocks or (self.holding and self._speed == 0.0))
+        return not self._segments and (not self.blocks or (self.holding and self.speed == 0.0))
 
     def add(self, target: Sequence[float], feed: float) -> None:
         """Go to ``target`` (mm) with ``feed`` (mm/s) as far as the settings allow it."""
         scale = self.settings.steps_per_mm
-        end = _steps(round(mm * s) for mm, s in zip(target, scale, strict=True))
+        end = tuple(round(mm * s) for mm, s in zip(target, scale, strict=True))
         vector = [(b - a) / s for a, b, s in zip(self.end, end, scale, strict=True)]
         length = hypot(*vector)
         if length == 0.0:
             return
-        direction = coordinates(x / length for x in vector)
+        direction = tuple(x / length for x in vector)
         junction = 0.0
         if self.blocks:
             junction = self._junction_speed(self.blocks[-1].direction, direction)
@@ -117,11 +119,6 @@ class Planner:
             block.entry_speed = min(block.junction_speed, block.speed,
                                     sqrt(exit_speed**2 + 2 * block.acceleration * block.length))
             exit_speed = block.entry_speed
-
-    @property
-    def speed(self) -> float:
-        """mm/s along the path."""
-        return self._speed
 
     def advance(self, duration: float) -> None:
         """Let the motors run for a time."""
@@ -139,16 +136,12 @@ class Planner:
                 self._segments.popleft()
                 self._into_segment = 0.0
             else:
-                self.motors = _steps(round(a + part * (b - a)) for a, b in
+                self.motors = tuple(round(a + part * (b - a)) for a, b in
                                      zip(segment.start, segment.end, strict=True))
 
     def remaining_time(self) -> float:
         """Return how long the motors would move if nothing else came."""
-        copy = Planner(self.settings)
-        copy.blocks = deque(Block(**vars(b)) for b in self.blocks)
-        copy.motors, copy.end = self.motors, self.end
-        copy._segments, copy._into_segment = deque(self._segments), self._into_segment
-        copy._cut, copy._speed, copy._into_block = self._cut, self._speed, self._into_block
+        copy = deepcopy(self)
         total = 0.0
         while not copy.empty and total < 1e3:
             copy.advance(FINE)
@@ -165,7 +158,7 @@ class Planner:
         half_sine = sqrt(0.5 * (1.0 - cosine))
         change = [b - a for a, b in zip(before, after, strict=True)]
         size = hypot(*change)
-        acceleration = _along(self.settings.accelerations, coordinates(c / size for c in change))
+        acceleration = _along(self.settings.accelerations, tuple(c / size for c in change))
         return sqrt(acceleration * self.settings.junction_deviation * half_sine
                     / (1.0 - half_sine))
 
@@ -174,7 +167,7 @@ class Planner:
             # A segment ends with its block, so that motors never cut a corner.
             start, elapsed, block = self._cut, 0.0, self.blocks[0]
             while self.blocks and self.blocks[0] is block and elapsed < SEGMENT_TIME - 1e-9:
-                if self.holding and self._speed == 0.0:
+                if self.holding and self.speed == 0.0:
                     break
                 elapsed += FINE
                 self._run_on(FINE)
@@ -189,39 +182,28 @@ class Planner:
         wanted = 0.0 if self.holding else min(
             block.speed, sqrt(exit_speed**2 + 2 * block.acceleration * left))
         most = block.acceleration * time
-        self._speed += max(-most, min(most, wanted - self._speed))
-        if self.holding and self._speed <= 0.0:
-            self._speed = 0.0
+        self.speed += max(-most, min(most, wanted - self.speed))
+        if self.holding and self.speed <= 0.0:
+            self.speed = 0.0
             return
         # The last step of a block is made however slow it has become.
-        distance = max(self._speed, most / 2) * time
+        distance = max(self.speed, most / 2) * time
         while distance >= left:
             distance -= left
             self._cut = block.end
             self._into_block = 0.0
             self.blocks.popleft()
             if not self.blocks:
-                self._speed = 0.0
+                self.speed = 0.0
                 return
             block = self.blocks[0]
             left = block.length
         self._into_block += distance
         part = self._into_block / block.length
-        self._cut = _steps(round(a + part * (b - a)) for a, b in
+        self._cut = tuple(round(a + part * (b - a)) for a, b in
                            zip(block.start, block.end, strict=True))
 
 
 def _along(limits: Coordinates, direction: Coordinates) -> float:
     """Return the largest speed along a direction at which no axis exceeds its limit."""
     return min(limit / abs(d) for limit, d in zip(limits, direction, strict=True) if d != 0.0)
-
-
-def coordinates(values: Iterable[float]) -> Coordinates:
-    """Return three values, one per axis."""
-    x, y, z = values
-    return x, y, z
-
-
-def _steps(values: Iterable[int]) -> Steps:
-    x, y, z = values
-    return x, y, z

@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line of the emulated Modbus rig: faults are typed while it runs."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from math import nan
+from collections.abc import Sequence
 import random
 
 from soft_continuum.arguments import Parser
-from soft_continuum.emulators.console import serve
+from soft_continuum.emulators.console import Command, execute, RANGES, serve, set_to
 from soft_continuum.emulators.modbus_rig import (
     ANALOG_UNIT,
     FULL_SCALE,
@@ -35,29 +33,6 @@ Type a fault, or help.
 """
 
 
-@dataclass(frozen=True)
-class Command:
-    """
-    A line that may be typed: the names of its numbers, what it does, and its function.
-
-    The function takes the emulator and the numbers, and may return what to print.
-    """
-
-    arguments: str
-    help: str
-    run: Callable[..., object]
-
-
-def set_to(name: str) -> Callable[[ModbusEmulator, float], None]:
-    """Return the function of a command that sets one attribute."""
-    return lambda emulator, value: setattr(emulator, name, value)
-
-
-def break_wire(emulator: ModbusEmulator, segment: float) -> None:
-    """Take the current from the transmitter of a segment, counted from 1."""
-    emulator.segments[int(segment) - 1].broken_wire = True
-
-
 def describe(emulator: ModbusEmulator) -> str:
     """Return the state of the rig, for a person to read."""
     pump, *valves = ('on' if on else 'off' for on in emulator.coils)
@@ -69,57 +44,35 @@ def describe(emulator: ModbusEmulator) -> str:
 COMMANDS = {
     'unplug': Command('', 'pull out the adapter', ModbusEmulator.unplug),
     'plug': Command('', 'put it back', ModbusEmulator.plug),
-    'hang': Command('', 'answer nothing', lambda e: setattr(e, 'hang', True)),
+    'hang': Command('', 'answer nothing', set_to('hang', True)),
     'late': Command('SECONDS', 'answer everything late', set_to('late')),
     'drop': Command('SHARE', 'lose this share of the replies', set_to('drop')),
     'garble': Command('SHARE', 'damage this share of the replies', set_to('garble')),
     'refuse': Command('CODE', 'answer everything by a Modbus exception; 0: no longer',
-                      lambda e, code: setattr(e, 'refuse', int(code))),
+                      set_to('refuse')),
     'noise': Command('BYTES', 'send this many bytes without a request',
-                     lambda e, count: e.send(random.randbytes(int(count)))),
+                     lambda e, count: e.send(random.randbytes(count))),
     'power-cycle': Command('', 'let every relay fall off, as when the board loses power',
                            ModbusEmulator.power_cycle),
     'stuck-coil': Command('COIL', 'a relay no longer follows; 0 is the pump',
-                          lambda e, coil: e.stuck.add(int(coil))),
+                          lambda e, coil: e.stuck.add(coil)),
     'broken-wire': Command('SEGMENT', 'a transmitter gives no current; 1 is at the base',
-                           break_wire),
+                           lambda e, segment: e.break_wire(segment - 1)),
     'stuck-sensor': Command('SEGMENT', 'freeze a transmitter at its present current',
-                            lambda e, segment: e.stick_sensor(int(segment) - 1)),
+                            lambda e, segment: e.stick_sensor(segment - 1)),
     'leak': Command('SEGMENT RATE', 'a segment loses RATE Pa/s',
-                    lambda e, segment, rate: e.segments[int(segment) - 1].set_leak(rate)),
+                    lambda e, segment, rate: e.segments[segment - 1].set_leak(rate)),
     'repair': Command('', 'end every fault but a pulled plug', ModbusEmulator.repair),
     'state': Command('', 'print relays, vacuum and currents', describe),
 }
 
 
 def obey(emulator: ModbusEmulator, line: str) -> str:
-    """Carry out a typed line; return what to print. Raises ValueError for one that is wrong."""
-    if line.strip() == 'help':
-        return '\n'.join([*(f'{name + " " + c.arguments:<20} {c.help}'
-                            for name, c in COMMANDS.items()), f'{"quit":<20} end'])
-    name, *words = line.split()
-    if name not in COMMANDS:
-        raise ValueError(f'{name} is no command; type help')
-    ranges: dict[str, tuple[float, float]] = {
-        'SECONDS': (0, 3600), 'SHARE': (0, 1), 'RATE': (0, 1e6), 'CODE': (0, 255),
-        'BYTES': (1, 4096), 'COIL': (0, len(emulator.segments)),
-        'SEGMENT': (1, len(emulator.segments))}
-    arguments = COMMANDS[name].arguments.split()
-    if len(words) != len(arguments):
-        raise ValueError(f'{name} takes: {" ".join(arguments) or "nothing more"}')
-    values = []
-    for argument, word in zip(arguments, words, strict=True):
-        low, high = ranges[argument]
-        try:
-            values.append(float(word))
-        except ValueError:
-            values.append(nan)
-        whole = argument not in ('SECONDS', 'SHARE', 'RATE')
-        if not low <= values[-1] <= high or (whole and not values[-1].is_integer()):
-            raise ValueError(f'{argument} is {word}; allowed: {low:g} to {high:g}'
-                             + (', whole numbers' if whole else ''))
-    done = COMMANDS[name].run(emulator, *values)
-    return done if isinstance(done, str) else 'done'
+    """Carry out a typed line; return what to print.  Raises ValueError for one that is wrong."""
+    segments = len(emulator.segments)
+    return execute(COMMANDS, {
+        **RANGES, 'RATE': (0.0, 1e6), 'CODE': (0, 255), 'BYTES': (1, 4096), 'COIL': (0, segments),
+        'SEGMENT': (1, segments)}, emulator, line)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -136,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     numbers = range(arguments.segments)
     return serve(
-        parser.prog, lambda: ModbusEmulator(
+        parser, lambda: ModbusEmulator(
             arguments.segments, initially_stiff=arguments.stiff, link=arguments.link,
             baud_rate=arguments.baud_rate),
         lambda emulator: CONFIGURATION.format(

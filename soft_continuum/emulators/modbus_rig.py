@@ -10,17 +10,15 @@ checks the other.  Every fault that a rig can have is a switch.
 """
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from math import inf
-import os
 from pathlib import Path
 import random
 import struct
 import threading
-import tty
 from typing import Self
 
+from soft_continuum.emulators.port import EmulatedPort
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 
@@ -92,7 +90,6 @@ class ModbusEmulator:
         link: path of a symbolic link to the port.  baud_rate: 0 for no delay.  clock: the time in
         which it answers, evacuates and vents.
         """
-        self.link = None if link is None else Path(link)
         self.hang = False
         self.late = 0.0
         self.drop = 0.0
@@ -102,7 +99,6 @@ class ModbusEmulator:
         self.stuck: set[int] = set()
         self.requests: list[bytes] = []
         """Every request to one of the boards, as received."""
-        self.port = ''
         self.segments = [Segment(clock, initially_stiff) for _ in range(segments)]
         self._coils = [initially_stiff] * (segments + 1)
         self._baud_rate = baud_rate
@@ -113,7 +109,7 @@ class ModbusEmulator:
         self._outgoing: list[tuple[float, bytes]] = []  # when, what
         self._last_due = {RELAY_UNIT: 0.0, ANALOG_UNIT: 0.0}
         self._thread = threading.Thread(target=self._serve, daemon=True)
-        self._master = self._slave = -1
+        self._port = EmulatedPort(link)
 
     def __enter__(self) -> Self:
         """Plug in and serve."""
@@ -139,43 +135,39 @@ class ModbusEmulator:
         with self._lock:
             return JammingPlant().ambient_pressure - self.segments[segment].read().pressures[0]
 
+    @property
+    def port(self) -> str:
+        """The path of the port, whether or not it has a link."""
+        return self._port.name
+
+    @property
+    def link(self) -> Path | None:
+        """The path of the symbolic link to the port."""
+        return self._port.link
+
     def plug(self) -> None:
-        """Connect the adapter: the port appears, under a new name as a real one might."""
+        """Connect the adapter."""
         with self._lock:
-            if self._master >= 0:
-                return
-            # An open slave side keeps the line alive while no program has opened the port.
-            self._master, self._slave = os.openpty()
-            tty.setraw(self._slave)
-            os.set_blocking(self._master, False)
-            self.port = os.ttyname(self._slave)
-            if self.link is not None:
-                with suppress(FileNotFoundError):
-                    if self.link.is_symlink():
-                        self.link.unlink()
-                self.link.symlink_to(self.port)
+            self._port.plug()
 
     def unplug(self) -> None:
         """Pull out the adapter: the port is gone; pump and valves stay as they are."""
         with self._lock:
-            if self._master < 0:
-                return
-            os.close(self._master)
-            os.close(self._slave)
-            self._master = self._slave = -1
-            if self.link is not None:
-                self.link.unlink(missing_ok=True)
+            self._port.unplug()
 
     def send(self, data: bytes) -> None:
         """Put bytes on the line without a request."""
-        with self._lock, suppress(BlockingIOError):  # nothing reads: it is lost
-            if self._master >= 0:
-                os.write(self._master, data)
+        with self._lock:
+            self._port.write(data)
 
     def power_cycle(self) -> None:
         """Take the power from the relay board for a moment: every relay falls off."""
         for coil in range(len(self._coils)):
             self._set_coil(coil, False)
+
+    def break_wire(self, segment: int) -> None:
+        """Take the current from a transmitter."""
+        self.segments[segment].broken_wire = True
 
     def stick_sensor(self, segment: int) -> None:
         """Freeze a transmitter at its present current."""
@@ -198,7 +190,7 @@ class ModbusEmulator:
         received, received_at = b'', 0.0
         while not self._closing:
             self._deliver()
-            master = self._master
+            master = self._port.master
             if master < 0:
                 received = b''
                 self.clock.sleep(FRAME_GAP)
@@ -206,7 +198,7 @@ class ModbusEmulator:
             try:
                 if self.clock.wait([master], self._time_to_next_event(bool(received))):
                     with self._lock:  # the plug may have been pulled since
-                        received += os.read(self._master, 4096)
+                        received += self._port.read()
                     received_at = self.clock()
             except (OSError, ValueError):
                 received = b''

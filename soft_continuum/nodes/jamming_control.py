@@ -12,10 +12,15 @@ from soft_continuum_interfaces.msg import JammingValvesState
 
 @dataclass(frozen=True)
 class Report:
-    """State after a cycle or a request; pressures: absolute, Pa, None without new ones."""
+    """
+    State after a cycle or a request.
+
+    pressures: absolute, Pa, None without new ones; read at ``time``, s of ROS.
+    """
 
     state: JammingValvesState
     pressures: tuple[float, ...] | None = None
+    time: float = 0.0
 
 
 class JammingControl:
@@ -26,10 +31,11 @@ class JammingControl:
     something.
     """
 
-    def __init__(self, segments: int, settings: JammingSettings,
+    def __init__(self, segments: int, settings: JammingSettings, clock: Callable[[], float],
                  report: Callable[[Report], None]) -> None:
-        """Start without a device."""
-        self._segments, self._settings, self._report = segments, settings, report
+        """Start without a device; clock: of ROS, s."""
+        self._segments, self._settings = segments, settings
+        self._clock, self._report = clock, report
         self._driver: JammingDriver | None = None
         self._controller: JammingController | None = None
         self._active = self._read = False
@@ -71,13 +77,14 @@ class JammingControl:
         """Read the pressures, decide which segments are stiff, switch the pump if needed."""
         if not self._active or self._controller is None:
             return
+        time = self._clock()
         try:
             pressures = self._controller.update().pressures
         except HardwareError as error:
             self.not_connected(str(error))
             return
         self._fault, self._read = '', True
-        self._report(Report(self.state(), pressures))
+        self._report(Report(self.state(), pressures, time))
 
     def set_stiff(self, segments: Sequence[int], stiff: bool) -> None:
         """

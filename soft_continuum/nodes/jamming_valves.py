@@ -17,6 +17,7 @@ from soft_continuum.nodes.status import ERROR, OK, StatePublisher
 from soft_continuum.nodes.threads import on_ros_thread
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import jamming_settings, NODE_PARAMETERS
+from soft_continuum.ros.conversions import stamp_to_ros
 from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
 
@@ -41,7 +42,7 @@ class JammingValves(ManagedNode):
         super().__init__('jamming_valves', NODE_PARAMETERS['jamming_valves'], **options)
         self._segments = len(arm_from_parameters(self.parameters).segments)
         self._control = JammingControl(
-            self._segments, jamming_settings(self.parameters),
+            self._segments, jamming_settings(self.parameters), self._seconds,
             lambda report: on_ros_thread(self, self._publish, report))
         self._loop = self.control(
             self.parameters['jamming_rate'], self._control.cycle, self._on_control_failure)
@@ -116,7 +117,7 @@ class JammingValves(ManagedNode):
     def _publish(self, report: Report) -> None:
         state = report.state
         if report.pressures is not None:
-            stamp = self.get_clock().now().to_msg()
+            stamp = stamp_to_ros(report.time)
             for i, pressure in enumerate(report.pressures):
                 message = FluidPressure(fluid_pressure=pressure)
                 message.header.stamp = stamp

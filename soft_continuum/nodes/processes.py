@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from time import monotonic
 from types import TracebackType
 from typing import Self
@@ -43,30 +44,34 @@ class NodeProcesses:
         context.shutdown()
         self._names, self._arguments = tuple(names), list(arguments[1:])
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._ending = False
 
     def __enter__(self) -> Self:
         """Start the nodes; to be called on the main thread, with which they end."""
         for name in self._names:
             # Out of the terminal's process group: Ctrl-C comes to them through this process.
-            self._processes[name] = subprocess.Popen(
+            process = self._processes[name] = subprocess.Popen(
                 [sys.executable, '-c', CHILD, str(os.getpid()), name, *self._arguments],
                 stdin=subprocess.DEVNULL, start_new_session=True)
+            threading.Thread(target=self._report_end, args=(name, process), daemon=True).start()
         return self
 
-    def check(self) -> int:
-        """Report the nodes that have ended since the last call; return how many still run."""
-        for name, process in list(self._processes.items()):
-            status = process.poll()
-            if status is not None:
-                del self._processes[name]
-                how = (f'was killed by {signal.Signals(-status).name}' if status < 0
-                       else f'ended with exit status {status}')
-                print(f'{name} {how}; the other nodes go on', file=sys.stderr, flush=True)
-        return len(self._processes)
+    def _report_end(self, name: str, process: 'subprocess.Popen[bytes]') -> None:
+        status = process.wait()
+        if not self._ending:
+            how = (f'was killed by {signal.Signals(-status).name}' if status < 0
+                   else f'ended with exit status {status}')
+            print(f'{name} {how}; the other nodes go on', file=sys.stderr, flush=True)
+
+    @property
+    def running(self) -> bool:
+        """Whether any of the nodes still runs."""
+        return any(process.poll() is None for process in self._processes.values())
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,
                  traceback: TracebackType | None) -> None:
         """Let all nodes hold and end; kill those that do not."""
+        self._ending = True
         for process in self._processes.values():
             process.send_signal(signal.SIGINT)
         deadline = monotonic() + END_TIMEOUT
@@ -78,7 +83,6 @@ class NodeProcesses:
                       file=sys.stderr, flush=True)
                 process.kill()
                 process.wait()
-        self._processes.clear()
 
 
 def child() -> None:

@@ -29,7 +29,7 @@ from soft_continuum.nodes.tendon_control import Device, Report, TendonControl
 from soft_continuum.nodes.threads import on_ros_thread, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.ros.conversions import seconds, trajectory_from_ros
+from soft_continuum.ros.conversions import seconds, stamp_to_ros, trajectory_from_ros
 from soft_continuum.ros.qos import STREAM
 from soft_continuum_interfaces.msg import TendonActuationState
 
@@ -193,7 +193,10 @@ class TendonActuation(ManagedNode):
             raise
 
     def _refuse(self, request_id: str, error: MotionRefusedError) -> None:
-        self.get_logger().error(f'trajectory refused: {error}')
+        if error.reason is Reason.HELD:  # by its sender
+            self.get_logger().info(f'trajectory refused: {error}')
+        else:
+            self.get_logger().error(f'trajectory refused: {error}')
         self._loop.post(self._control.refuse, request_id, error.reason, str(error))
 
     # What is reported.
@@ -212,9 +215,7 @@ class TendonActuation(ManagedNode):
             message = JointState(
                 name=list(self._tendons), position=list(reading.pulls),
                 velocity=list(reading.speeds), effort=list(reading.tensions or ()))
-            nanoseconds = round(report.time * 1e9)
-            message.header.stamp.sec = nanoseconds // 1_000_000_000
-            message.header.stamp.nanosec = nanoseconds % 1_000_000_000
+            message.header.stamp = stamp_to_ros(report.time)
             self._states.publish(message)
         self._state_publisher.publish(state)
         self.status.set(*self._summary(report), stopped=state.stop_message, ended=report.ended,

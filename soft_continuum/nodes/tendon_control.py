@@ -9,6 +9,7 @@ from typing import NoReturn
 
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
 from soft_continuum.hardware.tendon_controller import (
+    MAX_DELAY,
     MotionRefusedError,
     Reason,
     TendonController,
@@ -18,8 +19,6 @@ from soft_continuum.nodes.motion_requests import MotionRequests, Request
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm
 from soft_continuum_interfaces.msg import TendonActuationState
 
-LATE_PERIODS = 5
-"""Periods that may pass between two cycles before the motion is ended instead of caught up."""
 MAX_REVOKED = 20  # motions whose further parts are refused
 Device = tuple[TendonDriver, TendonController]
 
@@ -309,10 +308,10 @@ class TendonControl:
         if self._stiff_at_start != self._arm.stiff:
             return Interlock(Reason.STIFFNESS_CHANGED,
                              'a segment changed between soft and stiff during the motion')
-        if controller.following and late > LATE_PERIODS * self._period:
+        if controller.following and late > MAX_DELAY:
             return Interlock(
-                Reason.LATE, f'the control cycle came {late:.3f} s late, more than '
-                f'{LATE_PERIODS} periods; the computer is too busy')
+                Reason.LATE, f'the control cycle came {late:.3f} s late; allowed: '
+                f'{MAX_DELAY:g} s; the computer is too busy')
         return None
 
     def snapshot(self) -> Report:

@@ -7,17 +7,16 @@ The four nodes in processes of their own, without launch_ros: ``./run up``.
 It takes the arguments of launch/bringup.launch.py.
 """
 
-import argparse
-from collections.abc import Sequence
+from argparse import Namespace
 from pathlib import Path
-import sys
 from time import sleep
 
 from ament_index_python.packages import get_package_share_directory
 
+from soft_continuum.arguments import DONE, FAILED, Parser, WRONG_USAGE
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import argument_error, NODES, ROS_ARGUMENT_ERRORS, Signals
-from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
 
 DRIVERS = ('tendon_driver', 'jamming_driver')
@@ -29,23 +28,23 @@ def description_file() -> Path:
     return Path(get_package_share_directory('soft_continuum')) / 'config' / 'manipulator.yaml'
 
 
-def ros_arguments(argv: Sequence[str]) -> list[str]:
-    """Translate the command line into ROS arguments."""
-    parser = argparse.ArgumentParser(prog='./run up', description='Start the four nodes.')
-    parser.add_argument('--namespace', default='', help='namespace of all nodes, such as left')
-    parser.add_argument('--params-file', action='append', metavar='FILE', default=[],
-                        help='description file of the arm: parameters of all nodes; a later one '
-                        'overrides (default: config/manipulator.yaml)')
+def start_parser(verb: str, description: str) -> Parser:
+    """Return a parser with the options of a verb that starts the nodes."""
+    parser = Parser(verb, description, '--namespace', '--params-file')
+    table = {p.name: p for p in ALL_PARAMETERS}
     for name in DRIVERS:
-        table = {p.name: p for node in NODE_PARAMETERS.values() for p in node}
         parser.add_argument('--' + name.replace('_', '-'), choices=table[name].choices,
                             help=table[name].description)
-    options = parser.parse_args(argv)
+    return parser
+
+
+def ros_arguments(options: Namespace) -> list[str]:
+    """Return the options of start_parser as ROS arguments."""
     arguments = ['up', '--ros-args']
     if options.namespace:
         arguments += ['-r', '__ns:=/' + options.namespace.strip('/')]
-    for path in options.params_file or [str(description_file())]:
-        arguments += ['--params-file', path]
+    for path in options.params_file or [description_file()]:
+        arguments += ['--params-file', str(path)]
     for name in DRIVERS:
         if getattr(options, name):
             arguments += ['-p', f'{name}:={getattr(options, name)}']
@@ -54,18 +53,17 @@ def ros_arguments(argv: Sequence[str]) -> list[str]:
 
 def main() -> int:
     """Run until Ctrl-C, or until no node is left; return the exit status."""
-    signals, arguments = Signals(), ros_arguments(sys.argv[1:])
+    signals, parser = Signals(), start_parser('up', 'Start the four nodes.')
+    arguments = ros_arguments(parser.parse_args())
     try:
         with NodeProcesses(NODES, arguments) as nodes:
             signals.starting = False
-            while not signals.received and nodes.check():
+            while not signals.received and nodes.running:
                 sleep(PERIOD)
     except ParameterError as error:
-        print(f'up: {error}', file=sys.stderr)
-        return 2
+        return parser.fail(error, WRONG_USAGE)
     except ROS_ARGUMENT_ERRORS as error:
-        print(f'up: {argument_error(arguments, error)}', file=sys.stderr)
-        return 2
+        return parser.fail(argument_error(arguments, error), WRONG_USAGE)
     except KeyboardInterrupt:
-        return 0
-    return 0 if signals.received else 1
+        return DONE
+    return DONE if signals.received else FAILED

@@ -177,8 +177,9 @@ def _tables(name: str, values: Sequence[float], count: int) -> list[tuple[float,
     return tables if len(tables) == count else tables * count
 
 
-def table_parameters(laws: Sequence[MomentCurvature | None], state: str) -> dict[str, list[float]]:
-    """Return the parameters (below ``arm.``) for the measured law of every segment in a state."""
+def table_parameters(laws: Sequence[MomentCurvature | None], state: str
+                     ) -> dict[str, tuple[float, ...]]:
+    """Return the parameters for the measured law of every segment in a state."""
     tables = [(law.curvatures, law.moments) if law else ((0.0,), (0.0,)) for law in laws]
-    return {f'{state}_curvatures': [k for curvatures, _ in tables for k in curvatures],
-            f'{state}_moments': [m for _, moments in tables for m in moments]}
+    return {f'arm.{state}_curvatures': tuple(k for curvatures, _ in tables for k in curvatures),
+            f'arm.{state}_moments': tuple(m for _, moments in tables for m in moments)}

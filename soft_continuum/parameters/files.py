@@ -1,13 +1,14 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-ROS 2 parameter files, which describe arm and rig, read without ROS.
+ROS 2 parameter files, which describe arm and rig, read and written without ROS.
 
 Such a file is YAML: node names (``/**`` for all), below them ``ros__parameters``, below that
 nested keys.  A key that no table of parameters has is refused.
 """
 
 from collections.abc import Mapping, Sequence
+import os
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ import yaml
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.nodes import ALL_PARAMETERS, jamming_settings
+from soft_continuum.parameters.nodes import ALL_PARAMETERS, jamming_settings, NODE_PARAMETERS
 from soft_continuum.parameters.parameter import (
+    as_yaml,
     name_hint,
     Parameter,
     ParameterError,
@@ -60,6 +62,49 @@ def load_shapes(path: str | Path) -> dict[str, tuple[float, ...]]:
     return shapes_from_parameters(values, arm_from_parameters(values))
 
 
+def load_rig(paths: Sequence[str | Path]) -> dict[str, Value]:
+    """
+    Return every parameter as the node that has it reads it from ``paths``; later files win.
+
+    Raises ParameterError as load_description does, and for a parameter that two nodes would read
+    differently.
+    """
+    values: dict[str, Value] = {}
+    owners: dict[str, str] = {}
+    for node, table in NODE_PARAMETERS.items():
+        seen = load_description(*paths, node=node)
+        for name in (p.name for p in table):
+            owner = owners.setdefault(name, node)
+            if values.setdefault(name, seen[name]) != seen[name]:
+                raise ParameterError(
+                    f'parameter {name} is {values[name]} for {owner} and {seen[name]} for {node}; '
+                    'write it once, below /**')
+    return values
+
+
+def write_parameters(path: Path, values: Mapping[str, Value], comments: Sequence[str]) -> None:
+    """
+    Write a parameter file for all nodes, whole or not at all.
+
+    values: by dotted names, those of a group one after the other.  comments: lines at the top.
+    """
+    lines = [f'# {" ".join(comment.splitlines())}'.rstrip() for comment in comments]
+    lines += ['/**:', '  ros__parameters:']
+    group = ''
+    for name, value in values.items():
+        section, key = name.split('.')
+        if section != group:
+            group = section
+            lines.append(f'    {group}:')
+        lines.append(f'      {key}: {as_yaml(value)}')
+    partial = path.with_name(f'.{path.name}.{os.getpid()}')
+    try:
+        partial.write_text('\n'.join(lines) + '\n', encoding='utf-8')
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
 def given_parameters(path: str | Path, known: Sequence[Parameter], node: str = '',
                      prefixes: Sequence[str] = ()) -> dict[str, Value]:
     """
@@ -69,16 +114,13 @@ def given_parameters(path: str | Path, known: Sequence[Parameter], node: str = '
     file and the key when the file cannot be read, is malformed, or has a key or value that is not
     allowed.
     """
-    given = read_parameter_file(path, node)
+    values = read_parameter_file(path, node)
     table = {p.name: p for p in known}
-    values: dict[str, Value] = {}
-    for name, value in given.items():
+    for name, value in values.items():
         try:
             if name in table:
                 values[name] = table[name].check(value)
-            elif any(name.startswith(prefix) for prefix in prefixes):
-                values[name] = value
-            else:
+            elif not name.startswith(tuple(prefixes)):
                 raise ParameterError(f'unknown parameter {name}' + (
                     name_hint(name, table) or f'; known: {", ".join(sorted(table))}'))
         except ParameterError as error:
@@ -104,7 +146,7 @@ def read_parameter_file(path: str | Path, node: str = '') -> dict[str, Any]:
         raise ParameterError(
             f'{path}{where}: not valid YAML: {getattr(error, "problem", error)}') from None
     except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
-        # PyYAML raises these for values it cannot construct; Path for paths it cannot open.
+        # Of PyYAML for values that it cannot construct, of Path for paths that it cannot open.
         raise ParameterError(f'{path}: not valid YAML: {type(error).__name__} {error}') from None
     if not isinstance(document, Mapping):
         raise ParameterError(

@@ -64,50 +64,42 @@ class Parameter:
 
     def check(self, value: Any) -> Value:
         """Return ``value`` in this parameter's type; raise ParameterError when it does not fit."""
-        if isinstance(self.default, tuple):
-            return self._list(value)
-        if isinstance(self.default, bool):
-            if not isinstance(value, bool):
-                raise self._error(value, self.allowed)
-            return value
-        if isinstance(self.default, str):
-            if not isinstance(value, str) or (self.choices and value not in self.choices):
-                raise self._error(value, self.allowed)
-            return value
-        if isinstance(self.default, int) and not (
-                isinstance(value, int) and not isinstance(value, bool)):
-            raise self._error(value, 'a whole number')
-        number = self._number(value, value)
-        return int(number) if isinstance(self.default, int) else number
+        if not isinstance(self.default, tuple):
+            item: Value = self._item(value, value)
+            return item
+        if isinstance(value, str | bytes | Mapping | Set) or not hasattr(value, '__iter__'):
+            raise self._error(value, 'a list')
+        items = tuple(self._item(item, value) for item in value)
+        if self.is_range and not (len(items) == 2 and items[0] < items[1]):
+            raise self._error(value, 'two numbers, the smaller first')
+        return items
 
     @property
     def _item_type(self) -> type:
-        if isinstance(self.default, tuple):
-            return type(self.default[0]) if self.default else float
-        return type(self.default)
+        default = self.default
+        if isinstance(default, tuple):
+            return type(default[0]) if default else float
+        return type(default)
 
-    def _list(self, value: Any) -> Value:
-        if isinstance(value, str | bytes | Mapping | Set) or not hasattr(value, '__iter__'):
-            raise self._error(value, 'a list')
-        if self._item_type is str:
-            if not all(isinstance(item, str) for item in value):
-                raise self._error(value, 'a list of texts')
-            return tuple(value)
-        numbers = tuple(self._number(item, value) for item in value)
-        if self.is_range and not (len(numbers) == 2 and numbers[0] < numbers[1]):
-            raise self._error(value, 'two numbers, the smaller first')
-        return numbers
-
-    def _number(self, item: Any, given: Any) -> float:
-        if isinstance(item, str) and ROS_NUMBER.fullmatch(item):
+    def _item(self, item: Any, given: Any) -> Any:
+        """Return one item of the value that was given, or all of it where it is no list."""
+        kind = self._item_type
+        if kind in (bool, str):
+            if not isinstance(item, kind) or (self.choices and item not in self.choices):
+                raise self._error(
+                    given, 'a list of texts' if isinstance(self.default, tuple) else self.allowed)
+            return item
+        if isinstance(item, str) and kind is float and ROS_NUMBER.fullmatch(item):
             item = float(item)
+        if kind is int and (isinstance(item, bool) or not isinstance(item, int)):
+            raise self._error(given, 'a whole number')
         if isinstance(item, bool) or not isinstance(item, int | float) or not (
                 abs(item) <= MAX_NUMBER):  # also what is too large for a float, or nan
             raise self._error(given, 'finite numbers')
         if not self.low <= item <= self.high:
             hint = degrees_hint(item, self.low, self.high) if self.unit == 'rad' else ''
             raise self._error(given, self.allowed, hint)
-        return float(item)
+        return kind(item)
 
     def _error(self, value: Any, allowed: str, hint: str = '') -> ParameterError:
         return ParameterError(
@@ -131,3 +123,15 @@ def name_hint(name: str, known: Iterable[str]) -> str:
     """Return a question for an error message with the known name closest to ``name``, or ''."""
     close = difflib.get_close_matches(name, sorted(known), n=1)
     return f'; did you mean {close[0]}?' if close else ''
+
+
+def as_yaml(value: Value, digits: int = 8) -> str:
+    """Return a value as a parameter file has it: numbers with a decimal point, as ROS wants."""
+    if isinstance(value, list | tuple):
+        return f'[{", ".join(as_yaml(item, digits) for item in value)}]'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        mantissa, e, exponent = f'{value:.{digits}g}'.partition('e')
+        return (mantissa if '.' in mantissa else f'{mantissa}.0') + e + exponent
+    return str(value) or "''"

@@ -13,7 +13,7 @@ import re
 
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.parameter import Parameter, Value
+from soft_continuum.parameters.parameter import as_yaml, Parameter
 from soft_continuum.parameters.shapes import shape_parameter
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 
@@ -40,25 +40,13 @@ def table(parameters: Sequence[Parameter]) -> str:
 
 def _row(parameter: Parameter) -> tuple[str, ...]:
     listed = isinstance(parameter.default, tuple)
-    default = '' if parameter.default == () else f'`{_as_yaml(parameter.default)}`'
+    default = '' if parameter.default == () else f'`{as_yaml(parameter.default, digits=6)}`'
     allowed = ('' if 'inf' in parameter.allowed else
                f'{"each " if listed else ""}{parameter.allowed}'
                f'{", rising" if parameter.is_range else ""}')
     description = re.sub(r'([|<])', r'\\\1', parameter.meaning)
     return (f'`{parameter.name}`', parameter.type_name, default, parameter.unit, allowed,
             'yes' if parameter.read_only else 'no', description)
-
-
-def _as_yaml(value: Value) -> str:
-    """Return a value as a parameter file has it, numbers to six digits."""
-    if isinstance(value, tuple):
-        return f'[{", ".join(_as_yaml(item) for item in value)}]'
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        digits, e, exponent = f'{value:.6g}'.partition('e')
-        return (digits if '.' in digits else f'{digits}.0') + e + exponent
-    return str(value) or "''"
 
 
 def page_with_table(text: str, parameters: Sequence[Parameter]) -> str:

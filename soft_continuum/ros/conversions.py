@@ -4,6 +4,7 @@
 
 from collections.abc import Sequence
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, PoseArray
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -15,6 +16,12 @@ from soft_continuum.mechanics.chain import Array, orientation
 def seconds(stamp: object) -> float:
     """Return a builtin_interfaces Time or Duration in s."""
     return float(stamp.sec + stamp.nanosec * 1e-9)  # type: ignore[attr-defined]
+
+
+def stamp_to_ros(time: float) -> Time:
+    """Return a time of ROS in s as a message."""
+    sec, nanosec = divmod(round(time * 1e9), 1_000_000_000)
+    return Time(sec=sec, nanosec=nanosec)
 
 
 def full_poses(planar: Array) -> Array:

@@ -209,8 +209,9 @@ def test_parameters_name_all_that_was_changed_and_the_springs_it_belongs_to():
     arm = replace(with_values(data.DESCRIBED, unknowns, np.array([0.02, 0.01, 0.07])),
                   discretisation=SECOND_ORDER)
     parameters = parameters_of(arm, unknowns)
-    assert set(parameters) == {'discretisation', 'bending_stiffnesses', 'segment_masses',
-                               'disc_masses', 'mounting_angle'}
-    assert parameters['bending_stiffnesses'][1] == 0.02
-    assert parameters['disc_masses'][1] == 0.07
-    assert parameters['mounting_angle'] == 0.01
+    assert set(parameters) == {
+        'arm.discretisation', 'arm.bending_stiffnesses', 'arm.segment_masses',
+        'arm.disc_masses', 'arm.mounting_angle'}
+    assert parameters['arm.bending_stiffnesses'][1] == 0.02
+    assert parameters['arm.disc_masses'][1] == 0.07
+    assert parameters['arm.mounting_angle'] == 0.01

@@ -17,7 +17,7 @@ from emulated_rig import (
 import pytest
 
 from soft_continuum.cli import calibrate
-from soft_continuum.cli.rig import rig_parameters
+from soft_continuum.parameters.files import load_rig
 
 STEPS_PER_MM = 200
 
@@ -78,7 +78,7 @@ def standing(rig):
 
 def with_results(rig, name):
     """What nodes read from the parameter files and the results after them."""
-    return rig_parameters([rig.file, rig.file.with_name(name)])
+    return load_rig([rig.file, rig.file.with_name(name)])
 
 
 # Steps

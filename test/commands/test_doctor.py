@@ -13,8 +13,8 @@ import pytest
 import serial
 
 from soft_continuum.cli import doctor
-from soft_continuum.cli.rig import rig_parameters
 from soft_continuum.hardware.checks import check_jamming, check_tendons
+from soft_continuum.parameters.files import load_rig
 
 WRITE_COIL = 5
 
@@ -158,7 +158,7 @@ def test_a_port_that_is_missing_or_in_use_is_called_so(rig, ask, parameter, step
 def test_a_port_that_the_user_may_not_open_names_the_group(rig, device, check, step):
     port = os.path.realpath(getattr(rig, device).port)
     rig.parameters(**{f'{device}__port': port})
-    values = rig_parameters([rig.file])
+    values = load_rig([rig.file])
     os.chmod(port, 0)
     root = os.geteuid() == 0
     if root:

@@ -4,7 +4,9 @@
 """How the executables end: on a signal, in peace, whatever they are doing."""
 
 from collections.abc import Callable, Sequence
+import os
 from pathlib import Path
+import select
 import signal
 import subprocess
 import time
@@ -41,13 +43,41 @@ def test_a_node_ends_in_peace_on_a_signal(
 
 
 @pytest.mark.parametrize('number', SIGNALS, ids=lambda n: n.name)
-def test_four_nodes_in_one_process_end_in_peace_on_a_signal(
+def test_four_nodes_end_in_peace_on_a_signal(
         make_rig: Callable[..., Rig], processes: Processes, number: signal.Signals) -> None:
     rig = make_rig(namespace='/left')
     up = processes.start([*module_command('up'), '--namespace', 'left'])
     rig.wait_until_ready(*ALL)
     up.send(number)
     assert_ended_in_peace(up)
+
+
+def children(process: NodeProcess) -> dict[str, int]:
+    """Return process ids by node of a supervisor."""
+    path = Path(f'/proc/{process.process.pid}/task/{process.process.pid}/children')
+    found = {}
+    for pid in map(int, path.read_text(encoding='ascii').split()):
+        words = Path(f'/proc/{pid}/cmdline').read_bytes().decode().split('\0')
+        found |= {name: pid for name in ALL if name in words}
+    return found
+
+
+def test_a_node_that_is_killed_is_reported_and_the_others_go_on_until_all_are_killed(
+        make_rig: Callable[..., Rig], processes: Processes) -> None:
+    rig = make_rig(namespace='/left')
+    up = processes.start([*module_command('up'), '--namespace', 'left'])
+    rig.wait_until_ready(*ALL)
+    nodes = children(up)
+    assert sorted(nodes) == sorted(ALL)
+    ends = [os.pidfd_open(pid) for pid in nodes.values()]
+    os.kill(nodes['kinematics'], signal.SIGKILL)
+    rig.wait_for(lambda: 'kinematics was killed by SIGKILL' in up.output, 'a line')
+    rig.wait_for_more(rig.tendons, 5)
+    rig.wait_for_more(rig.pressures[0], 5)
+    up.kill()  # as by kill -9: no orphan is left
+    for end in ends:
+        assert select.select([end], [], [], DEADLINE)[0]
+        os.close(end)
 
 
 def test_a_second_signal_changes_nothing(rig: Rig, processes: Processes) -> None:

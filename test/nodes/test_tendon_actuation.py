@@ -4,6 +4,7 @@
 """What moves the tendons, what does not, and what stops them."""
 
 from collections.abc import Callable
+import threading
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -127,6 +128,71 @@ def test_a_trajectory_of_the_past_is_refused(tendons: Rig) -> None:
     message = trajectory([(0.3, (0.001, -0.002))])
     message.header.stamp = Time(sec=1)
     refused(tendons, message, 'ago', 'header.stamp')
+
+
+BOUNDS = {
+    'points': ([(0.1 * (i + 1), (0.0, -1e-6 * i)) for i in range(1001)],
+               ['1001 points', 'allowed: 1000']),
+    'states': ([(10.0 * (i + 1), (0.05 * (i % 2), -0.06)) for i in range(100)],
+               ['predicted states', 'allowed: 2000']),
+}
+
+
+@pytest.mark.parametrize('bound', BOUNDS)
+def test_a_trajectory_that_takes_too_long_to_judge_is_refused_with_the_bound(
+        tendons: Rig, bound: str) -> None:
+    points, reasons = BOUNDS[bound]
+    refused(tendons, trajectory(points), *reasons)
+
+
+@pytest.mark.parametrize('how', ['stop', 'hold'])
+def test_a_stop_does_not_wait_for_a_trajectory_that_is_judged_and_wins(
+        rig: Rig, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+    judging, go = threading.Event(), threading.Event()
+
+    def slow(*_: object) -> None:
+        judging.set()
+        assert go.wait(30.0)
+
+    monkeypatch.setattr('soft_continuum.nodes.prediction.TensionPrediction.check', slow)
+    rig.start('tendon_actuation', *OTHERS)
+    make_soft(rig, 3)
+    send(rig, PULL)
+    assert judging.wait(30.0)
+    if how == 'stop':
+        assert rig.trigger('tendon_actuation/stop').success
+    else:
+        send(rig, trajectory([]))
+        rig.trigger('tendon_actuation/reference')  # after it, in order
+    go.set()
+    assert how in rig.wait_for_status('tendon_actuation', 'refused')
+    rig.assert_rests()
+    assert rig.pulls == (0.0, 0.0)
+
+
+def test_a_motion_that_was_stopped_takes_no_further_parts(tendons: Rig) -> None:
+    part = trajectory([(20.0, (0.010, -0.012))])
+    part.header.frame_id = 'me/1'
+    send(tendons, part)
+    wait_for_pull(tendons)
+    for service in ('stop', 'resume'):
+        assert tendons.trigger(f'tendon_actuation/{service}').success
+    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    refused(tendons, part, 'me/1', 'has ended', 'stop')
+    part.header.frame_id = 'me/2'
+    send(tendons, part)
+    tendons.wait_for(lambda: tendons.moving, 'motion')
+
+
+def test_a_control_cycle_that_comes_late_ends_the_motion(rig: Rig) -> None:
+    node, *_ = rig.start('tendon_actuation', *OTHERS)
+    make_soft(rig, 3)
+    send(rig, SLOW_PULL)
+    wait_for_pull(rig)
+    node.loop.call(threading.Event().wait, 1.0)
+    assert 'late' in rig.wait_for_status('tendon_actuation', 'ended')
+    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.assert_rests()
 
 
 def test_a_trajectory_that_would_need_too_much_tension_is_refused(tendons: Rig) -> None:

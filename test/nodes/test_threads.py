@@ -1,0 +1,126 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The threads of a node: what they do for others, and that nothing ends them."""
+
+from collections.abc import Iterator
+import threading
+from typing import Any
+
+import pytest
+
+from soft_continuum.nodes.runtime import end, Signals
+from soft_continuum.nodes.threads import ControlLoop, Worker
+
+DEADLINE = 20.0  # s
+
+
+class Cycles:
+    """Notes how late cycles are, and what failed."""
+
+    def __init__(self) -> None:
+        self.late: list[float] = []
+        self.failures: list[Exception] = []
+        self.raises: Exception | None = None
+        self._changed = threading.Condition()
+
+    def cycle(self, late: float) -> None:
+        with self._changed:
+            self.late.append(late)
+            self._changed.notify_all()
+        if self.raises is not None:
+            raise self.raises
+
+    def failed(self, error: Exception) -> None:
+        self.failures.append(error)
+        raise RuntimeError('and so does what should report it')
+
+    def wait_for_more(self, count: int = 3) -> None:
+        with self._changed:
+            before = len(self.late)
+            assert self._changed.wait_for(lambda: len(self.late) >= before + count, DEADLINE)
+
+
+@pytest.fixture
+def cycles() -> Cycles:
+    return Cycles()
+
+
+@pytest.fixture
+def loop(cycles: Cycles) -> Iterator[ControlLoop]:
+    loop = ControlLoop('test', 0.005, cycles.cycle, cycles.failed)
+    yield loop
+    loop.close()
+
+
+def test_what_is_asked_for_is_done_on_the_thread_of_the_loop(
+        loop: ControlLoop, cycles: Cycles) -> None:
+    cycles.wait_for_more()
+    assert loop.call(threading.current_thread) is not threading.current_thread()
+    assert loop.call(threading.current_thread) is loop.call(threading.current_thread)
+
+
+def test_what_it_raises_comes_to_who_asked(loop: ControlLoop, cycles: Cycles) -> None:
+    with pytest.raises(ValueError, match='invalid literal'):
+        loop.call(int, 'x')
+    assert not cycles.failures
+
+
+def test_a_cycle_that_was_missed_is_reported_late_and_left_out(
+        loop: ControlLoop, cycles: Cycles) -> None:
+    cycles.wait_for_more()
+    cycles.late.clear()
+    loop.call(threading.Event().wait, 0.1)  # twenty periods
+    cycles.wait_for_more(1)
+    assert max(cycles.late[:2]) > 0.08
+    assert len([late for late in cycles.late[:2] if late > 0.08]) == 1
+
+
+def test_nothing_that_fails_ends_the_loop(loop: ControlLoop, cycles: Cycles) -> None:
+    cycles.raises = OSError('cycle')
+    cycles.wait_for_more()
+    loop.post(int, 'x')
+    cycles.wait_for_more()
+    assert {type(error) for error in cycles.failures} == {OSError, ValueError}
+
+
+def test_a_worker_does_one_thing_after_another_and_refuses_too_many() -> None:
+    failures: list[Exception] = []
+    worker, go, done = Worker('test', failures.append, limit=2), threading.Event(), []
+    begun = threading.Event()
+    assert worker.submit(lambda: (begun.set(), go.wait(DEADLINE)))
+    assert begun.wait(DEADLINE)
+    assert worker.submit(done.append, 1)
+    assert worker.submit(int, 'x')
+    assert not worker.submit(done.append, 2)
+    go.set()
+    assert worker.call(len, done) == 1
+    worker.close(DEADLINE)
+    assert [type(error) for error in failures] == [ValueError]
+
+
+def test_a_callback_that_fails_ends_neither_the_spinning_nor_the_holding_of_others(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('signal.signal', lambda *_: None)
+    monkeypatch.setattr('rclpy.ok', lambda: True)
+    monkeypatch.setattr('rclpy.try_shutdown', lambda: None)
+    spun, held = [], []
+
+    class Executor:
+        def spin_once(self, timeout_sec: float) -> None:
+            spun.append(timeout_sec)
+            raise ValueError('callback')
+
+        def shutdown(self) -> None: ...
+
+    class Node:
+        def quit(self) -> None:
+            held.append(self)
+            raise OSError('no device')
+
+        def destroy_node(self) -> None: ...
+
+    executor: Any = Executor()
+    Signals().spin(executor, ended=lambda: len(spun) == 2)
+    end(executor, [Node(), Node()])
+    assert (len(spun), len(held)) == (2, 2)
