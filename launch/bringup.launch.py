@@ -14,9 +14,9 @@ from launch import LaunchDescription
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
+from soft_continuum.ros.names import NODES
 from soft_continuum.urdf import arm_urdf
 
-NODES = ('tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer')
 DRIVERS = {'tendon_driver': ('driver of the tendon steppers', TENDON_DRIVERS),
            'jamming_driver': ('driver of pump, valves and pressure sensors', JAMMING_DRIVERS)}
 FROM_FILE = 'as in the parameter files'

@@ -24,6 +24,7 @@ LENGTH_UNITS = {'m': 1.0, 'mm': 1e-3, 'cm': 1e-2, 'um': 1e-6, '\u00b5m': 1e-6, '
 TIME_UNITS = {'s': 1.0, 'sec': 1.0, 'ms': 1e-3, 'min': 60.0}
 ANGLE_UNITS = {'rad': 1.0, 'deg': pi / 180.0, '\u00b0': pi / 180.0}
 MASS_UNITS = {'kg': 1.0, 'g': 1e-3}
+ALL_UNITS = {*FORCE_UNITS, *LENGTH_UNITS, *TIME_UNITS, *ANGLE_UNITS, *MASS_UNITS}
 
 UNIT_IN_HEADER = (r'(.*?)\s*\[(.*)\]', r'(.*?)\s*\((.*)\)', r'(.*?)\s*/\s*(\S+)',
                   r'(.*?)\s+in\s+(\S+)', r'(.*?)[_ ](\S+)')
@@ -90,7 +91,7 @@ class Table:
         if len(found) > 1:
             raise MeasurementError(
                 f'{self.path}: {len(found)} columns may be the {name}: '
-                f'{", ".join(repr(c.header) for c in found)}; name one with {_option(name)}')
+                f'{", ".join(repr(c.header) for c in found)}; name one with --{name}-column')
         return found[0]
 
     def has(self, name: str) -> bool:
@@ -114,30 +115,34 @@ def read_table(path: str | Path, quantities: Sequence[Quantity],
     if not any(line.strip() for line in lines):
         raise MeasurementError(f'{path}: the file is empty; export the measurement again')
     start, delimiter, header, places = _header(path, lines, quantities, named)
-    rows, numbers = [], []
-    for i in range(start + 1, len(lines)):
-        if lines[i].strip(f' {delimiter}'):
-            rows.append(_cells(lines[i], delimiter))
-            numbers.append(i + 1)
+    rows = [(number, _cells(line, delimiter))
+            for number, line in enumerate(lines[start + 1:], start=start + 2)
+            if line.strip(f' {delimiter}')]
     unit_row: list[str] = []
-    if rows and _is_unit_row(rows[0], places, quantities):
-        unit_row = [*rows.pop(0), *[''] * len(header)]
-        numbers.pop(0)
+    if rows and _is_unit_row(rows[0][1], places, quantities):
+        unit_row = rows.pop(0)[1]
+    unit_row += [''] * (len(header) - len(unit_row))
     if not rows:
         raise MeasurementError(f'{path}, line {start + 1}: there are no rows below the header; '
                                'export the measured values as well')
-    for row, number in zip(rows, numbers, strict=True):
+    for number, row in rows:
         _check_width(path, number, row, header, delimiter)
     used = [place for found in places.values() for place in found]
-    decimal = _decimal(path, [[row[p] for p in used] for row in rows], numbers, delimiter)
-    columns = {}
+    decimal = '.' if delimiter == ',' else _decimal(path, rows, used)
+    columns: dict[str, tuple[Column, ...]] = {quantity.name: () for quantity in quantities}
     for quantity in quantities:
-        columns[quantity.name] = tuple(
-            _column(path, start + 1, quantity, header[place],
-                    unit_row[place] if unit_row else '', units.get(quantity.name, ''),
-                    [row[place] for row in rows], numbers, decimal,
-                    shorter=len(places[quantity.name]) > 1)
-            for place in places[quantity.name])
+        found = places[quantity.name]
+        for place in found:
+            factor = _factor(f'{path}, line {start + 1}', quantity, header[place],
+                             units.get(quantity.name) or _split_unit(header[place])[1]
+                             or unit_row[place].strip('[]() '))
+            end = len(rows)
+            # Repetitions side by side differ in length.
+            while len(found) > 1 and end and not rows[end - 1][1][place]:
+                end -= 1
+            columns[quantity.name] += (Column(
+                path, header[place], factor, tuple(row[place] for _, row in rows[:end]),
+                tuple(number for number, _ in rows[:end]), decimal),)
     return Table(path, columns)
 
 
@@ -186,17 +191,13 @@ def _header(path: Path, lines: Sequence[str], quantities: Sequence[Quantity],
         have = ', '.join(repr(cell) for cell in cells if cell)
         raise MeasurementError(
             f'{path}, line {at + 1}: no column for {" and ".join(missing)}; the columns are '
-            f'{have}; name it with {_option(missing[0])}')
+            f'{have}; name it with --{missing[0]}-column')
     at, line = next((i, line) for i, line in enumerate(lines) if line.strip())
     raise MeasurementError(
         f'{path}, line {at + 1}: neither this line ({line.strip()[:40]!r}) nor one below is a '
         f'header with columns for {" and ".join(required)}, separated by '
         f'{", ".join(DELIMITERS.values())}; export it with another delimiter, or name the columns '
-        f'with {_option(required[0])}')
-
-
-def _option(name: str) -> str:
-    return f'--{name}-column'
+        f'with --{required[0]}-column')
 
 
 def _matches(cell: str, quantity: Quantity, named: str | None) -> bool:
@@ -224,9 +225,6 @@ def _split_unit(cell: str) -> tuple[str, str]:
     return cell.strip(), ''
 
 
-ALL_UNITS = {*FORCE_UNITS, *LENGTH_UNITS, *TIME_UNITS, *ANGLE_UNITS, *MASS_UNITS}
-
-
 def _is_unit_row(row: Sequence[str], places: Mapping[str, Sequence[int]],
                  quantities: Sequence[Quantity]) -> bool:
     """Whether the cells of all columns that have a unit are words in place of numbers."""
@@ -247,16 +245,13 @@ def _check_width(path: Path, line: int, row: list[str], header: Sequence[str], d
             f'header has {len(header)}; repair or delete this line{hint}')
 
 
-def _decimal(path: Path, rows: Sequence[Sequence[str]], lines: Sequence[int], delimiter: str
-             ) -> str:
+def _decimal(path: Path, rows: Sequence[tuple[int, Sequence[str]]], used: Sequence[int]) -> str:
     """Return the decimal mark of a file; raises MeasurementError when it has both."""
-    if delimiter == ',':
-        return '.'
     seen: dict[str, int] = {}
-    for row, line in zip(rows, lines, strict=True):
-        for cell in row:
+    for line, row in rows:
+        for cell in (row[place] for place in used):
             if re.fullmatch(r'[-+\d.,eE]*\d[-+\d.,eE]*', cell):
-                marks = [c for c in cell if c in '.,']
+                marks = re.findall('[.,]', cell)
                 if marks and marks.count(marks[-1]) == 1:
                     seen.setdefault(marks[-1], line)
     if len(seen) == 2:
@@ -278,24 +273,16 @@ def _number(path: Path, line: int, header: str, cell: str, decimal: str) -> floa
     return value
 
 
-def _column(path: Path, header_line: int, quantity: Quantity, header: str, below: str,
-            given: str, cells: list[str], lines: list[int], decimal: str, *, shorter: bool
-            ) -> Column:
-    factor = 1.0
-    if quantity.units:
-        unit = given or _split_unit(header)[1] or below.strip('[]() ')
-        allowed = ', '.join(quantity.units)
-        if not unit:
-            raise MeasurementError(
-                f'{path}, line {header_line}: column {header!r} has no unit; write it as '
-                f'{header} [{next(iter(quantity.units))}] or give --{quantity.name}-unit '
-                f'(one of {allowed})')
-        if unit not in quantity.units:
-            raise MeasurementError(
-                f'{path}, line {header_line}: {unit!r} is not a unit of {quantity.name}; known: '
-                f'{allowed}; convert the column')
-        factor = quantity.units[unit]
-    end = len(cells)
-    while shorter and end and not cells[end - 1]:  # repetitions side by side differ in length
-        end -= 1
-    return Column(path, header, factor, tuple(cells[:end]), tuple(lines[:end]), decimal)
+def _factor(where: str, quantity: Quantity, header: str, unit: str) -> float:
+    """Return the factor of a unit to SI; raises MeasurementError for one that is not known."""
+    if not quantity.units:
+        return 1.0
+    allowed = ', '.join(quantity.units)
+    if not unit:
+        raise MeasurementError(
+            f'{where}: column {header!r} has no unit; write it as {header} '
+            f'[{next(iter(quantity.units))}] or give --{quantity.name}-unit (one of {allowed})')
+    if unit not in quantity.units:
+        raise MeasurementError(f'{where}: {unit!r} is not a unit of {quantity.name}; known: '
+                               f'{allowed}; convert the column')
+    return quantity.units[unit]

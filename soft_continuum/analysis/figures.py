@@ -12,6 +12,7 @@ import numpy as np
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.chain import Array, LEFT, RIGHT, RigidChain
 
+DPI = 120
 SOFT = 'tab:orange'
 TENDON_STYLE = {RIGHT: ('right tendon', '-'), LEFT: ('left tendon', '--')}
 
@@ -40,6 +41,28 @@ def draw_arm(axes: Axes, chain: RigidChain, joint_angles: Array,
     axes.grid(alpha=0.3)
 
 
+def new_panels(rows: int, columns: int, width: float, height: float
+               ) -> tuple[Figure, list[Axes]]:
+    """Return a figure (inches) and its panels of equal scale, row by row; axes in mm."""
+    figure = Figure(figsize=(width, height), layout='constrained')
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for axes in panels:
+        axes.set_aspect('equal')
+        axes.set_xlabel('x in mm')
+        axes.grid(alpha=0.3)
+    for axes in panels[::columns]:
+        axes.set_ylabel('z in mm')
+    return figure, list(panels)
+
+
+def finish_panels(path: str | Path, figure: Figure, legend_columns: int) -> None:
+    """Write a figure with one legend, that of its first panel, below all of them."""
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc='outside lower center', frameon=False,
+                  ncols=min(len(labels), legend_columns))
+    figure.savefig(path, dpi=DPI)
+
+
 def shapes_figure(path: str | Path, chain: RigidChain,
                   shapes: Mapping[str, tuple[Array, Sequence[float]]]) -> None:
     """
@@ -47,16 +70,11 @@ def shapes_figure(path: str | Path, chain: RigidChain,
 
     shapes: by name, joint angles (joints,) rad and the bending angles (segments,) rad asked for.
     """
-    figure = Figure(figsize=(4.4 * len(shapes), 5.2), layout='constrained')
-    panels = figure.subplots(1, len(shapes), squeeze=False, sharex=True, sharey=True)[0]
+    figure, panels = new_panels(1, len(shapes), 4.4 * len(shapes), 5.2)
     for axes, (name, (joint_angles, bending_angles)) in zip(panels, shapes.items(), strict=True):
         draw_arm(axes, chain, joint_angles)
         arcs = constant_curvature.poses(chain.arm, bending_angles) * 1e3
         axes.plot(arcs[:, 0], arcs[:, 1], 's', markersize=8, markerfacecolor='none',
                   markeredgecolor='0.1', label='constant curvature')
         axes.set_title(name, parse_math=False)
-    panels[0].set_ylabel('z in mm')
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside lower center', frameon=False,
-                  ncols=2 if len(shapes) == 1 else len(labels))
-    figure.savefig(path, dpi=120)
+    finish_panels(path, figure, 2 if len(shapes) == 1 else 5)

@@ -8,11 +8,10 @@ absolute, orientations quaternions: files are for people and spreadsheets.
 """
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 import csv
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
-from typing import Self, TextIO
 
 import numpy as np
 
@@ -36,7 +35,7 @@ FILES = tuple(f'{name}.csv' for name in ('tendons', 'tensions', *COLUMNS))
 HOLDING_DELAY = 0.2  # s, by which poses and pulls may come after the event that they belong to
 
 
-class RecordingWriter:
+class RecordingWriter(ExitStack):
     """Writes a recording into a directory; use it in a ``with`` statement."""
 
     def __init__(self, directory: Path, tendons: Sequence[str]) -> None:
@@ -45,28 +44,18 @@ class RecordingWriter:
 
         tendons: names of the arm's tendons, in the order of the values that are written.
         """
+        super().__init__()
         columns = {
             'tendons': ('time [s]', *(f'{name}{PULL}' for name in tendons)),
             'tensions': ('time [s]', *(f'{name}{TENSION}' for name in tendons)),
             **COLUMNS}
         self._width = {name: len(header) - 1 for name, header in columns.items()}
-        self._files: list[TextIO] = []
         self._writers = {}
         for name, header in columns.items():
-            file = (directory / f'{name}.csv').open('w', encoding='utf-8', newline='', buffering=1)
-            self._files.append(file)
+            file = self.enter_context(
+                (directory / f'{name}.csv').open('w', encoding='utf-8', newline='', buffering=1))
             self._writers[name] = csv.writer(file, lineterminator='\n')
             self._writers[name].writerow(header)
-
-    def __enter__(self) -> Self:
-        """Return itself."""
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 traceback: TracebackType | None) -> None:
-        """Close the files."""
-        for file in self._files:
-            file.close()
 
     def write(self, name: str, time: float, *values: float | str) -> None:
         """

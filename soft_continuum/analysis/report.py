@@ -10,6 +10,7 @@ import io
 from matplotlib.figure import Figure
 import numpy as np
 
+from soft_continuum.analysis.figures import new_panels
 from soft_continuum.analysis.recording import Held, Recording
 
 STYLE = """
@@ -72,15 +73,10 @@ def _shape_rows(held: Iterable[Held]) -> list[list[str]]:
 
 
 def _shapes(held: Sequence[Held]) -> Figure:
-    figure = Figure(figsize=(3.2 * len(held), 3.8), layout='constrained')
-    panels = figure.subplots(1, len(held), squeeze=False, sharex=True, sharey=True)[0]
+    figure, panels = new_panels(1, len(held), 3.2 * len(held), 3.8)
     for axes, shape in zip(panels, held, strict=True):
         axes.plot(shape.points[:, 0], shape.points[:, 2], 'o-', color='black', markersize=4)
         axes.set_title(shape.shape, parse_math=False)
-        axes.set_aspect('equal')
-        axes.set_xlabel('x in mm')
-        axes.grid(alpha=0.3)
-    panels[0].set_ylabel('z in mm')
     return figure
 
 

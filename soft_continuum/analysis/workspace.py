@@ -9,6 +9,7 @@ others already bent above it carries them at another lever arm, so the order lea
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -16,7 +17,8 @@ from tqdm import tqdm
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.statics import Statics, StaticsError
+from soft_continuum.mechanics.inverse import set_on_grid
+from soft_continuum.mechanics.statics import Statics
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,25 +46,7 @@ class Reach:
 def reach(arm: Arm, order: Sequence[int], per_segment: int) -> Reach:
     """Return the tips for ``per_segment`` angles between the limits of every segment."""
     statics = Statics(arm)
-    grids = [np.linspace(-s.bending_angle_limit, s.bending_angle_limit, per_segment)
-             for s in arm.segments]
-    states = [(statics.chain.straight(), np.zeros(len(arm.segments)))]
-    for segment in order:
-        after = []
-        for state, angles in tqdm(
-                states, f'segment {segment + 1}', leave=False, disable=None):
-            present = statics.chain.bending_angles(state.joint_angles)[segment]
-            for angle in grids[segment]:
-                bent = angles.copy()
-                bent[segment] = angle
-                if abs(angle - present) < 1e-9:  # it need not be softened
-                    after.append((state, bent))
-                    continue
-                try:
-                    after.append((statics.bend(state, segment, float(angle)), bent))
-                except StaticsError:
-                    continue
-        states = after
+    states = set_on_grid(statics, per_segment, order, partial(tqdm, leave=False, disable=None))
     tips = [statics.chain.points(state.joint_angles)[-1, :2] for state, _ in states]
     return Reach(tuple(order), np.array(tips).reshape(-1, 2),
                  np.array([angles for _, angles in states]).reshape(-1, len(arm.segments)),

@@ -17,8 +17,8 @@ from soft_continuum.analysis.characterisation import (
 )
 from soft_continuum.analysis.curves import read_curves
 from soft_continuum.analysis.delimited import MeasurementError
+from soft_continuum.analysis.result_figures import MeasuredState, stiffness_figure
 from soft_continuum.analysis.results import claim, text_table
-from soft_continuum.analysis.stiffness_figure import MeasuredState, stiffness_figure
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser
 from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.mechanics.arm import Arm, ArmError, Segment

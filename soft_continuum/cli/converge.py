@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from soft_continuum.analysis.convergence import converge
-from soft_continuum.analysis.convergence_figure import convergence_figure
+from soft_continuum.analysis.result_figures import convergence_figure
 from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, whole_number_in
 from soft_continuum.cli.common import described_arm, run_verb

@@ -17,8 +17,8 @@ from soft_continuum.analysis.identification import (
     shape_error,
     without,
 )
-from soft_continuum.analysis.identification_figure import identification_figure, ShapeResult
 from soft_continuum.analysis.measured_shapes import MeasuredShape, read_shapes
+from soft_continuum.analysis.result_figures import identification_figure, ShapeResult
 from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.analysis.unknowns import find_unknowns, IdentificationError, parameters_of
 from soft_continuum.arguments import FOR_ANALYSIS, Parser

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from soft_continuum.analysis.measured_shapes import read_shapes
+from soft_continuum.analysis.result_figures import validation_figure
 from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.analysis.validation import predict, Prediction
-from soft_continuum.analysis.validation_figure import validation_figure
 from soft_continuum.arguments import FOR_ANALYSIS, Parser
 from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.mechanics.arm import Arm, ArmError

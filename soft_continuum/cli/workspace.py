@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import sys
 from time import monotonic
 
+from soft_continuum.analysis.result_figures import workspace_figure
 from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.analysis.workspace import furthest_apart, reach
-from soft_continuum.analysis.workspace_figure import workspace_figure
 from soft_continuum.arguments import FOR_ANALYSIS, Parser, whole_number_in
 from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.mechanics.arm import Arm, ArmError

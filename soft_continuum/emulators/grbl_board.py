@@ -4,13 +4,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+import os
 import random
-import threading
-from typing import Self, TypeVar
+from typing import TypeVar
 
+from soft_continuum.emulators.device import EmulatedDevice
 from soft_continuum.emulators.grbl_firmware import GrblFirmware
 from soft_continuum.emulators.grbl_planner import Steps
-from soft_continuum.emulators.port import EmulatedPort
 from soft_continuum.hardware.clock import Clock, STEADY
 
 TIME_STEP = 0.002  # s, while something happens
@@ -19,9 +19,9 @@ RESTING_STEP = 0.02  # s
 T = TypeVar('T')
 
 
-class GrblEmulator:
+class GrblEmulator(EmulatedDevice):
     """
-    A controller at ``port``; use it in a ``with`` statement.
+    A controller at ``port``, which is plugged in at once; use it in a ``with`` statement.
 
     Faults, to be set while it runs: ``hang`` (answers nothing, motors continue), ``drop_ok``
     (this many acknowledgements are lost), ``late_ok`` (s that they take), ``garble`` (share of
@@ -39,39 +39,18 @@ class GrblEmulator:
         clock: the time in which it moves.  settings: ``$`` numbers that are not as usual.
         switches: where the limit switches of X and Y close, mm from where the motors now are.
         """
+        super().__init__(link, clock)
         self.hang = False
         self.drop_ok = 0
         self.late_ok = 0.0
         self.garble = 0.0
-        self.lock = threading.RLock()
         self.random = random.Random(1)
         self._late: list[tuple[float, str]] = []
-        self._port = EmulatedPort(link)
-        self.clock = clock
         self.firmware = GrblFirmware(settings or {}, self.say, self._acknowledge, switches)
         self._time = clock()
-        self._closing = False
-        self._thread = threading.Thread(target=self._run, name='grbl_emulator', daemon=True)
         self.plug()
 
-    def __enter__(self) -> Self:
-        """Begin to answer."""
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Take the port away."""
-        self._closing = True
-        while self._thread.is_alive():
-            self.clock.sleep(TIME_STEP)
-        self.unplug()
-
     # The truth, whatever the firmware reports
-
-    @property
-    def port(self) -> str:
-        """The path of the port: of its link, if it has one."""
-        return str(self._port.link or self._port.name)
 
     @property
     def motors(self) -> Steps:
@@ -127,30 +106,20 @@ class GrblEmulator:
         with self.lock:
             self.firmware.door()
 
-    def unplug(self) -> None:
-        """Pull out the cable; the motors continue."""
-        with self.lock:
-            self._port.unplug()
-
-    def plug(self) -> None:
-        """Put the cable back; nothing is reset."""
-        with self.lock:
-            self._port.plug()
-
     # Time and bytes
 
     def _run(self) -> None:
         while not self._closing:
             with self.lock:
-                master = self._port.master
+                master = self._master
                 resting = self.firmware.resting and not self._late
             with suppress(OSError, ValueError):  # nothing was sent, or it was unplugged meanwhile
                 self.clock.wait([master] if master >= 0 else [],
                                 RESTING_STEP if resting else TIME_STEP)
                 with self.lock:
                     self._advance()
-                    if self._port.master == master >= 0:
-                        data = self._port.read()
+                    if self._master == master >= 0:
+                        data = os.read(master, 4096)
                         if not self.hang:
                             self.firmware.take(data)
 
@@ -180,4 +149,4 @@ class GrblEmulator:
         data = bytearray(line.encode('ascii') + b'\r\n')
         if self.garble and self.random.random() < self.garble:
             data[self.random.randrange(len(data))] = self.random.randrange(256)
-        self._port.write(bytes(data))
+        self.send(bytes(data))

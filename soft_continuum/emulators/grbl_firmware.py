@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import re
 
 from soft_continuum.emulators.grbl_planner import (
-    Coordinates,
     MachineSettings,
     Planner,
     Steps,
@@ -95,7 +94,7 @@ class GrblFirmware:
 
     def reset(self, banner: bool) -> None:
         """Do what a reset at the board does: the position is zero wherever the motors are."""
-        self._forget()
+        self._place([0, 0])
         self._switch_on()
         if banner:
             self._greet()
@@ -146,7 +145,7 @@ class GrblFirmware:
     def _work(self) -> None:
         """Do the lines that have come, as far as nothing makes them wait."""
         while b'\n' in self.buffer and not (
-                self._critical or self._cancelling or self.planner.full
+                self._critical or self._cancelling or self.planner.free <= 0
                 or self.state in ('Hold', 'Door', 'Home')):
             line, _, rest = bytes(self.buffer).partition(b'\n')
             self.buffer = bytearray(rest)
@@ -170,9 +169,6 @@ class GrblFirmware:
         self._tool_offset = 0.0  # G43.1
         self._absolute, self._inches, self._feed, self._rapid = True, False, 0.0, True
         self._until_offset = 0  # status reports before the next one with offsets
-
-    def _forget(self) -> None:
-        self._place([0, 0])
 
     def _place(self, position: Sequence[int]) -> None:
         """Take the motors to be at a position (steps of X and Y; Z is at 0)."""
@@ -241,7 +237,7 @@ class GrblFirmware:
         if state in ('Hold', 'Door'):
             state += ':0' if planner.standing else ':1' if state == 'Hold' else ':2'
         offsets = [*self._work_offset[:2], self._work_offset[2] + self._tool_offset]
-        position = list(self._position())
+        position = [m / self.settings[100 + i] for i, m in enumerate(planner.motors)]
         kind = 'MPos'
         if not int(self.settings[10]) & 1:
             kind, position = 'WPos', [p - o for p, o in zip(position, offsets, strict=True)]
@@ -259,15 +255,10 @@ class GrblFirmware:
         self._until_offset = (self._until_offset or (10 if state != 'Idle' else 30)) - 1
         return text + '>'
 
-    def _position(self) -> Coordinates:
-        return tuple(
-            m / self.settings[100 + i] for i, m in enumerate(self.planner.motors))
-
     def _machine(self) -> MachineSettings:
         s = self.settings
         return MachineSettings(
-            tuple(s[100 + i] for i in range(3)),
-            tuple(s[110 + i] / 60.0 for i in range(3)),
+            tuple(s[100 + i] for i in range(3)), tuple(s[110 + i] / 60.0 for i in range(3)),
             tuple(s[120 + i] for i in range(3)), s[11])
 
     def _do(self, line: str) -> int | None:

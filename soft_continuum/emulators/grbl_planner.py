@@ -82,11 +82,6 @@ class Planner:
         return BLOCKS - len(self.blocks)
 
     @property
-    def full(self) -> bool:
-        """Whether one more block must wait."""
-        return self.free <= 0
-
-    @property
     def empty(self) -> bool:
         """Whether nothing is left to do."""
         return not self.blocks and not self._segments

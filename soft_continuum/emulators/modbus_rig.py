@@ -12,13 +12,12 @@ checks the other.  Every fault that a rig can have is a switch.
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf
+import os
 from pathlib import Path
 import random
 import struct
-import threading
-from typing import Self
 
-from soft_continuum.emulators.port import EmulatedPort
+from soft_continuum.emulators.device import EmulatedDevice
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 
@@ -71,9 +70,9 @@ class Refusal(Exception):
     """A request that is answered by an exception; the argument is its code."""
 
 
-class ModbusEmulator:
+class ModbusEmulator(EmulatedDevice):
     """
-    The boards, served by a thread between ``with`` and its end; faults may be set at any time.
+    The boards; faults may be set at any time.
 
     Segments count from 0 here.  hang: answer nothing.  late: s by which every reply is late.
     drop, garble: share of replies that are lost or damaged.  refuse: exception code that answers
@@ -90,11 +89,7 @@ class ModbusEmulator:
         link: path of a symbolic link to the port.  baud_rate: 0 for no delay.  clock: the time in
         which it answers, evacuates and vents.
         """
-        self.hang = False
-        self.late = 0.0
-        self.drop = 0.0
-        self.garble = 0.0
-        self.refuse = 0
+        super().__init__(link, clock)
         self.transform: Callable[[bytes], bytes] | None = None
         self.stuck: set[int] = set()
         self.requests: list[bytes] = []
@@ -102,63 +97,21 @@ class ModbusEmulator:
         self.segments = [Segment(clock, initially_stiff) for _ in range(segments)]
         self._coils = [initially_stiff] * (segments + 1)
         self._baud_rate = baud_rate
-        self.clock = clock
         self._random = random.Random(seed)
-        self._lock = threading.RLock()
-        self._closing = False
         self._outgoing: list[tuple[float, bytes]] = []  # when, what
         self._last_due = {RELAY_UNIT: 0.0, ANALOG_UNIT: 0.0}
-        self._thread = threading.Thread(target=self._serve, daemon=True)
-        self._port = EmulatedPort(link)
-
-    def __enter__(self) -> Self:
-        """Plug in and serve."""
-        self.plug()
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Unplug and end."""
-        self._closing = True
-        while self._thread.is_alive():
-            self.clock.sleep(FRAME_GAP)
-        self.unplug()
+        self.repair()  # sets all faults to none
 
     @property
     def coils(self) -> tuple[bool, ...]:
         """How the relays stand: the pump, then the valves."""
-        with self._lock:
+        with self.lock:
             return tuple(self._coils)
 
     def vacuum(self, segment: int) -> float:
         """Return the true vacuum of a segment, Pa below ambient."""
-        with self._lock:
+        with self.lock:
             return JammingPlant().ambient_pressure - self.segments[segment].read().pressures[0]
-
-    @property
-    def port(self) -> str:
-        """The path of the port, whether or not it has a link."""
-        return self._port.name
-
-    @property
-    def link(self) -> Path | None:
-        """The path of the symbolic link to the port."""
-        return self._port.link
-
-    def plug(self) -> None:
-        """Connect the adapter."""
-        with self._lock:
-            self._port.plug()
-
-    def unplug(self) -> None:
-        """Pull out the adapter: the port is gone; pump and valves stay as they are."""
-        with self._lock:
-            self._port.unplug()
-
-    def send(self, data: bytes) -> None:
-        """Put bytes on the line without a request."""
-        with self._lock:
-            self._port.write(data)
 
     def power_cycle(self) -> None:
         """Take the power from the relay board for a moment: every relay falls off."""
@@ -171,12 +124,12 @@ class ModbusEmulator:
 
     def stick_sensor(self, segment: int) -> None:
         """Freeze a transmitter at its present current."""
-        with self._lock:
+        with self.lock:
             self.segments[segment].stuck_at = self.segments[segment].current()
 
     def repair(self) -> None:
         """End every fault but a pulled plug."""
-        with self._lock:
+        with self.lock:
             self.hang, self.late, self.drop, self.garble, self.refuse = False, 0.0, 0.0, 0.0, 0
             self.transform = None
             self.stuck.clear()
@@ -186,34 +139,28 @@ class ModbusEmulator:
 
     # The line.
 
-    def _serve(self) -> None:
+    def _run(self) -> None:
         received, received_at = b'', 0.0
         while not self._closing:
-            self._deliver()
-            master = self._port.master
+            while self._outgoing and self._outgoing[0][0] <= self.clock():
+                self.send(self._outgoing.pop(0)[1])
+            master = self._master
             if master < 0:
                 received = b''
                 self.clock.sleep(FRAME_GAP)
                 continue
             try:
-                if self.clock.wait([master], self._time_to_next_event(bool(received))):
-                    with self._lock:  # the plug may have been pulled since
-                        received += self._port.read()
+                # Until there is something to send, or a frame has ended.
+                due = self._outgoing[0][0] if self._outgoing else inf
+                pause = min(FRAME_GAP if received else IDLE_STEP, due - self.clock())
+                if self.clock.wait([master], pause):
+                    with self.lock:  # the plug may have been pulled since
+                        received += os.read(self._master, 4096)
                     received_at = self.clock()
             except (OSError, ValueError):
                 received = b''
                 continue
             received = self._answer_all(received, self.clock() - received_at > FRAME_GAP)
-
-    def _deliver(self) -> None:
-        """Send what is due."""
-        while self._outgoing and self._outgoing[0][0] <= self.clock():
-            self.send(self._outgoing.pop(0)[1])
-
-    def _time_to_next_event(self, in_frame: bool) -> float:
-        """Return how long there is nothing to send and no frame to end, s."""
-        due = self._outgoing[0][0] if self._outgoing else inf
-        return max(0.0, min(FRAME_GAP if in_frame else IDLE_STEP, due - self.clock()))
 
     def _answer_all(self, received: bytes, gap: bool) -> bytes:
         """Answer the whole frames in ``received``; return the rest, which a gap discards."""
@@ -234,7 +181,7 @@ class ModbusEmulator:
     def _answer(self, request: bytes) -> None:
         if request[0] not in (RELAY_UNIT, ANALOG_UNIT):
             return
-        with self._lock:
+        with self.lock:
             self.requests.append(request)
             if self.hang:
                 return
@@ -310,7 +257,7 @@ class ModbusEmulator:
             raise Refusal(ILLEGAL_ADDRESS)
 
     def _set_coil(self, coil: int, on: bool) -> None:
-        with self._lock:
+        with self.lock:
             if coil in self.stuck:
                 return
             self._coils[coil] = on

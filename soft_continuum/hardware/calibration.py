@@ -80,20 +80,17 @@ class TendonBench:
     @property
     def soft(self) -> bool:
         """Whether the segment is vented, by its valve and by its pressure."""
-        reading = self._retry(self._jamming.read)
+        reading = retry(self._jamming.read, self._clock)
         return (not reading.evacuated[self._segment]
                 and reading.pressures[self._segment] >= self._soft_pressure)
 
-    def _retry(self, action: Callable[[], T]) -> T:
-        return retry(action, self._clock)
-
     def soften(self) -> None:
         """Vent the segment and wait until it is soft; raises HardwareError when it does not."""
-        self._retry(lambda: self._jamming.set_evacuated(self._segment, False))
+        retry(lambda: self._jamming.set_evacuated(self._segment, False), self._clock)
         deadline = self._clock() + RESPONSE_TIME
         while not self.soft:
             if self._clock() > deadline:
-                pressure = self._retry(self._jamming.read).pressures[self._segment]
+                pressure = retry(self._jamming.read, self._clock).pressures[self._segment]
                 raise HardwareError(
                     f'segment {self._segment + 1} is not soft {RESPONSE_TIME:g} s after it was '
                     f'vented: {pressure:.0f} Pa, needed: {self._soft_pressure:.0f} Pa; check its '
@@ -257,15 +254,13 @@ def rest_all(jamming: JammingDriver, segments: int, clock: Clock = STEADY) -> No
         partial(jamming.set_pump, False),
         *(partial(jamming.set_evacuated, segment, False) for segment in range(segments))]
     while due:
-        failed = []
-        for action in due:
+        for action in due[:]:
             try:
                 action()
+                due.remove(action)
             except HardwareError:
-                failed.append(action)
                 if clock() > deadline:
                     raise
-        due = failed
         clock.sleep(POLL_INTERVAL)
 
 
@@ -304,13 +299,14 @@ def measure_segment(jamming: JammingDriver, segment: int, segments: int,
         clock.sleep(PUMP_STOP_TIME)
         loss = np.array(_record(clock, vacuum, lambda samples: samples[-1][0] > leak_time))
         held = loss[-1, 1]
-        fall = _record(clock, vacuum, lambda samples: samples[-1][1] < 0.2 * held, vent, stuck)
+        fall = [(time, -value) for time, value in _record(
+            clock, vacuum, lambda samples: samples[-1][1] < 0.2 * held, vent, stuck)]
         return SegmentVacuum(
             segment, _reaches(rise, settings.stiff_vacuum), ultimate,
             # Between two levels of an exponential, whatever the delay of the valve.
             (_reaches(rise, 0.8 * ultimate) - _reaches(rise, 0.3 * ultimate)) / log(0.7 / 0.2),
             max(0.0, -float(np.polyfit(loss[:, 0], loss[:, 1], 1)[0])),
-            (_falls(fall, 0.3 * held) - _falls(fall, 0.8 * held)) / log(0.8 / 0.3))
+            (_reaches(fall, -0.3 * held) - _reaches(fall, -0.8 * held)) / log(0.8 / 0.3))
     finally:
         rest_all(jamming, segments, clock)
 
@@ -344,16 +340,10 @@ def _has_levelled(samples: Samples) -> bool:
 
 
 def _reaches(samples: Samples, level: float) -> float:
-    """Return when (s) samples first reach a level from below, interpolated."""
-    previous = samples[0]
-    for time, value in samples:
-        if value >= level:
-            share = (level - previous[1]) / (value - previous[1]) if value > previous[1] else 1.0
-            return previous[0] + max(0.0, share) * (time - previous[0])
-        previous = time, value
-    return inf
-
-
-def _falls(samples: Samples, level: float) -> float:
-    """Return when (s) samples first reach a level from above, interpolated."""
-    return _reaches([(time, -value) for time, value in samples], -level)
+    """Return when (s) samples first reach a level from below, interpolated; inf: never."""
+    times, values = np.transpose(samples)
+    if values.max() < level:
+        return inf
+    reached = int(np.argmax(values >= level))
+    around = [max(0, reached - 1), reached]
+    return float(np.interp(level, values[around], times[around]))

@@ -15,9 +15,10 @@ from typing import Any
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.grbl_link import GrblLink
-from soft_continuum.hardware.grbl_setup import find_controller, Homing, unfit_settings, UNLOCK
-from soft_continuum.hardware.grbl_tendons import motors_from_parameters
+from soft_continuum.hardware.grbl_motion import Motors
+from soft_continuum.hardware.grbl_setup import find_controller, unfit_settings, UNLOCK
 from soft_continuum.hardware.modbus_bus import MAX_PAUSE, ModbusBus
+from soft_continuum.hardware.modbus_jamming import registers_from_parameters
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import describe_ports, open_serial
 from soft_continuum.parameters.parameter import ParameterError
@@ -99,31 +100,27 @@ def _check_grbl(values: Mapping[str, Any]) -> Iterator[Check]:
         return
     yield Check(step, OK, f'{port} opened, no other program uses it')
     try:
-        motors = motors_from_parameters(values)
-        homing = Homing.from_parameter(
-            values['grbl.homed_pulls'], motors.signs, values['pull_limits'], motors.tendons)
+        motors = Motors.from_parameters(values)
         found = find_controller(link)
     except HardwareError as error:
         yield Check('tendon firmware', FAIL, str(error))
         return
     finally:
         link.close()
-    if found.locked and homing is None:
+    if found.locked and not motors.homes:
         yield Check('tendon firmware', FAIL, f'{found.firmware}, locked (Alarm); {UNLOCK}')
     else:
         yield Check('tendon firmware', OK, f'{found.firmware}, at rest')
-    unfit = unfit_settings(found.settings, motors, values['speed_limit'],
-                           values['acceleration_limit'], homing)
-    if unfit:
+    if unfit := unfit_settings(found.settings, motors):
         yield Check('tendon settings', FAIL, f'{"; ".join(unfit)}; type these lines in a terminal '
                     '(docs/how_to/set_up_a_rig.md), or change the parameter file')
     else:
         yield Check('tendon settings', OK, 'fit the parameters')
-    if homing is not None and (found.locked or found.zero is None):
+    if motors.homes and (found.locked or found.zero is None):
         yield Check('tendon reference', WARN, 'the tendons have to be homed before any motion: '
                     'straighten and stiffen the arm, and call /tendon_actuation/reference')
-        return
-    yield _check_reference(found.zero is not None)
+    else:
+        yield _check_reference(found.zero is not None)
 
 
 def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:
@@ -137,11 +134,9 @@ def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:
                         'check')
             return
         if name == 'modbus':
-            failed = False
-            for check in _check_boards(values):
-                failed = failed or check.status == FAIL
-                yield check
-            if failed:
+            checks = [*_check_boards(values)]
+            yield from checks
+            if any(check.status == FAIL for check in checks):
                 return
         driver.open()
         reading = driver.read()
@@ -163,14 +158,12 @@ def _check_boards(values: Mapping[str, Any]) -> Iterator[Check]:
         yield Check('jamming port', FAIL, str(error))
         return
     yield Check('jamming port', OK, f'{values["modbus.port"]} opened, no other program uses it')
-    coils = _span([values['modbus.pump_coil'], *values['modbus.valve_coils']])
-    registers = _span(values['modbus.pressure_registers'])
+    boards = registers_from_parameters(values)
     trips: list[float] = []
     try:
         for board, ask, unit, addresses in (
-                ('relay board', bus.read_coils, values['modbus.relay_unit'], coils),
-                ('analog board', bus.read_input_registers, values['modbus.analog_unit'],
-                 registers)):
+                ('relay board', bus.read_coils, boards.relay_unit, boards.coils),
+                ('analog board', bus.read_input_registers, boards.analog_unit, boards.registers)):
             state: tuple[int, ...] = ()
             lost: list[str] = []
             for _ in range(ROUND_TRIPS):
@@ -180,18 +173,15 @@ def _check_boards(values: Mapping[str, Any]) -> Iterator[Check]:
                     trips.append(STEADY() - begin)
                 except HardwareError as error:
                     lost.append(str(error))
-                    if len(lost) > MAX_LOST_REPLIES:
-                        break
                     STEADY.sleep(MAX_PAUSE)
                     bus.open()  # so that no late reply is received
+                if len(lost) > MAX_LOST_REPLIES:
+                    break
+            message = f'unit {unit} answers: ' + ', '.join(
+                _state(a, s) for a, s in zip(addresses, state, strict=False))
             if len(lost) > MAX_LOST_REPLIES:
                 yield Check(board, FAIL, lost[-1])
-                STEADY.sleep(MAX_PAUSE)
-                bus.open()
-                continue
-            message = f'unit {unit} answers: ' + ', '.join(
-                _state(a, s) for a, s in zip(addresses, state, strict=True))
-            if lost:
+            elif lost:
                 yield Check(board, WARN, f'{message}; {len(lost)} of {ROUND_TRIPS} replies was '
                             f'missed: {lost[0]}')
             else:
@@ -203,11 +193,6 @@ def _check_boards(values: Mapping[str, Any]) -> Iterator[Check]:
         bus.close()
     if trips:
         yield _check_round_trip(trips, values['modbus.timeout'])
-
-
-def _span(addresses: Any) -> range:
-    """Return all addresses that one request must read, as the driver does."""
-    return range(int(min(addresses)), int(max(addresses)) + 1)
 
 
 def _state(address: int, state: int) -> str:

@@ -169,8 +169,6 @@ class GrblLink:
         self._aborted = False
         self.unanswered = ''
         """The line that waits for its acknowledgement."""
-        self.sent_at = 0.0
-        """When that line was sent, s."""
 
     def close(self) -> None:
         """Close the port; what a device has not taken within LAST_BYTES_TIME is dropped."""
@@ -192,7 +190,7 @@ class GrblLink:
     def send(self, line: str) -> None:
         """Send one line; only after the one before has been acknowledged."""
         assert not self.unanswered and len(line) <= MAX_LINE_LENGTH, line
-        self.unanswered, self.sent_at = line, self.clock()
+        self.unanswered = line
         self.write(line.encode('ascii') + b'\n')
 
     def wait(self, timeout: float) -> bool:

@@ -8,12 +8,14 @@ MAX_QUEUED_TIME seconds of motion.  Positions are whole motor steps in machine c
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot, sqrt
+from typing import Any, Self
 
-from soft_continuum.hardware.protocols import describe_pulls
+from soft_continuum.hardware.grbl_link import AXES
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
+from soft_continuum.parameters.parameter import ParameterError
 
 JOG_TIME = 0.02
 """s of motion per jog."""
@@ -33,14 +35,53 @@ Steps = tuple[int, ...]
 @dataclass(frozen=True)
 class Motors:
     """
-    The motors of the controller's first axes, one per tendon.
+    The motors of the controller's first axes, one per tendon, and how they may move.
 
     tendons: their names.  steps_per_mm: of each motor.  signs: 1 where a positive motion pulls.
+    speed_limit: m/s.  acceleration_limit: m/s^2.  pull_limits: smallest and largest pull, m.
+    homed_pulls: of each tendon where homing ends, m; 0 alone: there are no limit switches.
     """
 
     tendons: tuple[str, ...]
     steps_per_mm: tuple[float, ...]
     signs: tuple[float, ...]
+    speed_limit: float
+    acceleration_limit: float
+    pull_limits: tuple[float, float]
+    homed_pulls: tuple[float, ...] = (0.0,)
+
+    def __post_init__(self) -> None:
+        """Raise ParameterError when a list has not one value for each tendon, or a wrong one."""
+        count, names = len(self.tendons), ', '.join(self.tendons)
+        if count > len(AXES):
+            raise ParameterError(f'the arm has {count} tendons; a GRBL controller can move at '
+                                 f'most {len(AXES)}')
+        for name, given in (('steps_per_mm', self.steps_per_mm), ('signs', self.signs)):
+            if len(given) != count:
+                raise ParameterError(f'parameter grbl.{name} is {list(given)}; needed: one value '
+                                     f'for each of {names}')
+        if any(abs(sign) != 1.0 for sign in self.signs):
+            raise ParameterError(
+                f'parameter grbl.signs is {list(self.signs)}; allowed: 1 or -1')
+        low, pulls = self.pull_limits[0], self.homed_pulls
+        if self.homes and (len(pulls) != count or not all(low <= pull <= 0.0 for pull in pulls)):
+            raise ParameterError(f'parameter grbl.homed_pulls is {list(pulls)}; needed: {names}, '
+                                 f'each from the lower of pull_limits, {low:g}, to 0 m')
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Any]) -> Self:
+        """Return what the parameters of the node describe; raises ParameterError."""
+        # Here, because it loads the mechanics: doctor must run when they do not compile.
+        from soft_continuum.parameters.arm import arm_from_parameters
+
+        return cls(arm_from_parameters(values).tendon_names, *(values[name] for name in (
+            'grbl.steps_per_mm', 'grbl.signs', 'speed_limit', 'acceleration_limit', 'pull_limits',
+            'grbl.homed_pulls')))
+
+    @property
+    def homes(self) -> bool:
+        """Whether the zero is found by limit switches, to which homing pays out all tendons."""
+        return self.homed_pulls != (0.0,)
 
     @property
     def steps_per_metre(self) -> tuple[float, ...]:
@@ -65,10 +106,6 @@ class Motors:
         """Return the difference in steps that makes pulls (m)."""
         return tuple(round(sign * p * s)
                      for p, s, sign in zip(pulls, self.steps_per_metre, self.signs, strict=True))
-
-    def describe(self, steps: Sequence[int]) -> str:
-        """Return the pulls that a difference in steps makes, for a person to read."""
-        return describe_pulls(self.tendons, self.to_pulls(steps))
 
 
 def add(a: Steps, b: Steps) -> Steps:
@@ -95,20 +132,13 @@ class Jog:
 class JogStream:
     """Plans a path within speed and acceleration limits and cuts it into jogs."""
 
-    def __init__(self, motors: Motors, speed_limit: float, acceleration_limit: float,
-                 braking: float) -> None:
-        """
-        Start at zero, without a target.
-
-        speed_limit: m/s.  acceleration_limit: m/s^2 of the planned path.  braking: m/s^2 with
-        which the controller can brake.
-        """
+    def __init__(self, motors: Motors, braking: float) -> None:
+        """Start at zero, without a target; braking: m/s^2 with which the controller can brake."""
         self._motors = motors
         self._scale = motors.steps_per_metre
         # The controller plans to rest at the end of its queue: a faster motion could not brake
         # within what may be queued.
-        self._speed_limit = min(speed_limit, 0.8 * MAX_QUEUED_TIME * braking)
-        self._acceleration_limit = acceleration_limit
+        self._speed_limit = min(motors.speed_limit, 0.8 * MAX_QUEUED_TIME * braking)
         self._braking = braking
         self.place((0,) * len(self._scale))
 
@@ -121,7 +151,7 @@ class JogStream:
         self._path_time = 0.0  # s; stands still while no jog can be sent
         self._path = SimulatedTendons(
             lambda: self._path_time, self._motors.tendons, self._speed_limit,
-            self._acceleration_limit, PATH_RESOLUTION)
+            self._motors.acceleration_limit, PATH_RESOLUTION)
         self._queue: deque[Jog] = deque()
         self._first_jog_done = 0.0  # share of the first jog in the queue
         self._speed = 0.0  # m/s, as observed
@@ -135,7 +165,7 @@ class JogStream:
         """Move to ``steps``, to be there at ``arrival`` (s, on the clock of ``now``)."""
         self.target = steps
         self._planned_until = max(self._planned_until, now)
-        self._path.move(self._to_metres(steps), max(0.0, arrival - self._planned_until))
+        self._path.move(self._metres(self._origin, steps), max(0.0, arrival - self._planned_until))
 
     def next_jog(self, now: float) -> Jog | None:
         """Return what the controller must be sent now, if anything."""
@@ -146,10 +176,11 @@ class JogStream:
             return None
         self._planned_until = max(self._planned_until + seconds, now)
         self._path_time += seconds
-        end = self._from_metres(self._path.read().pulls)
+        end = tuple(origin + round(metres * s) for origin, metres, s in zip(
+            self._origin, self._path.read().pulls, self._scale, strict=True))
         if end == self.end:
             return None
-        distances = [(b - a) / s for a, b, s in zip(self.end, end, self._scale, strict=True)]
+        distances = self._metres(self.end, end)
         # Rounding to steps must not exceed the speed limit.
         shortest = max(abs(d) / self._speed_limit for d in distances)
         seconds = max(seconds, shortest)
@@ -202,8 +233,7 @@ class JogStream:
 
     def _share_done(self, jog: Jog, steps: Steps) -> float | None:
         """Return the share of a jog that is done at ``steps``; None when they are not on it."""
-        way = [(b - a) / s for a, b, s in zip(jog.start, jog.end, self._scale, strict=True)]
-        made = [(b - a) / s for a, b, s in zip(jog.start, steps, self._scale, strict=True)]
+        way, made = self._metres(jog.start, jog.end), self._metres(jog.start, steps)
         share = sum(w * m for w, m in zip(way, made, strict=True)) / sum(w * w for w in way)
         share = min(1.0, max(0.0, share))
         # Motors step one after the other, and a report is rounded.
@@ -211,10 +241,6 @@ class JogStream:
         error = hypot(*(m - share * w for w, m in zip(way, made, strict=True)))
         return share if error <= tolerance else None
 
-    def _to_metres(self, steps: Steps) -> tuple[float, ...]:
-        return tuple((a - b) / s
-                     for a, b, s in zip(steps, self._origin, self._scale, strict=True))
-
-    def _from_metres(self, metres: Sequence[float]) -> Steps:
-        return tuple(b + round(a * s)
-                     for a, b, s in zip(metres, self._origin, self._scale, strict=True))
+    def _metres(self, start: Steps, end: Steps) -> tuple[float, ...]:
+        """Return the way from one position to another, m of each motor."""
+        return tuple((b - a) / s for a, b, s in zip(start, end, self._scale, strict=True))

@@ -7,6 +7,7 @@ Nothing here waits.  When something is not as it must be HardwareError is raised
 connection is over.
 """
 
+import contextlib
 from dataclasses import dataclass
 
 from soft_continuum.hardware.grbl_link import (
@@ -15,6 +16,7 @@ from soft_continuum.hardware.grbl_link import (
     Banner,
     FEED_HOLD,
     GrblLink,
+    JOG_CANCEL,
     jog_line,
     Message,
     SOFT_RESET,
@@ -26,12 +28,11 @@ from soft_continuum.hardware.grbl_setup import (
     Controller,
     explain_alarm,
     explain_error,
-    Homing,
     mark_reference,
     UNLOCK,
 )
 from soft_continuum.hardware.grbl_states import BUSY, Event, next_state, State
-from soft_continuum.hardware.protocols import HardwareError, TendonReading
+from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
 
 MOVING_QUERY_INTERVAL, RESTING_QUERY_INTERVAL = 0.025, 0.1  # s between two status queries
 QUERY_TIMEOUT = 0.2  # s for the answer to a status query
@@ -55,15 +56,6 @@ REFERENCE = 'straighten the arm, make all tendons just taut and call reference'
 
 
 @dataclass
-class Polling:
-    """Status queries: when (s) the last was sent and answered, how many are unanswered."""
-
-    sent_at: float
-    answered_at: float
-    unanswered: int = 0
-
-
-@dataclass
 class Watch:
     """Something that must happen in time: since when (s), and reports or attempts meanwhile."""
 
@@ -78,12 +70,13 @@ class Watch:
 class GrblSession:
     """What is known of a controller at rest since it was found; for one thread at a time."""
 
-    def __init__(self, link: GrblLink, found: Controller, motors: Motors, jogs: JogStream,
-                 homing: Homing | None) -> None:
-        """Take over a controller that was ``found`` on ``link``; homing: None without switches."""
+    def __init__(self, link: GrblLink, found: Controller, motors: Motors) -> None:
+        """Take over a controller that was ``found`` on ``link``."""
         now = link.clock()
-        self._link, self._motors, self._jogs, self._homing = link, motors, jogs, homing
-        self.state = next_state(State.DISCONNECTED, Event.OPENED)
+        self.link, self._motors = link, motors
+        braking = min(found.settings[120 + i] for i in range(len(motors.tendons))) / MM
+        self._jogs = JogStream(motors, braking)
+        self.state = State.RESTING
         self.failure = ''
         self.position = motors.to_steps(found.position)
         self._zero = motors.to_steps(found.zero or (0.0,) * len(self.position))
@@ -93,13 +86,12 @@ class GrblSession:
         self._jogs.place(self.position)
         self._target: tuple[Steps, float] | None = None  # of the last move, and its arrival (s)
         self._setup_lines: list[str] = []
-        self._polling = Polling(now, now)
+        self._queried_at = self._reported_at = now  # s, the last time
+        self._unanswered_queries = 0
         self._idle_reports = CERTAIN_REPORTS  # in succession, at one place
         self._stray_reports = 0  # in succession, off the planned path
         self._acknowledgement = Watch(now)
-        self._progress = Watch(now)
-        self._stop = Watch(now)
-        self._homing_since = now
+        self._state_watch = Watch(now)  # since the state began or, in JOGGING, the last progress
         self._hold_sent_at = 0.0  # feed hold, or soft reset while homing, s
         self._reset_sent_at = 0.0  # s, 0 when none is under way
 
@@ -108,59 +100,53 @@ class GrblSession:
         """Whether the tendons move or may move."""
         return self.state in BUSY
 
-    @property
-    def settled(self) -> bool:
-        """Whether no line waits to be sent or acknowledged."""
-        return not self._setup_lines and not self._link.unanswered
-
     # Requests
 
-    def check(self) -> None:
-        """Raise HardwareError when the connection has failed."""
+    def _check(self) -> None:
         if self.state is State.FAILED:
             raise HardwareError(self.failure)
 
     def reading(self) -> TendonReading:
         """Return the state of the last status report, which is at most some 0.1 s old."""
-        self.check()
-        speeds = (0.0,) * len(self._speeds)
-        if self.busy:
-            # Not at rest, even if no step was made between the last two reports.
+        self._check()
+        speeds = self._speeds
+        if not self.busy:
+            speeds = (0.0,) * len(speeds)
+        elif not any(speeds):  # not at rest, even if no step was made since the last report
             slowest = 1.0 / max(self._motors.steps_per_metre) / MOVING_QUERY_INTERVAL
-            speeds = self._speeds if any(self._speeds) else (slowest,) * len(self._speeds)
+            speeds = (slowest,) * len(speeds)
         pulls = self._motors.to_pulls(subtract(self.position, self._zero))
         return TendonReading(pulls, speeds, referenced=not self._unreferenced)
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it."""
-        self.check()
+        self._check()
         if self._unreferenced:
             raise HardwareError(f'the position is not known: {self._unreferenced}; {REFERENCE}')
-        now = self._link.clock()
+        now = self.link.clock()
         self._target = add(self._zero, self._motors.from_pulls(pulls)), now + duration
         if self.state is not State.STOPPING:
             self._aim(now)
 
     def stop(self) -> None:
         """Brake as the controller can without losing a step, then hold."""
-        self.check()
+        self._check()
         self._target = None
         if self.state is State.HOMING_REQUESTED:
             self._setup_lines = []
         self._begin_stop()
         if self.state is State.ABORTING_HOMING:  # nothing but a reset ends a homing cycle
-            self._hold_sent_at = self._link.clock()
-            self._link.write(SOFT_RESET)
+            self._hold_sent_at = self.link.clock()
+            self.link.write(SOFT_RESET)
 
     def reference(self) -> None:
         """Take the present position as zero pull, or home."""
-        self.check()
+        self._check()
         if self.busy:
             raise HardwareError('the tendons are moving; wait until they rest')
-        if self._homing is not None:
+        if self._motors.homes:
             self._unreferenced = 'homing has not ended'
             self._fire(Event.HOME)
-            self._homing_since = self._link.clock()
             self._setup_lines = [HOME]
             self._idle_reports = 0
             return
@@ -170,27 +156,31 @@ class GrblSession:
         self._mark_reference()
 
     def fail(self, reason: str) -> None:
-        """End the connection for good."""
+        """End all motion, and the connection, for good."""
         self.failure = reason
         self._fire(Event.FAILURE)
+        with contextlib.suppress(HardwareError):
+            # The one stop that leaves nothing pending at rest, and the one that ends homing.
+            self.link.write(SOFT_RESET if self.link.unanswered == HOME else JOG_CANCEL)
 
     # What is sent
 
     def act(self, now: float) -> None:
         """Send what is due, and check that what was sent is answered in time."""
-        if self._link.unanswered == HOME:  # status queries are not answered either
-            self._watch_homing(now)
-            return
-        if self._link.unanswered and self._acknowledgement.expired(ACKNOWLEDGEMENT_TIMEOUT, now):
-            raise HardwareError(
-                f'the GRBL controller did not acknowledge {self._link.unanswered!r}, so the '
-                'motion was ended; check the cable')
-        if self.state is State.STOPPING and self._stop.expired(STOP_TIMEOUT, now):
+        stopping = self.state in (State.STOPPING, State.ABORTING_HOMING)
+        if stopping and self._state_watch.expired(STOP_TIMEOUT, now):
             raise HardwareError(
                 f'the GRBL controller has not confirmed a stop within {STOP_TIMEOUT:g} s: the '
                 'tendons may still move; cut the power of the motors if they do')
+        if self.link.unanswered == HOME:  # status queries are not answered either
+            self._watch_homing(now)
+            return
+        if self.link.unanswered and self._acknowledgement.expired(ACKNOWLEDGEMENT_TIMEOUT, now):
+            raise HardwareError(
+                f'the GRBL controller did not acknowledge {self.link.unanswered!r}, so the '
+                'motion was ended; check the cable')
         self._query_status(now)
-        if self.state is State.STOPPING or self._link.unanswered:
+        if self.state is State.STOPPING or self.link.unanswered:
             return
         if self._setup_lines:
             line = self._setup_lines.pop(0)
@@ -202,37 +192,31 @@ class GrblSession:
             self._send(jog_line(self._motors.to_millimetres(jog.end), jog.feed * MM * MINUTE))
 
     def _send(self, line: str) -> None:
-        self._acknowledgement = Watch(self._link.clock())
-        self._link.send(line)
+        self._acknowledgement = Watch(self.link.clock())
+        self.link.send(line)
 
     def _query_status(self, now: float) -> None:
-        polling = self._polling
         interval = MOVING_QUERY_INTERVAL if self.busy else RESTING_QUERY_INTERVAL
-        if now - polling.sent_at < (QUERY_TIMEOUT if polling.unanswered else interval):
+        if now - self._queried_at < (QUERY_TIMEOUT if self._unanswered_queries else interval):
             return
-        if polling.unanswered == MAX_UNANSWERED_QUERIES:
+        if self._unanswered_queries == MAX_UNANSWERED_QUERIES:
             raise HardwareError(
-                f'the GRBL controller has not answered for {now - polling.answered_at:.1f} s; '
+                f'the GRBL controller has not answered for {now - self._reported_at:.1f} s; '
                 'check cable and power')
-        polling.sent_at = now
-        polling.unanswered += 1
-        self._link.write(STATUS_QUERY)
+        self._queried_at = now
+        self._unanswered_queries += 1
+        self.link.write(STATUS_QUERY)
 
     def _watch_homing(self, now: float) -> None:
-        if now - self._homing_since > HOMING_TIMEOUT:
+        if self.state is State.SEEKING and now - self._state_watch.since > HOMING_TIMEOUT:
             raise HardwareError(
                 f'homing has not ended within {HOMING_TIMEOUT:g} s; check switches, motors and '
                 'the travel settings, $130 and following')
-        if self.state is not State.ABORTING_HOMING:
-            return
-        if self._stop.expired(STOP_TIMEOUT, now):
-            raise HardwareError(
-                f'the GRBL controller has not stopped homing within {STOP_TIMEOUT:g} s: the '
-                'tendons may still move; cut the power of the motors if they do')
-        if now - self._hold_sent_at > STOP_RETRY_INTERVAL:
+        stop_sent = now - self._hold_sent_at
+        if self.state is State.ABORTING_HOMING and stop_sent > STOP_RETRY_INTERVAL:
             self._hold_sent_at = now
-            self._stop.count += 1
-            self._link.write(SOFT_RESET)
+            self._state_watch.count += 1
+            self.link.write(SOFT_RESET)
 
     # What is received
 
@@ -248,7 +232,7 @@ class GrblSession:
             self._on_status(message, self._motors.to_steps(message.position), now)
 
     def _on_reset(self) -> None:
-        self._link.answered()  # no acknowledgement follows any more, or a late one without meaning
+        self.link.answered()  # no acknowledgement follows any more, or a late one without meaning
         self._setup_lines = []
         if self._reset_sent_at:  # by the driver, at rest: the position is kept
             self._reset_sent_at = 0.0
@@ -258,7 +242,7 @@ class GrblSession:
             self._lose_reference('the controller was reset')
 
     def _on_acknowledgement(self, message: Acknowledgement) -> None:
-        line = self._link.answered()
+        line = self.link.answered()
         self._hold_sent_at = 0.0  # it may have started a motion that the feed hold preceded
         if message.error == ERROR_NOT_IDLE and line.startswith('$J='):
             # A jog that arrived just as the one before ended runs as a program, which takes no
@@ -267,24 +251,24 @@ class GrblSession:
         elif message.error and line:
             raise HardwareError(explain_error(line, message.error))
         elif line == HOME:
-            self._polling.unanswered = self._idle_reports = 0
+            self._unanswered_queries = self._idle_reports = 0
             self._fire(Event.HOME_DONE)
 
     def _on_status(self, status: Status, steps: Steps, now: float) -> None:
         still = steps == self.position
-        elapsed = max(now - self._polling.answered_at, 1e-3)
+        elapsed = max(now - self._reported_at, 1e-3)
         travel = self._motors.to_pulls(subtract(steps, self.position))
         self._speeds = tuple(distance / elapsed for distance in travel)
         self.position = steps
-        self._polling.answered_at, self._polling.unanswered = now, 0
-        for watch in (self._acknowledgement, self._progress, self._stop):
-            watch.count += 1
-        idle = status.state == 'Idle' and still and not self._link.unanswered
+        self._reported_at, self._unanswered_queries = now, 0
+        self._acknowledgement.count += 1
+        self._state_watch.count += 1
+        idle = status.state == 'Idle' and still and not self.link.unanswered
         self._idle_reports = self._idle_reports + 1 if idle else 0
-        if not still or self._jogs.arrived(steps):
-            self._progress = Watch(now)
+        if self.state is State.JOGGING and (not still or self._jogs.arrived(steps)):
+            self._state_watch = Watch(now)
         self._check_path(steps)
-        if status.state == 'Alarm' and self._homing is not None and self._unreferenced:
+        if status.state == 'Alarm' and self._motors.homes and self._unreferenced:
             self._fire(Event.LOCKED)
             self._jogs.place(steps)
             return
@@ -292,11 +276,11 @@ class GrblSession:
         rested = self._idle_reports >= CERTAIN_REPORTS
         if self.state is State.STOPPING:
             self._continue_stop(status, rested, now)
-        elif rested and self.state is State.HOMED and self._homing is not None:
-            self._pull_to_zero(self._homing, now)
+        elif rested and self.state is State.HOMED:
+            self._pull_to_zero(now)
         elif rested:
             self._check_arrival(status)
-        elif self.state is State.JOGGING and self._progress.expired(PROGRESS_TIMEOUT, now):
+        elif self.state is State.JOGGING and self._state_watch.expired(PROGRESS_TIMEOUT, now):
             raise HardwareError(
                 f'the GRBL controller reports {status.state}, but has made no step for '
                 f'{PROGRESS_TIMEOUT:g} s at {self._describe(steps)}; reset the board')
@@ -346,18 +330,19 @@ class GrblSession:
         elif status.state == 'Hold' and status.substate == '0':
             if now - self._reset_sent_at > STOP_RETRY_INTERVAL:
                 self._reset_sent_at = now
-                self._link.write(SOFT_RESET)  # at rest: this only drops what is queued
+                self.link.write(SOFT_RESET)  # at rest: this only drops what is queued
         elif status.state in ('Jog', 'Run') and now - self._hold_sent_at > STOP_RETRY_INTERVAL:
             self._hold_sent_at = now
-            self._link.write(FEED_HOLD)
+            self.link.write(FEED_HOLD)
 
-    def _pull_to_zero(self, homing: Homing, now: float) -> None:
+    def _pull_to_zero(self, now: float) -> None:
         """Take the zero from where the switches are, and move there."""
-        self._zero = subtract(self.position, self._motors.from_pulls(homing.pulls))
+        pulls = self._motors.homed_pulls
+        self._zero = subtract(self.position, self._motors.from_pulls(pulls))
         self._unreferenced = ''
         self._fire(Event.RESTED)
         self._jogs.place(self.position)
-        self._target = self._zero, now + max(-pull for pull in homing.pulls) / HOMING_SPEED
+        self._target = self._zero, now - min(pulls) / HOMING_SPEED
         self._aim(now)
         self._mark_reference()
 
@@ -366,8 +351,7 @@ class GrblSession:
     def _fire(self, event: Event) -> None:
         before, self.state = self.state, next_state(self.state, event)
         if self.state is not before:
-            now = self._link.clock()
-            self._stop, self._progress = Watch(now), Watch(now)
+            self._state_watch = Watch(self.link.clock())
 
     def _aim(self, now: float) -> None:
         """Move to the target, if there is one."""
@@ -379,8 +363,8 @@ class GrblSession:
         jogging = self.state is State.JOGGING
         self._fire(Event.STOP)
         if jogging:
-            self._hold_sent_at, self._idle_reports = self._link.clock(), 0
-            self._link.write(FEED_HOLD)
+            self._hold_sent_at, self._idle_reports = self.link.clock(), 0
+            self.link.write(FEED_HOLD)
 
     def _lose_reference(self, reason: str) -> None:
         self._unreferenced = reason
@@ -393,4 +377,5 @@ class GrblSession:
         self._setup_lines = mark_reference(self._motors.to_millimetres(offset))
 
     def _describe(self, steps: Steps) -> str:
-        return self._motors.describe(subtract(steps, self._zero))
+        pulls = self._motors.to_pulls(subtract(steps, self._zero))
+        return describe_pulls(self._motors.tendons, pulls)

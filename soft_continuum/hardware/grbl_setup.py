@@ -11,7 +11,6 @@ both: found again later, they prove that there was no reset since, and where zer
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Self
 
 from soft_continuum.hardware.grbl_link import (
     Acknowledgement,
@@ -29,7 +28,6 @@ from soft_continuum.hardware.grbl_link import (
 )
 from soft_continuum.hardware.grbl_motion import MM, Motors
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.parameters.parameter import ParameterError
 
 FIND_TIMEOUT = 6.0
 """s for a controller to be found; an Arduino that opening the port has reset takes about two."""
@@ -77,43 +75,6 @@ class Controller:
     locked: bool = False
 
 
-@dataclass(frozen=True)
-class Homing:
-    """
-    How the tendons are paid out to limit switches.
-
-    pulls: of each tendon where homing ends, m, zero or negative.  signs: 1 where a positive motion
-    pulls.  travel: m between pull_limits, the limit of a search for a switch.
-    """
-
-    pulls: tuple[float, ...]
-    signs: tuple[float, ...]
-    travel: float
-
-    @classmethod
-    def from_parameter(cls, pulls: Sequence[float], signs: Sequence[float],
-                       pull_limits: tuple[float, float], tendons: Sequence[str]) -> Self | None:
-        """
-        Return what grbl.homed_pulls describes, None for 0 alone.
-
-        pulls: the parameter.  signs: of the motors.  pull_limits: m.  tendons: their names.
-        Raises ParameterError.
-        """
-        lowest, highest = pull_limits
-        if tuple(pulls) == (0.0,):
-            return None
-        if len(pulls) != len(tendons) or not all(lowest <= pull <= 0.0 for pull in pulls):
-            raise ParameterError(
-                f'parameter grbl.homed_pulls is {list(pulls)}; needed: {", ".join(tendons)}, each '
-                f'from the lower of pull_limits, {lowest:g}, to 0 m')
-        return cls(tuple(pulls), tuple(signs), highest - lowest)
-
-    @property
-    def directions(self) -> int:
-        """Setting $23: a bit for each motor whose negative direction pays out."""
-        return sum(1 << i for i, sign in enumerate(self.signs) if sign > 0.0)
-
-
 def find_controller(link: GrblLink) -> Controller:
     """
     Return the controller at the other end, without moving anything, within FIND_TIMEOUT s.
@@ -151,26 +112,22 @@ def mark_reference(offset: Sequence[float]) -> list[str]:
     return [*clear, f'G21G92{words(offset, 4)}', f'G43.1Z{MARK:.3f}']
 
 
-def unfit_settings(settings: Mapping[int, float], motors: Motors, speed_limit: float,
-                   acceleration_limit: float, homing: Homing | None = None) -> list[str]:
-    """
-    Return, for each setting that contradicts the configuration, what it is and how to set it.
-
-    settings: by their numbers.  speed_limit: m/s.  acceleration_limit: m/s^2.  homing: None
-    without switches.  Empty when all fit.
-    """
+def unfit_settings(settings: Mapping[int, float], motors: Motors) -> list[str]:
+    """Return, for each setting (by number) that does not fit, what it is and how to set it."""
     axes = range(len(motors.tendons))
-    feed, acceleration = 60.0 * MM * speed_limit, MM * acceleration_limit
+    feed, acceleration = 60.0 * MM * motors.speed_limit, MM * motors.acceleration_limit
     by_switches = {22: (0.0, 0.0, 'tendons are referenced by hand: no grbl.homed_pulls')}
-    if homing is not None:
-        directions = float(homing.directions)
+    if motors.homes:
+        # A bit for each motor whose negative direction pays out.
+        directions = float(sum(1 << i for i, sign in enumerate(motors.signs) if sign > 0.0))
+        travel = MM * (motors.pull_limits[1] - motors.pull_limits[0])
         enabled = settings.get(22, 0.0)  # grblHAL has more bits than the one that switches it on
         enabled = enabled if int(enabled) & 1 else 1.0
         by_switches = {
             22: (enabled, enabled, 'grbl.homed_pulls are given'),
             23: (directions, directions, 'homing pays the tendons out, with these grbl.signs'),
-            **{130 + i: (0.0, MM * homing.travel, 'not to search for a switch further than '
-                         'pull_limits reach') for i in axes},
+            **{130 + i: (0.0, travel, 'not to search for a switch further than pull_limits reach')
+               for i in axes},
             **dict.fromkeys((24, 25), (0.0, feed, 'speed_limit in mm/min'))}
     wanted = {
         1: (255.0, 255.0, 'motors hold the tendons at rest'),
@@ -245,19 +202,13 @@ def _interrogate(link: GrblLink, deadline: float) -> Controller:
                 raise ResetSeenError
             if not isinstance(message, Status):
                 continue
-            if message.position is None:  # the check of $10 reports why
-                return Controller(version[0], settings, (0.0, 0.0, 0.0), None)
-            if not marked or message.work_offset is not None:
-                zero = _zero(message.work_offset) if marked else None
+            if message.position is None or not marked:  # no position: see the check of $10
+                return Controller(version[0], settings, message.position or (0.0, 0.0, 0.0), None)
+            if message.work_offset is not None:
+                zero = tuple(mm - MARK if i == MARK_AXIS else mm
+                             for i, mm in enumerate(message.work_offset))
                 return Controller(version[0], settings, message.position, zero)
     raise HardwareError('the GRBL controller does not report its position; check the cable')
-
-
-def _zero(work_offset: Coordinates | None) -> Coordinates | None:
-    """Return where zero pull is, without the mark."""
-    if work_offset is None:
-        return None
-    return tuple(mm - MARK if i == MARK_AXIS else mm for i, mm in enumerate(work_offset))
 
 
 def _ask(link: GrblLink, line: str, deadline: float) -> list[Message]:

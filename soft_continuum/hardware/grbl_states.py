@@ -10,14 +10,12 @@ The states of a connection to a GRBL controller, and what leads from one to anot
 From HOMED the tendons are pulled to zero by a jog: RESTED is followed by TARGET.
 """
 
-from collections.abc import Mapping
 from enum import auto, Enum
 
 
 class State(Enum):
     """What a controller is doing, as far as its driver knows."""
 
-    DISCONNECTED = auto()
     RESTING = auto()
     JOGGING = auto()
     """Jogs are queued or still to be sent."""
@@ -32,59 +30,44 @@ class State(Enum):
     HOMED = auto()
     """The switches were found, and rest is not certain yet."""
     FAILED = auto()
+    """All motion was ended, and nothing leads out of this but a new connection."""
 
 
 class Event(Enum):
-    """What changes the state."""
+    """
+    What changes the state.
 
-    OPENED = auto()
-    TARGET = auto()
-    """There is motion to be sent."""
-    RESTED = auto()
-    """All motion has ended."""
-    STOP = auto()
-    HOME = auto()
-    HOME_SENT = auto()
-    HOME_DONE = auto()
-    """The homing cycle was acknowledged."""
-    LOCKED = auto()
-    """The controller is locked until it is homed."""
-    REFERENCE_LOST = auto()
-    FAILURE = auto()
-    CLOSED = auto()
+    TARGET: there is motion to be sent.  RESTED: all motion has ended.  HOME_DONE: the homing cycle
+    was acknowledged.  LOCKED: the controller is locked until it is homed.
+    """
+
+    TARGET, RESTED, STOP, HOME, HOME_SENT, HOME_DONE, LOCKED, REFERENCE_LOST, FAILURE = range(9)
 
 
-BUSY = frozenset(State) - {State.DISCONNECTED, State.RESTING, State.FAILED}
+BUSY = frozenset(State) - {State.RESTING, State.FAILED}
 """States in which the tendons move or may move."""
 
-_TRANSITIONS: Mapping[State, Mapping[Event, State]] = {
-    State.DISCONNECTED: {Event.OPENED: State.RESTING},
-    State.RESTING: {
-        Event.TARGET: State.JOGGING, Event.HOME: State.HOMING_REQUESTED,
-        Event.REFERENCE_LOST: State.STOPPING},
-    State.JOGGING: {
-        Event.RESTED: State.RESTING, Event.STOP: State.STOPPING,
-        Event.REFERENCE_LOST: State.STOPPING},
-    State.STOPPING: {Event.RESTED: State.RESTING, Event.LOCKED: State.RESTING},
-    State.HOMING_REQUESTED: {
-        Event.HOME_SENT: State.SEEKING, Event.STOP: State.RESTING,
-        Event.REFERENCE_LOST: State.STOPPING},
-    State.SEEKING: {
-        Event.HOME_DONE: State.HOMED, Event.STOP: State.ABORTING_HOMING,
-        Event.REFERENCE_LOST: State.STOPPING},
-    State.ABORTING_HOMING: {
-        Event.HOME_DONE: State.RESTING, Event.REFERENCE_LOST: State.STOPPING},
-    State.HOMED: {
-        Event.RESTED: State.RESTING, Event.STOP: State.RESTING,
-        Event.REFERENCE_LOST: State.STOPPING},
-    State.FAILED: {},
+_TRANSITIONS = {
+    (State.RESTING, Event.TARGET): State.JOGGING,
+    (State.RESTING, Event.HOME): State.HOMING_REQUESTED,
+    (State.JOGGING, Event.RESTED): State.RESTING,
+    (State.JOGGING, Event.STOP): State.STOPPING,
+    (State.STOPPING, Event.RESTED): State.RESTING,
+    (State.STOPPING, Event.LOCKED): State.RESTING,
+    (State.HOMING_REQUESTED, Event.HOME_SENT): State.SEEKING,
+    (State.HOMING_REQUESTED, Event.STOP): State.RESTING,
+    (State.SEEKING, Event.HOME_DONE): State.HOMED,
+    (State.SEEKING, Event.STOP): State.ABORTING_HOMING,
+    (State.ABORTING_HOMING, Event.HOME_DONE): State.RESTING,
+    (State.HOMED, Event.RESTED): State.RESTING,
+    (State.HOMED, Event.STOP): State.RESTING,
 }
 
 
 def next_state(state: State, event: Event) -> State:
     """Return the state after an event; one that has no meaning in a state does not change it."""
-    if event is Event.CLOSED:
-        return State.DISCONNECTED
-    if event is Event.FAILURE and state is not State.DISCONNECTED:
+    if event is Event.FAILURE or state is State.FAILED:
         return State.FAILED
-    return _TRANSITIONS[state].get(event, state)
+    if event is Event.REFERENCE_LOST:
+        return State.STOPPING
+    return _TRANSITIONS.get((state, event), state)

@@ -73,15 +73,13 @@ class ModbusBus:
 
     def open(self) -> None:
         """Open the port; raises HardwareError with the remedy."""
-        self.close()
         with self._lock:
-            self._open()
-
-    def _open(self) -> None:
-        self._failures, self._paused_until, self._error = 0, 0.0, ''
-        self.out_of_step = True
-        self._connect()
-        self._opened = True
+            self._opened = False
+            self._disconnect()
+            self._failures, self._paused_until, self._error = 0, 0.0, ''
+            self.out_of_step = True
+            self._serial = open_serial(self._port, self._baud_rate)
+            self._opened = True
 
     def close(self) -> None:
         """Close the port; no request opens it again.  Waits for a request under way."""
@@ -112,19 +110,20 @@ class ModbusBus:
 
     def _request(self, request: ModbusPDU, size: int) -> ModbusPDU:
         """Send a request; return its reply of ``size`` bytes, or raise HardwareError."""
-        with self._lock:
-            return self._exchange(request, size)
-
-    def _exchange(self, request: ModbusPDU, size: int) -> ModbusPDU:
-        line = self._ready_line()
         frame = self._framer.buildFrame(request)
-        try:
-            if os.write(line.fileno(), frame) < len(frame):
-                raise self._lost()
-            reply = self._read(line, size)
-        except (OSError, ValueError):
-            raise self._lost() from None
-        self._used_at = self.clock()
+        with self._lock:
+            line = self._ready_line()
+            try:
+                if os.write(line.fileno(), frame) < len(frame):
+                    raise OSError('it takes no more data')
+                reply = self._read(line, size)
+            except (OSError, ValueError):
+                raise self._lost() from None
+            self._used_at = self.clock()
+            return self._checked(request, frame, reply, size)
+
+    def _checked(self, request: ModbusPDU, frame: bytes, reply: bytes, size: int) -> ModbusPDU:
+        """Return the answer to ``frame`` in ``reply``; raise HardwareError if there is none."""
         who = f'Modbus unit {request.dev_id} on {self._port}'
         if not reply:
             raise self._failed(
@@ -170,7 +169,7 @@ class ModbusBus:
         """Return the line when it is open and not paused; raise HardwareError otherwise."""
         if not self._opened:
             raise HardwareError(f'serial port {self._port} is not open; configure the node')
-        line = self._serial or self._connect()
+        line = self._serial = self._serial or open_serial(self._port, self._baud_rate)
         try:
             ready = self.clock.wait([line.fileno()], 0.0)
             unrequested = os.read(line.fileno(), 4096) if ready else b''
@@ -200,10 +199,6 @@ class ModbusBus:
         self._error = message
         self.out_of_step = True
         return HardwareError(message)
-
-    def _connect(self) -> serial.Serial:
-        self._serial = open_serial(self._port, self._baud_rate)
-        return self._serial
 
     def _disconnect(self) -> None:
         line, self._serial = self._serial, None

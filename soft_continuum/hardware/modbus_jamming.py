@@ -53,7 +53,7 @@ class RegisterMap:
     @property
     def coils(self) -> range:
         """All coils that one request must read."""
-        used = (self.pump_coil, *self.valve_coils)
+        used = self.pump_coil, *self.valve_coils
         return range(min(used), max(used) + 1)
 
     @property
@@ -133,7 +133,6 @@ class ModbusJamming:
         """Connect and read the present state; switch nothing."""
         self._bus.open()
         try:
-            self._coils = None
             self.read()
         except HardwareError:
             self._bus.close()
@@ -181,7 +180,7 @@ class ModbusJamming:
                 'board (a hand switch, an interlock, its supply) and the coil numbers')
 
     def _read_coils(self) -> tuple[bool, ...]:
-        addresses = self._map.coils
+        self._coils, addresses = None, self._map.coils
         self._coils = self._bus.read_coils(self._map.relay_unit, addresses[0], len(addresses))
         self._coils_at = self._bus.clock()
         return self._coils
@@ -198,7 +197,6 @@ class ModbusJamming:
         """
         if not self._bus.out_of_step:
             return
-        self._coils = None
         self._read_coils()
         self._coils = None
         registers = self._map.registers

@@ -27,23 +27,22 @@ def list_ports() -> list[str]:
 
 def describe_ports() -> str:
     """Return one sentence that names the ports of this computer."""
-    ports = list_ports()
-    if not ports:
-        return 'no serial port found on this computer: check the cable and the power'
-    return 'ports found: ' + ', '.join(ports)
+    if ports := list_ports():
+        return 'ports found: ' + ', '.join(ports)
+    return 'no serial port found on this computer: check the cable and the power'
 
 
-def open_serial(port: str, baud_rate: int, **serial_options: object) -> serial.Serial:
+def open_serial(port: str, baud_rate: int) -> serial.Serial:
     """
     Open a serial port that no other program may open until it is closed.
 
-    port: such as /dev/serial/by-id/usb-...  serial_options: further arguments of serial.Serial.
-    Raises HardwareError saying what is wrong with the port and what to do.
+    port: such as /dev/serial/by-id/usb-...  Raises HardwareError saying what is wrong with it and
+    what to do.
     """
     if not port:
         raise HardwareError(f'no serial port is configured; {describe_ports()}')
     try:
-        return serial.Serial(port, baud_rate, exclusive=True, **serial_options)
+        return serial.Serial(port, baud_rate, exclusive=True)
     except (OSError, ValueError) as error:  # serial.SerialException is an OSError
         raise HardwareError(f'serial port {port}: {_explain(port, error)}') from None
 

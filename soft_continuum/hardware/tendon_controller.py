@@ -105,16 +105,14 @@ class TendonController:
         unchanged.
         """
         if self.stopped:
-            raise MotionRefusedError(
-                Reason.STOPPED,
-                f'stopped ({self.stopped_because}); call ~/resume before any motion')
+            raise MotionRefusedError(Reason.STOPPED, f'stopped ({self.stopped_because}); call '
+                                     '~/resume before any motion')
         if self.homing:
             raise MotionRefusedError(
                 Reason.HOMING, 'the tendons are being homed; wait until they rest')
         if not self.reading.referenced:
-            raise MotionRefusedError(
-                Reason.NOT_REFERENCED,
-                'the position is not referenced; straighten the arm and call ~/reference')
+            raise MotionRefusedError(Reason.NOT_REFERENCED, 'the position is not referenced; '
+                                     'straighten the arm and call ~/reference')
         self._check(times, pulls, now)
         # From the set-point that was sent last through the points that are still ahead of it.
         start = max(now, self._setpoint_time) if self.following else now
@@ -133,9 +131,8 @@ class TendonController:
             worst = int(np.argmax(steps - allowed))
             speed = steps[worst] / np.diff(times)[worst]
             raise MotionRefusedError(
-                Reason.BEYOND_LIMITS,
-                f'needs a tendon speed of {speed:.4g} m/s; '
-                f'speed_limit: {self.limits.speed_limit:g} m/s')
+                Reason.BEYOND_LIMITS, f'needs a tendon speed of {speed:.4g} m/s; speed_limit: '
+                f'{self.limits.speed_limit:g} m/s')
         predict(pulls)
         self._times, self._pulls = times, pulls
         self._busy = True
@@ -160,9 +157,8 @@ class TendonController:
                 Reason.INVALID, 'time_from_start must increase from point to point')
         if times[-1] <= now - MAX_DELAY:  # it may be shorter than it took to arrive
             raise MotionRefusedError(
-                Reason.INVALID,
-                f'the trajectory ended {now - times[-1]:.3f} s ago; check header.stamp '
-                '(zero: start now) and the clocks')
+                Reason.INVALID, f'the trajectory ended {now - times[-1]:.3f} s ago; check '
+                'header.stamp (zero: start now) and the clocks')
         low, high = self.limits.pull_limits
         if pulls.min() < low or pulls.max() > high:
             worst = int(np.argmax(np.maximum(low - pulls, pulls - high).max(axis=0)))

@@ -16,43 +16,42 @@ from soft_continuum.mechanics._compile import borrowing, compiled
 
 
 @compiled
+def law(q, stiffness, table, length, tables):  # type: ignore[no-untyped-def]
+    """
+    Return moment (N m) and tangent (N m/rad) of one joint at relative angle q (rad).
+
+    stiffness: N m/rad; or, with a table (its index, negative: linear), what multiplies the
+    moments of the piecewise-linear, odd moment-curvature law over the joint's length (m).
+    """
+    if table < 0.0:
+        return stiffness * q, stiffness
+    rows = tables[int(table)]
+    curvature = abs(q) / length
+    row = 0
+    while row < rows.shape[1] - 2 and curvature > rows[0, row + 1]:
+        row += 1
+    slope = (rows[1, row + 1] - rows[1, row]) / (rows[0, row + 1] - rows[0, row])
+    moment = rows[1, row] + slope * (curvature - rows[0, row])
+    return stiffness * (moment if q >= 0.0 else -moment), stiffness * (slope / length)
+
+
+@compiled
 def jam_law(q, joint, tables, secant):  # type: ignore[no-untyped-def]
     """
     Return moment (N m) and tangent (N m/rad) of the jam of one joint at relative angle q (rad).
 
     ``joint`` = (soft stiffness, soft table, jam stiffness, jam table, held angle, yield moment,
     length): the leaf spring acts about its natural shape, the jam about the held one and at most
-    up to its yield moment.  A table index below zero means linear.
+    up to its yield moment.
     """
     offset = q - joint[4]
-    if joint[3] < 0.0:
-        moment = joint[2] * offset
-        tangent = joint[2]
-    else:
-        moment, tangent = table_law(offset, joint[6], tables[int(joint[3])])
-        moment *= joint[2]
-        tangent *= joint[2]
-    if moment > joint[5]:
-        moment = joint[5]
-        tangent = 0.0
-    elif moment < -joint[5]:
-        moment = -joint[5]
+    moment, tangent = law(offset, joint[2], joint[3], joint[6], tables)
+    if abs(moment) > joint[5]:
+        moment = joint[5] if moment > 0.0 else -joint[5]
         tangent = 0.0
     if secant and offset != 0.0:
         tangent = max(tangent, moment / offset)
     return moment, tangent
-
-
-@compiled
-def table_law(q, length, table):  # type: ignore[no-untyped-def]
-    """Return moment and tangent of an odd piecewise-linear moment-curvature table."""
-    curvature = abs(q) / length
-    row = 0
-    while row < table.shape[1] - 2 and curvature > table[0, row + 1]:
-        row += 1
-    slope = (table[1, row + 1] - table[1, row]) / (table[0, row + 1] - table[0, row])
-    moment = table[1, row] + slope * (curvature - table[0, row])
-    return (moment if q >= 0.0 else -moment), slope / length
 
 
 @borrowing
@@ -167,13 +166,7 @@ def add_springs_and_loads(theta, system, work, secant):  # type: ignore[no-untyp
         j = group[i - 1] if i > 0 else -1
         if k != j:
             q = theta[i] - (theta[i - 1] if i > 0 else 0.0)
-            if joints[i, 1] < 0.0:
-                moment = joints[i, 0] * q
-                tangent = joints[i, 0]
-            else:
-                moment, tangent = table_law(q, joints[i, 6], tables[int(joints[i, 1])])
-                moment *= joints[i, 0]
-                tangent *= joints[i, 0]
+            moment, tangent = law(q, joints[i, 0], joints[i, 1], joints[i, 6], tables)
             if joints[i, 2] > 0.0:
                 jam, jam_tangent = jam_law(q, joints[i], tables, secant)
                 moment += jam

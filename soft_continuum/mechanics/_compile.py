@@ -46,9 +46,13 @@ def compiled(function: Function, **options: bool) -> Function:
     return dispatcher
 
 
-def compiled_parallel(function: Function) -> Function:
-    """Compile with numba; prange loops run on all cores."""
-    return compiled(function, parallel=True)
+def _without_reference_counts() -> dict[str, bool]:
+    """Return the option that turns reference counts off: private, so numba may not know it."""
+    try:
+        from numba.core.cpu import CPUTargetOptions
+    except ImportError:
+        return {}
+    return {'_nrt': False} if hasattr(CPUTargetOptions, '_nrt') else {}
 
 
 def borrowing(function: Function, **options: bool) -> Function:
@@ -57,7 +61,7 @@ def borrowing(function: Function, **options: bool) -> Function:
 
     They take tuples of many arrays; counting references to each would cost a third of a solve.
     """
-    return compiled(function, _nrt=False, **options)
+    return compiled(function, **_without_reference_counts(), **options)
 
 
 def inlined(function: Function) -> Function:

@@ -9,14 +9,14 @@ finds the next stable equilibrium.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from soft_continuum.mechanics import _assembly, _newton
-from soft_continuum.mechanics._active_set import LENGTH_TOLERANCE
-from soft_continuum.mechanics._arrays import ANGLE, LENGTH, State, TENSION
-from soft_continuum.mechanics._problem import Point, Problem
+from soft_continuum.mechanics._active_set import LENGTH_TOLERANCE, NO_TENSION
+from soft_continuum.mechanics._arrays import ANGLE, Drive, LENGTH, State, System, TENSION
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.joints import compliances, JointLaws, tension_ratios
@@ -28,6 +28,60 @@ MAX_TOTAL_ITERATIONS = 20000  # of Newton's method in one solve
 MAX_FRICTION_ITERATIONS = 100
 MAX_DAMPING = 1e9  # N m/rad
 MAX_MOTION, SLOW_MOTION, AT_REST = 0.3, 0.02, 0.1  # rad per step of the overdamped motion
+
+# How far a segment may turn in one solve, rad; beyond, the path is followed in smaller steps.
+TURN_LIMIT = 2.0
+TURN_LIMIT_NOT_CONVEX = 0.1  # where loads can outweigh springs, so that paths may end
+TURN_LIMIT_BOTH_TAUT = 0.05  # where both tendons are taut, so that the arm may buckle
+
+
+@dataclass(frozen=True)
+class Point:
+    """
+    A state on the path, and how the solve for it ended.
+
+    theta: (bodies,) rad, absolute angles.  tension: (2,) N.  lengths: (2,) m, as in State.
+    turned: rad, the largest sum over the joints of one segment of how far they turned: what folds
+    up inside a segment may end as it began.
+    """
+
+    theta: Array
+    tension: Array
+    lengths: Array
+    status: int = _newton.FAILED
+    residual: float = np.inf
+    iterations: int = 0
+    turned: float = 0.0
+
+
+@dataclass(frozen=True)
+class Problem:
+    """
+    What is free, what acts, and what drives the tendons in one solve.
+
+    groups: number of rigid groups.  turn_limit: rad, of a segment in one solve.  locked_angles:
+    (joints,) rad, kept by locked joints.  stiff, vacuum: as in Equilibrium.
+    """
+
+    system: System
+    drive: Drive
+    groups: int
+    turn_limit: float
+    locked_angles: Array
+    stiff: tuple[bool, ...]
+    vacuum: tuple[float, ...] = ()
+
+    def with_friction(self, chain: RigidChain, angles: Array, sliding: Sequence[int]) -> Self:
+        """Return the problem with the tendons' friction and stretch at joint angles (joints,)."""
+        return replace(
+            self, system=self.system._replace(ratios=tension_ratios(chain, angles, sliding)),
+            drive=self.drive._replace(compliance=compliances(chain, angles, sliding)))
+
+    def reached_by(self, end: Point) -> bool:
+        """Return whether a solve found the equilibrium that continues the one it began at."""
+        both_taut = end.tension[RIGHT] > NO_TENSION and end.tension[LEFT] > NO_TENSION
+        limit = TURN_LIMIT_BOTH_TAUT if both_taut else self.turn_limit
+        return end.status == _newton.CONVERGED and end.turned <= limit
 
 
 class Continuation:
@@ -98,10 +152,10 @@ class Continuation:
         """Iterate the loss of tension at the guides, which depends on the shape it leads to."""
         jumped = False
         for _ in range(MAX_FRICTION_ITERATIONS):
-            angles = np.diff(point.theta, prepend=0.0)
-            ratios = tension_ratios(self.chain, angles, sliding)
-            change = np.abs(ratios - problem.system.ratios).max()
-            problem = problem.with_friction(ratios, compliances(self.chain, angles, sliding))
+            before = problem.system.ratios
+            problem = problem.with_friction(
+                self.chain, np.diff(point.theta, prepend=0.0), sliding)
+            change = np.abs(problem.system.ratios - before).max()
             point, problem, also = self._step(point, problem)
             jumped = jumped or also
             if change < 1e-13:
@@ -142,13 +196,9 @@ class Continuation:
             if iterations > MAX_TOTAL_ITERATIONS:
                 raise StaticsError(f'not converged after {iterations} iterations',
                                    self.result(point, problem))
-            problem = self._after_creep(point, problem)
+            crept = self.laws.crept(np.diff(point.theta, prepend=0.0), problem.system.joints)
+            problem = replace(problem, system=problem.system._replace(joints=crept))
         return replace(point, iterations=iterations), problem, jumped
-
-    def _after_creep(self, point: Point, problem: Problem) -> Problem:
-        joints = problem.system.joints
-        crept = self.laws.crept(np.diff(point.theta, prepend=0.0), joints)
-        return problem if crept is joints else problem.with_joints(crept)
 
     def _gap(self, point: Point, problem: Problem, tension: Array) -> Array:
         """Return how far each driven tendon (or angle) is from its target at the start."""

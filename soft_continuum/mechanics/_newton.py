@@ -12,6 +12,7 @@ The functions are plain scalar Python over arrays.  With numba they are compiled
 disk); without it the same source runs, slower, with the same result.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +33,7 @@ from soft_continuum.mechanics._assembly import (
     tendon_geometry,
     turn,
 )
-from soft_continuum.mechanics._compile import compiled, compiled_parallel, inlined, prange
+from soft_continuum.mechanics._compile import compiled, inlined, prange
 from soft_continuum.mechanics._linear_algebra import tridiagonal_solve
 
 # How a solve ended.
@@ -64,7 +65,10 @@ class Change(NamedTuple):
 @inlined
 def assemble(state, system, drive, bias, damping, secant, work):  # type: ignore[no-untyped-def]
     """Fill ``work`` with the linear system at ``state``; return the number of columns used."""
-    begin(bias, damping, work)
+    gradient, diagonal, moved = work.gradient, work.diagonal, work.moved
+    for k in range(gradient.shape[0]):
+        gradient[k] = bias[k] + damping * moved[k]
+        diagonal[k] = damping
     turn(state.theta, work)
     tendon_geometry(system, work, state.lengths)
     add_springs_and_loads(state.theta, system, work, secant)
@@ -79,15 +83,6 @@ def assemble(state, system, drive, bias, damping, secant, work):  # type: ignore
         else:
             state.tension[t] = 0.0
     return used
-
-
-@inlined
-def begin(bias, damping, work):  # type: ignore[no-untyped-def]
-    """Fill in the dead moments and the damping."""
-    gradient, diagonal, moved = work.gradient, work.diagonal, work.moved
-    for k in range(gradient.shape[0]):
-        gradient[k] = bias[k] + damping * moved[k]
-        diagonal[k] = damping
 
 
 @inlined
@@ -270,7 +265,7 @@ def newton(state, system, drive, bias, damping, tolerance):  # type: ignore[no-u
     return FAILED, MAX_ITERATIONS, residual, 0.0
 
 
-@compiled_parallel
+@partial(compiled, parallel=True)
 def newton_batch(states, systems, groups, drives, tolerance, status, residual, turned):  # type: ignore[no-untyped-def]
     """
     Find many equilibria at once, as ``newton`` in LENGTH mode without friction, on all cores.

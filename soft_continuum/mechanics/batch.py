@@ -12,7 +12,7 @@ from soft_continuum.mechanics import _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._arrays import Drive, State, System
 from soft_continuum.mechanics._checks import refuse_friction
-from soft_continuum.mechanics._problem import TURN_LIMIT_BOTH_TAUT
+from soft_continuum.mechanics._continuation import TURN_LIMIT_BOTH_TAUT
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics, StaticsError
 

@@ -131,19 +131,12 @@ class RigidChain:
         The points are the bottom and top centre of every disc, base first (paper, III-C).
         """
         ends = self.backbone(joint_angles)
-        tops = ends[self.last_joint + 1]
-        bottoms = ends[self.last_joint].copy()
-        bottoms[:, 2] = tops[:, 2]
-        points = np.empty((2 * self.segments + 2, 3))
-        points[0] = 0.0
+        points = np.zeros((2 * self.segments + 2, 3))
         points[1] = ends[0]
-        points[2::2] = bottoms
-        points[3::2] = tops
+        points[3::2] = ends[self.last_joint + 1]
+        points[2::2, :2] = ends[self.last_joint, :2]
+        points[2::2, 2] = points[3::2, 2]
         return points
-
-    def segment_ends(self, joint_angles: Array) -> Array:
-        """Return (x, z, tangent angle) of each segment's distal end, (segments, 3), m and rad."""
-        return self.points(joint_angles)[2::2]
 
     def backbone(self, joint_angles: Array) -> Array:
         """

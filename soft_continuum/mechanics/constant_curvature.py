@@ -10,12 +10,10 @@ from collections.abc import Sequence
 from math import sin
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from soft_continuum.mechanics.arm import Arm, ArmError, Segment
-
-Array = NDArray[np.float64]
+from soft_continuum.mechanics.chain import Array
 
 
 def chord(length: float, angle: float) -> float:

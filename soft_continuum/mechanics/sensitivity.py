@@ -16,14 +16,12 @@ from soft_continuum.mechanics import _assembly
 from soft_continuum.mechanics._checks import sliding_signs
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.joints import (
-    compliances,
     HELD,
     JAM,
     JAM_TABLE,
     LENGTH,
     SOFT,
     SOFT_TABLE,
-    tension_ratios,
     YIELD,
 )
 from soft_continuum.mechanics.statics import Statics
@@ -64,10 +62,9 @@ class Linearisation:
         self._state = state
         problem = statics.problem(
             state, [not s for s in state.stiff], np.zeros(2), state.vacuum or None)
-        ratios = tension_ratios(chain, state.joint_angles, sliding)
-        compliance = compliances(chain, state.joint_angles, sliding)
+        problem = problem.with_friction(chain, state.joint_angles, sliding)
         self._groups = groups = problem.groups
-        self._system = problem.with_friction(ratios, compliance).system
+        self._system, compliance = problem.system, problem.drive.compliance
         joints = self._system.joints
         # Rounding must not decide which joints yield: they go a little beyond, or back.
         at_yield = np.abs(self._jam_moments()) >= (1.0 - 1e-9) * joints[:, YIELD]
@@ -100,36 +97,32 @@ class Linearisation:
         joints = self._system.joints
         if np.any(joints[:, SOFT_TABLE] >= 0):
             raise ValueError('a segment with a moment-curvature table has no single E I')
-        moments = joints[:, SOFT] * self._state.joint_angles
+        offset = self._state.joint_angles - joints[:, HELD]
         # Joint stiffness is proportional to E I, and a jam's, K - 1 times it, as well.
-        jam = np.clip(joints[:, JAM] * (self._state.joint_angles - joints[:, HELD]),
-                      -joints[:, YIELD], joints[:, YIELD])
+        jam = np.clip(joints[:, JAM] * offset, -joints[:, YIELD], joints[:, YIELD])
         # A jam's table is a whole stiff segment's less the soft one's.
         table = joints[:, JAM_TABLE] >= 0
-        offset = self._state.joint_angles - joints[:, HELD]
         jam[table] = -(joints[:, JAM] * self._chain.joint_stiffness * offset)[table]
         jam[np.abs(self._jam_moments()) >= joints[:, YIELD]] = 0.0
-        stiffness = [s.bending_stiffness for s in self._chain.arm.segments]
-        return self._solve(self._by_segment((moments + jam), stiffness))
+        moments = joints[:, SOFT] * self._state.joint_angles + jam
+        return self._solve(self._by_segment(
+            moments, [s.bending_stiffness for s in self._chain.arm.segments]))
 
     def stiffness_ratio(self) -> Sensitivity:
         """Return the derivatives with respect to the ratio K of every stiff segment."""
-        joints = self._system.joints
         moments = self._jam_moments()
-        elastic = np.abs(moments) < joints[:, YIELD]
-        ratios = np.array([s.jam.ratio for s in self._chain.arm.segments])
-        moments = np.where(elastic, moments, 0.0)
-        return self._solve(self._by_segment(moments, np.where(
-            np.isinf(ratios), np.inf, ratios - 1.0)))
+        elastic = np.abs(moments) < self._system.joints[:, YIELD]
+        return self._solve(self._by_segment(
+            np.where(elastic, moments, 0.0),
+            [s.jam.ratio - 1.0 for s in self._chain.arm.segments]))
 
     def _jam_moments(self) -> Array:
         """Return what the jams would bear without a limit, (joints,), N m."""
         joints = self._system.joints
-        moments: Array = self._state.joint_angles - joints[:, HELD]
-        for i in np.flatnonzero(joints[:, JAM_TABLE] >= 0):
-            moments[i] = _assembly.table_law(
-                moments[i], joints[i, LENGTH], self._system.tables[int(joints[i, JAM_TABLE])])[0]
-        return moments * joints[:, JAM]
+        return np.array([
+            _assembly.law(angle - row[HELD], row[JAM], row[JAM_TABLE], row[LENGTH],
+                          self._system.tables)[0]
+            for angle, row in zip(self._state.joint_angles, joints, strict=True)])
 
     def _by_segment(self, moments: Array, parameters: Sequence[float] | Array) -> Array:
         """Return minus the change of the moment balance per parameter of each segment."""

@@ -23,12 +23,17 @@ from soft_continuum.mechanics import _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._arrays import ANGLE, Drive, System, TENSION
 from soft_continuum.mechanics._checks import sliding_signs, soft_flags, vacuum_parts, whole
-from soft_continuum.mechanics._continuation import Continuation
-from soft_continuum.mechanics._problem import Point, Problem, TURN_LIMIT, TURN_LIMIT_NOT_CONVEX
+from soft_continuum.mechanics._continuation import (
+    Continuation,
+    Point,
+    Problem,
+    TURN_LIMIT,
+    TURN_LIMIT_NOT_CONVEX,
+)
 from soft_continuum.mechanics.arm import Arm, Disc, Segment
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
-from soft_continuum.mechanics.joints import compliances, JointLaws, tension_ratios
+from soft_continuum.mechanics.joints import compliances, JointLaws
 
 __all__ = ['SLACK', 'OverconstrainedError', 'Statics', 'StaticsError', 'warm_up']
 
@@ -92,8 +97,7 @@ class Statics:
         problem = self.problem(start, soft, target, vacuum)
         problem.drive.mode[:] = TENSION
         if problem.groups == 0:
-            return Equilibrium(start.joint_angles, target, start.pulls, np.zeros(2), 0.0, 0,
-                               problem.stiff, start.joint_angles)
+            return self._unmoved(start, target, np.zeros(2), problem.stiff)
         return self._find(start, problem, sliding)
 
     def bend(self, start: Equilibrium, segment: int, angle: float,
@@ -150,9 +154,7 @@ class Statics:
             pulls = np.where(carries, pulls, SLACK)
         problem = self.problem(found, soft, self.chain.straight_length - pulls, vacuum)
         if any(sliding):
-            problem = problem.with_friction(
-                tension_ratios(self.chain, found.joint_angles, sliding),
-                compliances(self.chain, found.joint_angles, sliding))
+            problem = problem.with_friction(self.chain, found.joint_angles, sliding)
         point = self.continuation.newton(self._start(found), problem)
         if point.status != _newton.CONVERGED:
             raise StaticsError(
@@ -221,18 +223,20 @@ class Statics:
                 stiff: tuple[bool, ...]) -> Equilibrium:
         """Return the state of an arm without a soft segment: only the slack can change."""
         excess = self.chain.straight_length - start.pulls - target
+        slack = np.maximum(-excess, 0.0)
         if self.compliance.any():  # the tendons stretch where the shape cannot give way
-            return Equilibrium(start.joint_angles, np.maximum(excess, 0.0) / self.compliance,
-                               start.pulls, np.maximum(-excess, 0.0), 0.0, 0, stiff,
-                               start.joint_angles)
+            return self._unmoved(start, np.maximum(excess, 0.0) / self.compliance, slack, stiff)
         if np.any(excess > LOCKED_TOLERANCE):
             too_short = ', '.join(f'{name} {length * 1e3:.3f} mm' for name, length in zip(
                 self.chain.arm.tendon_names, excess, strict=True))
             raise OverconstrainedError(
                 'every segment is stiff, and the pulls ask for tendons that are shorter than '
                 f'their paths by {too_short}; soften a segment first', start)
-        slack = np.maximum(-excess, 0.0)
-        tensions = np.where(slack > LOCKED_TOLERANCE, 0.0, np.nan)
+        return self._unmoved(start, np.where(slack > LOCKED_TOLERANCE, 0.0, np.nan), slack, stiff)
+
+    @staticmethod
+    def _unmoved(start: Equilibrium, tensions: Array, slack: Array, stiff: tuple[bool, ...]
+                 ) -> Equilibrium:
         return Equilibrium(start.joint_angles, tensions, start.pulls, slack, 0.0, 0, stiff,
                            start.joint_angles)
 

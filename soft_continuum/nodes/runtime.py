@@ -27,8 +27,6 @@ from soft_continuum.ros.executor import BestExecutor
 ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
 
 NODES = names.NODES
-SWITCH_INTERVAL = 0.001
-"""s for which one thread of Python may keep the others waiting, such as that of control."""
 
 
 def node_class(name: str) -> Callable[..., Any]:
@@ -86,7 +84,6 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv if args is None else args)
     executor: Executor | None = None
     nodes: list[Any] = []
-    sys.setswitchinterval(SWITCH_INTERVAL)
     try:
         check_parameter_files(arguments, [name])
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)

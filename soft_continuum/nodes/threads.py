@@ -7,6 +7,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 import os
 from queue import Empty, Full, Queue, SimpleQueue
+import sys
 import threading
 from time import monotonic
 import traceback
@@ -16,14 +17,26 @@ from rclpy.node import Node
 
 CALL_TIMEOUT = 3.0
 """s that a caller waits for a thread; drivers promise to be much faster."""
+SWITCH_INTERVAL = 0.001
+"""s for which another thread of Python may keep control waiting."""
 PRIORITY = 20  # of control among real-time threads, where the system allows any
 
 
 def on_ros_thread(node: Node, function: Callable[..., None], *arguments: Any) -> None:
-    """Let the executor of ``node`` call ``function``, from any thread; without one nothing is."""
+    """
+    Let the executor of ``node`` call ``function``, from any thread; without one nothing is.
+
+    What it raises is logged: rclpy's EventsExecutor ends the process over a task that raises.
+    """
+    def task() -> None:
+        try:
+            function(*arguments)
+        except Exception:
+            node.get_logger().error(traceback.format_exc())
+
     executor = node.executor
     if executor is not None:
-        executor.create_task(function, *arguments)
+        executor.create_task(task)
 
 
 class _Request:
@@ -68,6 +81,7 @@ class ControlLoop:
         self._period, self._cycle, self._failed = period, cycle, failed
         self._requests: SimpleQueue[_Request] = SimpleQueue()
         self._ending = False
+        sys.setswitchinterval(SWITCH_INTERVAL)
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 

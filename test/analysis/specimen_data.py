@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measured shapes of the simulated specimen, without a detour over files."""
 
+import generate as specimen
 import numpy as np
 
-from soft_continuum.analysis import specimen
 from soft_continuum.analysis.measured_shapes import MeasuredShape
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description

@@ -4,11 +4,11 @@
 
 from dataclasses import replace
 
+import generate as specimen
 import numpy as np
 import pytest
 import specimen_data as data
 
-from soft_continuum.analysis import specimen
 from soft_continuum.analysis.identification import identify, shape_error, without
 from soft_continuum.analysis.path_sensitivity import points_and_derivatives
 from soft_continuum.analysis.unknowns import (

@@ -73,8 +73,8 @@ def _references(tendons):
 
 def steppers(rig):
     """The driver of the rig's tendons, as a node has it."""
-    motors = Motors(TENDONS, (200.0, 200.0), (1.0, 1.0))
-    return GrblTendons(str(rig.grbl.port), 115200, motors, 0.03, 0.3, (-0.06, 0.06))
+    motors = Motors(TENDONS, (200.0, 200.0), (1.0, 1.0), 0.03, 0.3, (-0.06, 0.06))
+    return GrblTendons(str(rig.grbl.port), 115200, motors)
 
 
 def is_referenced(rig):

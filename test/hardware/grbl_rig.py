@@ -23,12 +23,12 @@ TIMEOUT = 60.0  # s of emulated time for anything to happen
 def driver(device, tendons=TENDONS, signs=None, **changes):
     """A driver, not opened, of an emulated board, in its time, or of a port."""
     emulated = isinstance(device, GrblEmulator)
-    motors = Motors(tendons, (STEPS_PER_MM,) * len(tendons), signs or (1.0,) * len(tendons))
-    values = {
-        'port': device.port if emulated else str(device), 'baud_rate': 115200, 'motors': motors,
-        'speed_limit': SPEED, 'acceleration_limit': ACCELERATION, 'pull_limits': (-0.06, 0.06),
-        'clock': device.clock if emulated else STEADY}
-    return GrblTendons(**{**values, **changes})
+    motors = Motors(**{
+        'tendons': tendons, 'steps_per_mm': (STEPS_PER_MM,) * len(tendons),
+        'signs': signs or (1.0,) * len(tendons), 'speed_limit': SPEED,
+        'acceleration_limit': ACCELERATION, 'pull_limits': (-0.06, 0.06), **changes})
+    return GrblTendons(device.port if emulated else str(device), 115200, motors,
+                       device.clock if emulated else STEADY)
 
 
 @contextmanager
@@ -103,4 +103,5 @@ def steps(pulls):
 
 def settled(tendons):
     """Wait until no line to the controller is under way."""
-    until(tendons, lambda: tendons._session.settled, 'settled')
+    session = tendons._session
+    until(tendons, lambda: not session._setup_lines and not session.link.unanswered, 'settled')

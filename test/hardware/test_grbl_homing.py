@@ -205,7 +205,7 @@ def test_a_status_that_was_on_its_way_does_not_end_homing_before_it_began():
         home(tendons)
         for count in (2, 3):
             tendons.reference()
-            until(emulator, lambda: tendons.state is State.SEEKING, 'it seeks')
+            until(emulator, lambda: tendons._session.state is State.SEEKING, 'it seeks')
             with emulator.lock:
                 for _ in range(3):
                     emulator.say('<Idle|MPos:0.000,0.000,0.000|FS:0,0>')

@@ -10,40 +10,39 @@ from soft_continuum.hardware.grbl_states import BUSY, Event, next_state, State
 
 PATHS = {
     'a motion': [
-        (Event.OPENED, State.RESTING), (Event.TARGET, State.JOGGING),
-        (Event.RESTED, State.RESTING), (Event.CLOSED, State.DISCONNECTED)],
+        (Event.TARGET, State.JOGGING),
+        (Event.RESTED, State.RESTING)],
     'a stop': [
-        (Event.OPENED, State.RESTING), (Event.TARGET, State.JOGGING),
+        (Event.TARGET, State.JOGGING),
         (Event.STOP, State.STOPPING), (Event.STOP, State.STOPPING),
         (Event.TARGET, State.STOPPING), (Event.RESTED, State.RESTING)],
     'homing': [
-        (Event.OPENED, State.RESTING), (Event.HOME, State.HOMING_REQUESTED),
+        (Event.HOME, State.HOMING_REQUESTED),
         (Event.HOME_SENT, State.SEEKING), (Event.HOME_DONE, State.HOMED),
         (Event.RESTED, State.RESTING), (Event.TARGET, State.JOGGING)],
     'homing that is stopped before it was sent': [
-        (Event.OPENED, State.RESTING), (Event.HOME, State.HOMING_REQUESTED),
+        (Event.HOME, State.HOMING_REQUESTED),
         (Event.STOP, State.RESTING)],
     'homing that is stopped while it seeks': [
-        (Event.OPENED, State.RESTING), (Event.HOME, State.HOMING_REQUESTED),
+        (Event.HOME, State.HOMING_REQUESTED),
         (Event.HOME_SENT, State.SEEKING), (Event.STOP, State.ABORTING_HOMING),
         (Event.HOME_DONE, State.RESTING)],
     'homing that is stopped when the switches were found': [
-        (Event.OPENED, State.RESTING), (Event.HOME, State.HOMING_REQUESTED),
+        (Event.HOME, State.HOMING_REQUESTED),
         (Event.HOME_SENT, State.SEEKING), (Event.HOME_DONE, State.HOMED),
         (Event.STOP, State.RESTING)],
     'a reset of a board with switches': [
-        (Event.OPENED, State.RESTING), (Event.TARGET, State.JOGGING),
+        (Event.TARGET, State.JOGGING),
         (Event.REFERENCE_LOST, State.STOPPING), (Event.LOCKED, State.RESTING)],
     'a failure': [
-        (Event.OPENED, State.RESTING), (Event.TARGET, State.JOGGING),
-        (Event.FAILURE, State.FAILED), (Event.RESTED, State.FAILED),
-        (Event.CLOSED, State.DISCONNECTED), (Event.FAILURE, State.DISCONNECTED)],
+        (Event.TARGET, State.JOGGING),
+        (Event.FAILURE, State.FAILED), (Event.RESTED, State.FAILED)],
 }
 
 
 @pytest.mark.parametrize('path', PATHS.values(), ids=PATHS)
 def test_states_follow_one_another(path):
-    state = State.DISCONNECTED
+    state = State.RESTING
     for event, expected in path:
         state = next_state(state, event)
         assert state is expected
@@ -56,16 +55,11 @@ def test_a_stop_never_starts_motion(state):
     assert after in BUSY or state not in (State.JOGGING, State.SEEKING)  # not over before it is
 
 
-@pytest.mark.parametrize('state', set(State) - {State.DISCONNECTED})
-def test_a_failure_can_happen_in_every_state_and_lasts_until_it_is_closed(state):
-    assert next_state(state, Event.FAILURE) is State.FAILED
-    for event in set(Event) - {Event.CLOSED}:
-        assert next_state(State.FAILED, event) is State.FAILED
-
-
 @pytest.mark.parametrize('state', State)
-def test_closing_disconnects_from_every_state(state):
-    assert next_state(state, Event.CLOSED) is State.DISCONNECTED
+def test_a_failure_can_happen_in_every_state_and_lasts(state):
+    assert next_state(state, Event.FAILURE) is State.FAILED
+    for event in Event:
+        assert next_state(State.FAILED, event) is State.FAILED
 
 
 def test_only_a_target_at_rest_begins_to_jog_and_only_a_request_at_rest_begins_to_home():
@@ -75,6 +69,6 @@ def test_only_a_target_at_rest_begins_to_jog_and_only_a_request_at_rest_begins_t
             (State.RESTING, event)}
 
 
-@pytest.mark.parametrize('state', BUSY - {State.STOPPING})
+@pytest.mark.parametrize('state', [state for state in State if state in BUSY])
 def test_a_reference_that_is_lost_ends_whatever_moves(state):
     assert next_state(state, Event.REFERENCE_LOST) is State.STOPPING

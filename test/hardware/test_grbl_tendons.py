@@ -25,7 +25,7 @@ import pytest
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.grbl_tendons import GrblTendons, motors_from_parameters
+from soft_continuum.hardware.grbl_tendons import GrblTendons
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 
@@ -262,7 +262,7 @@ def test_a_program_that_died_in_the_middle_of_a_line_leaves_no_motion_behind():
         first.open()
         first.reference()
         settled(first)
-        first._link.write(b'$J=G21G90G53X30.0000')
+        first._session.link.write(b'$J=G21G90G53X30.0000')
         emulator.clock.sleep(0.1)
         first.close()
         first.open()
@@ -310,9 +310,11 @@ def test_the_node_makes_a_driver_from_its_parameters():
     ('signs', (1.0, 0.5)), ('signs', (1.0,)), ('steps_per_mm', (200.0,)),
     ('steps_per_mm', (200.0, 200.0, 200.0))])
 def test_motors_that_are_not_one_per_tendon_are_refused_with_the_names_of_the_tendons(name, value):
-    values = {p.name: p.default for p in GrblTendons.PARAMETERS} | {f'grbl.{name}': value}
+    values = {p.name: p.default for p in GrblTendons.PARAMETERS} | {
+        f'grbl.{name}': value, 'speed_limit': SPEED, 'acceleration_limit': 0.3,
+        'pull_limits': (-0.06, 0.06)}
     with pytest.raises(ParameterError, match=f'grbl.{name}') as refused:
-        motors_from_parameters(values)
+        GrblTendons.from_parameters(values, STEADY)
     assert len(value) == 2 or 'right_tendon, left_tendon' in str(refused.value)
 
 

@@ -121,11 +121,11 @@ def test_a_leak_keeps_a_segment_from_its_vacuum():
 def test_the_link_is_there_while_the_adapter_is_plugged_in(tmp_path):
     link = tmp_path / 'rig'
     with emulated(link=link) as emulator:
-        assert os.path.realpath(link) == emulator.port
+        assert os.path.realpath(link) == emulator.name
         obey(emulator, 'unplug')
         assert not link.is_symlink()
         obey(emulator, 'plug')
-        assert os.path.realpath(link) == emulator.port
+        assert os.path.realpath(link) == emulator.name
         assert ask(emulator, '01 01 0000 0004', 6) == '01 01 01 00'
     assert not link.is_symlink()
 
@@ -207,7 +207,8 @@ def test_the_command_line_serves_the_port_that_it_says(tmp_path):
         while 'Type a fault' not in printed:
             printed += process.stdout.readline()
         assert f'port: {link}' in printed and 'valve_coils: [1.0, 2.0]' in printed
-        with open_serial(str(link), 9600, timeout=20.0) as line:
+        with open_serial(str(link), 9600) as line:
+            line.timeout = 20.0  # s
             line.write(sealed('01 01 0000 0003'))
             assert line.read(6) == sealed('01 01 01 07')
         rest, _ = process.communicate('explode\nstate\nquit\n', timeout=30)
@@ -222,6 +223,7 @@ def test_nobody_reading_the_line_does_not_block_the_boards(emulator):
     for _ in range(2000):
         emulator.send(b'\xff' * 100)
     os.close(line)
-    with open_serial(emulator.port, 9600, timeout=20.0) as fresh:
+    with open_serial(emulator.port, 9600) as fresh:
+        fresh.timeout = 20.0  # s
         fresh.reset_input_buffer()
     assert emulator.coils == (False,) * 4

@@ -18,7 +18,8 @@ from soft_continuum.mechanics import (
     Statics,
     StaticsError,
 )
-from soft_continuum.mechanics.references import Elastica, elastica
+from soft_continuum.mechanics.references import elastica
+from soft_continuum.mechanics.references.elastica import Elastica
 
 BODIES = np.array([8, 16, 32, 64, 128])
 ALL = (True, True, True)

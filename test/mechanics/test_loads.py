@@ -15,7 +15,7 @@ import pytest
 from soft_continuum.mechanics import ArmError, Disc, RIGHT, SLACK, Statics
 from soft_continuum.mechanics.arm import PointForce, Tendon
 from soft_continuum.mechanics.laws import MomentCurvature
-from soft_continuum.mechanics.references import Elastica
+from soft_continuum.mechanics.references.elastica import Elastica
 
 BOTH_SLACK = (SLACK, SLACK)
 HANGING, HORIZONTAL = pi, pi / 2

@@ -26,7 +26,7 @@ from soft_continuum.mechanics import (
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.joints import tension_ratios
 from soft_continuum.mechanics.laws import Jam
-from soft_continuum.mechanics.references import Elastica
+from soft_continuum.mechanics.references.elastica import Elastica
 
 PULLED, PAID_OUT, AT_REST = (1, 1), (-1, -1), (0, 0)
 

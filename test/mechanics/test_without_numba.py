@@ -12,7 +12,7 @@ import numpy as np
 import paper_arm as paper
 import pytest
 
-from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics
+from soft_continuum.mechanics import _compile, LEFT, RIGHT, SLACK, Statics
 
 HERE = Path(__file__).parent
 
@@ -100,3 +100,22 @@ def test_numba_is_really_absent():
         [sys.executable, '-c', BLOCKED], capture_output=True, text=True, check=False,
         env=environment(), cwd=HERE)
     assert done.stdout.strip() == 'function', done.stderr
+
+
+def total(values):
+    """Return the sum of an array."""
+    result = 0.0
+    for value in values:
+        result += value
+    return result
+
+
+@pytest.mark.parametrize('known', [True, False])
+def test_a_numba_without_the_private_option_for_reference_counts_compiles_as_well(
+        known, monkeypatch):
+    cpu = pytest.importorskip('numba.core.cpu')
+    if not known:
+        monkeypatch.setattr(cpu, 'CPUTargetOptions', type('Options', (), {}))
+    function = _compile.borrowing(total)
+    assert ('_nrt' in function.targetoptions) == known
+    assert function(np.arange(4.0)) == 6.0

@@ -8,7 +8,7 @@ leaf springs by what the paper measured for the middle one, and the masses that 
 its geometry times 1.23.  It is computed with a chain four times as fine as the models that are
 compared with it.  docs/explanation/simulated_specimen.md explains why its errors are the paper's.
 
-``python -m soft_continuum.analysis.specimen DIR`` writes the files.
+``python data/simulated_specimen/generate.py DIR`` writes the files.
 """
 
 import argparse

@@ -1,0 +1,197 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of what the commands compute, in grey."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from soft_continuum.analysis.characterisation import Characterisation
+from soft_continuum.analysis.convergence import Convergence
+from soft_continuum.analysis.curves import Curve
+from soft_continuum.analysis.figures import DPI, finish_panels, new_panels
+from soft_continuum.analysis.identification import Identification
+from soft_continuum.analysis.validation import (
+    CONSTANT_CURVATURE,
+    CORRECTED,
+    Prediction,
+    WITH_GRAVITY,
+    WITHOUT_GRAVITY,
+)
+from soft_continuum.analysis.workspace import Reach
+
+GREYS = ('0.0', '0.4', '0.65')
+DASHES = ('-', '--', ':', '-.')
+MARKERS = 'o^sDvP*X'
+MODEL_STYLES = {CONSTANT_CURVATURE: ('s', 9.0, ''), WITHOUT_GRAVITY: ('+', 9.0, ''),
+                WITH_GRAVITY: ('^', 6.0, '--'), CORRECTED: ('D', 6.0, '')}
+"""Marker, its size and the line of each model."""
+MOST_COLUMNS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredState:
+    """The curves of one state of a segment (soft or stiff), and what they say."""
+
+    name: str
+    curves: Sequence[Curve]
+    result: Characterisation
+
+
+def stiffness_figure(path: str | Path, states: Sequence[MeasuredState], title: str) -> None:
+    """Write curves and residuals, one row of panels for each state; mm and N on the axes."""
+    figure = Figure(figsize=(9.0, 3.6 * len(states) + 0.4), layout='constrained')
+    panels = figure.subplots(len(states), 2, squeeze=False)
+    for (over, rest), state in zip(panels, states, strict=True):
+        line = state.result.regression
+        for k, (curve, residual) in enumerate(zip(state.curves, line.residuals, strict=True)):
+            style = {'color': GREYS[k % len(GREYS)], 'linestyle': DASHES[k % len(DASHES)],
+                     'linewidth': 1.0, 'label': f'repetition {k + 1}'}
+            over.plot(1e3 * curve.displacement, curve.force, **style)
+            rest.plot(1e3 * curve.loading[0], residual, **style)
+        ends = np.array([0.0, max(c.displacement.max() for c in state.curves)])
+        over.plot(1e3 * ends, line.slope * ends + line.intercept, color='0.0', linewidth=2.2,
+                  alpha=0.6, label=f'regression, k = {line.slope * 1e-3:.4g} N/mm')
+        if state.result.table_curve is not None:
+            displacement, force = state.result.table_curve
+            over.plot(1e3 * displacement, force, 'o', color='0.0', markersize=4, markevery=10,
+                      markerfacecolor='none', label='moment-curvature table')
+        rest.axhline(0.0, color='0.0', linewidth=2.2, alpha=0.6)
+        over.set_ylabel('force in N')
+        rest.set_ylabel('force less regression in N')
+        over.set_title(f'{title}, {state.name}', parse_math=False)
+        rest.set_title('residuals on the way up')
+        if len(state.curves) <= 8:
+            over.legend(frameon=False, fontsize='small')
+        for axes in (over, rest):
+            axes.set_xlabel('displacement in mm')
+            axes.grid(alpha=0.3)
+    figure.savefig(path, dpi=DPI)
+
+
+def convergence_figure(path: str | Path, found: Convergence, tolerance: float) -> None:
+    """Write change from n to n + 1 and error against the continuum over n, in percent."""
+    figure = Figure(figsize=(9.0, 3.9), layout='constrained')
+    left, right = figure.subplots(1, 2, sharex=True)
+    for axes, values, label in ((left, found.change, 'change of angle from n to n + 1 in %'),
+                                (right, found.error, 'error of angle in %')):
+        for segment in range(values.shape[1]):
+            axes.plot(found.bodies, 100.0 * values[:, segment],
+                      marker=MARKERS[segment % len(MARKERS)], color=f'{0.25 * (segment % 3):.2f}',
+                      markersize=4, markerfacecolor='none', linewidth=0.8,
+                      label=f'segment {segment + 1}')
+        axes.set_yscale('log')
+        axes.yaxis.set_major_formatter('{x:g}')
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.set_xlabel('bodies per segment n')
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.3, which='both')
+    left.axhline(100.0 * tolerance, color='0.0', linestyle='--', linewidth=0.9,
+                 label=f'{100 * tolerance:g} %')
+    if found.converged is not None:
+        left.axvline(found.converged, color='0.0', linestyle=':', linewidth=0.9,
+                     label=f'n = {found.converged}')
+    left.legend(frameon=False, fontsize='small')
+    figure.savefig(path, dpi=DPI)
+
+
+def validation_figure(path: str | Path, predictions: Sequence[Prediction]) -> None:
+    """Write one panel for each shape: measured points, and a series for each model; mm."""
+    shapes = list(dict.fromkeys(p.shape for p in predictions))
+    columns = min(MOST_COLUMNS, len(shapes))
+    rows = -(-len(shapes) // columns)
+    drawn = np.concatenate(
+        [*(s.positions for s in shapes), *(p.points[:, :2] for p in predictions)])
+    width, height = np.ptp(drawn, axis=0)
+    tall = min(2.0, max(0.4, height / max(width, 1e-3)))
+    figure, panels = new_panels(rows, columns, 3.9 * columns, (3.5 * tall + 1.0) * rows + 0.6)
+    figure.set_layout_engine('constrained', h_pad=0.1)
+    for axes, shape in zip(panels, shapes, strict=False):
+        axes.plot(*(1e3 * shape.positions.T), 'o-', color='0.0', markersize=4.5, linewidth=0.8,
+                  label='measured')
+        for prediction in predictions:
+            if prediction.shape is shape:
+                marker, size, line = MODEL_STYLES[prediction.model]
+                axes.plot(*(1e3 * prediction.points[:, :2].T), marker=marker, linestyle=line,
+                          color='0.35', markersize=size, markerfacecolor='none', linewidth=0.8,
+                          label=prediction.model)
+        axes.set_title(shape.name, parse_math=False)
+        axes.tick_params(labelbottom=True)
+    for axes in panels[len(shapes):]:
+        axes.set_visible(False)
+    finish_panels(path, figure, 2 * columns)
+
+
+@dataclass(frozen=True)
+class ShapeResult:
+    """
+    Largest errors of one shape, m.
+
+    described: of the arm as described.  identified: of the fit, to which the shape belonged unless
+    it was held out.  held_out: of a fit without the shape; nan where there was none.
+    """
+
+    name: str
+    described: float
+    identified: float
+    held_out: float
+
+
+def identification_figure(path: str | Path, found: Identification, shapes: Sequence[ShapeResult]
+                          ) -> None:
+    """Write errors by shape (mm, logarithmic), and values against those described with 95 %."""
+    figure = Figure(figsize=(5.0 + 0.6 * len(shapes) + 0.5 * len(found.unknowns), 4.2),
+                    layout='constrained')
+    left, right = figure.subplots(1, 2, width_ratios=[2 + len(shapes), 2 + len(found.unknowns)])
+    at = np.arange(len(shapes))
+    for offset, label, color, hatch, values in (
+            (-0.27, 'as described', '0.8', '', [s.described for s in shapes]),
+            (0.0, 'identified', '0.3', '', [s.identified for s in shapes]),
+            (0.27, 'without this shape', '1.0', '////', [s.held_out for s in shapes])):
+        left.bar(at + offset, 1e3 * np.array(values), width=0.25, label=label, color=color,
+                 edgecolor='0.0', hatch=hatch, linewidth=0.7)
+    left.set_yscale('log')
+    left.set_ylabel('largest position error in mm')
+    left.set_xticks(at, [s.name for s in shapes], rotation=40, ha='right', parse_math=False)
+    left.legend(frameon=False, fontsize='small', loc='upper center',
+                bbox_to_anchor=(0.5, 1.14), ncols=3)
+    left.grid(axis='y', alpha=0.3)
+    start = np.array([u.start for u in found.unknowns])
+    percent = 100.0 / np.array([u.scale for u in found.unknowns])
+    right.errorbar(np.arange(len(start)), percent * (found.values - start),
+                   yerr=percent * found.half_widths, fmt='o', color='0.0', capsize=5,
+                   markersize=4)
+    right.axhline(0.0, color='0.0', linestyle='--', linewidth=0.8)
+    right.set_xlim(-0.6, len(start) - 0.4)
+    right.set_xticks(np.arange(len(start)), [u.name for u in found.unknowns], rotation=40,
+                     ha='right')
+    right.set_ylabel('change from described in %\n(friction, tilt: of 0.1)')
+    right.grid(axis='y', alpha=0.3)
+    figure.savefig(path, dpi=DPI)
+
+
+def workspace_figure(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
+                     height: float) -> None:
+    """
+    Write one panel for each set of tips; mm.
+
+    base: the tips whose outline is drawn in every panel.  height: of the straight arm, m.
+    """
+    figure, panels = new_panels(1, len(reaches), 4.2 * len(reaches), 3.9)
+    for axes, (title, reach) in zip(panels, reaches, strict=True):
+        axes.plot(*(1e3 * reach.tips.T), '.', color='0.45', markersize=2.5, label='tips')
+        if base.area > 0.0:
+            hull = ConvexHull(base.tips).vertices
+            outline = 1e3 * base.tips[np.append(hull, hull[0])]
+            axes.plot(*outline.T, '--', color='0.0', linewidth=0.9,
+                      label='outline without gravity')
+        axes.plot([0.0, 0.0], [0.0, 1e3 * height], color='0.0', linewidth=2.5,
+                  label='straight arm')
+        axes.set_title(title)
+    finish_panels(path, figure, 3)

@@ -1,0 +1,40 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Mechanics and analysis can be imported without ROS, and without matplotlib until they draw."""
+
+import ast
+from pathlib import Path
+import sys
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[2] / 'soft_continuum'
+DRAWING = {'figures.py', 'result_figures.py', 'report.py'}
+MODULES = sorted(path for room in ('mechanics', 'analysis') for path in (PACKAGE / room).rglob(
+    '*.py'))
+ALLOWED = {*sys.stdlib_module_names, 'numpy', 'scipy', 'numba', 'tqdm',
+           'soft_continuum.mechanics', 'soft_continuum.analysis'}
+
+
+def imported(path):
+    """Yield what the module imports, other than inside functions."""
+    pending = [ast.parse(path.read_text(encoding='utf-8'))]
+    while pending:
+        node = pending.pop()
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module
+        elif not isinstance(node, ast.FunctionDef):
+            pending += ast.iter_child_nodes(node)
+
+
+@pytest.mark.parametrize('path', MODULES, ids=lambda path: f'{path.parent.name}.{path.stem}')
+def test_a_module_needs_neither_ros_nor_the_rest_of_the_package(path):
+    allowed = ALLOWED | ({'matplotlib'} if path.name in DRAWING else set())
+    for name in imported(path):
+        head = name.split('.')
+        package = '.'.join(head[:2]) if head[0] == 'soft_continuum' else head[0]
+        assert package in allowed, f'{path.name} imports {name}'
+        if path.name not in DRAWING:
+            assert not name.endswith('figures'), f'{path.name} imports {name}'
