@@ -14,7 +14,6 @@ from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.jamming_control import JammingControl, Report
 from soft_continuum.nodes.managed_node import ManagedNode
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher
-from soft_continuum.nodes.threads import on_ros_thread
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import jamming_settings, NODE_PARAMETERS
 from soft_continuum.ros.conversions import stamp_to_ros
@@ -43,7 +42,7 @@ class JammingValves(ManagedNode):
         self._segments = len(arm_from_parameters(self.parameters).segments)
         self._control = JammingControl(
             self._segments, jamming_settings(self.parameters), self._seconds,
-            lambda report: on_ros_thread(self, self._publish, report))
+            lambda report: self.on_ros_thread(self._publish, report))
         self._loop = self.control(
             self.parameters['jamming_rate'], self._control.cycle, self._on_control_failure)
         self._published: list[bool | None] = [None] * self._segments

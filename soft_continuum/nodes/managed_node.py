@@ -44,6 +44,7 @@ class ManagedNode(LifecycleNode):
         self.loop: ControlLoop | None = None
         self.connecting = Worker('connecting', self._on_thread_failure)
         self._opened: Any = None  # a device that is connected and not attached yet
+        self._quitting = False
         self._attempt = False  # to connect is under way
         self._was_configured = False  # then autostart has done its work
         self._retry = self.create_timer(
@@ -118,7 +119,7 @@ class ManagedNode(LifecycleNode):
             self._opened, error = self.open_device(), ''
         except (HardwareError, ValueError) as problem:
             error = str(problem)
-        on_ros_thread(self, self._after_attempt, error)
+        self.on_ros_thread(self._after_attempt, error)
 
     def _after_attempt(self, error: str) -> None:
         self._attempt = False
@@ -145,6 +146,11 @@ class ManagedNode(LifecycleNode):
 
     def _on_thread_failure(self, error: Exception) -> None:
         self.get_logger().error(''.join(traceback.format_exception(error)))
+
+    def on_ros_thread(self, function: Callable[..., None], *arguments: Any) -> None:
+        """Let the thread of ROS call ``function``, unless it has come to its end."""
+        if not self._quitting:  # an executor would keep the task, and this node with it
+            on_ros_thread(self, function, *arguments)
 
     def in_loop(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return what ``function`` returns on the thread of control, or raise what it raises."""
@@ -237,6 +243,7 @@ class ManagedNode(LifecycleNode):
 
     def quit(self) -> None:
         """Hold and disconnect before the process ends."""
+        self._quitting = True
         with suppress(TimeoutError):
             self._deactivate()
         with suppress(TimeoutError):

@@ -3,6 +3,7 @@
 """The compiled model in a node: loaded while the node is already up."""
 
 from collections.abc import Callable
+from functools import cache
 import gc
 import threading
 
@@ -22,6 +23,16 @@ def loading() -> str:
             'compiling the model, this once; it takes about half a minute')
 
 
+@cache
+def _freeze() -> None:
+    """
+    Keep the garbage collector from what numba has made: it takes 0.2 s, in which nothing runs.
+
+    Once in a process: what is frozen is never collected.
+    """
+    gc.freeze()
+
+
 def load_model(node: Node, loaded: Callable[[], None] | None = None) -> None:
     """
     Load the compiled model on a thread of its own; compiling takes tens of seconds.
@@ -30,7 +41,7 @@ def load_model(node: Node, loaded: Callable[[], None] | None = None) -> None:
     """
     def load() -> None:
         warm_up()
-        gc.freeze()  # to look through all that numba has made takes 0.2 s, in which nothing runs
+        _freeze()
         if loaded is not None:
             on_ros_thread(node, loaded)
 

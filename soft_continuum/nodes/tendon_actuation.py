@@ -26,7 +26,7 @@ from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
 from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
 from soft_continuum.nodes.tendon_control import Device, Report, TendonControl
-from soft_continuum.nodes.threads import on_ros_thread, Worker
+from soft_continuum.nodes.threads import Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.conversions import seconds, stamp_to_ros, trajectory_from_ros
@@ -64,7 +64,7 @@ class TendonActuation(ManagedNode):
         rate = self.parameters['tendon_rate']
         self._control = TendonControl(
             self._tendons, self._arm, 1.0 / rate, self._seconds,
-            lambda report: on_ros_thread(self, self._publish, report), self._release_driver)
+            lambda report: self.on_ros_thread(self._publish, report), self._release_driver)
         self._loop = self.control(rate, self._control.cycle, self._on_control_failure)
         self._judging = Worker('trajectories', self._on_thread_failure)
         self._compiled = False

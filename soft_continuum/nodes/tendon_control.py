@@ -29,7 +29,7 @@ class Report:
     State after a cycle or a request.
 
     ended, refused: why the last motion was, for people; empty when a later one was accepted.
-    reading: None when it means nothing.  time: s of ROS.
+    reading: None without a new one that means something.  time: s of ROS.
     """
 
     state: TendonActuationState
@@ -296,7 +296,7 @@ class TendonControl:
             return
         if not controller.busy:
             self._requests.done()
-        self.report()
+        self._publish(self.snapshot(new_reading=True))
 
     def _cycle_interlock(self, controller: TendonController, late: float) -> Interlock | None:
         if not controller.busy:
@@ -314,8 +314,8 @@ class TendonControl:
                 f'{MAX_DELAY:g} s; the computer is too busy')
         return None
 
-    def snapshot(self) -> Report:
-        """Return the state as it is now."""
+    def snapshot(self, new_reading: bool = False) -> Report:
+        """Return the state as it is now, with the reading if that is new."""
         controller = self._controller
         state = TendonActuationState(
             tendons=list(self._tendons), connected=controller is not None, fault=self._fault,
@@ -325,7 +325,7 @@ class TendonControl:
         if controller is not None:
             state.referenced = controller.reading.referenced
             state.moving, state.homing = controller.busy, controller.homing
-            if self._active and (state.referenced or not state.homing):
+            if new_reading and self._active and (state.referenced or not state.homing):
                 reading = controller.reading
         return Report(state, self._ended, self._refused, reading, self._clock())
 
