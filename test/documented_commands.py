@@ -10,10 +10,12 @@ its reader to write.
 
 import argparse
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 import re
 import shlex
+import signal
 import sys
 from typing import Any
 
@@ -166,6 +168,17 @@ def commands_of_run() -> set[str]:
                           re.MULTILINE))
 
 
+@contextmanager
+def kept_signal_handlers() -> Iterator[None]:
+    """Undo what a verb does to the handlers of signals, as the end of its process would."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 class _Accepted(BaseException):
     """A parser accepted its arguments; the verb shall do nothing more."""
 
@@ -183,7 +196,8 @@ def accepted(verb: str, options: Sequence[str]) -> dict[str, Any]:
             patch.setattr(kind, 'error', lambda _, message: _refuse(said, message))
         patch.setattr(sys, 'argv', ['soft_continuum'])
         try:
-            call(VERBS[verb], list(options))
+            with kept_signal_handlers():
+                call(VERBS[verb], list(options))
         except _Accepted as accepted:
             return dict(accepted.args[0])
         except SystemExit:

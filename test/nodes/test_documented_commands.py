@@ -20,6 +20,7 @@ from documented_commands import (
     Checker,
     command_lines,
     is_ros2,
+    kept_signal_handlers,
     LINES,
     PAGES,
     program,
@@ -117,7 +118,8 @@ class Terminal:
             nodes = self._elsewhere.start_arm(**values)
             self._elsewhere.end(nodes[0])
         elif words[0] == 'soft_continuum' and words[1] not in ELSEWHERE:
-            status = main(words[1:])
+            with kept_signal_handlers():
+                status = main(words[1:])
             assert status == (1 if line in REFUSED else 0), f'{line}: status {status}'
 
 
@@ -150,7 +152,8 @@ def test_the_demo_sets_the_shapes_of_the_paper(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
-    assert main(['demo']) == 0
+    with kept_signal_handlers():
+        assert main(['demo']) == 0
     assert (tmp_path / 'demo_shapes.png').stat().st_size > 10_000
     shown = capfd.readouterr().out
     for shape in 'c_form', 'upright_c_form', 's_form':
