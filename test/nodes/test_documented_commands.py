@@ -33,6 +33,7 @@ from ros_rig import QUICK, Rig
 import yaml
 
 from soft_continuum.cli.main import main
+from soft_continuum.client import demo
 from soft_continuum.nodes.runtime import NODES
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_description
@@ -45,6 +46,17 @@ ELSEWHERE = ('up', 'ui', 'demo')
 START_TIMEOUT = 120.0  # s for five processes to import what they need, on a busy machine
 
 
+def quick_file(directory: Path) -> Path:
+    """Return a description file of the paper's arm, made quick."""
+    parameters = {**load_description(description_file()), **QUICK,
+                  'tendon_rate': 20.0, 'jamming_rate': 20.0}
+    path = directory / 'quick.yaml'
+    path.write_text(yaml.safe_dump({'/**': {'ros__parameters': {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in parameters.items()}}}), encoding='utf-8')
+    return path
+
+
 @pytest.fixture(scope='module')
 def arm(module_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     """
@@ -53,13 +65,9 @@ def arm(module_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     The commands run in this process, where they would delay the control of the tendons.
     """
     directory = tmp_path_factory.mktemp('arm')
-    quick = directory / 'quick.yaml'
-    parameters = {**QUICK, 'tendon_rate': 20.0, 'jamming_rate': 20.0}
-    quick.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}), encoding='utf-8')
     processes, rig = Processes(module_domain, directory), Rig(module_domain, namespace='/')
     try:
-        processes.start([*module_command('up'), '--params-file', str(description_file()),
-                         '--params-file', str(quick)])
+        processes.start([*module_command('up'), '--params-file', str(quick_file(directory))])
         rig.wait_for(lambda: all(map(len, rig.statuses.values())), 'four nodes', START_TIMEOUT)
         rig.wait_until_ready(*NODES)
         yield rig
@@ -152,6 +160,7 @@ def test_the_demo_sets_the_shapes_of_the_paper(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
+    monkeypatch.setattr(demo, 'description_file', lambda: quick_file(tmp_path))
     with kept_signal_handlers():
         assert main(['demo']) == 0
     assert (tmp_path / 'demo_shapes.png').stat().st_size > 10_000
