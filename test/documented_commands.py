@@ -100,8 +100,10 @@ class Checker:
             assert words[1] in commands_of_run(), f'./run has no {words[1]}'
         elif words[:2] == ['python', '-m']:
             assert find_spec(words[2]), words[2]
-        elif words[0] == 'python':
-            self._read(words[1])
+        elif words[0] in ('python', 'uv'):
+            for word in words:
+                if word.endswith(('.py', '.txt')):
+                    self._read(word)
         else:
             assert words == ['bash'] or line in NOT_OURS, 'neither a program of ours nor known'
 

@@ -8,11 +8,11 @@ commands are compared with the interfaces of the nodes; test_pages.py checks the
 """
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 import re
 import runpy
 import shutil
-from signal import SIGINT
 import sys
 
 from documented_commands import (
@@ -34,12 +34,14 @@ import yaml
 from soft_continuum.cli.main import main
 from soft_continuum.nodes.runtime import NODES
 from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_description
 
 FOLLOWED = ('README.md', 'docs/tutorials/first_shapes.md')
 REFUSED = ('soft_continuum jog --right 2', 'soft_continuum run no_such_shape')
 """Lines that show what is not allowed."""
 ELSEWHERE = ('up', 'ui', 'demo')
 """Verbs that other tests run: the arm of this module is the one that up starts."""
+START_TIMEOUT = 120.0  # s for five processes to import what they need, on a busy machine
 
 
 @pytest.fixture(scope='module')
@@ -57,6 +59,7 @@ def arm(module_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     try:
         processes.start([*module_command('up'), '--params-file', str(description_file()),
                          '--params-file', str(quick)])
+        rig.wait_for(lambda: all(map(len, rig.statuses.values())), 'four nodes', START_TIMEOUT)
         rig.wait_until_ready(*NODES)
         yield rig
     finally:
@@ -108,10 +111,11 @@ class Terminal:
             self._processes.start(module_command('emulate') + words[2:])
             self._arm.wait_for(link.exists, str(link))
         elif words[:2] == ['soft_continuum', 'up'] and len(words) > 2:
-            nodes = self._processes.start(module_command('up') + words[2:])
-            self._elsewhere.wait_until_ready(*NODES)
-            nodes.send(SIGINT)
-            assert nodes.wait() == 0, nodes.output
+            # In this process, which has imported what they need.
+            values = load_description(*(
+                Path(file) for option, file in pairwise(words) if option == '--params-file'))
+            nodes = self._elsewhere.start_arm(**values)
+            self._elsewhere.end(nodes[0])
         elif words[0] == 'soft_continuum' and words[1] not in ELSEWHERE:
             status = main(words[1:])
             assert status == (1 if line in REFUSED else 0), f'{line}: status {status}'
