@@ -18,7 +18,7 @@ from soft_continuum.mechanics.chain import Array
 JOIN_TOLERANCE = 2e-4
 """m between a set-point and a trajectory that replaces the present one; the driver smooths it."""
 MAX_DELAY = 0.2
-"""s by which a trajectory may arrive late and still be joined, or a control cycle come late."""
+"""s by which a trajectory may arrive late and still be joined."""
 
 
 class Reason(IntEnum):

@@ -9,7 +9,6 @@ from typing import NoReturn
 
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
 from soft_continuum.hardware.tendon_controller import (
-    MAX_DELAY,
     MotionRefusedError,
     Reason,
     TendonController,
@@ -19,6 +18,8 @@ from soft_continuum.nodes.motion_requests import MotionRequests, Request
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm
 from soft_continuum_interfaces.msg import TendonActuationState
 
+MAX_LATENESS = 0.5
+"""s by which a control cycle may come late: then all that was sent ahead has run out."""
 MAX_REVOKED = 20  # motions whose further parts are refused
 Device = tuple[TendonDriver, TendonController]
 
@@ -308,10 +309,10 @@ class TendonControl:
         if self._stiff_at_start != self._arm.stiff:
             return Interlock(Reason.STIFFNESS_CHANGED,
                              'a segment changed between soft and stiff during the motion')
-        if controller.following and late > MAX_DELAY:
+        if controller.following and late > MAX_LATENESS:
             return Interlock(
                 Reason.LATE, f'the control cycle came {late:.3f} s late; allowed: '
-                f'{MAX_DELAY:g} s; the computer is too busy')
+                f'{MAX_LATENESS:g} s; the computer is too busy')
         return None
 
     def snapshot(self, new_reading: bool = False) -> Report:
