@@ -4,8 +4,7 @@
 
 from pathlib import Path
 
-PROCESSES = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_documents.py',
-             'test_installation.py')
+PROCESSES = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation.py')
 """Tests below these start nodes, devices or programs."""
 
 

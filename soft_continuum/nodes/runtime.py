@@ -21,12 +21,9 @@ from rclpy.signals import SignalHandlerOptions
 from soft_continuum.parameters.files import load_description, read_parameter_file
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter, ParameterError
-from soft_continuum.ros import names
 from soft_continuum.ros.executor import BestExecutor
 
 ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
-
-NODES = names.NODES
 
 
 def node_class(name: str) -> Callable[..., Any]:

@@ -15,9 +15,10 @@ from ament_index_python.packages import get_package_share_directory
 
 from soft_continuum.arguments import DONE, FAILED, Parser, WRONG_USAGE
 from soft_continuum.nodes.processes import NodeProcesses
-from soft_continuum.nodes.runtime import argument_error, NODES, ROS_ARGUMENT_ERRORS, Signals
+from soft_continuum.nodes.runtime import argument_error, ROS_ARGUMENT_ERRORS, Signals
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.names import NODES
 
 DRIVERS = ('tendon_driver', 'jamming_driver')
 PERIOD = 0.05  # s between two looks at the processes

@@ -34,9 +34,9 @@ import yaml
 
 from soft_continuum.cli.main import main
 from soft_continuum.client import demo
-from soft_continuum.nodes.runtime import NODES
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_description
+from soft_continuum.ros.names import NODES
 
 FOLLOWED = ('README.md', 'docs/tutorials/first_shapes.md')
 REFUSED = ('soft_continuum jog --right 2', 'soft_continuum run no_such_shape')
