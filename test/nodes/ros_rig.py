@@ -162,6 +162,11 @@ class Spinner:
         self._ended = True
         self._thread.join(DEADLINE)
         assert not self._thread.is_alive(), f'one of {self._names} hangs in a callback'
+        # A task that is never done keeps its node, and with it the sockets of a domain, for ever.
+        for node in self.nodes:
+            node.executor = None
+        for _ in range(100):
+            self._executor.spin_once(timeout_sec=0.0)
         for node in self.nodes:
             node.quit()
         self._executor.shutdown()
