@@ -26,7 +26,8 @@ from soft_continuum.ros.names import (
 
 AUTOSTART = Parameter('autostart', True, 'configure and activate the node when it starts')
 FRAME = Parameter(
-    'frame_id', 'base_link', 'frame of the bottom centre of the base disc, z along the arm')
+    'frame_id', 'base_link', 'frame of the bottom centre of the base disc, z along the arm; '
+    'left/base_link: every frame of the arm begins with left/')
 AMBIENT = Parameter(
     'ambient_pressure', 101325.0, 'absolute ambient pressure', 1e4, 2e5, unit='Pa')
 STALE_AFTER = Parameter(
