@@ -4,7 +4,10 @@
 """Builds and installs the ROS 2 package soft_continuum."""
 
 from glob import glob
+import os
 from os.path import isfile
+import subprocess
+import sys
 
 from setuptools import find_packages, setup
 
@@ -18,7 +21,7 @@ def files(*patterns: str) -> list[str]:
     return sorted(path for pattern in patterns for path in glob(pattern) if isfile(path))
 
 
-setup(
+distribution = setup(
     name=PACKAGE,
     version='0.1.0',
     description='A planar tendon-driven continuum arm with jamming segments, on ROS 2',
@@ -49,3 +52,15 @@ setup(
         ],
     },
 )
+
+# With colcon the model is compiled now, into the cache of the user, rather than in the first
+# start.  ./run does that itself.
+if (os.environ.get('COLCON') == '1' and os.environ.get('SOFT_CONTINUUM_COMPILE') != '0'
+        and {'install', 'develop'} & set(sys.argv) and '--uninstall' not in sys.argv):
+    installed = (distribution.get_command_obj('install').install_lib
+                 if 'install' in sys.argv else os.getcwd())
+    print('compiling the model, which takes about a minute ...', flush=True)
+    subprocess.run(
+        [sys.executable, '-P', '-c',
+         'from soft_continuum.mechanics.statics import warm_up; warm_up()'],
+        env={**os.environ, 'PYTHONPATH': f'{installed}:{os.environ.get("PYTHONPATH", "")}'})

@@ -11,9 +11,11 @@ from launch_ros.actions import Node
 
 from launch import LaunchDescription
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
+from soft_continuum.nodes.up import check_start, default_frame
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description
-from soft_continuum.ros.names import NODES
+from soft_continuum.parameters.files import load_description, read_parameter_file
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.names import KINEMATICS, NODES
 from soft_continuum.urdf import arm_urdf
 
 DRIVERS = {'tendon_driver': ('driver of the tendon steppers', TENDON_DRIVERS),
@@ -46,23 +48,30 @@ def generate_launch_description():
 
 
 def start(context):
-    """Return the nodes for the arguments given."""
+    """Return the nodes for the arguments given, when all of them can be started."""
     given = context.launch_configurations
+    namespace, with_rviz = given['namespace'].strip('/'), given['rviz'] == 'true'
     files = [given['params_file'], *filter(None, [given['more_params_file']])]
+    try:
+        check_start(namespace, files, ('robot_state_publisher', 'rviz2') if with_rviz else ())
+    except ParameterError as error:
+        raise RuntimeError(f'nothing was started: {error}') from None
+    first = {'frame_id': default_frame(namespace)}  # what stands in a file wins
     drivers = {name: given[name] for name in DRIVERS if given[name] != FROM_FILE}
     nodes = [
         Node(package='soft_continuum', executable=name, name=name, output='screen',
-             namespace=given['namespace'], parameters=[*files, *filter(None, [drivers])])
+             namespace=namespace, parameters=[first, *files, *filter(None, [drivers])])
         for name in NODES
     ]
-    if given['rviz'] == 'true':
-        values = load_description(*files)
-        frame = values['frame_id']
+    if with_rviz:
+        arm = arm_from_parameters(load_description(*files, node=KINEMATICS))
+        frame = {**first, **{key: value for path in files for key, value
+                             in read_parameter_file(path, KINEMATICS).items()}}['frame_id']
         nodes += [
             Node(package='robot_state_publisher', executable='robot_state_publisher',
-                 namespace=given['namespace'],
-                 parameters=[{'robot_description': arm_urdf(arm_from_parameters(values), frame)}]),
-            Node(package='rviz2', executable='rviz2', namespace=given['namespace'],
+                 namespace=namespace,
+                 parameters=[{'robot_description': arm_urdf(arm, frame)}]),
+            Node(package='rviz2', executable='rviz2', namespace=namespace,
                  arguments=['-d', str(SHARE / 'config' / 'arm.rviz'), '-f', frame]),
         ]
     return nodes

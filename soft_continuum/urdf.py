@@ -6,7 +6,8 @@ The arm as a URDF robot: every body and joint of the rigid chain, with masses, d
 Frames: ``base_link`` at the bottom centre of the base disc, z along the straight arm; of every
 body ``segment_S_body_J`` at the joint below it, z along the body; ``disc_S`` for the disc above
 segment S, whose origin is the distal end of that segment; ``tip`` at the top of the last disc.
-Joints are called as joint_states calls them and turn about +y.
+Joints are called as joint_states calls them and turn about +y.  Where the base frame is called
+``left/base_link``, every frame begins with ``left/``: two arms then share one TF tree.
 """
 
 from math import pi
@@ -29,6 +30,7 @@ def joint_names(chain: RigidChain) -> list[str]:
 
 def arm_urdf(arm: Arm, base_frame: str = 'base_link') -> str:
     """Return ``arm`` as URDF in SI units; ``base_frame``: the name of its root link."""
+    prefix = base_frame[:base_frame.rfind('/') + 1]
     robot = Element('robot', name='soft_continuum')
     for name, colour in MATERIALS.items():
         SubElement(SubElement(robot, 'material', name=name), 'color', rgba=colour)
@@ -38,7 +40,7 @@ def arm_urdf(arm: Arm, base_frame: str = 'base_link') -> str:
     for s, segment in enumerate(arm.segments, start=1):
         for j in range(1, n + 2):
             is_disc = j == n + 1
-            name = f'disc_{s}' if is_disc else f'segment_{s}_body_{j}'
+            name = prefix + (f'disc_{s}' if is_disc else f'segment_{s}_body_{j}')
             _revolute(robot, f'segment_{s}_joint_{j}', below, name, length,
                       segment.bending_angle_limit)
             if is_disc:
@@ -48,11 +50,11 @@ def arm_urdf(arm: Arm, base_frame: str = 'base_link') -> str:
             else:
                 below, length = name, segment.length / n
                 _link(robot, name, length, SKIN * diameters[s] / 2, segment.mass / n, 'skin')
-    tip = SubElement(robot, 'link', name='tip')
+    tip = SubElement(robot, 'link', name=f'{prefix}tip')
     if arm.payload > 0.0:
         _inertial(tip, 0.0, arm.payload, (0.0, 0.0))
     joint = SubElement(robot, 'joint', name='tip_joint', type='fixed')
-    _connect(joint, below, 'tip', length)
+    _connect(joint, below, f'{prefix}tip', length)
     ElementTree.indent(robot)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding='unicode') + '\n'
 

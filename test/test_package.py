@@ -17,8 +17,8 @@ import pytest
 import setuptools
 
 ROOT = Path(__file__).resolve().parent.parent
-# Where the name of an import is not that of the distribution.  viser brings websockets.
-IMPORTED_AS = {'serial': 'pyserial', 'yaml': 'pyyaml', 'websockets': 'viser'}
+# Where the name of an import is not that of the distribution.
+IMPORTED_AS = {'serial': 'pyserial', 'yaml': 'pyyaml'}
 MANIFESTS = ('package.xml', 'soft_continuum_interfaces/package.xml')
 
 
@@ -83,6 +83,16 @@ def test_every_package_that_is_imported_is_declared() -> None:
     missing = {name for name, distribution in distributions.items()
                if distribution not in names and name not in ros}
     assert not missing
+
+
+def test_rosdep_is_told_of_both_packages() -> None:
+    # It does not look for packages inside a package.
+    pages = (ROOT / 'README.md', *ROOT.glob('docs/**/*.md'), *ROOT.glob('.github/**/*.yaml'))
+    commands = [line for page in pages for line in page.read_text(encoding='utf-8').splitlines()
+                if 'rosdep install' in line and '--from-paths' in line]
+    assert commands
+    assert all(re.search(r'--from-paths \S+ \S*soft_continuum_interfaces', line)
+               for line in commands), commands
 
 
 def test_valves_need_neither_scipy_nor_the_compiler() -> None:

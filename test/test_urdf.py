@@ -73,6 +73,16 @@ def test_the_root_is_called_as_the_poses_are():
     assert 'base_link' not in arm_urdf(PAPER, 'left_base')
 
 
+def test_the_frames_of_two_arms_share_one_tree():
+    left, right = (parse(arm_urdf(PAPER, f'{side}/base_link')) for side in ('left', 'right'))
+    body = mujoco.mjtObj.mjOBJ_BODY
+    frames = [names(model, body, model.nbody)[1:] for model in (left, right)]
+    assert set(frames[0]).isdisjoint(frames[1])
+    assert all(frame.startswith('left/') for frame in frames[0])
+    joint = mujoco.mjtObj.mjOBJ_JOINT
+    assert names(left, joint, left.njnt) == joint_names(RigidChain(PAPER))
+
+
 def test_a_joint_may_bend_no_further_than_its_segment():
     arm = replace(PAPER, segments=tuple(
         replace(s, bending_angle_limit=0.7) for s in PAPER.segments))

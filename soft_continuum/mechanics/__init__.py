@@ -57,3 +57,7 @@ def __getattr__(name: str) -> Any:
             if module == name or hasattr(found, name):
                 return getattr(found, name, found)
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

@@ -70,8 +70,16 @@ def inlined(function: Function) -> Function:
 
 
 def is_compiled() -> bool:
-    """Tell whether there is nothing left to compile."""
-    return not COMPILED or os.path.isdir(_CACHE)
+    """Tell whether there is nothing left to compile: whether warm_up once came to its end."""
+    return not COMPILED or os.path.exists(_COMPLETE)
+
+
+def note_compiled() -> None:
+    """Note that everything is compiled, for ``is_compiled``."""
+    if COMPILED and os.path.isdir(_CACHE):
+        with open(_COMPLETE, 'w', encoding='ascii'):
+            pass
 
 
 _CACHE = _cache_directory()
+_COMPLETE = os.path.join(_CACHE, 'complete')  # numba makes the directory before it compiles

@@ -22,6 +22,7 @@ from soft_continuum.mechanics import _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._arrays import ANGLE, Drive, System, TENSION
 from soft_continuum.mechanics._checks import sliding_signs, soft_flags, vacuum_parts, whole
+from soft_continuum.mechanics._compile import note_compiled
 from soft_continuum.mechanics._continuation import (
     Continuation,
     Point,
@@ -261,3 +262,4 @@ def warm_up() -> None:
     straight = statics.chain.straight()
     problem = statics.problem(straight, [True], np.full(2, np.inf))
     statics.continuation.follow(statics._start(straight), problem)
+    note_compiled()

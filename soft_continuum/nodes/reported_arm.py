@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What other nodes report of the arm, and the interlocks that follow from it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +33,7 @@ class ReportedArm:
     The thread of ROS writes, any thread reads: every value is replaced as a whole.
     """
 
-    def __init__(self, node: Node, chain: RigidChain, timeout: float) -> None:
+    def __init__(self, node: Node, chain: RigidChain, timeout: Callable[[], float]) -> None:
         """Subscribe for ``node``; timeout: age in s at which what was reported is stale."""
         self._chain, self._timeout = chain, timeout
         self.stiff: tuple[bool | None, ...] = (None,) * chain.segments
@@ -60,11 +61,11 @@ class ReportedArm:
     @property
     def joint_angles(self) -> Array | None:
         """Joint angles of the present shape (joints,) in rad, None when it is not known."""
-        return self._joint_angles if self._shape_age.seconds <= self._timeout else None
+        return self._joint_angles if self._shape_age.seconds <= self._timeout() else None
 
     @property
     def _stiffness_known(self) -> bool:
-        return None not in self.stiff and self._jamming_age.seconds <= self._timeout
+        return None not in self.stiff and self._jamming_age.seconds <= self._timeout()
 
     def motion_interlock(self) -> Interlock | None:
         """Return why the arm must not be moved at all now, None when it may be."""
@@ -72,7 +73,7 @@ class ReportedArm:
             return Interlock(
                 Reason.STIFFNESS_UNKNOWN,
                 'it is not known which segments are soft: nothing received from jamming_valves '
-                f'for {self._timeout:g} s')
+                f'for {self._timeout():g} s')
         if all(self.stiff):
             return Interlock(
                 Reason.ALL_STIFF, 'every segment is stiff; soften one first '
@@ -81,7 +82,7 @@ class ReportedArm:
             return Interlock(
                 Reason.SHAPE_UNKNOWN,
                 'the shape of the arm is not known, so no tension can be predicted: no '
-                f'joint_states from kinematics for {self._timeout:g} s')
+                f'joint_states from kinematics for {self._timeout():g} s')
         return None
 
     def homing_interlock(self) -> Interlock | None:
@@ -89,7 +90,7 @@ class ReportedArm:
         if not self._stiffness_known:
             return Interlock(
                 Reason.STIFFNESS_UNKNOWN, 'it is not known whether the arm is stiff: '
-                f'nothing received from jamming_valves for {self._timeout:g} s')
+                f'nothing received from jamming_valves for {self._timeout():g} s')
         if not all(self.stiff):
             return Interlock(
                 Reason.STIFFNESS_CHANGED,

@@ -60,7 +60,8 @@ class TendonActuation(ManagedNode):
         arm = arm_from_parameters(self.parameters)
         self._tendons = arm.tendon_names
         self._prediction = TensionPrediction(arm)
-        self._arm = ReportedArm(self, self._prediction.chain, self.parameters['silence_timeout'])
+        self._arm = ReportedArm(
+            self, self._prediction.chain, lambda: self.parameters['silence_timeout'])
         rate = self.parameters['tendon_rate']
         self._control = TendonControl(
             self._tendons, self._arm, 1.0 / rate, self._seconds,

@@ -8,15 +8,23 @@ It takes the arguments of launch/bringup.launch.py.
 """
 
 from argparse import Namespace
+from collections.abc import Sequence
 from pathlib import Path
 from time import sleep
 
-from ament_index_python.packages import get_package_share_directory
+from ament_index_python.packages import get_package_share_directory, get_packages_with_prefixes
+from rclpy.exceptions import InvalidNamespaceException
+from rclpy.validate_namespace import validate_namespace
 
 from soft_continuum.arguments import DONE, FAILED, Parser, WRONG_USAGE
 from soft_continuum.nodes.processes import NodeProcesses
-from soft_continuum.nodes.runtime import argument_error, ROS_ARGUMENT_ERRORS, Signals
-from soft_continuum.parameters.nodes import ALL_PARAMETERS
+from soft_continuum.nodes.runtime import (
+    argument_error,
+    check_parameter_files,
+    ROS_ARGUMENT_ERRORS,
+    Signals,
+)
+from soft_continuum.parameters.nodes import ALL_PARAMETERS, FRAME
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import NODES
 
@@ -39,11 +47,37 @@ def start_parser(verb: str, description: str) -> Parser:
     return parser
 
 
+def default_frame(namespace: str) -> str:
+    """Return the frame_id of an arm: with its namespace, two arms share one TF tree."""
+    return f'{namespace}/{FRAME.default}' if namespace else str(FRAME.default)
+
+
+def check_start(namespace: str, files: Sequence[str | Path], packages: Sequence[str] = ()) -> None:
+    """
+    Check what a launch file starts, before it starts anything.
+
+    Raises ParameterError for a namespace that ROS does not take, for a parameter file as the nodes
+    do, and for one of the ``packages`` of ROS that is not installed.
+    """
+    try:
+        validate_namespace('/' + namespace)
+    except InvalidNamespaceException as error:
+        raise ParameterError(f'namespace {namespace!r} is not one that ROS takes: '
+                             f'{str(error).splitlines()[0]}') from None
+    check_parameter_files([word for path in files for word in ('--params-file', str(path))], NODES)
+    for package in packages:
+        if package not in get_packages_with_prefixes():
+            raise ParameterError(
+                f'the ROS package {package} is not installed; on Ubuntu, install it with: '
+                f'sudo apt install ros-jazzy-{package.replace("_", "-")}')
+
+
 def ros_arguments(options: Namespace) -> list[str]:
     """Return the options of start_parser as ROS arguments."""
     arguments = ['up', '--ros-args']
-    if options.namespace:
-        arguments += ['-r', '__ns:=/' + options.namespace.strip('/')]
+    namespace = (options.namespace or '').strip('/')
+    if namespace:  # what stands in a file comes later and wins
+        arguments += ['-r', f'__ns:=/{namespace}', '-p', f'frame_id:={default_frame(namespace)}']
     for path in options.params_file or [description_file()]:
         arguments += ['--params-file', str(path)]
     for name in DRIVERS:

@@ -26,12 +26,13 @@ from soft_continuum.ros.names import (
 
 AUTOSTART = Parameter('autostart', True, 'configure and activate the node when it starts')
 FRAME = Parameter(
-    'frame_id', 'base_link', 'frame of the bottom centre of the base disc, z along the arm')
+    'frame_id', 'base_link', 'frame of the bottom centre of the base disc, z along the arm; '
+    'left/base_link: every frame of the arm begins with left/')
 AMBIENT = Parameter(
     'ambient_pressure', 101325.0, 'absolute ambient pressure', 1e4, 2e5, unit='Pa')
 STALE_AFTER = Parameter(
     'silence_timeout', 0.5, 'age at which the last message of another node is stale', 0.1, 10.0,
-    unit='s')
+    read_only=False, unit='s')
 PULL_LIMITS = Parameter(
     'pull_limits', (-0.06, 0.06), 'smallest and largest tendon pull; negative: paid out',
     -1.0, 1.0, is_range=True, unit='m')

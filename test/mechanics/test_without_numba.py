@@ -119,3 +119,13 @@ def test_a_numba_without_the_private_option_for_reference_counts_compiles_as_wel
     function = _compile.borrowing(total)
     assert ('_nrt' in function.targetoptions) == known
     assert function(np.arange(4.0)) == 6.0
+
+
+def test_the_model_counts_as_compiled_when_all_of_it_is(tmp_path, monkeypatch):
+    # numba makes the directory when it begins.
+    monkeypatch.setattr(_compile, 'COMPILED', True)
+    monkeypatch.setattr(_compile, '_CACHE', str(tmp_path))
+    monkeypatch.setattr(_compile, '_COMPLETE', str(tmp_path / 'complete'))
+    assert not _compile.is_compiled()
+    _compile.note_compiled()
+    assert _compile.is_compiled()

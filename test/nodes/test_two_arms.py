@@ -55,12 +55,13 @@ def test_a_stop_of_one_arm_leaves_the_other_one_running(make_rig: Callable[..., 
     rigs['left'].assert_rests()
 
 
-@pytest.mark.parametrize('namespace', ['left', '/lab/left/'])
+@pytest.mark.parametrize(('namespace', 'in_file', 'frame'), [
+    ('left', '', 'left/base_link'), ('/lab/left/', '    frame_id: rail\n', 'rail')])
 def test_the_four_nodes_come_up_under_a_namespace(
         make_rig: Callable[..., Rig], processes: Processes, tmp_path: Path,
-        namespace: str) -> None:
+        namespace: str, in_file: str, frame: str) -> None:
     patient = tmp_path / 'patient.yaml'
-    patient.write_text('/**:\n  ros__parameters:\n    silence_timeout: 10.0\n')
+    patient.write_text('/**:\n  ros__parameters:\n    silence_timeout: 10.0\n' + in_file)
     rig = make_rig(namespace='/' + namespace.strip('/'))
     up = processes.start([
         *module_command('up'), '--namespace', namespace,
@@ -70,6 +71,7 @@ def test_the_four_nodes_come_up_under_a_namespace(
              in rig.observer.get_node_names_and_namespaces()}
     assert nodes == {f'{rig.namespace}/{name}' for name in (*ALL, 'observer')}
     assert rig.goal_when_heard((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'
+    assert rig.segment_poses.last.header.frame_id == frame  # two arms share one TF tree
     up.send(signal.SIGINT)
     assert up.wait() == 0
     assert 'Traceback' not in up.output

@@ -1,0 +1,27 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a launch file checks before it starts anything."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from soft_continuum.nodes.up import check_start, description_file
+from soft_continuum.parameters.parameter import ParameterError
+
+
+def test_what_can_be_started_is_not_refused() -> None:
+    check_start('left', [description_file()], ['soft_continuum_interfaces'])
+
+
+@pytest.mark.parametrize(('namespace', 'files', 'packages', 'reason'), [
+    ('', ['missing.yaml'], [], 'missing.yaml: cannot be read: No such file'),
+    ('', [description_file(), 'missing.yaml'], [], 'missing.yaml: cannot be read: No such file'),
+    ('a-b', [], [], "namespace 'a-b' is not one that ROS takes"),
+    ('', [], ['no_such_publisher'], 'sudo apt install ros-jazzy-no-such-publisher'),
+])
+def test_what_cannot_be_started_is_refused_before_anything_starts(
+        namespace: str, files: Sequence[str], packages: Sequence[str], reason: str) -> None:
+    with pytest.raises(ParameterError, match=reason):
+        check_start(namespace, files, packages)
