@@ -51,8 +51,8 @@ class GrblFirmware:
         Switch on; ``settings`` are ``$`` numbers that are not as usual.
 
         say, acknowledge: take the lines that are sent by themselves, and those that answer a line.
-        switches: where the limit switches of X and Y close, in the unit of the settings, from where
-        the motors now are.
+        switches: where the limit switches of X and Y close, from where the motors now are, in the
+        unit of the settings.
         """
         self.settings: dict[int, float] = {**DEFAULTS, **settings}
         self.received: list[str] = []  # lines, as they came
