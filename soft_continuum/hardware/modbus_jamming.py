@@ -76,8 +76,8 @@ class ModbusJamming:
 
     A call makes one to four requests, each bounded by ``modbus.timeout`` (0.1 s by default, 1 s at
     most), and raises after the first that is not answered: a board that does not answer holds its
-    caller for one timeout, then calls raise at once for at least two timeouts.  Nothing is
-    switched but by set_evacuated and set_pump: not on open, close or reconnection.
+    caller for one timeout at a time, with ever longer pauses in which calls raise at once.
+    Nothing is switched but by set_evacuated and set_pump: not on open, close or reconnection.
     """
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
