@@ -204,7 +204,7 @@ def _interrogate(link: GrblLink, deadline: float) -> Controller:
     marked = offsets == [f'{MARK:.3f}'] and not hal
     while link.clock() < deadline:
         link.write(STATUS_QUERY)
-        for message in _collect(link, QUERY_INTERVAL / 5):
+        for message in link.receive(QUERY_INTERVAL):  # the offset comes with every 30th
             if isinstance(message, Banner):
                 raise ResetSeenError
             if not isinstance(message, Status):

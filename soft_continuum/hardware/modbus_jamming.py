@@ -29,6 +29,8 @@ BROKEN_WIRE, SHORT_CIRCUIT = 3600, 21000
 COILS_INTERVAL = 0.2
 """s between two readings of the relays: they change only by a command or a reset of the board."""
 REQUEST_SIZE = 8  # bytes
+OPEN_ATTEMPTS = 2
+"""A reply to a program that was killed just before may still be on its way to the first one."""
 
 
 @dataclass(frozen=True)
@@ -132,11 +134,14 @@ class ModbusJamming:
     def open(self) -> None:
         """Connect and read the present state; switch nothing."""
         self._bus.open()
-        try:
-            self.read()
-        except HardwareError:
-            self._bus.close()
-            raise
+        for attempt in range(OPEN_ATTEMPTS):
+            try:
+                self.read()
+                return
+            except HardwareError:
+                if attempt == OPEN_ATTEMPTS - 1:
+                    self._bus.close()
+                    raise
 
     def close(self) -> None:
         """Disconnect; leave pump and valves as they are."""

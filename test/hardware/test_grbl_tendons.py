@@ -227,7 +227,9 @@ def test_a_restarted_driver_knows_the_position_if_the_board_was_not_reset():
         tendons.move((0.003, -0.001), 0.2)
         at_rest(tendons)
         tendons.close()
+        begin = emulator.clock()
         tendons.open()
+        assert emulator.clock() - begin < 0.4
         reading = tendons.read()
         assert reading.referenced
         assert reading.pulls == pytest.approx((0.003, -0.001), abs=1e-9)

@@ -378,6 +378,21 @@ def test_a_dead_device_is_an_error_on_open_and_leaves_the_port_free(emulator):
     other.close()
 
 
+def test_a_reply_to_a_program_that_was_killed_does_not_hold_up_the_next_one():
+    with emulated(baud_rate=9600) as rig:
+        for age in (0.0, 0.005, 0.02):
+            killed, jamming = driver_of(rig, baud_rate=9600), driver_of(rig, baud_rate=9600)
+            killed.open()
+            request = bytes([2, READ_REGISTERS, 0, 0, 0, 3])
+            os.write(killed._bus._serial.fileno(), request + crc(request))
+            rig.clock.sleep(age)
+            killed.close()
+            begin = rig.clock()
+            jamming.open()
+            assert rig.clock() - begin < 0.3
+            jamming.close()
+
+
 def test_a_second_program_cannot_use_the_line(emulator, driver):
     assert 'in use by another program' in fail(driver_of(emulator).open)
     eventually(emulator, driver.read)
