@@ -82,7 +82,7 @@ def after(clock, controller, seconds):
 def simulated(initially_stiff, segments=3, plant=None):
     clock = Clock()
     driver = SimulatedJamming(clock, segments, plant or JammingPlant(), initially_stiff)
-    return clock, driver, JammingController(driver, segments, SETTINGS)
+    return clock, driver, JammingController(driver, segments, SETTINGS, clock)
 
 
 def stiff_at(controller, driver, *vacuum):
