@@ -234,8 +234,8 @@ def workbench(parameters: Mapping[str, Any], faster: float = 1.0) -> Iterator[Wo
             **parameters}
         path = folder / 'soak.yaml'
         path.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}), encoding='utf-8')
-        motors = {110: 3000 * faster, 111: 3000 * faster,
-                  120: 500 * faster**2, 121: 500 * faster**2}
+        motors = {110: 450000 * faster, 111: 450000 * faster,
+                  120: 100000 * faster**2, 121: 100000 * faster**2}
         with (GrblEmulator(str(folder / 'grbl'), settings=motors) as grbl,
               ModbusEmulator(SEGMENTS, link=folder / 'modbus') as modbus):
             begin = time.monotonic()

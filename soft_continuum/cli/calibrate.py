@@ -243,10 +243,7 @@ def _steps(job: Job) -> None:
     _take(job, 'grbl.steps_per_mm', steps)
     if job.values['tendon_driver'] == 'grbl' and steps != tuple(before):
         _forget_zero(job.values)
-        print(f'Type these lines in a terminal on {job.values["grbl.port"]} ({GUIDE}); the zero '
-              f'must then be set again:\n$100={steps[0]:.3f}\n$101={steps[1]:.3f}')
-        if job.options.what == 'all':
-            confirm('The lines were typed, and that terminal is closed.', job.options.yes)
+        print('The steps per mm have changed: the zero must be set again.')
 
 
 def _travel(text: str, distance: float) -> float:

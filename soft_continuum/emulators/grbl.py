@@ -10,6 +10,8 @@ from soft_continuum.emulators.console import Command, set_to
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import Clock
 
+STEPS_PER_MM = 200
+"""Of the emulated motors and drums; the board itself counts steps."""
 CONFIGURATION = """\
 Put this into the parameter file of tendon_actuation:
 /**:
@@ -17,7 +19,7 @@ Put this into the parameter file of tendon_actuation:
     tendon_driver: grbl
     grbl:
       port: {port}
-      steps_per_mm: [{x:.1f}, {y:.1f}]{homing}
+      steps_per_mm: [{steps:.1f}, {steps:.1f}]{homing}
 Type a fault, or help.
 """
 
@@ -80,12 +82,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error('--switches must be negative, and not below -1000 mm')
     settings, homing = {}, ''
     if arguments.switches:
-        settings = {22: 1.0, 23: 3.0, 130: 100.0, 131: 100.0}
+        settings = {22: 1.0, 23: 3.0, **dict.fromkeys((130, 131), 100.0 * STEPS_PER_MM)}
         right, left = ((switch + 1.0) * 1e-3 for switch in arguments.switches)  # 1 mm off: $27
         homing = f'\n      homed_pulls: [{right:.4f}, {left:.4f}]'
     return console.serve(
         parser, lambda: GrblEmulator(
-            arguments.link, Clock(arguments.time_factor), settings, arguments.switches),
+            arguments.link, Clock(arguments.time_factor), settings,
+            [switch * STEPS_PER_MM for switch in arguments.switches]),
         lambda emulator: CONFIGURATION.format(
-            port=emulator.port, x=emulator.firmware.settings[100],
-            y=emulator.firmware.settings[101], homing=homing), obey)
+            port=emulator.port, steps=STEPS_PER_MM, homing=homing), obey)

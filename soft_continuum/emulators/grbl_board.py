@@ -37,7 +37,8 @@ class GrblEmulator(EmulatedDevice):
         Switch the board on; ``link``: a path at which its port can always be found.
 
         clock: the time in which it moves.  settings: ``$`` numbers that are not as usual.
-        switches: where the limit switches of X and Y close, mm from where the motors now are.
+        switches: where the limit switches of X and Y close, in the unit of the settings (steps)
+        from where the motors now are.
         """
         super().__init__(link, clock)
         self.hang = False

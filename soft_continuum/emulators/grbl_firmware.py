@@ -20,15 +20,18 @@ MAX_LINE_LENGTH = 79
 OFF_TIME = 0.5  # s without current after a reset in motion
 PRESS_TIME = 0.15  # s that a button is held down
 WORD = re.compile(r'([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))')
+COMMENT = re.compile(r'\([^)]*\)?|;.*')
+MAX_DIGITS = 8  # of a number; the value of further ones is lost
 DEFAULTS = {
-    0: 10, 1: 255, 2: 0, 3: 0, 4: 0, 5: 0, 6: 0, 10: 1, 11: 0.01, 12: 0.002, 13: 0, 20: 0, 21: 0,
-    22: 0, 23: 0, 24: 25, 25: 500, 26: 250, 27: 1, 30: 1000, 31: 0, 32: 0,
-    100: 200, 101: 200, 102: 200, 110: 3000, 111: 3000, 112: 3000, 120: 500, 121: 500, 122: 500,
-    130: 200, 131: 200, 132: 200,
+    0: 10, 1: 255, 2: 0, 3: 0, 4: 0, 5: 0, 6: 0, 10: 1, 11: 2, 12: 0.002, 13: 0, 20: 0, 21: 0,
+    22: 0, 23: 0, 24: 5000, 25: 100000, 26: 250, 27: 200, 30: 1000, 31: 0, 32: 0,
+    100: 1, 101: 1, 102: 1, 110: 450000, 111: 450000, 112: 450000, 120: 100000, 121: 100000,
+    122: 100000, 130: 40000, 131: 40000, 132: 40000,
 }
 WHOLE = frozenset((*range(11), *range(13, 24), 26, 30, 31, 32))  # settings without decimals
 OK, BAD_LETTER, BAD_NUMBER, BAD_STATEMENT, NO_HOMING, NOT_IDLE, LOCKED = 0, 1, 2, 3, 5, 8, 9
 NEEDS_HOMING, TOO_LONG, TRAVEL, BAD_JOG, UNSUPPORTED, NO_FEED = 10, 11, 15, 16, 20, 22
+REPEATED = 25
 HARD_LIMIT, SOFT_LIMIT, RESET_IN_MOTION, RESET_IN_HOMING, HOMING_FAILED = 1, 2, 3, 6, 9
 CODES = frozenset((0, 1, 20, 21, 43.1, 49, 53, 54, 90, 91, 92, 94))
 INCH = 25.4  # mm
@@ -47,8 +50,9 @@ class GrblFirmware:
         """
         Switch on; ``settings`` are ``$`` numbers that are not as usual.
 
-        switches: where the limit switches of X and Y close, mm from where the motors now are.
         say, acknowledge: take the lines that are sent by themselves, and those that answer a line.
+        switches: where the limit switches of X and Y close, from where the motors now are, in the
+        unit of the settings.
         """
         self.settings: dict[int, float] = {**DEFAULTS, **settings}
         self.received: list[str] = []  # lines, as they came
@@ -58,7 +62,7 @@ class GrblFirmware:
         self.buffer = bytearray()
         self._say_line = say
         self._acknowledge = acknowledge
-        self._switches = [round(mm * self.settings[100 + i]) for i, mm in enumerate(switches)]
+        self._switches = [round(at * self.settings[100 + i]) for i, at in enumerate(switches)]
         self._critical = self._cancelling = False
         self.planner = Planner(self._machine())
         self._switch_on()
@@ -151,7 +155,7 @@ class GrblFirmware:
             self.buffer = bytearray(rest)
             text = line.decode('ascii', 'replace').strip()
             self.received.append(text)
-            error = self._do(text.replace(' ', '').upper())
+            error = self._do(re.sub(r'[\x00-\x20/]', '', COMMENT.sub('', text)).upper())
             if error is not None:
                 self._acknowledge('ok' if error == OK else f'error:{error}')
 
@@ -315,7 +319,10 @@ class GrblFirmware:
         if ''.join(letter + number for letter, number in words) != line:
             return BAD_LETTER if not re.match('[A-Z]', line) else BAD_NUMBER
         codes = {float(number) for letter, number in words if letter == 'G'}
-        values = {letter: float(number) for letter, number in words if letter != 'G'}
+        letters = [letter for letter, _ in words if letter != 'G']
+        if len(set(letters)) < len(letters):
+            return REPEATED
+        values = {letter: value_of(number) for letter, number in words if letter != 'G'}
         if not codes <= CODES or not values.keys() <= set('XYZFN'):
             return BAD_JOG if jog else UNSUPPORTED
         if jog and (codes & {0, 1, 92, 43.1, 49} or not values.keys() & set('XYZ')):
@@ -345,10 +352,10 @@ class GrblFirmware:
         if feed <= 0.0:
             return NO_FEED
         for i, value in axes.items():
-            if not absolute:
-                end[i] += value
+            if 53 in codes:
+                end[i] = value
             else:
-                end[i] = value if 53 in codes else value + self._work_offset[i] + tool[i]
+                end[i] = value + (self._work_offset[i] + tool[i] if absolute else end[i])
         return self._go(end, feed / 60.0, jog)
 
     def _go(self, target: Iterable[float], feed: float, jog: bool) -> int:
@@ -363,6 +370,14 @@ class GrblFirmware:
             self.state = 'Run' if self.race or not jog else 'Jog'
             self.race = False
         return OK
+
+
+def value_of(number: str) -> float:
+    """Return the value of a number, as far as the firmware reads it."""
+    whole, _, fraction = number.lstrip('+-').partition('.')
+    read = (whole + fraction)[:MAX_DIGITS]
+    value = int(read) * 10.0 ** (len(whole) - len(read))
+    return -value if number[0] == '-' else value
 
 
 def decimals(values: Iterable[float]) -> str:

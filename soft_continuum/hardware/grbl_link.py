@@ -4,12 +4,14 @@
 The serial line to a GRBL 1.1 controller: bytes in, messages out, one line at a time.
 
 Every line that is sent is answered by exactly one Acknowledgement; all other messages may come at
-any time.  Lengths are mm and speeds mm/min, as on the wire.
+any time.  Lengths are motor steps and speeds steps/min, as on the wire: the controller
+is set to one step per "mm" of its own.
 """
 
 from collections.abc import Sequence
 import contextlib
 from dataclasses import dataclass
+from math import ceil
 import os
 import re
 
@@ -38,7 +40,11 @@ STATUS = re.compile(r'<([A-Z][a-z]+)(?::(\d{1,2}))?((?:\|[^|<>]*)*)>')
 COORDINATES = re.compile(rf'{NUMBER}(?:,{NUMBER}){{2,5}}')
 
 Coordinates = tuple[float, ...]
-"""One value per axis of the controller, mm."""
+"""One value per axis of the controller, motor steps."""
+G_WORDS = frozenset((20, 53, 90))
+"""Ways (steps) that no jog makes: with X or Y damaged to G they would change what a jog means."""
+FEED_UNIT = 100
+"""steps/min; no part of such a number, with a damaged digit before it, is a G word."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +79,7 @@ class Setting:
 @dataclass(frozen=True)
 class Status:
     """
-    The answer to ``?``; position and work_offset are mm in machine coordinates.
+    The answer to ``?``; position and work_offset are motor steps in machine coordinates.
 
     position: None when the controller reports work positions instead.  work_offset: comes only
     now and then.  pins: letters of the inputs at the board that are active.
@@ -124,20 +130,20 @@ def _coordinates(text: str) -> Coordinates | None:
     return tuple(float(number) for number in text.split(','))
 
 
-def words(position: Sequence[float], decimals: int) -> str:
-    """Return a position (mm) as G-code words, such as X1.00Y2.00."""
-    return ''.join(f'{axis}{mm:.{decimals}f}'
-                   for axis, mm in zip(AXES, position, strict=False))
+def words(steps: Sequence[int]) -> str:
+    """Return steps as G-code words, such as X+1Y-20."""
+    return ''.join(f'{axis}{n:+d}' for axis, n in zip(AXES, steps, strict=False))
 
 
-def jog_line(position: Sequence[float], feed: float) -> str:
+def jog_line(way: Sequence[int], feed: float) -> str:
     """
-    Return the command to jog to a position (mm, machine coordinates) with ``feed`` (mm/min).
+    Return the command to jog by a ``way`` (steps) with ``feed`` (steps/min).
 
-    A line that was cut off before its end, and then completed by another program, moves nothing
-    without its feed, or moves slower with a part of it.
+    No checksum protects it, so it is written such that a lost, doubled or changed character
+    makes it an error or a short motion: it has no decimal point; its mode (G91) was set before;
+    signs keep two numbers from becoming one; the feed, without which nothing moves, ends it.
     """
-    return f'$J=G21G90G53{words(position, 5)}F{max(feed, 1.0):.1f}'
+    return f'$J={words(way)}F{max(1, ceil(feed / FEED_UNIT)) * FEED_UNIT}'
 
 
 class MessageReader:

@@ -10,10 +10,10 @@ MAX_QUEUED_TIME seconds of motion.  Positions are whole motor steps in machine c
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import ceil, hypot, sqrt
 from typing import Any, Self
 
-from soft_continuum.hardware.grbl_link import AXES
+from soft_continuum.hardware.grbl_link import AXES, G_WORDS
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.parameters.parameter import ParameterError
 
@@ -22,11 +22,10 @@ JOG_TIME = 0.02
 FEED_MARGIN = 1.2
 """By which jogs are faster than planned, so that the controller catches up after a delay."""
 MAX_JOG_TIME = 0.06
-"""s of motion per jog after a late acknowledgement."""
+"""s of motion per jog after a late acknowledgement, if that makes its numbers no longer."""
 MAX_QUEUED_TIME = 0.14
 """s of motion that may be queued; a status report does not yet include the last 60 ms."""
 PATH_RESOLUTION = 1e-9  # m; positions are rounded to motor steps when they are sent
-REPORT_RESOLUTION = 1e-6  # m, of the positions in a status report
 MM = 1e3  # per m
 
 Steps = tuple[int, ...]
@@ -88,14 +87,9 @@ class Motors:
         """Motor steps per m of travel of each motor."""
         return tuple(MM * s for s in self.steps_per_mm)
 
-    def to_steps(self, millimetres: Sequence[float]) -> Steps:
-        """Return the steps at a position in machine coordinates (mm); further axes are ignored."""
-        return tuple(round(mm * s)
-                     for mm, s in zip(millimetres, self.steps_per_mm, strict=False))
-
-    def to_millimetres(self, steps: Sequence[int]) -> tuple[float, ...]:
-        """Return the position in machine coordinates, mm."""
-        return tuple(n / s for n, s in zip(steps, self.steps_per_mm, strict=True))
+    def to_steps(self, position: Sequence[float]) -> Steps:
+        """Return a position that the controller reports; axes without a tendon are ignored."""
+        return tuple(round(steps) for steps in position[:len(self.tendons)])
 
     def to_pulls(self, steps: Sequence[int]) -> tuple[float, ...]:
         """Return the pulls (m) that a difference in steps makes."""
@@ -120,7 +114,7 @@ def subtract(a: Steps, b: Steps) -> Steps:
 
 @dataclass(frozen=True)
 class Jog:
-    """A straight motion; feed: m/s in the space of all motors, speed: m/s of the fastest one."""
+    """A straight motion; feed: steps/s in the space of all motors, speed: m/s of the fastest."""
 
     start: Steps
     end: Steps
@@ -140,6 +134,11 @@ class JogStream:
         # within what may be queued.
         self._speed_limit = min(motors.speed_limit, 0.8 * MAX_QUEUED_TIME * braking)
         self._braking = braking
+        # As many digits as the fastest jog needs, so that a damaged one is not longer than 10 of
+        # the longest, or 100 if a sign became a digit.
+        fastest = self._speed_limit * max(self._scale)
+        most_steps = 10 ** len(str(ceil(0.75 * JOG_TIME * fastest) + 1)) - 1
+        self._max_jog_time = min(MAX_JOG_TIME, (most_steps - 1) / fastest)
         self.place((0,) * len(self._scale))
 
     def place(self, steps: Steps) -> None:
@@ -169,7 +168,7 @@ class JogStream:
 
     def next_jog(self, now: float) -> Jog | None:
         """Return what the controller must be sent now, if anything."""
-        seconds = min(now + JOG_TIME - self._planned_until, MAX_JOG_TIME)
+        seconds = min(now + JOG_TIME - self._planned_until, self._max_jog_time)
         if self.end == self.target or seconds < 0.75 * JOG_TIME:
             return None
         if self._queued_time() + seconds > MAX_QUEUED_TIME:
@@ -178,6 +177,7 @@ class JogStream:
         self._path_time += seconds
         end = tuple(origin + round(metres * s) for origin, metres, s in zip(
             self._origin, self._path.read().pulls, self._scale, strict=True))
+        end = tuple(b - (b - a in G_WORDS) for a, b in zip(self.end, end, strict=True))
         if end == self.end:
             return None
         distances = self._metres(self.end, end)
@@ -185,7 +185,7 @@ class JogStream:
         shortest = max(abs(d) / self._speed_limit for d in distances)
         seconds = max(seconds, shortest)
         duration = max(seconds / FEED_MARGIN, shortest)
-        jog = Jog(self.end, end, seconds, hypot(*distances) / duration,
+        jog = Jog(self.end, end, seconds, hypot(*subtract(end, self.end)) / duration,
                   max(abs(d) for d in distances) / duration)
         self._queue.append(jog)
         self.end = end
@@ -208,9 +208,8 @@ class JogStream:
         return not self._queue and self.arrived(steps)
 
     def arrived(self, steps: Steps) -> bool:
-        """Whether ``steps`` is the end of the last jog, as far as a status report can tell."""
-        return all(abs(a - b) <= 0.5 + REPORT_RESOLUTION * s
-                   for a, b, s in zip(steps, self.end, self._scale, strict=True))
+        """Whether ``steps`` is the end of the last jog."""
+        return steps == self.end
 
     def clear_queue(self) -> None:
         """Note that the controller has executed all jogs."""
@@ -236,8 +235,7 @@ class JogStream:
         way, made = self._metres(jog.start, jog.end), self._metres(jog.start, steps)
         share = sum(w * m for w, m in zip(way, made, strict=True)) / sum(w * w for w in way)
         share = min(1.0, max(0.0, share))
-        # Motors step one after the other, and a report is rounded.
-        tolerance = REPORT_RESOLUTION + 1.5 / min(self._scale)
+        tolerance = 1.5 / min(self._scale)  # motors step one after the other
         error = hypot(*(m - share * w for w, m in zip(way, made, strict=True)))
         return share if error <= tolerance else None
 

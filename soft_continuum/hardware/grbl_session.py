@@ -23,12 +23,13 @@ from soft_continuum.hardware.grbl_link import (
     Status,
     STATUS_QUERY,
 )
-from soft_continuum.hardware.grbl_motion import add, JogStream, MM, Motors, Steps, subtract
+from soft_continuum.hardware.grbl_motion import add, JogStream, Motors, Steps, subtract
 from soft_continuum.hardware.grbl_setup import (
     Controller,
     explain_alarm,
     explain_error,
     mark_reference,
+    MODES,
     UNLOCK,
 )
 from soft_continuum.hardware.grbl_states import BUSY, Event, next_state, State
@@ -74,7 +75,8 @@ class GrblSession:
         """Take over a controller that was ``found`` on ``link``."""
         now = link.clock()
         self.link, self._motors = link, motors
-        braking = min(found.settings[120 + i] for i in range(len(motors.tendons))) / MM
+        braking = min(found.settings[120 + i] / scale
+                      for i, scale in enumerate(motors.steps_per_metre))
         self._jogs = JogStream(motors, braking)
         self.state = State.RESTING
         self.failure = ''
@@ -85,7 +87,7 @@ class GrblSession:
         self._unreferenced = '' if known else 'the controller was reset'
         self._jogs.place(self.position)
         self._target: tuple[Steps, float] | None = None  # of the last move, and its arrival (s)
-        self._setup_lines: list[str] = []
+        self._setup_lines = [MODES] if known else []
         self._queried_at = self._reported_at = now  # s, the last time
         self._unanswered_queries = 0
         self._idle_reports = CERTAIN_REPORTS  # in succession, at one place
@@ -189,7 +191,7 @@ class GrblSession:
                 self._fire(Event.HOME_SENT)
         elif jog := self._jogs.next_jog(now):
             self._idle_reports = 0
-            self._send(jog_line(self._motors.to_millimetres(jog.end), jog.feed * MM * MINUTE))
+            self._send(jog_line(subtract(jog.end, jog.start), jog.feed * MINUTE))
 
     def _send(self, line: str) -> None:
         self._acknowledgement = Watch(self.link.clock())
@@ -293,7 +295,8 @@ class GrblSession:
             return
         self._stray_reports += 1
         if self._stray_reports == CERTAIN_REPORTS:
-            self._lose_reference('the position jumped, as after a reset of the controller')
+            self._lose_reference('the position left the planned path, as after a reset of the '
+                                 'controller or a damaged command')
 
     def _check_status(self, status: Status) -> None:
         if status.state == 'Alarm':
@@ -373,8 +376,7 @@ class GrblSession:
         self._fire(Event.REFERENCE_LOST)
 
     def _mark_reference(self) -> None:
-        offset = subtract(self.position, self._zero)
-        self._setup_lines = mark_reference(self._motors.to_millimetres(offset))
+        self._setup_lines = mark_reference(subtract(self.position, self._zero))
 
     def _describe(self, steps: Steps) -> str:
         pulls = self._motors.to_pulls(subtract(steps, self._zero))

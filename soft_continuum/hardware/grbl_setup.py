@@ -26,18 +26,20 @@ from soft_continuum.hardware.grbl_link import (
     STATUS_QUERY,
     words,
 )
-from soft_continuum.hardware.grbl_motion import MM, Motors
+from soft_continuum.hardware.grbl_motion import Motors
 from soft_continuum.hardware.protocols import HardwareError
 
 FIND_TIMEOUT = 6.0
 """s for a controller to be found; an Arduino that opening the port has reset takes about two."""
 ANSWER_TIMEOUT = 1.0  # s for the answer to one line
 QUERY_INTERVAL = 0.1  # s
+MODES = 'G21G91'
+"""Relative motion in the unit of the settings: what jogs mean; forgotten in every reset."""
 MARK = 61.803
-"""mm of tool length offset that mean: referenced, and not reset since."""
+"""Steps of tool length offset that mean: referenced, and not reset since."""
 MARK_AXIS = 2  # Z, to which the tool length offset belongs
-STEPS_TOLERANCE = 1e-3
-"""Relative, of steps/mm; a controller prints three decimals."""
+RATE_MARGIN = 1.5
+"""By which $110, $111 may exceed what is needed; no jog, however damaged, is faster than they."""
 
 ERRORS = {
     1: 'expected a letter', 2: 'bad number', 3: 'unknown command', 5: 'homing is not enabled',
@@ -64,7 +66,7 @@ class Controller:
     """
     A controller that was found at rest.
 
-    position, zero: of the motors and of zero pull, mm in machine coordinates.  zero: None when
+    position, zero: of the motors and of zero pull, steps in machine coordinates.  zero: None when
     there was a reset since the tendons were referenced, or they never were.  locked: until homed.
     """
 
@@ -105,39 +107,44 @@ def explain_error(line: str, error: int) -> str:
     return f'the GRBL controller refused {line!r} with error:{error} ({meaning})'
 
 
-def mark_reference(offset: Sequence[float]) -> list[str]:
-    """Return the lines that make the present position read ``offset`` (mm) from zero pull."""
+def mark_reference(offset: Sequence[int]) -> list[str]:
+    """Return the lines that make the present position read ``offset`` (steps) from zero pull."""
     # The work offset of Z is counted from a tool length offset, so that must be none before.
     clear = ['G49'] if len(offset) > MARK_AXIS else []
-    return [*clear, f'G21G92{words(offset, 4)}', f'G43.1Z{MARK:.3f}']
+    return [*clear, f'{MODES}G92{words(offset)}', f'G43.1Z{MARK:.3f}']
 
 
 def unfit_settings(settings: Mapping[int, float], motors: Motors) -> list[str]:
     """Return, for each setting (by number) that does not fit, what it is and how to set it."""
     axes = range(len(motors.tendons))
-    feed, acceleration = 60.0 * MM * motors.speed_limit, MM * motors.acceleration_limit
+    feeds = [60.0 * motors.speed_limit * scale for scale in motors.steps_per_metre]
     by_switches = {22: (0.0, 0.0, 'tendons are referenced by hand: no grbl.homed_pulls')}
     if motors.homes:
         # A bit for each motor whose negative direction pays out.
         directions = float(sum(1 << i for i, sign in enumerate(motors.signs) if sign > 0.0))
-        travel = MM * (motors.pull_limits[1] - motors.pull_limits[0])
+        travel = motors.pull_limits[1] - motors.pull_limits[0]
         enabled = settings.get(22, 0.0)  # grblHAL has more bits than the one that switches it on
         enabled = enabled if int(enabled) & 1 else 1.0
         by_switches = {
             22: (enabled, enabled, 'grbl.homed_pulls are given'),
             23: (directions, directions, 'homing pays the tendons out, with these grbl.signs'),
-            **{130 + i: (0.0, travel, 'not to search for a switch further than pull_limits reach')
-               for i in axes},
-            **dict.fromkeys((24, 25), (0.0, feed, 'speed_limit in mm/min'))}
+            **{130 + i: (0.0, travel * scale,
+                         'not to search for a switch further than pull_limits reach, in steps')
+               for i, scale in enumerate(motors.steps_per_metre)},
+            **dict.fromkeys((24, 25), (0.0, min(feeds), 'speed_limit in steps/min'))}
     wanted = {
         1: (255.0, 255.0, 'motors hold the tendons at rest'),
-        13: (0.0, 0.0, 'reports are in mm'),
+        11: (1.0, inf, 'corners are rounded by a step'),
+        13: (0.0, 0.0, 'reports are not in inches'),
         20: (0.0, 0.0, 'travel is limited by pull_limits'),
         **by_switches,
-        **{100 + i: (steps * (1 - STEPS_TOLERANCE), steps * (1 + STEPS_TOLERANCE),
-                     'grbl.steps_per_mm') for i, steps in enumerate(motors.steps_per_mm)},
-        **{110 + i: (feed, inf, 'speed_limit in mm/min') for i in axes},
-        **{120 + i: (acceleration, inf, 'acceleration_limit in mm/s^2') for i in axes},
+        **{100 + i: (1.0, 1.0, 'the controller counts motor steps; grbl.steps_per_mm tells the '
+                     'driver what a step is') for i in axes},
+        **{110 + i: (feed, RATE_MARGIN * feed,
+                     f'speed_limit in steps/min, and at most {RATE_MARGIN:g} times that: a '
+                     'damaged command is no faster') for i, feed in enumerate(feeds)},
+        **{120 + i: (motors.acceleration_limit * scale, inf, 'acceleration_limit in steps/s^2')
+           for i, scale in enumerate(motors.steps_per_metre)},
     }
     complaints = []
     for number, (low, high, why) in wanted.items():
@@ -146,8 +153,8 @@ def unfit_settings(settings: Mapping[int, float], motors: Motors) -> list[str]:
                else round((low + high) / 2, 3))
         # Settings are printed with three decimals.
         if value is None or not low - 1e-3 <= value <= high + 1e-3:
-            found = 'missing' if value is None else f'{value:g}'
-            complaints.append(f'${number} is {found}, needed: ${number}={fix:g} ({why})')
+            found = 'missing' if value is None else f'{value:.10g}'
+            complaints.append(f'${number} is {found}, needed: ${number}={fix:.10g} ({why})')
     if not int(settings.get(10, 0)) & 1:
         complaints.append(f'$10 is {settings.get(10, 0):g}, needed: $10=1 (machine positions)')
     return complaints
@@ -197,7 +204,7 @@ def _interrogate(link: GrblLink, deadline: float) -> Controller:
     marked = offsets == [f'{MARK:.3f}'] and not hal
     while link.clock() < deadline:
         link.write(STATUS_QUERY)
-        for message in _collect(link, QUERY_INTERVAL / 5):
+        for message in link.receive(QUERY_INTERVAL):  # the offset comes with every 30th
             if isinstance(message, Banner):
                 raise ResetSeenError
             if not isinstance(message, Status):
@@ -205,8 +212,8 @@ def _interrogate(link: GrblLink, deadline: float) -> Controller:
             if message.position is None or not marked:  # no position: see the check of $10
                 return Controller(version[0], settings, message.position or (0.0, 0.0, 0.0), None)
             if message.work_offset is not None:
-                zero = tuple(mm - MARK if i == MARK_AXIS else mm
-                             for i, mm in enumerate(message.work_offset))
+                zero = tuple(steps - MARK if i == MARK_AXIS else steps
+                             for i, steps in enumerate(message.work_offset))
                 return Controller(version[0], settings, message.position, zero)
     raise HardwareError('the GRBL controller does not report its position; check the cable')
 

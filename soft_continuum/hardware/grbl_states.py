@@ -48,26 +48,19 @@ BUSY = frozenset(State) - {State.RESTING, State.FAILED}
 """States in which the tendons move or may move."""
 
 _TRANSITIONS = {
-    (State.RESTING, Event.TARGET): State.JOGGING,
-    (State.RESTING, Event.HOME): State.HOMING_REQUESTED,
-    (State.JOGGING, Event.RESTED): State.RESTING,
-    (State.JOGGING, Event.STOP): State.STOPPING,
-    (State.STOPPING, Event.RESTED): State.RESTING,
-    (State.STOPPING, Event.LOCKED): State.RESTING,
-    (State.HOMING_REQUESTED, Event.HOME_SENT): State.SEEKING,
-    (State.HOMING_REQUESTED, Event.STOP): State.RESTING,
-    (State.SEEKING, Event.HOME_DONE): State.HOMED,
-    (State.SEEKING, Event.STOP): State.ABORTING_HOMING,
-    (State.ABORTING_HOMING, Event.HOME_DONE): State.RESTING,
-    (State.HOMED, Event.RESTED): State.RESTING,
-    (State.HOMED, Event.STOP): State.RESTING,
+    Event.TARGET: {State.RESTING: State.JOGGING},
+    Event.RESTED: dict.fromkeys((State.JOGGING, State.STOPPING, State.HOMED), State.RESTING),
+    Event.STOP: {State.JOGGING: State.STOPPING, State.SEEKING: State.ABORTING_HOMING,
+                 State.HOMING_REQUESTED: State.RESTING, State.HOMED: State.RESTING},
+    Event.HOME: {State.RESTING: State.HOMING_REQUESTED},
+    Event.HOME_SENT: {State.HOMING_REQUESTED: State.SEEKING},
+    Event.HOME_DONE: {State.SEEKING: State.HOMED, State.ABORTING_HOMING: State.RESTING},
+    Event.LOCKED: {State.STOPPING: State.RESTING},
+    Event.REFERENCE_LOST: dict.fromkeys(set(State) - {State.FAILED}, State.STOPPING),
+    Event.FAILURE: dict.fromkeys(State, State.FAILED),
 }
 
 
 def next_state(state: State, event: Event) -> State:
     """Return the state after an event; one that has no meaning in a state does not change it."""
-    if event is Event.FAILURE or state is State.FAILED:
-        return State.FAILED
-    if event is Event.REFERENCE_LOST:
-        return State.STOPPING
-    return _TRANSITIONS.get((state, event), state)
+    return _TRANSITIONS[event].get(state, state)

@@ -34,8 +34,7 @@ class GrblTendons:
                   '/dev/serial/by-id that stays with the device'),
         Parameter('grbl.baud_rate', 115200, 'bits/s of that port', 1200, 4000000),
         Parameter('grbl.steps_per_mm', (200.0, 200.0),
-                  'motor steps per mm of pull of each tendon, on the axes X, Y, ...; the settings '
-                  '$100, $101, ... must be the same', 0.1, 1e5),
+                  'motor steps per mm of pull of each tendon, on the axes X, Y, ...', 0.1, 1e5),
         Parameter('grbl.signs', (1.0, 1.0),
                   'for each tendon 1 where a positive motion pulls it in, -1 where it pays it out',
                   -1.0, 1.0),

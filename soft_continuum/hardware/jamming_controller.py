@@ -4,7 +4,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, nan
 from time import monotonic
 
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, JammingReading
@@ -12,7 +12,9 @@ from soft_continuum.hardware.protocols import HardwareError, JammingDriver, Jamm
 RESPONSE_TIME = 10.0
 """s after which the pressure of a segment must have followed its valve."""
 FOLLOW_TIME, FOLLOW_DROP = 0.3, 5e3
-"""s after venting, and Pa that must be lost by then, for a sensor to be believed in between."""
+"""s of venting, at once or in parts, and Pa that a sensor must have lost by then."""
+REFILL_TIME = 3.0
+"""s with the pump running that restore what a shorter venting took, whatever the sensor says."""
 
 
 @dataclass(frozen=True)
@@ -49,25 +51,53 @@ class PressureWatch:
         self._settings = settings
         self._driven: list[tuple[bool, bool] | None] = [None] * segments
         self._since = [0.0] * segments
-        self._vacuum = [0.0] * segments  # when the valve was switched, Pa
+        self._read_at = 0.0
+        self._vacuum = [nan] * segments  # Pa, as read last
+        self._unnoticed: list[float | None] = [None] * segments
+        """Pa shown when a venting began, until the sensor has shown less; None: it has."""
+        self._vented = [0.0] * segments  # s since then, in which a reading showed it
+        self._pumped = [0.0] * segments  # s since it was vented last
         self._distrusted = [False] * segments
+
+    def vent(self, i: int) -> None:
+        """Note that a segment (0-based) is vented, for however short: its sensor must show it."""
+        if self._unnoticed[i] is None:
+            self._unnoticed[i], self._vented[i] = self._vacuum[i], 0.0
+        self._pumped[i] = 0.0
+
+    def refilling(self, i: int) -> bool:
+        """Whether a segment may have lost vacuum in a venting too short for its sensor to show."""
+        return self._unnoticed[i] is not None
 
     def faults(self, reading: JammingReading, now: float) -> tuple[str, ...]:
         """Return what is wrong with each segment, empty for nothing; now: s, never set back."""
-        return tuple(self._fault(i, reading, now) for i in range(len(self._driven)))
+        faults = tuple(self._fault(i, reading, now) for i in range(len(self._driven)))
+        self._read_at = now
+        return faults
+
+    def _follow(self, i: int, evacuated: bool, vacuum: float, elapsed: float) -> None:
+        """Tell a sensor that shows its ventings from one that does not."""
+        open_, pump = self._driven[i] or (True, False)
+        if not evacuated and open_ and self._driven[i]:
+            self.vent(i)  # as by a relay that fell off
+        self._vented[i] += 0.0 if open_ else elapsed
+        self._pumped[i] += elapsed if pump else 0.0
+        shown = self._unnoticed[i]
+        if shown is None or vacuum <= max(self._settings.release_vacuum, shown - FOLLOW_DROP):
+            self._unnoticed[i] = None
+        elif evacuated and self._vented[i] >= FOLLOW_TIME:
+            self._distrusted[i], self._unnoticed[i] = True, None
+        elif self._pumped[i] >= REFILL_TIME:
+            self._unnoticed[i] = None
 
     def _fault(self, i: int, reading: JammingReading, now: float) -> str:
         evacuated = reading.evacuated[i]
-        driven, before = (evacuated, evacuated and reading.pump), self._driven[i]
         vacuum = self._settings.ambient_pressure - reading.pressures[i]
-        vented = now - self._since[i]
-        if (before == (False, False) and evacuated and vented >= FOLLOW_TIME
-                and vacuum > max(self._vacuum[i] - FOLLOW_DROP, self._settings.release_vacuum)):
-            self._distrusted[i] = True  # it did not notice the venting that ends now
-        if driven != before:
+        self._follow(i, evacuated, vacuum, now - self._read_at)
+        self._vacuum[i] = vacuum
+        driven = evacuated, evacuated and reading.pump
+        if driven != self._driven[i]:
             self._driven[i], self._since[i] = driven, now
-            if before is None or before[0] != evacuated:
-                self._vacuum[i] = vacuum
         overdue = now - self._since[i] >= RESPONSE_TIME
         name, kilopascals = f'segment {i + 1}', f'{vacuum / 1e3:.1f} kPa of vacuum'
         if not isfinite(vacuum):
@@ -133,8 +163,10 @@ class JammingController:
                          else self._settings.stiff_vacuum)
             # A segment that is being vented may already move: it is not stiff any more.
             self.stiff[i] = (reading.evacuated[i] and not self.faults[i] and isfinite(value)
-                             and value >= threshold)
-        evacuated = [v for v, open_ in zip(vacuum, reading.evacuated, strict=True) if open_]
+                             and value >= threshold and not self._watch.refilling(i))
+        # What a segment that may have lost vacuum unseen is worth to the pump.
+        evacuated = [0.0 if self._watch.refilling(i) else v for i, v in enumerate(vacuum)
+                     if reading.evacuated[i]]
         if any(not v >= self._settings.pump_start_vacuum for v in evacuated):
             if not reading.pump:
                 self._driver.set_pump(True)
@@ -146,4 +178,5 @@ class JammingController:
         """Evacuate or vent a segment (0-based); ``stiff`` follows with the pressure."""
         if not stiff:  # at once, as a command that fails may have been carried out
             self.stiff[segment] = False
+            self._watch.vent(segment)
         self._driver.set_evacuated(segment, stiff)

@@ -23,8 +23,10 @@ from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import discard_output, open_serial
 
-PAUSE = 2.0
+PAUSE = 0.2
 """Timeouts without a byte before the line is used again; doubled by each failure in a row."""
+SHORT_PAUSE = 0.05
+"""s; a pause as short as this is waited out, so that one lost reply costs one reading."""
 MAX_PAUSE = 1.0
 """s; some boards need 0.5 s without a byte to find the beginning of a request again."""
 BITS_PER_CHARACTER = 11  # the longest there is; 8N1 has 10
@@ -48,8 +50,8 @@ class ModbusBus:
     Requests to the devices on one line, one at a time; for one thread, but ``close`` for any.
 
     Every request returns or raises HardwareError within the timeout, plus the gap between frames
-    (2 to 32 ms, by baud rate); during a pause it raises at once.  Writing never waits.  A lost
-    port is opened again by the next request.
+    (2 to 32 ms, by baud rate) and at most SHORT_PAUSE; during a longer pause it raises at once.
+    Writing never waits.  A lost port is opened again by the next request.
     """
 
     def __init__(self, port: str, baud_rate: int, timeout: float, clock: Clock = STEADY) -> None:
@@ -170,6 +172,8 @@ class ModbusBus:
         if not self._opened:
             raise HardwareError(f'serial port {self._port} is not open; configure the node')
         line = self._serial = self._serial or open_serial(self._port, self._baud_rate)
+        if self._paused_until - SHORT_PAUSE <= self.clock():
+            self.clock.sleep(self._paused_until - self.clock())
         try:
             ready = self.clock.wait([line.fileno()], 0.0)
             unrequested = os.read(line.fileno(), 4096) if ready else b''
@@ -184,7 +188,7 @@ class ModbusBus:
                 'the bus')
         if unrequested:
             self._paused_until = self.clock() + self._pause
-        if self.clock() < self._paused_until:
+        if self.clock() + SHORT_PAUSE < self._paused_until:
             raise HardwareError(f'{self._error} (waiting until nothing is received)')
         self._error = ''
         self.clock.sleep(self._used_at + self._gap - self.clock())

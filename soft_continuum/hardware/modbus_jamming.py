@@ -29,6 +29,8 @@ BROKEN_WIRE, SHORT_CIRCUIT = 3600, 21000
 COILS_INTERVAL = 0.2
 """s between two readings of the relays: they change only by a command or a reset of the board."""
 REQUEST_SIZE = 8  # bytes
+OPEN_ATTEMPTS = 2
+"""A reply to a program that was killed just before may still be on its way to the first one."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +78,8 @@ class ModbusJamming:
 
     A call makes one to four requests, each bounded by ``modbus.timeout`` (0.1 s by default, 1 s at
     most), and raises after the first that is not answered: a board that does not answer holds its
-    caller for one timeout, then calls raise at once for at least two timeouts.  Nothing is
-    switched but by set_evacuated and set_pump: not on open, close or reconnection.
+    caller for one timeout at a time, with ever longer pauses in which calls raise at once.
+    Nothing is switched but by set_evacuated and set_pump: not on open, close or reconnection.
     """
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
@@ -132,11 +134,14 @@ class ModbusJamming:
     def open(self) -> None:
         """Connect and read the present state; switch nothing."""
         self._bus.open()
-        try:
-            self.read()
-        except HardwareError:
-            self._bus.close()
-            raise
+        for attempt in range(OPEN_ATTEMPTS):
+            try:
+                self.read()
+                return
+            except HardwareError:
+                if attempt == OPEN_ATTEMPTS - 1:
+                    self._bus.close()
+                    raise
 
     def close(self) -> None:
         """Disconnect; leave pump and valves as they are."""

@@ -42,7 +42,10 @@ def open_serial(port: str, baud_rate: int) -> serial.Serial:
     if not port:
         raise HardwareError(f'no serial port is configured; {describe_ports()}')
     try:
-        return serial.Serial(port, baud_rate, exclusive=True)
+        line = serial.Serial(port, baud_rate, exclusive=True)
+        with contextlib.suppress(OSError, ValueError):  # not every adapter has this mode
+            line.set_low_latency_mode(True)  # some keep what they receive for 16 ms
+        return line
     except (OSError, ValueError) as error:  # serial.SerialException is an OSError
         raise HardwareError(f'serial port {port}: {_explain(port, error)}') from None
 

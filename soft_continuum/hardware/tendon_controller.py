@@ -6,7 +6,6 @@ Tendon motion: which trajectories are accepted, how they are followed, and what 
 A trajectory that is not accepted changes nothing.  A stop always wins and lasts until resume.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -93,16 +92,23 @@ class TendonController:
         """Whether the tendons move, or may still move to what they were sent."""
         return self._busy or self.reading.moving
 
-    def accept(self, times: Array, pulls: Array, now: float,
-               predict: Callable[[Array], None], begin: float | None = None) -> None:
+    def accept(self, times: Array, pulls: Array, now: float, begin: float | None = None) -> None:
         """
-        Replace the present trajectory from ``now`` on.
+        Replace the present trajectory from ``now`` on by what ``plan`` makes of another one.
+
+        Raises MotionRefusedError; then the present trajectory continues unchanged.
+        """
+        self._times, self._pulls = self.plan(times, pulls, now, begin)
+        self._busy = True
+
+    def plan(self, times: Array, pulls: Array, now: float, begin: float | None = None
+             ) -> tuple[Array, Array]:
+        """
+        Return the times (k,) s and pulls (k, tendons) m of a trajectory followed from ``now`` on.
 
         times: (points,) s on the clock of ``now``.  pulls: (points, tendons) m.  begin: when the
         trajectory was to start, on the same clock; a late one may catch up as far as the driver's
-        own limits let it.  ``predict`` raises MotionRefusedError for pulls (k, tendons) that the
-        arm must not be given.  Raises MotionRefusedError; then the present trajectory continues
-        unchanged.
+        own limits let it.  Changes nothing.  Raises MotionRefusedError.
         """
         if self.stopped:
             raise MotionRefusedError(Reason.STOPPED, f'stopped ({self.stopped_because}); call '
@@ -133,9 +139,7 @@ class TendonController:
             raise MotionRefusedError(
                 Reason.BEYOND_LIMITS, f'needs a tendon speed of {speed:.4g} m/s; speed_limit: '
                 f'{self.limits.speed_limit:g} m/s')
-        predict(pulls)
-        self._times, self._pulls = times, pulls
-        self._busy = True
+        return times, pulls
 
     def _planned(self, time: float) -> Array:
         """Return where the present trajectory is at ``time``, or the set-point without one."""

@@ -3,7 +3,6 @@
 """What the thread of control does with the tendons."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import NoReturn
 
@@ -136,16 +135,7 @@ class TendonControl:
 
         Raises MotionRefusedError.
         """
-        controller = self._checked(request)
-        found: list[Array] = []
-
-        def keep(pulls: Array) -> None:
-            found.append(pulls)
-            raise _NotYetError
-
-        with suppress(_NotYetError):
-            self._accept(controller, request, keep)
-        return found[0]
+        return self._checked(request).plan(*self._trajectory(request))[1]
 
     def follow(self, request: Request, stiff: tuple[bool | None, ...]) -> None:
         """
@@ -158,7 +148,7 @@ class TendonControl:
             self._refuse_because(Interlock(
                 Reason.STIFFNESS_CHANGED,
                 'a segment changed between soft and stiff before the motion began'))
-        self._accept(controller, request, lambda _: None)
+        controller.accept(*self._trajectory(request))
         if request.id != self._requests.accepted.id and self._requests.following:
             self._requests.end(Reason.REPLACED, 'a newer trajectory took its place')
             self.report()
@@ -184,11 +174,11 @@ class TendonControl:
             self._refuse_because(interlock)
         return self._controller
 
-    def _accept(self, controller: TendonController, request: Request,
-                predict: Callable[[Array], None]) -> None:
+    def _trajectory(self, request: Request) -> tuple[Array, Array, float, float]:
+        """Return times, pulls, the present and the start on one clock."""
         now = self._clock()
         start = now if request.start is None else request.start
-        controller.accept(start + request.times, request.pulls, now, predict, start)
+        return start + request.times, request.pulls, now, start
 
     @staticmethod
     def _refuse_because(interlock: Interlock) -> NoReturn:
@@ -333,7 +323,3 @@ class TendonControl:
     def report(self) -> None:
         """Let the other threads know how things are."""
         self._publish(self.snapshot())
-
-
-class _NotYetError(Exception):
-    """A trajectory that is all right so far is not to be followed yet."""

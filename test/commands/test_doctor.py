@@ -194,7 +194,7 @@ def test_settings_that_contradict_the_parameters_come_with_the_lines_to_type(tmp
     assert status == 1
     assert found['tendon settings'][0] == 'FAIL'
     assert '$1=255' in found['tendon settings'][1]
-    assert '$101=200' in found['tendon settings'][1]
+    assert '$101=1 ' in found['tendon settings'][1]
 
 
 def test_steppers_without_a_zero_are_to_be_referenced(rig, ask):

@@ -16,6 +16,12 @@ from soft_continuum.emulators.grbl_firmware import RECEIVE_BUFFER
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError
 
+MILLIMETRES = {
+    11: 0.01, 24: 25, 25: 500, 27: 1,
+    **{n + i: value for n, value in ((100, 200), (110, 3000), (120, 500), (130, 200))
+       for i in range(3)}}
+"""Settings of a board that is used for something else: 200 steps/mm."""
+
 
 class Terminal:
     """A person at a terminal."""
@@ -62,7 +68,7 @@ class Terminal:
 
 @pytest.fixture
 def at_terminal():
-    with board() as emulator:
+    with board(settings=MILLIMETRES) as emulator:
         terminal = Terminal(emulator)
         yield emulator, terminal
         terminal.port.close()
@@ -79,7 +85,8 @@ def test_status_settings_and_offsets_are_reported(at_terminal):
 @pytest.mark.parametrize(('line', 'answer'), [
     ('', 'ok'), ('$J=G91X1', 'error:22'), ('$J=X', 'error:2'), ('$J=G2X1F1', 'error:16'),
     ('$', 'ok'), ('$H', 'error:5'), ('$20=1', 'error:10'), ('$Q', 'error:3'), ('M3', 'error:20'),
-    ('=', 'error:1'), ('G1X1', 'error:22'), ('x' * 90, 'error:11'), ('$120=400', 'ok'),
+    ('=', 'error:1'), ('$J=X1X1F1', 'error:25'),
+    ('G1X1', 'error:22'), ('x' * 90, 'error:11'), ('$120=400', 'ok'),
     ('$X', 'ok'), (' g53 g0 x 0 ', 'ok')])
 def test_every_line_is_answered_once(at_terminal, line, answer):
     _, terminal = at_terminal
@@ -90,7 +97,8 @@ def test_every_line_is_answered_once(at_terminal, line, answer):
 @pytest.mark.parametrize(('line', 'end'), [
     ('$J=G91X5F1000', (1000, 0, 0)), ('$J=G20X1F100', (5080, 0, 0)),
     ('G0X1Y-2', (200, -400, 0)), ('G91G1X1Z1F600', (200, 0, 200)),
-    ('$J=G53G90X2Y3F2000', (400, 600, 0))])
+    ('$J=G53G90X2Y3F2000', (400, 600, 0)), ('$J=G53G91X2Y3F2000', (400, 600, 0)),
+    ('$J=G91X1(Y1)F1000;Z1', (200, 0, 0)), ('$J=G91X0.00000012345F1000', (0, 0, 0))])
 def test_a_motion_ends_on_its_step(at_terminal, line, end):
     emulator, terminal = at_terminal
     assert terminal.ask(line) == ['ok']
@@ -186,7 +194,7 @@ def test_a_critical_alarm_is_silent_until_a_soft_reset(at_terminal, number):
 
 
 def test_homing_is_silent_and_soft_limits_follow():
-    with board(settings={22: 1, 23: 2}, switches=(3.0, -4.0)) as emulator:
+    with board(settings={**MILLIMETRES, 22: 1, 23: 2}, switches=(3.0, -4.0)) as emulator:
         terminal = Terminal(emulator)
         terminal.ask('$20=1')
         assert terminal.ask('$J=G91X1F100') == ['error:8']
@@ -222,7 +230,7 @@ def test_fifteen_motions_are_planned_and_what_no_buffer_holds_is_lost(at_termina
 def test_a_junction_is_passed_without_stopping_and_a_corner_is_not():
     times = []
     for second in ('X5', 'X-5'):
-        with board() as emulator:
+        with board(settings=MILLIMETRES) as emulator:
             terminal = Terminal(emulator)
             begin = emulator.time
             terminal.send(f'$J=G91X5F1800\n$J=G91{second}F1800\n'.encode())
@@ -248,7 +256,7 @@ def test_the_port_is_found_again_under_its_link(tmp_path):
 
 
 def test_time_can_pass_faster():
-    with GrblEmulator(clock=Clock(20.0)) as emulator:
+    with GrblEmulator(clock=Clock(20.0), settings=MILLIMETRES) as emulator:
         terminal = Terminal(emulator)
         begin, real = emulator.time, STEADY()
         terminal.ask('$J=G91X30F600')

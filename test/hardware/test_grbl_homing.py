@@ -13,8 +13,8 @@ from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 
 HOMED = (-0.011, -0.009)  # m: switches at -12 and -10 mm of a straight arm, and 1 mm off them
-SWITCHES = (-12.0, -10.0)
-HOMES = {22: 1, 23: 3, 130: 100, 131: 100}
+SWITCHES = (-2400.0, -2000.0)  # steps
+HOMES = {22: 1, 23: 3, 130: 20000, 131: 20000}
 
 
 @contextmanager
@@ -59,7 +59,7 @@ def test_homing_finds_the_same_zero_from_anywhere():
 
 
 def test_a_motor_that_turns_the_other_way_is_let_out_the_other_way():
-    with board(switches=(12.0, -10.0), settings={**HOMES, 23: 2}) as emulator:
+    with board(switches=(2400.0, -2000.0), settings={**HOMES, 23: 2}) as emulator:
         tendons = driver(emulator, homed_pulls=HOMED, signs=(-1.0, 1.0))
         tendons.open()
         assert home(tendons).pulls == (0.0, 0.0)
@@ -225,8 +225,8 @@ def test_switches_that_are_not_found_are_an_alarm_and_no_zero():
 
 
 @pytest.mark.parametrize(('settings', 'homed', 'words'), [
-    ({22: 0}, HOMED, '$22=1'), ({23: 0}, HOMED, '$23=3'), ({25: 5000}, HOMED, '$25=1800'),
-    ({130: 200}, HOMED, '$130=120'), ({}, (0.0,), '$22=0')])
+    ({22: 0}, HOMED, '$22=1'), ({23: 0}, HOMED, '$23=3'), ({25: 500000}, HOMED, '$25=360000'),
+    ({130: 40000}, HOMED, '$130=24000'), ({}, (0.0,), '$22=0')])
 def test_settings_that_contradict_homing_are_named(settings, homed, words):
     with board(switches=SWITCHES, settings={**HOMES, **settings}) as emulator:
         with pytest.raises(HardwareError) as refused:

@@ -86,8 +86,8 @@ def test_no_bytes_make_the_reader_fail_and_the_next_line_is_understood_again():
 
 
 @settings(deadline=None, derandomize=True, max_examples=100)
-@given(st.lists(st.floats(-1e4, 1e4), min_size=1, max_size=4), st.floats(0.0, 1e6))
-def test_a_jog_fits_into_a_line_of_the_firmware(position, feed):
-    line = jog_line(position, feed)
+@given(st.lists(st.integers(-10**6, 10**6), min_size=1, max_size=4), st.floats(0.0, 1e8))
+def test_a_jog_fits_into_a_line_of_the_firmware(way, feed):
+    line = jog_line(way, feed)
     assert len(line) <= MAX_LINE_LENGTH
     assert 'E' not in line.upper() and 'F0.0' not in line

@@ -4,6 +4,7 @@
 
 from contextlib import suppress
 import fcntl
+from itertools import pairwise
 from math import isnan
 import os
 import random
@@ -292,6 +293,28 @@ def test_a_device_that_does_not_answer_holds_its_caller_for_one_timeout_and_then
     assert WRITE_COIL not in functions(emulator)
 
 
+@pytest.mark.parametrize(('lost', 'longest'), [((1,), 0.3), ((2,), 0.3), ((1, 2), 0.45),
+                                               ((1, 3), 0.45), ((1, 4), 0.45)])
+def test_two_lost_replies_close_together_do_not_make_the_pressures_stale(lost, longest):
+    with emulated(baud_rate=9600, initially_stiff=True) as rig:
+        jamming, clock, replies = driver_of(rig, baud_rate=9600), rig.clock, []
+        jamming.open()
+
+        def lose(reply):
+            replies.append(reply)
+            return b'' if len(replies) in lost else reply
+        rig.transform = lose
+        begin, readings = clock(), [clock()]
+        for cycle in range(20):  # as jamming_valves does
+            clock.sleep(begin + 0.05 * cycle - clock())
+            with suppress(HardwareError):
+                jamming.read()
+                readings.append(clock())
+        assert len(replies) > 4
+        assert max(b - a for a, b in pairwise(readings)) < longest
+        jamming.close()
+
+
 def test_a_device_that_answers_again_is_read_again_and_nothing_is_switched(emulator, driver):
     driver.set_evacuated(0, True)
     emulator.requests.clear()
@@ -353,6 +376,21 @@ def test_a_dead_device_is_an_error_on_open_and_leaves_the_port_free(emulator):
     other = driver_of(emulator)
     eventually(emulator, lambda: other.open() or True)
     other.close()
+
+
+def test_a_reply_to_a_program_that_was_killed_does_not_hold_up_the_next_one():
+    with emulated(baud_rate=9600) as rig:
+        for age in (0.0, 0.005, 0.02):
+            killed, jamming = driver_of(rig, baud_rate=9600), driver_of(rig, baud_rate=9600)
+            killed.open()
+            request = bytes([2, READ_REGISTERS, 0, 0, 0, 3])
+            os.write(killed._bus._serial.fileno(), request + crc(request))
+            rig.clock.sleep(age)
+            killed.close()
+            begin = rig.clock()
+            jamming.open()
+            assert rig.clock() - begin < 0.3
+            jamming.close()
 
 
 def test_a_second_program_cannot_use_the_line(emulator, driver):

@@ -96,11 +96,14 @@ class Rig:
         self.driver = WatchedTendons(self.clock) if simulated else ObedientDriver()
         self.controller = TendonController(self.driver, LIMITS)
 
-    def accept(self, *points, predict=lambda pulls: None, since=None):
-        """Points: (s from now, right, left)."""
+    def trajectory(self, *points, since=None):
+        """Times, pulls and the present from points: (s from now, right, left)."""
         start = self.clock.now if since is None else since
         values = np.array(points, dtype=float).reshape(len(points), 3)
-        self.controller.accept(start + values[:, 0], values[:, 1:], self.clock.now, predict)
+        return start + values[:, 0], values[:, 1:], self.clock.now
+
+    def accept(self, *points, since=None):
+        self.controller.accept(*self.trajectory(*points, since=since))
 
     def update(self, times=1, interval=INTERVAL):
         """Readings of some updates, each followed by its interval of time."""
@@ -198,11 +201,11 @@ def test_both_tendons_may_use_their_whole_travel(rig):
     assert rig.rest().pulls == pytest.approx((0.04, -0.02), abs=STEP)
 
 
-def test_the_prediction_sees_the_way_from_the_present_set_point_on(rig):
-    seen = []
-    in_motion(rig).accept((0.5, 0.02, -0.01), predict=seen.append)
-    assert seen[0][0] == pytest.approx(rig.driver.sent[-1])
-    assert seen[0][-1] == pytest.approx((0.02, -0.01))
+def test_a_plan_begins_at_the_present_set_point(rig):
+    in_motion(rig)
+    _, pulls = rig.controller.plan(*rig.trajectory((0.5, 0.02, -0.01)))
+    assert pulls[0] == pytest.approx(rig.driver.sent[-1])
+    assert pulls[-1] == pytest.approx((0.02, -0.01))
 
 
 # What is refused: the message says what was asked for and what is allowed.
@@ -254,21 +257,9 @@ def test_a_refused_trajectory_moves_nothing_at_rest(obedient, points):
     assert obedient.driver.calls == []
 
 
-def no(pulls):
-    raise MotionRefusedError(Reason.TENSION, 'the tension would be 75 N; tension_limit: 60 N')
-
-
-def test_what_the_prediction_refuses_is_refused_with_its_reason(rig):
-    with pytest.raises(MotionRefusedError, match='75 N; tension_limit: 60 N') as refused:
-        rig.accept((1.0, 0.01, 0.0), predict=no)
-    assert refused.value.reason is Reason.TENSION
-    assert not rig.controller.following
-
-
-def test_what_the_prediction_refuses_leaves_the_present_trajectory_going():
+def test_a_plan_leaves_the_present_trajectory_going():
     disturbed, undisturbed = in_motion(Rig()), in_motion(Rig())
-    with pytest.raises(MotionRefusedError):
-        disturbed.accept((1.0, 0.01, 0.0), predict=no)
+    disturbed.controller.plan(*disturbed.trajectory((1.0, 0.01, 0.0)))
     assert disturbed.rest() == undisturbed.rest()
 
 
@@ -306,21 +297,21 @@ def test_any_number_of_tendons_is_moved_and_named(names):
     driver = SimulatedTendons(clock, names, SPEED, ACCELERATION, STEP)
     controller = TendonController(driver, TendonLimits(names, LIMITS.pull_limits, SPEED))
     goal = np.linspace(0.01, 0.005, len(names))
-    controller.accept(np.array([clock.now + 1.0]), goal[None, :], clock.now, lambda pulls: None)
+    controller.accept(np.array([clock.now + 1.0]), goal[None, :], clock.now)
     for _ in range(100):
         reading = controller.update(clock.now, INTERVAL)
         clock.now += INTERVAL
     assert reading.pulls == pytest.approx(goal, abs=STEP)
     with pytest.raises(MotionRefusedError, match=f'pulls of {names[-1]} reach'):
         controller.accept(np.array([clock.now + 9.0]), np.r_[goal[:-1], 0.05][None, :],
-                          clock.now, lambda pulls: None)
+                          clock.now)
 
 
 @pytest.mark.parametrize('shape', [(0, 2), (1, 1), (1, 3), (2, 2)])
 def test_pulls_that_are_not_one_for_each_tendon_and_time_are_refused_with_the_names(rig, shape):
     times = rig.clock.now + np.arange(1.0, 1.0 + min(shape[0], 1))
     with pytest.raises(MotionRefusedError, match='right_tendon, left_tendon') as refused:
-        rig.controller.accept(times, np.zeros(shape), rig.clock.now, lambda pulls: None)
+        rig.controller.accept(times, np.zeros(shape), rig.clock.now)
     assert refused.value.reason is Reason.INVALID
 
 
@@ -345,11 +336,11 @@ def test_the_same_motion_sent_piece_by_piece_is_the_same_motion():
     pulls = np.stack([0.02 * np.sin(times), -0.01 * np.sin(times)], axis=1)
     whole, pieces = Rig(), Rig()
     start = whole.clock.now
-    whole.controller.accept(start + times, pulls, start, lambda _: None)
+    whole.controller.accept(start + times, pulls, start)
     for _ in range(100):
         now = pieces.clock.now - INTERVAL / 2  # between the updates
         ahead = (start + times > now) & (start + times <= now + 0.5)
-        pieces.controller.accept(start + times[ahead], pulls[ahead], now, lambda _: None)
+        pieces.controller.accept(start + times[ahead], pulls[ahead], now)
         pieces.update()
         whole.update()
     assert np.array(pieces.driver.sent) == pytest.approx(
@@ -466,13 +457,12 @@ def test_the_set_point_after_resume_is_the_measured_position(rig):
 
 
 def test_the_set_point_after_resume_is_the_measured_position_even_while_braking(rig):
-    seen = []
     in_motion(rig).controller.stop('~/stop was called')
     rig.update()
     assert rig.controller.reading.moving
     rig.controller.resume()
-    rig.accept((1.0, 0.0, 0.0), predict=seen.append)
-    assert seen[0][0] == pytest.approx(rig.controller.reading.pulls, abs=1e-12)
+    _, pulls = rig.controller.plan(*rig.trajectory((1.0, 0.0, 0.0)))
+    assert pulls[0] == pytest.approx(rig.controller.reading.pulls, abs=1e-12)
 
 
 def test_a_trajectory_from_where_a_stopped_one_would_have_been_is_refused(rig):

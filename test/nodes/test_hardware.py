@@ -295,8 +295,8 @@ HOMED = [-0.006, -0.005]  # m: switches at -7 and -6 mm of a straight arm, and 1
 @pytest.fixture
 def homing(rig: Rig, tmp_path: Path) -> Iterator[Bench]:
     """Return the nodes on a stepper board with limit switches, the arm straight and stiff."""
-    settings = {22: 1, 23: 3, 130: 100, 131: 100}
-    with (GrblEmulator(str(tmp_path / 'grbl'), settings=settings, switches=(-7.0, -6.0)) as grbl,
+    settings = {22: 1, 23: 3, 130: 20000, 131: 20000}
+    with (GrblEmulator(str(tmp_path / 'grbl'), settings=settings, switches=(-1400, -1200)) as grbl,
           ModbusEmulator(link=tmp_path / 'modbus') as modbus):
         bench = Bench(rig, grbl, modbus, tmp_path)
         bench.start(**{'grbl.homed_pulls': HOMED})
