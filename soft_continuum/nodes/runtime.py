@@ -4,6 +4,7 @@
 """Starting, spinning and ending a node."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 import gc
 from importlib import import_module
 import signal
@@ -120,7 +121,8 @@ def end(executor: Executor | None, nodes: Sequence[Any]) -> None:
     if executor is not None:
         executor.shutdown()
     for node in nodes:
-        node.destroy_node()
+        with suppress(Exception):  # the process ends anyway
+            node.destroy_node()
     rclpy.try_shutdown()
 
 
