@@ -32,6 +32,7 @@ from soft_continuum.nodes.tendon_control import Device, Report, TendonControl
 from soft_continuum.nodes.threads import Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import trajectory_from_ros
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.text import name_problem, plain
@@ -42,6 +43,8 @@ MAX_POINTS = 1000
 MAX_HOLD_BYTES = 1000
 """Of a trajectory that is looked into at once, because it may ask to hold."""
 PAUSE = 4.0  # after the conversion of a long trajectory, over the time that it took
+REFUSAL_PAUSE = 0.01  # s after a refusal: a flood of them would keep other threads waiting
+UNREAD_GAP = 0.1  # s between two reports of trajectories that were refused unread
 MAX_AHEAD = 60.0  # s from now to the start of a trajectory
 
 
@@ -74,6 +77,7 @@ class TendonActuation(ManagedNode):
             self._tendons, self._arm, 1.0 / rate, self.ros_time.jump,
             Newest(self.on_ros_thread, self._publish).put, self._release_driver)
         self._loop = self.control(rate, self._control.cycle, self._on_control_failure)
+        self._unread_age = Age()  # since a trajectory that nobody read was reported as refused
         self._holds = Newest(self._to_loop, lambda _: self._control.hold(
             Reason.HELD, 'a trajectory without points asked the tendons to hold'))
         self._refusals = Newest(self._to_loop, lambda refusal: self._control.refuse(*refusal))
@@ -167,12 +171,18 @@ class TendonActuation(ManagedNode):
             self._holds.put(True)
             return
         if len(data) > MAX_BYTES:
-            self._refuse('', MotionRefusedError(
+            self._refuse_unread(MotionRefusedError(
                 Reason.INVALID, f'a trajectory of {len(data)} bytes; allowed: {MAX_BYTES}; '
                 'send it in parts'))
         elif not self._judging.submit(self._judge, data, self._control.revocations):
-            self._refuse('', MotionRefusedError(
+            self._refuse_unread(MotionRefusedError(
                 Reason.BUSY, 'too many trajectories wait to be judged; send them more slowly'))
+
+    def _refuse_unread(self, error: MotionRefusedError) -> None:
+        """Report a refusal, but not each of a flood: that costs more than the refusal."""
+        if self._unread_age.seconds > UNREAD_GAP:
+            self._unread_age.refresh()
+            self._refuse('', error)
 
     def _request(self, message: JointTrajectory, revocations: int) -> Request:
         """Return a trajectory as numbers; raises MotionRefusedError when it cannot be one."""
@@ -216,6 +226,7 @@ class TendonActuation(ManagedNode):
             self._loop.call(control.follow, request, stiff)
         except MotionRefusedError as error:
             self._refuse(request_id, error)
+            STEADY.sleep(REFUSAL_PAUSE)
         except Exception as error:
             self._refuse(request_id, MotionRefusedError(
                 Reason.INVALID, f'it could not be judged: {type(error).__name__}: {error}'))
