@@ -17,10 +17,10 @@ import numpy as np
 import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
 
 from benchmarks.tables import machine, number, Section, table
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
+from soft_continuum_interfaces.msg import JammingValvesState
 
 RATE = 100.0  # Hz
 STIFF = True, True, False
@@ -70,10 +70,11 @@ class Probe(Node):
         self._sent = inf  # when the message went out that has not been answered yet
         self._message = JointState(name=['right_tendon', 'left_tendon'])
         self._tendons = self.create_publisher(JointState, 'tendon_states', STREAM)
-        self._flags = [self.create_publisher(Bool, f'segment_{n}/stiff', LATCHED)
-                       for n in range(1, len(STIFF) + 1)]
-        for publisher, stiff in zip(self._flags, STIFF, strict=True):
-            publisher.publish(Bool(data=stiff))
+        self._valves = self.create_publisher(
+            JammingValvesState, 'jamming_valves/state', LATCHED)
+        self._valves.publish(JammingValvesState(stiffness=[
+            JammingValvesState.STIFF if stiff else JammingValvesState.NOT_STIFF
+            for stiff in STIFF]))
         self.create_subscription(PoseArray, 'segment_poses', self._on_poses, SENSOR)
 
     def _on_poses(self, _: PoseArray) -> None:

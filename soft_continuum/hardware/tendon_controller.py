@@ -40,6 +40,9 @@ class Reason(IntEnum):
     HELD = 14
     LATE = 15
     BUSY = 16
+    CLOCK = 17
+    PROGRAM = 18
+    CONFLICT = 19
 
 
 class MotionRefusedError(ValueError):

@@ -7,7 +7,6 @@ from uuid import uuid4
 
 from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.time import Time
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
@@ -16,6 +15,7 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.ros.conversions import trajectory_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, SHAPE_SEQUENCER, TENDON_ACTUATION
 from soft_continuum.ros.qos import STREAM
+from soft_continuum.ros.ros_time import RosTime
 from soft_continuum.sequencing.progress import Code
 from soft_continuum.sequencing.runner import Failure
 from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
@@ -24,6 +24,7 @@ CODES = {
     MotionRequest.STOPPED: Code.STOPPED,
     MotionRequest.TENSION: Code.MODEL_FAILURE,
     MotionRequest.LATE: Code.TIMEOUT,
+    MotionRequest.CLOCK: Code.TIMEOUT,
 }
 """What a refused or ended motion ends a sequence with; other reasons: HARDWARE_FAULT."""
 
@@ -44,6 +45,7 @@ class ArmCommander:
         self._run = 0
         self._motion_id = ''
         self._followed = False
+        self._ros_time = RosTime(node.get_clock())
         self._trajectory = node.create_publisher(
             JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', STREAM)
         self._set_stiff = [
@@ -74,7 +76,7 @@ class ArmCommander:
         if motion_id != self._motion_id:
             self._motion_id, self._followed, self.motion_failure = motion_id, False, None
         message = trajectory_to_ros(times, pulls, self._tendons)
-        message.header.stamp = Time(nanoseconds=int(start * 1e9)).to_msg()
+        message.header.stamp = self._ros_time.stamp(start)
         message.header.frame_id = motion_id
         self._trajectory.publish(message)
 

@@ -3,80 +3,57 @@
 """The arm as shape_sequencer observes it, from the topics of the other three nodes."""
 
 from collections.abc import Callable, Mapping
-from math import pi
 from typing import Any
 
-import numpy as np
-from rclpy.node import Node
-from sensor_msgs.msg import FluidPressure, JointState
+from sensor_msgs.msg import JointState
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Equilibrium, RigidChain
+from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.nodes.entries import subscribe
+from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.ros.age import Age
+from soft_continuum.ros.conversions import pulls_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.sequencing.runner import Failure, Observation
 from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationState
 
-MAX_JOINT_ANGLE = pi  # rad
 
-
-class ArmObserver:
+class ArmObserver(ReportedArm):
     """
-    Pulls, stiffness, vacuum, shape, stops and faults of the arm; stale after silence_timeout.
+    Besides stiffness, vacuum and shape: pulls, stops and faults; stale after silence_timeout.
 
-    A device may miss an answer or two: a fault counts once it has lasted for silence_timeout, and
-    until then a segment keeps the stiffness that was last known.
+    A fault counts once it has lasted for silence_timeout.
     """
 
-    def __init__(self, node: Node, arm: Arm, parameters: Mapping[str, Any],
+    def __init__(self, node: Any, arm: Arm, parameters: Mapping[str, Any],
                  on_tendon_state: Callable[[TendonActuationState], None]) -> None:
         """Subscribe; call ``on_tendon_state`` with every state of tendon_actuation."""
+        self._faults: dict[str, tuple[str, Age]] = {}  # by node: its fault, and for how long
+        super().__init__(node, RigidChain(arm), parameters)
         self.tendons = TendonActuationState()
-        self.shape: Equilibrium | None = None
         self.pulls = (0.0,) * len(arm.tendon_names)
-        self._arm = arm
-        self._chain = RigidChain(arm)
-        self._parameters = parameters
+        self._names = arm.tendon_names
         self._on_tendon_state = on_tendon_state
         self._moving = False
-        self._stiff: list[bool | None] = [None] * len(arm.segments)
-        self._vacuum = [0.0] * len(arm.segments)
-        self._faults: dict[str, tuple[str, Age]] = {}  # by node: its fault, and for how long
-        self._ages = {f'{TENDON_ACTUATION} (tendon_states)': Age(),
-                      f'{JAMMING_VALVES} (segment_N/pressure)': Age(),
-                      f'{KINEMATICS} (joint_states)': Age()}
-        self._tendon_age, self._jamming_age, self._shape_age = self._ages.values()
-        node.create_subscription(JointState, 'tendon_states', self._on_tendons, SENSOR)
-        node.create_subscription(JointState, 'joint_states', self._on_shape, SENSOR)
-        node.create_subscription(
-            TendonActuationState, f'{TENDON_ACTUATION}/state', self._on_tendon_actuation,
-            EVERY_STATE)
-        node.create_subscription(
-            JammingValvesState, f'{JAMMING_VALVES}/state', self._on_jamming_valves, EVERY_STATE)
-        for i in range(len(arm.segments)):
-            node.create_subscription(
-                FluidPressure, f'segment_{i + 1}/pressure',
-                lambda message, i=i: self._on_pressure(i, message.fluid_pressure), SENSOR)
+        self._tendon_age = Age()
+        self._ages = {f'{TENDON_ACTUATION} (tendon_states)': self._tendon_age,
+                      f'{JAMMING_VALVES} (segment_N/pressure)': self.jamming_age,
+                      f'{KINEMATICS} (~/state)': self.shape_age}
+        subscribe(node, JointState, 'tendon_states', self._on_tendons, SENSOR)
+        subscribe(node, TendonActuationState, f'{TENDON_ACTUATION}/state',
+                  self._on_tendon_actuation, EVERY_STATE)
 
     # Messages.
 
     def _on_tendons(self, message: JointState) -> None:
-        positions = dict(zip(message.name, message.position, strict=False))
-        if positions.keys() == set(self._arm.tendon_names) and np.isfinite(message.position).all():
-            self.pulls = tuple(positions[name] for name in self._arm.tendon_names)
-            self._moving = any(message.velocity)
-            self._tendon_age.refresh()
-
-    def _on_shape(self, message: JointState) -> None:
-        angles = np.array(message.position)
-        if len(angles) == self._chain.joints and np.all(np.abs(angles) <= MAX_JOINT_ANGLE):
-            self.shape = self._chain.state(angles)
-            self._shape_age.refresh()
-
-    def _on_pressure(self, segment: int, pressure: float) -> None:
-        self._vacuum[segment] = self._parameters['ambient_pressure'] - pressure
-        self._jamming_age.refresh()
+        try:
+            pulls = pulls_from_ros(message, self._names)
+        except ValueError:  # kinematics reports it; without others they are stale soon
+            return
+        self.pulls = tuple(pulls.tolist())
+        self._moving = any(message.velocity)
+        self._tendon_age.refresh()
 
     def _on_tendon_actuation(self, state: TendonActuationState) -> None:
         self.tendons = state
@@ -84,10 +61,7 @@ class ArmObserver:
         self._on_tendon_state(state)
 
     def _on_jamming_valves(self, state: JammingValvesState) -> None:
-        if len(state.stiffness) == len(self._stiff):
-            self._stiff = [
-                before if now == JammingValvesState.UNKNOWN else now == JammingValvesState.STIFF
-                for before, now in zip(self._stiff, state.stiffness, strict=True)]
+        super()._on_jamming_valves(state)
         faults = [state.fault, *state.segment_faults]
         self._note_fault(JAMMING_VALVES, '; '.join(fault for fault in faults if fault))
 
@@ -106,7 +80,7 @@ class ArmObserver:
     @property
     def all_stiff(self) -> bool:
         """Whether every segment is stiff."""
-        return all(self._stiff)
+        return all(self.stiff)
 
     @property
     def stopped(self) -> str:
@@ -117,14 +91,16 @@ class ArmObserver:
 
     @property
     def fault(self) -> str:
-        """Why the arm cannot be operated: a lasting fault or a stale node; empty when it can."""
-        timeout = self._parameters['silence_timeout']
+        """Why the arm cannot be operated; empty when it can."""
+        if problem := self.conflicts.problem:
+            return problem
+        timeout = self.timeout
         faults = '; '.join(f'{node}: {fault}' for node, (fault, age) in self._faults.items()
                            if age.seconds > timeout)
         if faults:
             return faults
         stale = [name for name, age in self._ages.items() if age.seconds > timeout]
-        if None in self._stiff:
+        if None in self.stiff:
             stale.append(f'{JAMMING_VALVES} (~/state)')
         return f'nothing received for {timeout:g} s from {", ".join(stale)}' if stale else ''
 
@@ -143,7 +119,10 @@ class ArmObserver:
 
     def observation(self, motion_failure: Failure | None, fault: str) -> Observation:
         """Return what a Runner needs, with the failures of what it has requested."""
+        ambient = self.parameters['ambient_pressure']
         return Observation(
             pulls=self.pulls, moving=self._moving or self.tendons.moving,
-            stiff=tuple(bool(stiff) for stiff in self._stiff), vacuum=tuple(self._vacuum),
-            stopped=self.stopped, fault=self.fault or fault, motion_failure=motion_failure)
+            stiff=tuple(bool(stiff) for stiff in self.stiff),
+            vacuum=tuple(ambient - pressure for pressure in self.pressures),
+            stopped=self.stopped, stops=self.tendons.stops, fault=self.fault or fault,
+            motion_failure=motion_failure)

@@ -5,6 +5,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver
 from soft_continuum_interfaces.msg import JammingValvesState
@@ -15,12 +16,13 @@ class Report:
     """
     State after a cycle or a request.
 
-    pressures: absolute, Pa, None without new ones; read at ``time``, s of ROS.
+    pressures: the last that were read, absolute, Pa; None while they are not known.  time: at
+    which they were, s (steady).
     """
 
     state: JammingValvesState
-    pressures: tuple[float, ...] | None = None
-    time: float = 0.0
+    pressures: tuple[float, ...] | None
+    time: float
 
 
 class JammingControl:
@@ -31,21 +33,22 @@ class JammingControl:
     something.
     """
 
-    def __init__(self, segments: int, settings: JammingSettings, clock: Callable[[], float],
+    def __init__(self, segments: int, settings: JammingSettings,
                  report: Callable[[Report], None]) -> None:
-        """Start without a device; clock: of ROS, s."""
-        self._segments, self._settings = segments, settings
-        self._clock, self._report = clock, report
+        """Start without a device."""
+        self._segments, self._settings, self._report = segments, settings, report
         self._driver: JammingDriver | None = None
         self._controller: JammingController | None = None
-        self._active = self._read = False
+        self._active = False
+        self._pressures: tuple[float, ...] | None = None
+        self._time = 0.0
         self._fault = ''
 
     def attach(self, driver: JammingDriver) -> None:
         """Control an open ``driver`` from now on."""
         self._driver = driver
         self._controller = JammingController(driver, self._segments, self._settings)
-        self._fault, self._read = '', False
+        self._fault, self._pressures = '', None
         self.report()
 
     def detach(self) -> JammingDriver | None:
@@ -77,14 +80,14 @@ class JammingControl:
         """Read the pressures, decide which segments are stiff, switch the pump if needed."""
         if not self._active or self._controller is None:
             return
-        time = self._clock()
+        time = STEADY()
         try:
-            pressures = self._controller.update().pressures
+            self._pressures = tuple(self._controller.update().pressures)
         except HardwareError as error:
             self.not_connected(str(error))
             return
-        self._fault, self._read = '', True
-        self._report(Report(self.state(), pressures, time))
+        self._fault, self._time = '', time
+        self.report()
 
     def set_stiff(self, segments: Sequence[int], stiff: bool) -> None:
         """
@@ -103,19 +106,21 @@ class JammingControl:
         if not stiff and not self._fault:  # what is vented is not stiff from now on
             self.report()
 
-    def state(self) -> JammingValvesState:
+    def snapshot(self) -> Report:
         """Return the state as it is now."""
-        controller = self._controller
+        controller, pressures = self._controller, self._pressures
         state = JammingValvesState(
             fault=self._fault, stiffness=[JammingValvesState.UNKNOWN] * self._segments,
             segment_faults=[''] * self._segments)
-        if self._active and controller is not None and self._read and not self._fault:
+        if not self._active or controller is None or self._fault:
+            pressures = None
+        elif pressures is not None:
             state.connected, state.pump = True, controller.reading.pump
             state.stiffness = [JammingValvesState.STIFF if stiff else JammingValvesState.NOT_STIFF
                                for stiff in controller.stiff]
             state.segment_faults = list(controller.faults)
-        return state
+        return Report(state, pressures, self._time)
 
     def report(self) -> None:
         """Let the other threads know how things are."""
-        self._report(Report(self.state()))
+        self._report(self.snapshot())

@@ -2,21 +2,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node that owns pump, valves and pressure sensors."""
 
+from functools import partial
 from typing import Any
 
 from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver
+from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.emergency_stop import EmergencyStop
+from soft_continuum.nodes.entries import serve
 from soft_continuum.nodes.jamming_control import JammingControl, Report
 from soft_continuum.nodes.managed_node import ManagedNode
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher
+from soft_continuum.nodes.threads import Newest
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import jamming_settings, NODE_PARAMETERS
-from soft_continuum.ros.conversions import stamp_to_ros
 from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
 
@@ -30,8 +34,8 @@ class JammingValves(ManagedNode):
     ~/status and /diagnostics.  Subscribes to emergency_stop.  Serves
     ~/segment_N/set_stiff and ~/set_all_stiff (std_srvs/SetBool).  N counts from 1 at the base.
 
-    While a device does not answer only ~/state, ~/status and /diagnostics are published: whether
-    its segments are stiff is then not known to anybody.
+    While a device does not answer nobody knows whether its segments are stiff: segment_N/stiff is
+    false, and ~/state calls them unknown.
 
     Three threads: those of a ManagedNode, of which the one of control owns a JammingControl.
     """
@@ -41,26 +45,26 @@ class JammingValves(ManagedNode):
         super().__init__('jamming_valves', NODE_PARAMETERS['jamming_valves'], **options)
         self._segments = len(arm_from_parameters(self.parameters).segments)
         self._control = JammingControl(
-            self._segments, jamming_settings(self.parameters), self._seconds,
-            lambda report: self.on_ros_thread(self._publish, report))
+            self._segments, jamming_settings(self.parameters),
+            Newest(self.on_ros_thread, self._publish).put)
         self._loop = self.control(
             self.parameters['jamming_rate'], self._control.cycle, self._on_control_failure)
-        self._published: list[bool | None] = [None] * self._segments
+        self._published: list[bool] = [False] * self._segments
+        self._pressures: tuple[float, ...] | None = None  # that were published
         numbers = range(1, self._segments + 1)
         self._stiff = [
             self.create_publisher(Bool, f'segment_{n}/stiff', LATCHED) for n in numbers]
         self._pressure = [
             self.create_publisher(FluidPressure, f'segment_{n}/pressure', STREAM) for n in numbers]
         for n in numbers:
-            self.create_service(
-                SetBool, f'~/segment_{n}/set_stiff',
-                lambda request, response, n=n: self._set_stiff([n - 1], request, response))
-        self.create_service(
-            SetBool, '~/set_all_stiff',
-            lambda request, response: self._set_stiff(
-                list(range(self._segments)), request, response))
+            serve(self, SetBool, f'~/segment_{n}/set_stiff', partial(self._set_stiff, [n - 1]))
+        serve(self, SetBool, '~/set_all_stiff',
+              partial(self._set_stiff, list(range(self._segments))))
         self._emergency = EmergencyStop(self)
+        self._conflicts = Conflicts(self, self._segments)
         self._state_publisher = StatePublisher(self, JammingValvesState)
+        for publisher in self._stiff:
+            publisher.publish(Bool(data=False))
         self.publish_last()
 
     def hardware_id(self) -> str:
@@ -70,7 +74,7 @@ class JammingValves(ManagedNode):
     def open_device(self) -> JammingDriver:
         """Connect and read; switch nothing."""
         driver: JammingDriver = make_driver(
-            JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, self._seconds)
+            JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, STEADY)
         driver.open()
         return driver
 
@@ -102,12 +106,9 @@ class JammingValves(ManagedNode):
         """Take note of an attempt to connect that failed."""
         self._loop.post(self._control.not_connected, error)
 
-    def _seconds(self) -> float:
-        return self.get_clock().now().nanoseconds * 1e-9
-
     def publish_last(self) -> None:
         """Publish the state in which the process ends."""
-        self._publish(Report(self._control.state()))
+        self._publish(self._control.snapshot())
 
     def _on_control_failure(self, error: Exception) -> None:
         self._on_thread_failure(error)
@@ -115,16 +116,17 @@ class JammingValves(ManagedNode):
 
     def _publish(self, report: Report) -> None:
         state = report.state
-        if report.pressures is not None:
-            stamp = stamp_to_ros(report.time)
+        if report.pressures is not None and report.pressures is not self._pressures:
+            stamp = self.ros_time.stamp(report.time)
             for i, pressure in enumerate(report.pressures):
                 message = FluidPressure(fluid_pressure=pressure)
                 message.header.stamp = stamp
                 message.header.frame_id = f'segment_{i + 1}'
                 self._pressure[i].publish(message)
+        self._pressures = report.pressures
         for i, stiffness in enumerate(state.stiffness):
             stiff = stiffness == JammingValvesState.STIFF
-            if stiffness != JammingValvesState.UNKNOWN and stiff != self._published[i]:
+            if stiff != self._published[i]:
                 self._published[i] = stiff
                 self._stiff[i].publish(Bool(data=stiff))
         self._state_publisher.publish(state)
@@ -143,6 +145,9 @@ class JammingValves(ManagedNode):
         if self._emergency.on:
             response.message = (f'{names}: not switched: emergency_stop is on; valves stay as '
                                 'they are until it is published as false')
+            return response
+        if self._conflicts.problem and not request.data:
+            response.message = f'{names}: not softened: {self._conflicts.problem}'
             return response
         try:
             self.in_loop(self._control.set_stiff, segments, request.data)

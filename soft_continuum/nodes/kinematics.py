@@ -4,29 +4,44 @@
 """The node that knows the shape of the arm from tendons, stiffness and the model."""
 
 from collections.abc import Iterable
+from functools import partial
+from math import isfinite
 from typing import Any
 
 from geometry_msgs.msg import PoseArray
 import numpy as np
 from rclpy.node import Node
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, String
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics, StaticsError
+from soft_continuum.nodes.conflicts import Conflicts
+from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.markers import shape_markers
 from soft_continuum.nodes.model import load_model, loading, SLACK_ALLOWANCE
 from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.status import ERROR, OK, Status, WARN
+from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.ros.conversions import full_poses, poses_to_ros
+from soft_continuum.ros.conversions import (
+    equilibrium_to_ros,
+    full_poses,
+    poses_to_ros,
+    pulls_from_ros,
+)
+from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.urdf import arm_urdf, joint_names
+from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
 
 MARKER_PERIOD = 0.05  # s
+MIN_PERIOD = 0.005  # s between two shapes at least
+LOOK_PERIOD = 0.02  # s after which what came sooner than that is followed
+MIN_VACUUM = 0.01  # part of the full vacuum that a stiff segment has at least
 PULL_RESOLUTION = 1e-9  # m: a smaller change of pull changes nothing
 UNMOVED = 1e-5  # m: pulls of an arm that is still where it was referenced; opposite bends cancel
 
@@ -35,9 +50,10 @@ class Kinematics(Node):
     """
     Follows the arm's shape by the rigid multibody model under gravity.
 
-    Subscribes to tendon_states (sensor_msgs/JointState) and segment_N/stiff (std_msgs/Bool).
-    Publishes segment_poses and disc_poses (geometry_msgs/PoseArray), joint_states and
-    tendon_tensions (sensor_msgs/JointState), shape_markers (visualization_msgs/MarkerArray),
+    Subscribes to tendon_states (sensor_msgs/JointState), jamming_valves/state and
+    segment_N/pressure.  Publishes ~/state (soft_continuum_interfaces/KinematicsState),
+    segment_poses and disc_poses (geometry_msgs/PoseArray), joint_states and tendon_tensions
+    (sensor_msgs/JointState), shape_markers (visualization_msgs/MarkerArray),
     robot_description (std_msgs/String, latched), ~/status and /diagnostics.  Serves ~/reset
     (std_srvs/Trigger).
 
@@ -56,7 +72,12 @@ class Kinematics(Node):
         self._statics = Statics(self._arm)
         segments = len(self._arm.segments)
         self._stiff: list[bool | None] = [None] * segments
+        self._vacuum = np.ones(segments)  # parts of the full vacuum
+        self._elastic = [i for i, s in enumerate(self._arm.segments) if not s.jam.rigid]
         self._pulls: Array | None = None
+        self._next_pulls: Array | None = None  # not followed yet
+        self._next_stiff = tuple(self._stiff)
+        self._followed = 0.0  # when, s (steady)
         self._sliding = np.zeros(len(self._tendons), dtype=int)
         self._state: Equilibrium | None = None
         self._solved: tuple[Any, ...] = ()
@@ -74,13 +95,21 @@ class Kinematics(Node):
         self._robot = self.create_publisher(String, 'robot_description', LATCHED)
         self._robot.publish(String(data=arm_urdf(self._arm, frame)))
         self._marked = 0.0
-        self.create_subscription(JointState, 'tendon_states', self._on_tendons, SENSOR)
+        self._states = self.create_publisher(KinematicsState, '~/state', STREAM)
+        subscribe(self, JointState, 'tendon_states', self._on_tendons, SENSOR)
+        subscribe(self, JammingValvesState, f'{JAMMING_VALVES}/state', self._on_jamming_valves,
+                  LATCHED)
         for i in range(segments):
-            self.create_subscription(
-                Bool, f'segment_{i + 1}/stiff',
-                lambda message, i=i: self._on_stiff(i, message.data), LATCHED)
-        self.create_service(Trigger, '~/reset', self._on_reset)
+            subscribe(self, FluidPressure, f'segment_{i + 1}/pressure',
+                      partial(self._on_pressure, i), SENSOR)
+        self.conflicts = Conflicts(self, segments)
+        repeat(self, LOOK_PERIOD, self._follow)
+        serve(self, Trigger, '~/reset', self._on_reset)
         self.status.set(OK, loading())
+
+    def callback_failed(self, error: Exception) -> None:
+        """Report what a callback raised."""
+        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
 
     def quit(self) -> None:
         """Nothing to do: this node moves nothing."""
@@ -91,29 +120,54 @@ class Kinematics(Node):
 
     def _on_model(self) -> None:
         self._compiled = True
-        self.status.set(OK, 'waiting for tendon_states and segment_N/stiff')
+        self.status.set(OK, 'waiting for tendon_states and jamming_valves/state')
         self._publish()
 
-    def _on_stiff(self, segment: int, stiff: bool) -> None:
-        # The motion up to now counts for the stiffness up to now.
-        self._stiff[segment] = stiff
-        self._publish()
+    def _on_jamming_valves(self, state: JammingValvesState) -> None:
+        # A segment of which nothing is known keeps its stiffness: the shape of the arm does not
+        # change because a wire broke.
+        if len(state.stiffness) == len(self._stiff):
+            self._next_stiff = tuple(
+                before if now == JammingValvesState.UNKNOWN else now == JammingValvesState.STIFF
+                for before, now in zip(self._next_stiff, state.stiffness, strict=True))
+            self._follow()
+
+    def _on_pressure(self, segment: int, message: FluidPressure) -> None:
+        """Follow the vacuum of a jam, which counts with the next pulls if it is not rigid."""
+        vacuum = self.parameters['ambient_pressure'] - message.fluid_pressure
+        if isfinite(vacuum) and segment in self._elastic:
+            part = round(vacuum / self.parameters['full_vacuum'], 2)
+            self._vacuum[segment] = min(1.0, max(MIN_VACUUM, part))
 
     def _on_tendons(self, message: JointState) -> None:
         try:
-            pulls = np.array([message.position[message.name.index(t)] for t in self._tendons])
-        except (ValueError, IndexError):
-            self.status.set(WARN, f'tendon_states without position of {", ".join(self._tendons)}')
+            pulls = pulls_from_ros(message, self._tendons)
+        except ValueError as error:
+            self.status.set(WARN, str(error))
             return
-        if not np.all(np.isfinite(pulls)):
-            self.status.set(WARN, 'tendon_states with a position that is not a finite number')
-            return
+        self._next_pulls = pulls
+        self._follow()
+
+    def _follow(self) -> None:
+        """Follow what was reported last, but not more often than the model can."""
+        if STEADY() - self._followed < MIN_PERIOD:
+            return  # the timer will
+        if self._next_pulls is not None:
+            # The motion up to now counts for the stiffness up to now.
+            pulls, self._next_pulls = self._next_pulls, None
+            self._take_pulls(pulls)
+            self._publish()
+        if self._next_stiff != tuple(self._stiff):
+            self._stiff = list(self._next_stiff)
+            self._publish()
+        self._followed = STEADY()
+
+    def _take_pulls(self, pulls: Array) -> None:
         if self._pulls is not None:  # the last direction of motion is that of the friction
             change = pulls - self._pulls
             self._sliding = np.where(np.abs(change) > PULL_RESOLUTION, np.sign(change),
                                      self._sliding).astype(int)
         self._pulls = pulls
-        self._publish()
 
     def _publish(self) -> None:
         if not self._compiled or self._pulls is None or None in self._stiff:
@@ -138,10 +192,13 @@ class Kinematics(Node):
         self._disc_poses.publish(poses_to_ros(poses, self._disc_message))
         self._joint_message.position = state.joint_angles.tolist()
         self._joint_states.publish(self._joint_message)
+        shape = equilibrium_to_ros(state)
+        shape.stamp = stamp
+        self._states.publish(shape)
         self._tension_message.effort = state.tensions.tolist()
         self._tensions.publish(self._tension_message)
-        now = self.get_clock().now().nanoseconds * 1e-9
-        if abs(now - self._marked) >= MARKER_PERIOD and self._markers.get_subscription_count():
+        now = STEADY()
+        if now - self._marked >= MARKER_PERIOD and self._markers.get_subscription_count():
             self._marked = now
             self._markers.publish(shape_markers(
                 chain, state, self._stiff, self.parameters['tension_limit'],
@@ -150,7 +207,7 @@ class Kinematics(Node):
     def _solve(self) -> bool:
         """Bring the state up to date; False when there is none that can be published."""
         assert self._pulls is not None and self._state is not None
-        key = (*np.round(self._pulls / PULL_RESOLUTION), *self._stiff)
+        key = (*np.round(self._pulls / PULL_RESOLUTION), *self._stiff, *self._vacuum)
         if key == self._solved:
             return True
         soft = [not stiff for stiff in self._stiff]
@@ -190,12 +247,14 @@ class Kinematics(Node):
         """
         assert self._state is not None
         sliding = self._sliding.tolist()
-        state = self._statics.solve(self._state, pulls, soft, sliding=sliding)
+        vacuum = self._vacuum.tolist() if self._elastic else None
+        state = self._statics.solve(self._state, pulls, soft, vacuum=vacuum, sliding=sliding)
         if all(state.taut):
             for tendon in np.argsort(state.tensions):
                 eased = np.array(pulls)
                 eased[tendon] -= SLACK_ALLOWANCE
-                other = self._statics.solve(self._state, eased, soft, sliding=sliding)
+                other = self._statics.solve(
+                    self._state, eased, soft, vacuum=vacuum, sliding=sliding)
                 if not other.taut[tendon]:
                     return other
         return state

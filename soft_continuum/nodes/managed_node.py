@@ -4,19 +4,18 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 import traceback
 from typing import Any
 
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.nodes.entries import guarded, repeat
 from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.status import ERROR, Status
+from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, Status
 from soft_continuum.nodes.threads import ControlLoop, on_ros_thread, Worker
 from soft_continuum.parameters.parameter import Parameter
+from soft_continuum.ros.ros_time import RosTime
 
 RETRY = 2.0  # s between attempts to connect to a device
 CLOSE_TIMEOUT = 2.0  # s that a device is given to hold and disconnect
@@ -40,6 +39,7 @@ class ManagedNode(LifecycleNode):
         super().__init__(name, **options)
         self.parameters = NodeParameters(self, table)
         self.status = Status(self, self.hardware_id())
+        self.ros_time = RosTime(self.get_clock())
         self.active = False
         self.loop: ControlLoop | None = None
         self.connecting = Worker('connecting', self._on_thread_failure)
@@ -47,8 +47,7 @@ class ManagedNode(LifecycleNode):
         self._quitting = False
         self._attempt = False  # to connect is under way
         self._was_configured = False  # then autostart has done its work
-        self._retry = self.create_timer(
-            RETRY, self._connect, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._retry = repeat(self, RETRY, self._connect)
         self._answer_invalid_transitions()
 
     def control(self, rate: float, cycle: Callable[[float], None],
@@ -147,10 +146,14 @@ class ManagedNode(LifecycleNode):
     def _on_thread_failure(self, error: Exception) -> None:
         self.get_logger().error(''.join(traceback.format_exception(error)))
 
-    def on_ros_thread(self, function: Callable[..., None], *arguments: Any) -> None:
-        """Let the thread of ROS call ``function``, unless it has come to its end."""
-        if not self._quitting:  # an executor would keep the task, and this node with it
-            on_ros_thread(self, function, *arguments)
+    def callback_failed(self, error: Exception) -> None:
+        """Report what a callback raised, on the thread of ROS."""
+        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
+
+    def on_ros_thread(self, function: Callable[..., None], *arguments: Any) -> bool:
+        """Let the thread of ROS call ``function``; return False once it has come to its end."""
+        # An executor would keep the task, and this node with it.
+        return not self._quitting and on_ros_thread(self, function, *arguments)
 
     def in_loop(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return what ``function`` returns on the thread of control, or raise what it raises."""
@@ -244,10 +247,8 @@ class ManagedNode(LifecycleNode):
     def quit(self) -> None:
         """Hold and disconnect before the process ends."""
         self._quitting = True
-        with suppress(TimeoutError):
-            self._deactivate()
-        with suppress(TimeoutError):
-            self._clean_up()
+        guarded(self, self._deactivate)()
+        guarded(self, self._clean_up)()
         if self._opened is not None:
             self._release(self._take())
         self.connecting.close(CLOSE_TIMEOUT)

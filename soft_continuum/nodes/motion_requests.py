@@ -14,8 +14,8 @@ class Request:
     """
     A trajectory to be judged.
 
-    times: (k,) s from its start.  pulls: (k, tendons) m.  start: s of ROS, None for as soon as it
-    is accepted.  revocation: how often motion had been revoked when it came.
+    times: (k,) s from its start.  pulls: (k, tendons) m.  start: s (steady), None for as
+    soon as it is accepted.  revocation: how often motion had been revoked when it came.
     """
 
     id: str

@@ -16,6 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.ros.text import plain
 
 
 class NodeParameters(Mapping[str, Any]):
@@ -65,7 +66,8 @@ class NodeParameters(Mapping[str, Any]):
                 try:
                     parameter.check(change.value)
                 except ParameterError as error:
-                    return SetParametersResult(successful=False, reason=str(error))
+                    return SetParametersResult(
+                        successful=False, reason=plain(str(error), 500))
         return SetParametersResult(successful=True)
 
     def _after_set(self, changes: list[RosParameter]) -> None:

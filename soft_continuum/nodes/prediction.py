@@ -9,7 +9,7 @@ import numpy as np
 
 from soft_continuum.hardware.tendon_controller import MotionRefusedError, Reason
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.nodes.model import SLACK_ALLOWANCE
 
@@ -51,15 +51,15 @@ class TensionPrediction:
                 f'predicted states; allowed: {MAX_STATES}; send it in parts')
         return steps
 
-    def check(self, pulls: Array, joint_angles: Array, soft: Sequence[bool],
+    def check(self, pulls: Array, shape: Equilibrium, soft: Sequence[bool],
               limits: TensionLimits, revoked: Callable[[], bool]) -> None:
         """
         Refuse pulls (k, tendons) in m that need too much tension, or for which there is no shape.
 
-        joint_angles: (joints,) rad of the shape from which they start.  soft: per segment.  Ends
-        early once ``revoked``.  Raises MotionRefusedError.
+        shape: from which they start.  soft: per segment.  Ends early once ``revoked``.  Raises
+        MotionRefusedError.
         """
-        state = self.chain.state(joint_angles)
+        state, vacuum = shape, shape.vacuum or None
         try:
             for before, after, steps in zip(
                     pulls[:-1], pulls[1:], self.steps(pulls), strict=True):
@@ -67,7 +67,8 @@ class TensionPrediction:
                     if revoked():
                         return
                     wanted = before + part * (after - before)
-                    state = self._statics.solve(state, wanted - SLACK_ALLOWANCE, soft)
+                    state = self._statics.solve(
+                        state, wanted - SLACK_ALLOWANCE, soft, vacuum=vacuum)
                     self._check(wanted, np.asarray(state.tensions), limits)
         except StaticsError as error:
             raise MotionRefusedError(Reason.TENSION, str(error)) from None

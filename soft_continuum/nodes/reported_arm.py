@@ -1,19 +1,24 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What other nodes report of the arm, and the interlocks that follow from it."""
+"""What jamming_valves and kinematics report of the arm, and the interlocks that follow from it."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
-from rclpy.node import Node
-from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Bool
+from sensor_msgs.msg import FluidPressure
 
 from soft_continuum.hardware.tendon_controller import Reason
-from soft_continuum.mechanics.chain import Array, RigidChain
+from soft_continuum.mechanics.chain import Equilibrium, RigidChain
+from soft_continuum.nodes.conflicts import Conflicts
+from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.qos import LATCHED, SENSOR
+from soft_continuum.ros.conversions import equilibrium_from_ros
+from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS
+from soft_continuum.ros.qos import EVERY_STATE, SENSOR
+from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
 
 STRAIGHT = 0.02  # rad: largest bending angle of a segment that counts as straight
 
@@ -28,76 +33,93 @@ class Interlock:
 
 class ReportedArm:
     """
-    Stiffness and shape of the arm as jamming_valves and kinematics report them.
+    Stiffness, vacuum and shape of the arm as jamming_valves and kinematics report them.
 
-    The thread of ROS writes, any thread reads: every value is replaced as a whole.
+    A device may miss an answer: until its pressures are stale, a segment keeps the stiffness that
+    was last known.  The thread of ROS writes, any thread reads: every value is replaced as a
+    whole.
     """
 
-    def __init__(self, node: Node, chain: RigidChain, timeout: Callable[[], float]) -> None:
-        """Subscribe for ``node``; timeout: age in s at which what was reported is stale."""
-        self._chain, self._timeout = chain, timeout
+    def __init__(self, node: Any, chain: RigidChain, parameters: Mapping[str, Any]) -> None:
+        """Subscribe for ``node``; parameters: with silence_timeout, s."""
+        self.chain, self.parameters = chain, parameters
         self.stiff: tuple[bool | None, ...] = (None,) * chain.segments
-        self._jamming_age = Age()
-        self._joint_angles: Array | None = None
-        self._shape_age = Age()
-        node.create_subscription(JointState, 'joint_states', self._on_shape, SENSOR)
+        self.conflicts = Conflicts(node, chain.segments)
+        self.pressures = [float('nan')] * chain.segments
+        self._shape: Equilibrium | None = None
+        self.jamming_age, self.shape_age = Age(), Age()
+        subscribe(node, KinematicsState, f'{KINEMATICS}/state', self._on_shape, SENSOR)
+        subscribe(node, JammingValvesState, f'{JAMMING_VALVES}/state', self._on_jamming_valves,
+                  EVERY_STATE)
         for i in range(chain.segments):
-            node.create_subscription(
-                Bool, f'segment_{i + 1}/stiff',
-                lambda message, i=i: self._on_stiff(i, message.data), LATCHED)
-        node.create_subscription(
-            FluidPressure, 'segment_1/pressure', lambda _: self._jamming_age.refresh(), SENSOR)
+            subscribe(node, FluidPressure, f'segment_{i + 1}/pressure',
+                      partial(self._on_pressure, i), SENSOR)
 
-    def _on_stiff(self, segment: int, stiff: bool) -> None:
-        self.stiff = (*self.stiff[:segment], stiff, *self.stiff[segment + 1:])
-        self._jamming_age.refresh()
+    def _on_jamming_valves(self, state: JammingValvesState) -> None:
+        if len(state.stiffness) == len(self.stiff):
+            self.stiff = tuple(
+                before if now == JammingValvesState.UNKNOWN else now == JammingValvesState.STIFF
+                for before, now in zip(self.stiff, state.stiffness, strict=True))
 
-    def _on_shape(self, message: JointState) -> None:
-        if (len(message.position) == self._chain.joints
-                and np.all(np.isfinite(message.position))):
-            self._joint_angles = np.array(message.position)
-            self._shape_age.refresh()
+    def _on_pressure(self, segment: int, message: FluidPressure) -> None:
+        self.pressures[segment] = message.fluid_pressure
+        self.jamming_age.refresh()
+
+    def _on_shape(self, message: KinematicsState) -> None:
+        shape = equilibrium_from_ros(message, self.chain)
+        if shape is not None:
+            self._shape = shape
+            self.shape_age.refresh()
 
     @property
-    def joint_angles(self) -> Array | None:
-        """Joint angles of the present shape (joints,) in rad, None when it is not known."""
-        return self._joint_angles if self._shape_age.seconds <= self._timeout() else None
+    def timeout(self) -> float:
+        """Age at which what was reported is stale, s."""
+        return float(self.parameters['silence_timeout'])
+
+    @property
+    def shape(self) -> Equilibrium | None:
+        """The present state of the model, None when it is not known."""
+        return self._shape if self.shape_age.seconds <= self.timeout else None
 
     @property
     def _stiffness_known(self) -> bool:
-        return None not in self.stiff and self._jamming_age.seconds <= self._timeout()
+        return None not in self.stiff and self.jamming_age.seconds <= self.timeout
 
     def motion_interlock(self) -> Interlock | None:
         """Return why the arm must not be moved at all now, None when it may be."""
+        if problem := self.conflicts.problem:
+            return Interlock(Reason.CONFLICT, problem)
         if not self._stiffness_known:
             return Interlock(
                 Reason.STIFFNESS_UNKNOWN,
                 'it is not known which segments are soft: nothing received from jamming_valves '
-                f'for {self._timeout():g} s')
+                f'for {self.timeout:g} s')
         if all(self.stiff):
             return Interlock(
                 Reason.ALL_STIFF, 'every segment is stiff; soften one first '
                 '(jamming_valves/segment_N/set_stiff)')
-        if self.joint_angles is None:
+        if self.shape is None:
             return Interlock(
                 Reason.SHAPE_UNKNOWN,
                 'the shape of the arm is not known, so no tension can be predicted: no '
-                f'joint_states from kinematics for {self._timeout():g} s')
+                f'shape received from kinematics for {self.timeout:g} s')
         return None
 
     def homing_interlock(self) -> Interlock | None:
         """Return why tendons must not be paid out to their switches now, None when they may."""
+        if problem := self.conflicts.problem:
+            return Interlock(Reason.CONFLICT, problem)
         if not self._stiffness_known:
             return Interlock(
                 Reason.STIFFNESS_UNKNOWN, 'it is not known whether the arm is stiff: '
-                f'nothing received from jamming_valves for {self._timeout():g} s')
+                f'nothing received from jamming_valves for {self.timeout:g} s')
         if not all(self.stiff):
             return Interlock(
                 Reason.STIFFNESS_CHANGED,
                 'homing pays out the tendons: stiffen every segment')
-        angles = self.joint_angles
-        if angles is not None:
-            bent = np.abs(self._chain.bending_angles(angles)).max()
+        shape = self.shape
+        if shape is not None:
+            bent = np.abs(self.chain.bending_angles(shape.joint_angles)).max()
             if bent > STRAIGHT:
                 return Interlock(
                     Reason.HOMING,

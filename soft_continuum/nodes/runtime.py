@@ -148,7 +148,8 @@ def end(executor: Executor | None, nodes: Sequence[Any]) -> None:
     if executor is not None:
         executor.shutdown()
     for node in nodes:
-        node.destroy_node()
+        with suppress(Exception):  # the process ends anyway
+            node.destroy_node()
     rclpy.try_shutdown()
 
 

@@ -12,20 +12,23 @@ from typing import Any
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.chain import RigidChain
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.nodes.entries import guarded, LOG_PERIOD, repeat
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.sequence_server import GoalRequest, SequenceServer
-from soft_continuum.nodes.status import OK, StatePublisher, Status
+from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.shapes import angles_problem, SHAPE_PREFIX, shapes_from_parameters
 from soft_continuum.ros.conversions import seconds
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.ros.qos import LATCHED
+from soft_continuum.ros.text import name_problem
 from soft_continuum.sequencing.background import PlanningThread
 from soft_continuum.sequencing.planner import PlanError, PlanSettings, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome
@@ -34,13 +37,16 @@ from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import ShapeSequencerState, TendonActuationState
 
 TICK_PERIOD = 0.05  # s
+MAX_SHAPES = 100
+"""Shapes of one goal; to plan one takes some tens of milliseconds."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """A goal that is planned before it is accepted."""
+    """A goal that is planned before it is accepted; stops: how many there had been before it."""
 
     request: GoalRequest
+    stops: int
     plans: 'Future[list[ShapePlan]]'
 
 
@@ -49,9 +55,9 @@ class ShapeSequencer(Node):
     Sets the arm to one shape after another.
 
     Serves the action run_shape_sequence (soft_continuum_interfaces/RunShapeSequence).  Subscribes
-    to tendon_states, joint_states, segment_N/pressure, tendon_actuation/state and
-    jamming_valves/state; publishes tendon_actuation/joint_trajectory, target_markers
-    (visualization_msgs/MarkerArray, latched), ~/state, ~/status and /diagnostics; calls
+    to tendon_states, segment_N/pressure and the ~/state of the other three; publishes
+    tendon_actuation/joint_trajectory, target_markers (visualization_msgs/MarkerArray, latched),
+    ~/state, ~/status and /diagnostics; calls
     jamming_valves/segment_N/set_stiff.
 
     Plans are made on a thread of their own; all else happens on the thread that spins the node.
@@ -69,10 +75,12 @@ class ShapeSequencer(Node):
         self._library = shapes_from_parameters(self.parameters, self._arm)
         self._check: Check | None = None
         self._next: Any = None  # the goal that waits for the running one to be wound down
+        self._next_stops = 0  # how many stops there had been before it
         self._handle: Any = None  # the goal that runs
         self._runner: Runner | None = None
         self._targets: list[tuple[float, ...]] = []  # bending angles of the shapes of the goal
         self._target: tuple[float, ...] | None = None  # that is shown
+        self._failed = False  # whether the goal that runs ends because a callback failed
         self._rejected = ''  # why the last goal was, until one is accepted
         self._last: dict[str, str] = {}  # how the last goal ended, for ~/status
         self._state = ShapeSequencerState()
@@ -81,8 +89,9 @@ class ShapeSequencer(Node):
         self._observed = ArmObserver(self, self._arm, self.parameters, self._on_tendon_state)
         self._markers = self.create_publisher(MarkerArray, 'target_markers', LATCHED)
         self._states = StatePublisher(self, ShapeSequencerState)
-        self._server = SequenceServer(self, self._on_request, self._on_accepted)
-        self._timer = self.create_timer(TICK_PERIOD, self._tick)
+        self._server = SequenceServer(
+            self, guarded(self, self._on_request), guarded(self, self._on_accepted))
+        repeat(self, TICK_PERIOD, self._tick)
         self._report()
         self._show_target(())  # an earlier process may have left one
 
@@ -102,6 +111,26 @@ class ShapeSequencer(Node):
         self._server.destroy()
         super().destroy_node()
 
+    def callback_failed(self, error: Exception) -> None:
+        """Hold, end the goal and report what a callback raised."""
+        text = f'{type(error).__name__}: {error}'
+        self.status.alarm('callback', text, FAILURE_PERIOD)
+        self._commander.hold()
+        if self._check is not None:
+            check, self._check = self._check, None
+            self._reject(check.request, f'shape_sequencer failed: {text}')
+        runner = self._runner
+        if runner is None:
+            return
+        if not self._failed:  # wind down, which may fail as well
+            self._failed = True
+            runner.cancel(Code.HARDWARE_FAULT, f'shape_sequencer failed: {text}')
+        else:
+            self._runner = None
+            self._planning.abandon()
+            self._end(self._handle, Outcome(
+                Code.HARDWARE_FAULT, f'shape_sequencer failed: {text}', 0))
+
     # Goals before they run.
 
     def _on_request(self, request: GoalRequest) -> None:
@@ -117,12 +146,14 @@ class ShapeSequencer(Node):
             self._reject(request, str(error))
             return
         if self._runner is None and self._next is None and self._observed.all_stiff:
-            self._check = Check(request, self._plan(shapes))
+            self._check = Check(request, self._observed.tendons.stops, self._plan(shapes))
         else:
             self._accept(request)
 
     def _go_on_checking(self, check: Check) -> None:
         problem = self._observed.interlock
+        if not problem and self._observed.tendons.stops != check.stops:
+            problem = 'the tendons were stopped and resumed while the goal was being planned'
         if not problem and not check.plans.done():
             return
         self._check = None
@@ -140,7 +171,7 @@ class ShapeSequencer(Node):
 
     def _reject(self, request: GoalRequest, reason: str) -> None:
         """Publish why, then answer: ROS 2 has no reason in its answer."""
-        self.get_logger().error(f'goal rejected: {reason}')
+        self.get_logger().error(f'goal rejected: {reason}', throttle_duration_sec=LOG_PERIOD)
         self._rejected = self._state.rejected = reason
         self._state.rejected_goal_id = request.goal_id
         self._report()
@@ -154,15 +185,23 @@ class ShapeSequencer(Node):
                 Code.PREEMPTED, 'superseded by a newer goal before it started', 0))
         if self._runner is not None:
             self._runner.cancel(Code.PREEMPTED, 'superseded by a newer goal')
-        self._next = handle
+        self._next, self._next_stops = handle, self._observed.tendons.stops
 
     def _shapes(self, goal: RunShapeSequence.Goal) -> list[Shape]:
         """Return the shapes of a goal; raises PlanError for what is not allowed."""
         if not goal.shapes:
             raise PlanError('the sequence is empty; give at least one shape: '
                             + ', '.join(self._library))
+        if len(goal.shapes) > MAX_SHAPES:
+            raise PlanError(f'{len(goal.shapes)} shapes; allowed: {MAX_SHAPES}; send them in '
+                            'several goals')
         shapes = []
         for number, item in enumerate(goal.shapes, start=1):
+            if problem := name_problem(item.name):
+                raise PlanError(f'shape {number}: its name is {problem}')
+            if len(item.bending_angles) > MAX_SHAPES:
+                raise PlanError(f'shape {number}: {len(item.bending_angles)} bending angles; '
+                                f'needed: {len(self._arm.segments)}')
             angles = tuple(item.bending_angles)
             if not angles:
                 if item.name not in self._library:
@@ -186,9 +225,10 @@ class ShapeSequencer(Node):
             acceleration=self.parameters['tendon_acceleration'],
             **{name: self.parameters[name] for name in (
                 'tension_limit', 'antagonist_slack', 'angle_step', 'angle_tolerance')})
-        assert self._observed.shape is not None  # goals wait for kinematics
-        return self._planning.start(
-            self._observed.shape, self._observed.pulls, shapes, settings)
+        shape = self._observed.shape
+        if shape is None:
+            raise PlanError('the shape of the arm is not known any more')
+        return self._planning.start(shape, self._observed.pulls, shapes, settings)
 
     # The goal that runs.
 
@@ -212,6 +252,9 @@ class ShapeSequencer(Node):
             outcome = Outcome(Code.CANCELED, 'canceled by the client before it started', 0)
         elif self._observed.stopped:
             outcome = Outcome(Code.STOPPED, f'stopped: {self._observed.stopped}', 0)
+        elif self._observed.tendons.stops != self._next_stops:
+            outcome = Outcome(
+                Code.STOPPED, 'the tendons were stopped and resumed before it started', 0)
         elif self._runner is not None:
             return
         self._next = None
@@ -221,7 +264,7 @@ class ShapeSequencer(Node):
             self._end(handle, outcome)
 
     def _begin(self, handle: Any) -> None:
-        self._handle = handle
+        self._handle, self._failed = handle, False
         self._commander.begin()
         shapes = self._shapes(handle.request)
         self._targets = [shape.bending_angles for shape in shapes]
@@ -236,7 +279,7 @@ class ShapeSequencer(Node):
     def _go_on(self, runner: Runner) -> None:
         if self._handle.is_cancel_requested:
             runner.cancel(Code.CANCELED, 'canceled by the client')
-        runner.tick(self.get_clock().now().nanoseconds * 1e-9, self._observed.observation(
+        runner.tick(STEADY(), self._observed.observation(
             self._commander.motion_failure, self._commander.switch_failure))
         progress, outcome = runner.progress, runner.outcome
         self._handle.publish_feedback(RunShapeSequence.Feedback(

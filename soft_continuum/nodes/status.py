@@ -3,17 +3,19 @@
 """What a node reports of itself: a status for people, a typed state for other nodes."""
 
 from copy import deepcopy
+from math import inf
 import time
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
+from soft_continuum.nodes.entries import LOG_PERIOD, repeat
 from soft_continuum.ros.qos import LATCHED
 
-LOG_PERIOD = 1.0  # s between two log lines of the same severity
+REPEAT_PERIOD = 1.0  # s between two states that are the same
+FAILURE_PERIOD = 5.0  # s for which a mistake of the program is shown
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -26,11 +28,12 @@ class Status:
         self._message = DiagnosticStatus(
             name=node.get_fully_qualified_name().lstrip('/'), hardware_id=hardware_id)
         self._node = node
-        self._logged = float('-inf')
+        self._logged: dict[bytes, float] = {}  # by level: when, s (steady)
         self._publisher = node.create_publisher(DiagnosticStatus, '~/status', LATCHED)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._timer = node.create_timer(
-            1.0, self._publish_diagnostics, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._own: tuple[bytes, str, list[KeyValue]] = OK, '', []
+        self._alarms: dict[str, tuple[str, float]] = {}  # by source: text, monotonic s of its end
+        repeat(node, 1.0, self._publish_diagnostics)
 
     def set(self, level: bytes, message: str, **values: object) -> None:
         """
@@ -38,14 +41,29 @@ class Status:
 
         level: OK, WARN or ERROR.  values: shown as they print.
         """
-        pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        self._own = level, message, [
+            KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        self._update()
+
+    def alarm(self, source: str, text: str, seconds: float = inf) -> None:
+        """Report an ERROR for so long, or until ``source`` has none: ``text`` is empty."""
+        if self._alarms.get(source, ('', inf))[0] != text or text and seconds < inf:
+            self._alarms[source] = text, time.monotonic() + seconds
+            self._update()
+
+    def _update(self) -> None:
+        level, message, pairs = self._own
+        alarms = [text for text, end in self._alarms.values() if text and end > time.monotonic()]
+        if alarms:
+            own = [message] if level != OK else []
+            level, message = ERROR, '; '.join([*alarms, *own])
         if (self._message.level, self._message.message, self._message.values) == (
                 level, message, pairs):
             return
         now = time.monotonic()
         changed = (level, message) != (self._message.level, self._message.message)
-        if changed and (level != self._message.level or now - self._logged > LOG_PERIOD):
-            self._logged = now
+        if changed and now - self._logged.get(level, -inf) > LOG_PERIOD:
+            self._logged[level] = now
             logger = self._node.get_logger()
             # Separate calls: rclpy ties a severity to the calling line.
             if level == ERROR:
@@ -59,24 +77,35 @@ class Status:
         self._publisher.publish(self._message)
 
     def _publish_diagnostics(self) -> None:
+        self._update()  # alarms come to their end
         array = DiagnosticArray(status=[self._message])
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._diagnostics.publish(array)
 
 
 class StatePublisher:
-    """Publishes a typed state latched on ``~/state``, whenever more than its stamp changes."""
+    """
+    Publishes a typed state latched on ``~/state``, whenever more than its stamp changes.
+
+    It is repeated when it is given again a second later: somebody may believe a wrong one.
+    """
 
     def __init__(self, node: Node, message_type: Any) -> None:
         """Create the publisher of ``node``."""
         self._node = node
         self._publisher = node.create_publisher(message_type, '~/state', LATCHED)
         self._last: Any = None
+        self._changed = Time()
+        self._published = 0.0  # when, s (steady)
 
     def publish(self, message: Any) -> None:
-        """Publish ``message``, whose stamp is still zero, if it differs from the last one."""
-        if message == self._last:
+        """Publish ``message``, whose stamp is still zero, if that is called for."""
+        now = time.monotonic()
+        if message != self._last:
+            self._last = deepcopy(message)
+            self._changed = self._node.get_clock().now().to_msg()
+        elif now - self._published < REPEAT_PERIOD:
             return
-        self._last = deepcopy(message)
-        message.stamp = self._node.get_clock().now().to_msg()
+        self._published = now
+        message.stamp = self._changed
         self._publisher.publish(message)

@@ -6,12 +6,14 @@ from collections.abc import Callable
 import traceback
 from typing import Any
 
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
-from soft_continuum.hardware.protocols import TendonDriver
+from soft_continuum.hardware.protocols import TendonDriver, TendonReading
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
     Reason,
@@ -19,6 +21,7 @@ from soft_continuum.hardware.tendon_controller import (
     TendonLimits,
 )
 from soft_continuum.nodes.emergency_stop import EmergencyStop
+from soft_continuum.nodes.entries import guarded, LOG_PERIOD, MAX_BYTES, serve
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.motion_requests import Request
@@ -26,25 +29,33 @@ from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
 from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
 from soft_continuum.nodes.tendon_control import Device, Report, TendonControl
-from soft_continuum.nodes.threads import Worker
+from soft_continuum.nodes.threads import Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.ros.conversions import seconds, stamp_to_ros, trajectory_from_ros
+from soft_continuum.ros.age import Age
+from soft_continuum.ros.conversions import trajectory_from_ros
 from soft_continuum.ros.qos import STREAM
+from soft_continuum.ros.text import name_problem, plain
 from soft_continuum_interfaces.msg import TendonActuationState
 
 MAX_POINTS = 1000
 """Points of one trajectory."""
+MAX_HOLD_BYTES = 1000
+"""Of a trajectory that is looked into at once, because it may ask to hold."""
+PAUSE = 4.0  # after the conversion of a long trajectory, over the time that it took
+REFUSAL_PAUSE = 0.01  # s after a refusal: a flood of them would keep other threads waiting
+UNREAD_GAP = 0.1  # s between two reports of trajectories that were refused unread
+MAX_AHEAD = 60.0  # s from now to the start of a trajectory
 
 
 class TendonActuation(ManagedNode):
     """
     Moves the tendons along trajectories, as far as the arm may be moved.
 
-    Subscribes to ~/joint_trajectory (trajectory_msgs/JointTrajectory), segment_N/stiff,
-    segment_N/pressure, joint_states and emergency_stop (std_msgs/Bool).  Publishes tendon_states
-    (sensor_msgs/JointState), ~/state (soft_continuum_interfaces/TendonActuationState, latched),
-    ~/status and /diagnostics.  Serves ~/stop, ~/resume and ~/reference (std_srvs/Trigger).
+    Subscribes to ~/joint_trajectory (trajectory_msgs/JointTrajectory), jamming_valves/state,
+    segment_N/pressure, kinematics/state and emergency_stop (std_msgs/Bool).  Publishes
+    tendon_states (sensor_msgs/JointState), ~/state (TendonActuationState, latched), ~/status and
+    /diagnostics.  Serves ~/stop, ~/resume and ~/reference (std_srvs/Trigger).
 
     Four threads: those of a ManagedNode, of which the one of control owns a TendonControl, and one
     that judges trajectories, because the model takes its time.  A stop that comes while a
@@ -60,26 +71,37 @@ class TendonActuation(ManagedNode):
         arm = arm_from_parameters(self.parameters)
         self._tendons = arm.tendon_names
         self._prediction = TensionPrediction(arm)
-        self._arm = ReportedArm(
-            self, self._prediction.chain, lambda: self.parameters['silence_timeout'])
+        self._arm = ReportedArm(self, self._prediction.chain, self.parameters)
         rate = self.parameters['tendon_rate']
         self._control = TendonControl(
-            self._tendons, self._arm, 1.0 / rate, self._seconds,
-            lambda report: self.on_ros_thread(self._publish, report), self._release_driver)
+            self._tendons, self._arm, 1.0 / rate, self.ros_time.jump,
+            Newest(self.on_ros_thread, self._publish).put, self._release_driver)
         self._loop = self.control(rate, self._control.cycle, self._on_control_failure)
+        self._unread_age = Age()  # since a trajectory that nobody read was reported as refused
+        self._holds = Newest(self._to_loop, lambda _: self._control.hold(
+            Reason.HELD, 'a trajectory without points asked the tendons to hold'))
+        self._refusals = Newest(self._to_loop, lambda refusal: self._control.refuse(*refusal))
         self._judging = Worker('trajectories', self._on_thread_failure)
         self._compiled = False
+        self._reading: TendonReading | None = None  # that was published
         self._states = self.create_publisher(JointState, 'tendon_states', STREAM)
         self._state_publisher = StatePublisher(self, TendonActuationState)
-        self.create_subscription(
-            JointTrajectory, '~/joint_trajectory', self._on_trajectory, STREAM)
+        self.create_subscription(JointTrajectory, '~/joint_trajectory',
+                                 guarded(self, self._on_trajectory), STREAM, raw=True)
         self._emergency = EmergencyStop(self, self._on_emergency)
-        self.create_service(Trigger, '~/stop', self._on_stop)
-        self.create_service(Trigger, '~/resume', self._on_resume)
-        self.create_service(Trigger, '~/reference', self._on_reference)
+        serve(self, Trigger, '~/stop', self._on_stop)
+        serve(self, Trigger, '~/resume', self._on_resume)
+        serve(self, Trigger, '~/reference', self._on_reference)
 
-    def _seconds(self) -> float:
-        return self.get_clock().now().nanoseconds * 1e-9
+    def callback_failed(self, error: Exception) -> None:
+        """Hold, and report what a callback raised."""
+        super().callback_failed(error)
+        self._loop.post(self._control.hold, Reason.PROGRAM,
+                        f'a callback failed: {type(error).__name__}: {error}')
+
+    def _to_loop(self, function: Callable[[], None]) -> bool:
+        self._loop.post(function)
+        return True
 
     # The device.
 
@@ -90,7 +112,7 @@ class TendonActuation(ManagedNode):
     def open_device(self) -> Device:
         """Connect and read; move nothing."""
         driver: TendonDriver = make_driver(
-            TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, self._seconds)
+            TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, STEADY)
         driver.open()
         low, high = self.parameters['pull_limits']
         limits = TendonLimits(self._tendons, (low, high), self.parameters['speed_limit'])
@@ -143,22 +165,26 @@ class TendonActuation(ManagedNode):
 
     # Trajectories.
 
-    def _on_trajectory(self, message: JointTrajectory) -> None:
-        if not message.points:
-            self._loop.post(self._control.hold, Reason.HELD,
-                            'a trajectory without points asked the tendons to hold')
+    def _on_trajectory(self, data: bytes) -> None:
+        """Leave a trajectory to the thread that judges; one without points holds at once."""
+        if len(data) <= MAX_HOLD_BYTES and not deserialize_message(data, JointTrajectory).points:
+            self._holds.put(True)
             return
-        request_id = message.header.frame_id
-        try:
-            request = self._request(message)
-            if not self._judging.submit(self._judge, request):
-                raise MotionRefusedError(
-                    Reason.BUSY, 'too many trajectories wait to be judged; send them '
-                    'more slowly')
-        except MotionRefusedError as error:
-            self._refuse(request_id, error)
+        if len(data) > MAX_BYTES:
+            self._refuse_unread(MotionRefusedError(
+                Reason.INVALID, f'a trajectory of {len(data)} bytes; allowed: {MAX_BYTES}; '
+                'send it in parts'))
+        elif not self._judging.submit(self._judge, data, self._control.revocations):
+            self._refuse_unread(MotionRefusedError(
+                Reason.BUSY, 'too many trajectories wait to be judged; send them more slowly'))
 
-    def _request(self, message: JointTrajectory) -> Request:
+    def _refuse_unread(self, error: MotionRefusedError) -> None:
+        """Report a refusal, but not each of a flood: that costs more than the refusal."""
+        if self._unread_age.seconds > UNREAD_GAP:
+            self._unread_age.refresh()
+            self._refuse('', error)
+
+    def _request(self, message: JointTrajectory, revocations: int) -> Request:
         """Return a trajectory as numbers; raises MotionRefusedError when it cannot be one."""
         if not self._compiled:
             raise MotionRefusedError(Reason.INACTIVE, loading())
@@ -170,35 +196,50 @@ class TendonActuation(ManagedNode):
             times, pulls = trajectory_from_ros(message, self._tendons)
         except ValueError as error:
             raise MotionRefusedError(Reason.INVALID, str(error)) from None
-        return Request(message.header.frame_id, times, pulls,
-                       seconds(message.header.stamp) or None, self._control.revocations)
+        if problem := name_problem(message.header.frame_id):
+            raise MotionRefusedError(Reason.INVALID, f'header.frame_id is {problem}')
+        start = self.ros_time.steady(message.header.stamp)
+        if start is not None and start > STEADY() + MAX_AHEAD:
+            raise MotionRefusedError(
+                Reason.INVALID, f'it starts {start - STEADY():.1f} s from now; allowed: '
+                f'{MAX_AHEAD:g} s; check header.stamp (zero: start now) and the clocks')
+        return Request(message.header.frame_id, times, pulls, start, revocations)
 
-    def _judge(self, request: Request) -> None:
+    def _judge(self, data: bytes, revocations: int) -> None:
         """Follow a trajectory if nothing speaks against it; on a thread that may take long."""
-        control, stiff = self._control, self._arm.stiff
+        control, stiff, request_id = self._control, self._arm.stiff, ''
         try:
+            begin = STEADY()
+            message = deserialize_message(data, JointTrajectory)
+            if len(data) > MAX_HOLD_BYTES:  # nothing else in this process ran meanwhile
+                STEADY.sleep(PAUSE * (STEADY() - begin))
+            request_id = plain(message.header.frame_id)
+            request = self._request(message, revocations)
             pulls = self._loop.call(control.prepare, request)
-            joint_angles = self._arm.joint_angles
-            if joint_angles is not None:  # else follow() says why not
+            shape = self._arm.shape
+            if shape is not None:  # else follow() says why not
                 limits = TensionLimits(
                     self.parameters['tension_limit'], self.parameters['co_contraction_limit'])
                 self._prediction.check(
-                    pulls, joint_angles, [not s for s in stiff], limits,
-                    lambda: control.revocations != request.revocation)
+                    pulls, shape, [not s for s in stiff], limits,
+                    lambda: control.revocations != revocations)
             self._loop.call(control.follow, request, stiff)
         except MotionRefusedError as error:
-            self._refuse(request.id, error)
+            self._refuse(request_id, error)
+            STEADY.sleep(REFUSAL_PAUSE)
         except Exception as error:
-            self._refuse(request.id, MotionRefusedError(
+            self._refuse(request_id, MotionRefusedError(
                 Reason.INVALID, f'it could not be judged: {type(error).__name__}: {error}'))
             raise
 
     def _refuse(self, request_id: str, error: MotionRefusedError) -> None:
         if error.reason is Reason.HELD:  # by its sender
-            self.get_logger().info(f'trajectory refused: {error}')
+            self.get_logger().info(f'trajectory refused: {error}',
+                                   throttle_duration_sec=LOG_PERIOD)
         else:
-            self.get_logger().error(f'trajectory refused: {error}')
-        self._loop.post(self._control.refuse, request_id, error.reason, str(error))
+            self.get_logger().error(f'trajectory refused: {error}',
+                                    throttle_duration_sec=LOG_PERIOD)
+        self._refusals.put((request_id, error.reason, str(error)))
 
     # What is reported.
 
@@ -212,12 +253,13 @@ class TendonActuation(ManagedNode):
 
     def _publish(self, report: Report) -> None:
         state, reading = report.state, report.reading
-        if reading is not None:
+        if reading is not None and reading is not self._reading:
             message = JointState(
                 name=list(self._tendons), position=list(reading.pulls),
                 velocity=list(reading.speeds), effort=list(reading.tensions or ()))
-            message.header.stamp = stamp_to_ros(report.time)
+            message.header.stamp = self.ros_time.stamp(report.time)
             self._states.publish(message)
+        self._reading = reading
         self._state_publisher.publish(state)
         self.status.set(*self._summary(report), stopped=state.stop_message, ended=report.ended,
                         referenced=str(state.referenced).lower(), refused=report.refused)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NoReturn
 
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
@@ -19,6 +20,8 @@ from soft_continuum_interfaces.msg import TendonActuationState
 
 MAX_LATENESS = 0.5
 """s by which a control cycle may come late: then all that was sent ahead has run out."""
+MAX_JUMP = 0.5
+"""s by which ROS time may jump without a motion that follows it being ended."""
 MAX_REVOKED = 20  # motions whose further parts are refused
 Device = tuple[TendonDriver, TendonController]
 
@@ -29,7 +32,7 @@ class Report:
     State after a cycle or a request.
 
     ended, refused: why the last motion was, for people; empty when a later one was accepted.
-    reading: None without a new one that means something.  time: s of ROS.
+    reading: the last one, None while it means nothing.  time: at which it was read, s (steady).
     """
 
     state: TendonActuationState
@@ -48,16 +51,20 @@ class TendonControl:
     """
 
     def __init__(self, tendons: tuple[str, ...], arm: ReportedArm, period: float,
-                 clock: Callable[[], float], report: Callable[[Report], None],
+                 jump: Callable[[], float], report: Callable[[Report], None],
                  release: Callable[[TendonDriver], None]) -> None:
         """
         Start without a device.
 
-        period: of the control cycle, s.  clock: of ROS, s.  release: is given the driver of a
-        device that failed, to close it elsewhere.
+        period: of the control cycle, s.  jump: by how much ROS time went ahead since it was
+        called before, s.  release: is given the driver of a device that failed, to close it
+        elsewhere.
         """
-        self._tendons, self._arm, self._period, self._clock = tendons, arm, period, clock
+        self._tendons, self._arm, self._period, self._jump = tendons, arm, period, jump
         self._publish, self._release = report, release
+        self._stops = 0
+        self._stamped = False  # whether the trajectory that is followed was to begin by ROS time
+        self._time = STEADY()  # of the last reading, s
         self._driver: TendonDriver | None = None
         self._controller: TendonController | None = None
         self._active = False
@@ -80,7 +87,7 @@ class TendonControl:
     def attach(self, device: Device) -> None:
         """Control a device from now on; what was stopped stays stopped."""
         self._driver, self._controller = device
-        self._fault, self.lost = '', False
+        self._fault, self.lost, self._time = '', False, STEADY()
         if self._stop_message:
             self._controller.stop(self._stop_message)
         self.report()
@@ -104,6 +111,7 @@ class TendonControl:
     def deactivate(self) -> None:
         """Brake, hold and accept no trajectories."""
         self._active = False
+        self._stops += 1
         self.hold(Reason.INACTIVE, 'the node was deactivated')
 
     def not_connected(self, error: str) -> None:
@@ -117,6 +125,7 @@ class TendonControl:
             self._release(self._driver)
         self._driver = self._controller = None
         self._fault, self.lost = str(error), True
+        self._stops += 1
         if not self._stop_message:
             self._stopped = TendonActuationState.STOPPED_BY_DEVICE
             self._stop_message = f'the device failed: {error}'
@@ -153,7 +162,8 @@ class TendonControl:
             self._requests.end(Reason.REPLACED, 'a newer trajectory took its place')
             self.report()
         self._requests.accept(request.id)
-        self._stiff_at_start, self._ended, self._refused = stiff, '', ''
+        self._stiff_at_start, self._stamped = stiff, request.start is not None
+        self._ended = self._refused = ''
         self.report()
 
     def _checked(self, request: Request) -> TendonController:
@@ -176,7 +186,7 @@ class TendonControl:
 
     def _trajectory(self, request: Request) -> tuple[Array, Array, float, float]:
         """Return times, pulls, the present and the start on one clock."""
-        now = self._clock()
+        now = STEADY()
         start = now if request.start is None else request.start
         return start + request.times, request.pulls, now, start
 
@@ -223,6 +233,7 @@ class TendonControl:
         kind: of TendonActuationState.  Returns whether the device was reached, and the answer.
         """
         self._stopped, self._stop_message = kind, message
+        self._stops += 1
         self._revoke(Reason.STOPPED,
                      f'stopped ({message}); call ~/resume before any motion')
         answer = True, 'stopped, holding tension; nothing moves before ~/resume'
@@ -273,23 +284,26 @@ class TendonControl:
 
     def cycle(self, late: float) -> None:
         """Send the driver on, unless something speaks against it; late: s."""
-        controller = self._controller
+        controller, jump = self._controller, self._jump()
         if controller is None:
             return
         try:
-            if not self._ended and (interlock := self._cycle_interlock(controller, late)):
+            if not self._ended and (
+                    interlock := self._cycle_interlock(controller, late, jump)):
                 controller.hold()
                 self._revoke(interlock.reason, interlock.message)
                 self._ended = f'motion ended: {interlock.message}'
-            controller.update(self._clock(), self._period)
+            self._time = STEADY()
+            controller.update(self._time, self._period)
         except HardwareError as error:
             self._lose(error)
             return
         if not controller.busy:
             self._requests.done()
-        self._publish(self.snapshot(new_reading=True))
+        self.report()
 
-    def _cycle_interlock(self, controller: TendonController, late: float) -> Interlock | None:
+    def _cycle_interlock(self, controller: TendonController, late: float, jump: float
+                         ) -> Interlock | None:
         if not controller.busy:
             return None
         if controller.homing:
@@ -303,22 +317,26 @@ class TendonControl:
             return Interlock(
                 Reason.LATE, f'the control cycle came {late:.3f} s late; allowed: '
                 f'{MAX_LATENESS:g} s; the computer is too busy')
+        if controller.following and self._stamped and abs(jump) > MAX_JUMP:
+            return Interlock(
+                Reason.CLOCK, f'ROS time jumped by {jump:.3f} s while a trajectory with a '
+                f'header.stamp was followed; allowed: {MAX_JUMP:g} s; send it again')
         return None
 
-    def snapshot(self, new_reading: bool = False) -> Report:
-        """Return the state as it is now, with the reading if that is new."""
+    def snapshot(self) -> Report:
+        """Return the state as it is now."""
         controller = self._controller
         state = TendonActuationState(
             tendons=list(self._tendons), connected=controller is not None, fault=self._fault,
-            stopped=self._stopped, stop_message=self._stop_message,
+            stopped=self._stopped, stop_message=self._stop_message, stops=self._stops,
             accepted=self._requests.accepted, refused=self._requests.refused)
         reading = None
         if controller is not None:
             state.referenced = controller.reading.referenced
             state.moving, state.homing = controller.busy, controller.homing
-            if new_reading and self._active and (state.referenced or not state.homing):
+            if self._active and (state.referenced or not state.homing):
                 reading = controller.reading
-        return Report(state, self._ended, self._refused, reading, self._clock())
+        return Report(state, self._ended, self._refused, reading, self._time)
 
     def report(self) -> None:
         """Let the other threads know how things are."""

@@ -15,6 +15,8 @@ from typing import Any
 
 from rclpy.node import Node
 
+from soft_continuum.nodes.entries import guarded
+
 CALL_TIMEOUT = 3.0
 """s that a caller waits for a thread; drivers promise to be much faster."""
 SWITCH_INTERVAL = 0.001
@@ -22,21 +24,43 @@ SWITCH_INTERVAL = 0.001
 PRIORITY = 20  # of control among real-time threads, where the system allows any
 
 
-def on_ros_thread(node: Node, function: Callable[..., None], *arguments: Any) -> None:
+def on_ros_thread(node: Node, function: Callable[..., None], *arguments: Any) -> bool:
     """
-    Let the executor of ``node`` call ``function``, from any thread; without one nothing is.
+    Let the executor of ``node`` call ``function``, from any thread; return False without one.
 
-    What it raises is logged: rclpy's EventsExecutor ends the process over a task that raises.
+    What it raises is guarded: rclpy's EventsExecutor ends the process over a task that raises.
     """
-    def task() -> None:
-        try:
-            function(*arguments)
-        except Exception:
-            node.get_logger().error(traceback.format_exc())
-
     executor = node.executor
-    if executor is not None:
-        executor.create_task(task)
+    if executor is None:
+        return False
+    executor.create_task(guarded(node, function), *arguments)
+    return True
+
+
+class Newest:
+    """
+    Hands values from any thread to ``function``, by a ``post`` that lets another thread call.
+
+    Of values that come faster than they are taken only the newest counts, so that none queue up.
+    """
+
+    def __init__(self, post: Callable[..., bool], function: Callable[[Any], None]) -> None:
+        """Start without a value; post: returns whether its argument will be called."""
+        self._post, self._function = post, function
+        self._lock = threading.Lock()
+        self._value: Any = None
+
+    def put(self, value: Any) -> None:
+        """Have ``value``, which is not None, taken soon."""
+        with self._lock:
+            waits, self._value = self._value is not None, value
+            if not waits and not self._post(self._take):
+                self._value = None
+
+    def _take(self) -> None:
+        with self._lock:
+            value, self._value = self._value, None
+        self._function(value)
 
 
 class _Request:

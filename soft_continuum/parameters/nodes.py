@@ -76,7 +76,10 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         *driver_parameters(JAMMING_DRIVERS),
     ),
     KINEMATICS: (
-        *ARM_PARAMETERS, FRAME, TENSION_LIMIT,
+        *ARM_PARAMETERS, FRAME, TENSION_LIMIT, AMBIENT,
+        Parameter('full_vacuum', 80e3, 'vacuum below ambient at which jams that are not rigid '
+                  'have the stiffness and the yield moment of the description', 1e3, 101e3,
+                  unit='Pa'),
         Parameter('straight_tolerance', 0.0005,
                   'largest pull at which ~/reset accepts a stiff arm as straight, and by which '
                   'the tendons may be too short for a stiff arm', 0.0, 0.1, unit='m'),

@@ -3,25 +3,26 @@
 """Conversions between the library's arrays and ROS messages."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from math import pi
 
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, PoseArray
 import numpy as np
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from soft_continuum.mechanics.arm import TENDONS
-from soft_continuum.mechanics.chain import Array, orientation
+from soft_continuum.mechanics.chain import Array, Equilibrium, orientation, RigidChain
+from soft_continuum.ros.text import plain
+from soft_continuum_interfaces.msg import KinematicsState
+
+MAX_PULL = 1.0  # m, the most that pull_limits can be
+MAX_JOINT_ANGLE = pi  # rad
 
 
 def seconds(stamp: object) -> float:
     """Return a builtin_interfaces Time or Duration in s."""
     return float(stamp.sec + stamp.nanosec * 1e-9)  # type: ignore[attr-defined]
-
-
-def stamp_to_ros(time: float) -> Time:
-    """Return a time of ROS in s as a message."""
-    sec, nanosec = divmod(round(time * 1e9), 1_000_000_000)
-    return Time(sec=sec, nanosec=nanosec)
 
 
 def full_poses(planar: Array) -> Array:
@@ -53,6 +54,43 @@ def poses_from_ros(message: PoseArray) -> Array:
                       p.orientation.z, p.orientation.w) for p in message.poses]).reshape(-1, 7)
 
 
+def pulls_from_ros(message: JointState, tendons: Sequence[str]) -> Array:
+    """
+    Return the pulls (tendons,) m of tendon_states.
+
+    Raises ValueError when one is missing, not a finite number or beyond MAX_PULL.
+    """
+    positions = dict(zip(message.name, message.position, strict=False))
+    missing = [name for name in tendons if name not in positions]
+    if missing:
+        raise ValueError(f'tendon_states without position of {", ".join(missing)}')
+    pulls = np.array([positions[name] for name in tendons])
+    if not np.all(np.abs(pulls) <= MAX_PULL):
+        raise ValueError(f'tendon_states with pulls of {", ".join(f"{p:g}" for p in pulls)} m; '
+                         f'possible: finite numbers up to {MAX_PULL:g} m')
+    return pulls
+
+
+def equilibrium_to_ros(state: Equilibrium) -> KinematicsState:
+    """Return a state of the model as a message without stamp."""
+    return KinematicsState(
+        joint_angles=state.joint_angles.tolist(), held_angles=state.held_angles.tolist(),
+        stiff=list(state.stiff), vacuum=list(state.vacuum or [1.0] * len(state.stiff)))
+
+
+def equilibrium_from_ros(message: KinematicsState, chain: RigidChain) -> Equilibrium | None:
+    """Return the state of the model in a message, None when it is that of no such arm."""
+    angles, held = np.array(message.joint_angles), np.array(message.held_angles)
+    vacuum = np.array(message.vacuum)
+    if (len(angles) != chain.joints or len(held) != chain.joints
+            or not np.all(np.abs([angles, held]) <= MAX_JOINT_ANGLE)
+            or len(message.stiff) != chain.segments or len(vacuum) != chain.segments
+            or not np.all((vacuum >= 0.0) & (vacuum <= 1.0))):
+        return None
+    return replace(chain.state(angles), held_angles=held, stiff=tuple(message.stiff),
+                   vacuum=tuple(vacuum.tolist()))
+
+
 def trajectory_to_ros(
         times: Array, pulls: Array, tendons: Sequence[str] = TENDONS) -> JointTrajectory:
     """Return times (k,) s and pulls (k, tendons) m as a JointTrajectory without stamp and id."""
@@ -73,7 +111,7 @@ def trajectory_from_ros(message: JointTrajectory, tendons: Sequence[str]) -> tup
     """
     names = list(message.joint_names)
     if sorted(names) != sorted(tendons):
-        raise ValueError(f'joint_names are {names}; needed: {list(tendons)}')
+        raise ValueError(f'joint_names are {plain(str(names))}; needed: {list(tendons)}')
     for number, point in enumerate(message.points, start=1):
         if len(point.positions) != len(tendons):
             raise ValueError(

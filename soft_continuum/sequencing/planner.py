@@ -128,7 +128,8 @@ class Planner:
         """Plan one segment; return the move and the state at its end."""
         chain, settings = self.statics.chain, self.settings
         soft = [i == segment for i in range(chain.segments)]
-        softened = self.statics.solve(state, start, soft)
+        vacuum = state.vacuum or None  # of the jams that stay stiff
+        softened = self.statics.solve(state, start, soft, vacuum=vacuum)
         present = chain.bending_angles(softened.joint_angles)[segment]
         steps = max(1, ceil(abs(angle - present) / settings.angle_step))
         points, tension = [start], float(softened.tensions.max())
@@ -136,7 +137,7 @@ class Planner:
         for target in np.linspace(present, angle, steps + 1)[1:]:
             if self._abandoned():
                 raise PlanError('the plan was abandoned')
-            bent = self.statics.bend(bent, segment, float(target))
+            bent = self.statics.bend(bent, segment, float(target), vacuum=vacuum)
             tension = max(tension, float(bent.tensions.max()))
             points.append(self._with_slack(bent))
         pulls = np.array(points)
@@ -148,7 +149,7 @@ class Planner:
         if tension > settings.tension_limit:
             raise PlanError(f'needs a tendon tension of {tension:.1f} N; '
                             f'tension_limit: {settings.tension_limit:g} N')
-        end = self.statics.solve(bent, pulls[-1], soft)
+        end = self.statics.solve(bent, pulls[-1], soft, vacuum=vacuum)
         times, pulls = timed(pulls, settings.speed, settings.acceleration)
         return Move(segment, angle, times, pulls, tension), end
 

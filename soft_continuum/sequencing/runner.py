@@ -36,7 +36,8 @@ class Observation:
     pulls: (tendons,) m.  moving: whether a tendon moves or may still move to what it was sent.
     stiff: per segment, confirmed by pressure.  vacuum: per segment, Pa below ambient.  stopped:
     why tendon motion is stopped.  fault: why the arm cannot be operated, such as a stale node.
-    motion_failure: why the motion that was sent last was refused or ended early.
+    motion_failure: why the motion that was sent last was refused or ended early.  stops: how often
+    motion was stopped, ever.
     """
 
     pulls: tuple[float, ...]
@@ -46,6 +47,7 @@ class Observation:
     stopped: str = ''
     fault: str = ''
     motion_failure: Failure | None = None
+    stops: int = 0
 
 
 class ArmPort(Protocol):
@@ -119,6 +121,7 @@ class Runner:
         self._script = self._run()
         self._end: _EndError | None = None
         self._winding_down = False
+        self._stops: int | None = None  # how many there had been when the run began
 
     def cancel(self, code: Code, message: str) -> None:
         """End the run at the next tick: stop the motion, stiffen every segment."""
@@ -133,6 +136,14 @@ class Runner:
         try:
             if observation.stopped:
                 raise _EndError(Code.STOPPED, f'stopped: {observation.stopped}')
+            if self._stops is None:
+                self._stops = observation.stops
+            elif observation.stops != self._stops:
+                self._stops = observation.stops
+                failure = observation.motion_failure or Failure(
+                    Code.STOPPED, 'tendon_actuation was stopped and resumed, or restarted, '
+                    'meanwhile')
+                raise _EndError(failure.code, failure.message)
             if not self._winding_down:
                 if self._end is not None:
                     raise self._end

@@ -9,6 +9,7 @@ observer.  A test waits for what it is told, with a deadline, and never for time
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 import gc
 import threading
@@ -257,7 +258,7 @@ class Rig:
     """Nodes under test, what they say, and ways to talk to them."""
 
     def __init__(self, domain: int, namespace: str = '/arm_under_test') -> None:
-        self.namespace = namespace
+        self.domain, self.namespace = domain, namespace
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)
         self.observer = Observer(context=self.context, namespace=namespace)
@@ -310,12 +311,19 @@ class Rig:
         """Wait until the named nodes say what they have to say."""
         heard = {
             'tendon_actuation': [self.tendons],
-            'jamming_valves': [*self.stiff, *self.pressures],
+            'jamming_valves': self.pressures,
             'kinematics': [self.statuses['kinematics']],
             'shape_sequencer': [self.statuses['shape_sequencer']],
         }
         self.wait_for(lambda: all(all(map(len, heard[name])) for name in names),
                       f'words from {", ".join(names)}')
+        if 'jamming_valves' in names:
+            state = self.states['jamming_valves']
+            self.wait_for(
+                lambda: state.last.connected and all(
+                    len(flag) and flag.last.data == (stiffness == JammingValvesState.STIFF)
+                    for flag, stiffness in zip(self.stiff, state.last.stiffness, strict=True)),
+                'the state of the valves')
         if set(names) >= set(ALL):
             self.wait_for(lambda: len(self.joints), 'joint_states')
 
@@ -396,6 +404,19 @@ class Rig:
             self.wait_for(publisher.get_subscription_count, f'a subscriber of {topic}')
             self._publishers[topic] = publisher
         return self._publishers[topic]
+
+    @contextmanager
+    def stranger(self) -> Iterator[Node]:
+        """Open a node that is none of the suite, whose executor is nobody's."""
+        context = Context()
+        rclpy.init(context=context, domain_id=self.domain)
+        node = Node('stranger', context=context, namespace=self.namespace)
+        yield node
+        node.destroy_node()
+        context.try_shutdown()
+        self.wait_for(lambda: not any(
+            recording.last and 'stranger' in recording.last.message
+            for recording in self.statuses.values()), 'an end of the conflict')
 
     def call(self, kind: Any, name: str, within: float = DEADLINE, **request: Any) -> Any:
         """Call a service and return its response."""
@@ -538,8 +559,13 @@ class Rig:
                 (self.stiff, lambda m: not m.data),
                 (self.pressures, lambda m: AMBIENT - m.fluid_pressure < STIFF_VACUUM * 0.7)):
             soft: set[int] = set()
+            known: set[int] = set()  # a flag is also false before anything is known
             for _, segment, message in _merged(recordings):
-                (soft.add if is_soft(message) else soft.discard)(segment)
+                if not is_soft(message):
+                    known.add(segment)
+                    soft.discard(segment)
+                elif segment in known:
+                    soft.add(segment)
                 assert len(soft) <= 1, f'segments {sorted(soft)} were soft at once'
 
     def assert_never_moved_all_stiff(self) -> None:

@@ -8,13 +8,18 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import FluidPressure, JointState
 
 from soft_continuum.mechanics.chain import RigidChain
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
-from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationState
+from soft_continuum_interfaces.msg import (
+    JammingValvesState,
+    KinematicsState,
+    TendonActuationState,
+)
 
 ARM = load_arm(description_file())
 SEGMENTS, TENDONS = len(ARM.segments), list(ARM.tendon_names)
@@ -24,6 +29,12 @@ STIFF, SOFT = JammingValvesState.STIFF, JammingValvesState.NOT_STIFF
 UNKNOWN = JammingValvesState.UNKNOWN
 
 
+def shape(angles: list[float]) -> KinematicsState:
+    """Return a shape of a stiff arm, as kinematics reports it."""
+    return KinematicsState(joint_angles=angles, held_angles=angles, stiff=[True] * SEGMENTS,
+                           vacuum=[1.0] * SEGMENTS)
+
+
 class Bench:
     """An observer, the messages that it gets, and the clock."""
 
@@ -31,6 +42,7 @@ class Bench:
         self.now = 100.0
         monkeypatch.setattr('soft_continuum.ros.age.monotonic', lambda: self.now)
         node = Mock()
+        node.get_publishers_info_by_topic.return_value = []
         self.observer = ArmObserver(
             node, ARM, {'silence_timeout': TIMEOUT, 'ambient_pressure': 101325.0}, Mock())
         self._callbacks = {
@@ -40,14 +52,14 @@ class Bench:
         self.stream()
 
     def send(self, topic: str, message: Any) -> None:
-        self._callbacks[topic](message)
+        self._callbacks[topic](serialize_message(message))
 
     def stream(self, seconds: float = 0.0) -> None:
         """Let time pass, in which all streams go on."""
         self.now += seconds
         self.send('tendon_states', JointState(
             name=TENDONS[::-1], position=[-0.002, 0.001], velocity=[0.0, 0.0]))
-        self.send('joint_states', JointState(position=[0.01] * JOINTS))
+        self.send('kinematics/state', shape([0.01] * JOINTS))
         self.send('segment_1/pressure', FluidPressure(fluid_pressure=11325.0))
 
     def jamming(self, stiffness: int, fault: str = '', segment_fault: str = '') -> None:
@@ -75,7 +87,7 @@ def test_a_sound_arm_may_be_moved_and_its_tendons_are_known_by_name(bench: Bench
     assert not observation.moving
 
 
-@pytest.mark.parametrize('topic', ['tendon_states', 'joint_states', 'segment_1/pressure'])
+@pytest.mark.parametrize('topic', ['tendon_states', 'kinematics/state', 'segment_1/pressure'])
 def test_a_stream_that_ends_is_a_fault_after_the_timeout(bench: Bench, topic: str) -> None:
     bench._callbacks[topic] = Mock()
     bench.stream(0.9 * TIMEOUT)
@@ -132,16 +144,18 @@ def test_no_sequence_begins_on_an_arm_that_is_stopped_or_not_referenced(
 
 @pytest.mark.parametrize('position', [
     [np.nan] * JOINTS, [1.7e308] * JOINTS, [0.0] * (JOINTS - 1)], ids=['nan', 'absurd', 'short'])
-def test_joint_states_of_no_arm_are_ignored(bench: Bench, position: list[float]) -> None:
+def test_shapes_of_no_arm_are_ignored(bench: Bench, position: list[float]) -> None:
     before = bench.observer.shape
-    bench.send('joint_states', JointState(position=position))
+    bench.send('kinematics/state', shape(position))
     assert bench.observer.shape is before
 
 
 @pytest.mark.parametrize('message', [
     JointState(name=TENDONS, position=[np.nan, 0.0]),
     JointState(name=TENDONS, position=[0.0]),
-    JointState(name=['a', 'b'], position=[0.0, 0.0])], ids=['nan', 'short', 'other names'])
+    JointState(name=TENDONS, position=[1.7e308, 0.0]),
+    JointState(name=['a', 'b'], position=[0.0, 0.0]),
+], ids=['nan', 'short', 'absurd', 'other names'])
 def test_tendon_states_of_no_arm_are_ignored(bench: Bench, message: JointState) -> None:
     bench.send('tendon_states', message)
     assert bench.observer.pulls == (0.001, -0.002)

@@ -193,12 +193,25 @@ def stop_and_resume(rig: Rig) -> None:
     assert rig.trigger('tendon_actuation/resume').success
 
 
-def test_a_stop_that_is_resumed_at_once_ends_the_goal_all_the_same(rig: Rig) -> None:
+def deactivate_and_activate(rig: Rig) -> None:
+    assert rig.transition('tendon_actuation', 'deactivate')
+    assert rig.transition('tendon_actuation', 'activate')
+
+
+@pytest.mark.parametrize('away', [stop_and_resume, deactivate_and_activate])
+def test_a_stop_that_is_resumed_at_once_ends_the_goal_all_the_same(
+        rig: Rig, away: Callable[[Rig], None]) -> None:
     slow_arm(rig, 'moving')
-    running = rig.goal(BEND)
+    goal = rig.goal(BEND)
+    goal.wait_for_phase('softening')
+    away(rig)
+    assert goal.result()[1].error_code == Result.STOPPED
+    assert rig.pulls == (0.0, 0.0)
+    goal = rig.goal_when_heard(BEND)
     rig.wait_for(lambda: rig.tendons.last.position[0] > 0.001, 'a pull')
-    stop_and_resume(rig)
-    assert running.result()[1].error_code == Result.STOPPED
+    away(rig)
+    assert goal.result()[1].error_code in (Result.STOPPED, Result.HARDWARE_FAULT)
+    rig.wait_for(lambda: not rig.moving, 'rest')
     rig.assert_rests()
     assert 0.0 < rig.pulls[0] < 0.006
 

@@ -181,6 +181,7 @@ def test_valves_unplugged_in_motion_end_the_goal_and_switch_nothing_when_back(
     assert 'jamming_valves' in result.error_string
     assert error_in_diagnostics(rig, 'jamming_valves')
     rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: not any(flag.last.data for flag in rig.stiff), 'no stiffness known')
     bench.modbus.plug()
     rig.wait_for(lambda: rig.statuses['jamming_valves'].last.level == DiagnosticStatus.OK,
                  'the valves back')
@@ -253,12 +254,12 @@ def test_without_autostart_no_device_is_looked_for(devices: Bench) -> None:
     assert rig.lifecycle_state('tendon_actuation') == 'unconfigured'
 
 
-@pytest.mark.parametrize(('profile', 'fit'), [(LATCHED, 3), (RELIABLE, 2), (STREAM, 1)],
+@pytest.mark.parametrize('profile', [LATCHED, RELIABLE, STREAM],
                          ids=['latched', 'reliable', 'best effort'])
 def test_an_emergency_stop_ends_the_motion_until_it_is_off_and_resumed(
-        arm: Rig, profile: QoSProfile, fit: int) -> None:
+        arm: Rig, profile: QoSProfile) -> None:
     button = arm.publisher(Bool, 'emergency_stop', profile)
-    arm.wait_for(lambda: button.get_subscription_count() >= 2 * fit, 'all nodes to listen')
+    arm.wait_for(lambda: button.get_subscription_count() >= 2, 'all nodes to listen')
     goal = arm.goal((0.0, 0.0, 0.6), (0.0, 0.0, -0.6), hold=0.5)
     arm.wait_for(lambda: arm.moving, 'a motion')
     button.publish(Bool(data=True))

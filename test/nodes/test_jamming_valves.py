@@ -81,7 +81,7 @@ def test_a_leaking_segment_is_stiff_until_the_release_vacuum_and_again_from_the_
     lowest = min(AMBIENT - m.fluid_pressure for m in rig.pressures[0])
     assert RELEASE_VACUUM < lowest < 58e3
     assert rig.all_stiff
-    assert [m.data for m in rig.stiff[0]] == [True]  # no flicker
+    assert [m.data for m in rig.stiff[0]] == [False, True]  # unknown at first; no flicker
 
 
 def test_a_vacuum_between_release_and_stiff_makes_no_segment_stiff(rig: Rig) -> None:
@@ -98,7 +98,7 @@ def test_stiffness_is_lost_below_the_release_vacuum_and_won_at_the_stiff_one(rig
               simulated_jamming__evacuation_time=0.3, release_vacuum=release,
               pump_start_vacuum=51e3)
     flags, pressures = rig.stiff[0], rig.pressures[0]
-    rig.wait_for(lambda: [m.data for m in flags][:3] == [True, False, True], 'loss and return')
+    rig.wait_for(lambda: [m.data for m in flags][1:4] == [True, False, True], 'loss and return')
     for flag in flags.heard[1:3]:
         before = max((p for p in pressures.heard if p.time < flag.time), key=lambda p: p.time)
         found = AMBIENT - before.message.fluid_pressure

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from ros_rig import LATCHED, RELIABLE, Rig
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
+from soft_continuum_interfaces.msg import JammingValvesState
 
 ARM = load_arm(description_file())
 DISC_HEIGHT, LENGTH = 0.03, 0.07
@@ -27,13 +27,13 @@ class FakeArm:
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
         self._tendons = rig.publisher(JointState, 'tendon_states')
-        self._stiff = [
-            rig.publisher(Bool, f'segment_{n}/stiff', LATCHED) for n in (1, 2, 3)]
+        self._valves = rig.publisher(JammingValvesState, 'jamming_valves/state', LATCHED)
 
     def say(self, pulls: tuple[float, float] | None = None, soft: int = 0) -> None:
         """Say which segment (from 1) is soft, and after that the pulls (m)."""
-        for number, publisher in enumerate(self._stiff, start=1):
-            publisher.publish(Bool(data=number != soft))
+        self._valves.publish(JammingValvesState(stiffness=[
+            JammingValvesState.NOT_STIFF if n == soft else JammingValvesState.STIFF
+            for n in (1, 2, 3)]))
         if pulls is not None:
             self.pull(pulls)
 

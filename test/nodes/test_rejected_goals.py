@@ -10,13 +10,17 @@ from typing import Any
 from builtin_interfaces.msg import Duration
 import numpy as np
 import pytest
-from ros_rig import ALL, Rig, shape_message
+from ros_rig import ALL, LATCHED, Rig, shape_message
 from sensor_msgs.msg import JointState
 
+from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planner import PlanError, Planner
 from soft_continuum_interfaces.action import RunShapeSequence
-from soft_continuum_interfaces.msg import Shape
+from soft_continuum_interfaces.msg import KinematicsState, Shape
 
+JOINTS = RigidChain(load_arm(description_file())).joints
 LIBRARY = 'c_form, upright_c_form, s_form'
 
 BAD_GOALS = {
@@ -35,6 +39,13 @@ BAD_GOALS = {
     'degrees instead of radians':
         ([shape_message((36.0, 36.0, 36.0))], ['segment 1', '36 rad', '1.047 rad']),
     'empty sequence': ([], ['empty', LIBRARY]),
+    'more shapes than are planned at once':
+        ([shape_message('c_form')] * 101, ['101 shapes', 'allowed: 100']),
+    'a name without an end':
+        ([Shape(name='x' * 1_000_000)], ['shape 1', '1000000 characters', 'allowed: 100']),
+    'a name that writes to the terminal':
+        ([Shape(name='\x1b[2J\n')], ['shape 1', r'\x1b[2J', 'allowed: 100']),
+    'angles without an end': ([shape_message((0.1,) * 10_000)], ['10000 bending angles']),
     'negative hold time':
         ([Shape(name='c_form', hold_time=Duration(sec=-1))], ['c_form', 'hold_time', '-1 s']),
     'negative hold time of nanoseconds':
@@ -157,13 +168,19 @@ def test_a_goal_is_rejected_naming_the_node_that_is_missing(rig: Rig, missing: s
 
 def test_a_state_that_is_not_a_number_ends_no_node(shared_arm: Rig) -> None:
     # As from a broken node on the same topics; the nodes must neither die nor believe it.
-    joints = len(shared_arm.joints.last.position)
-    shapes = shared_arm.publisher(JointState, 'joint_states')
-    shapes.publish(JointState(position=[np.nan] * joints))
-    shapes.publish(JointState(position=[1.7e308] * joints))
-    shared_arm.publisher(JointState, 'tendon_states').publish(JointState(
-        name=['right_tendon', 'left_tendon'], position=[np.nan] * 2, velocity=[np.nan] * 2))
-    assert not shared_arm.goal('d_form').accepted
-    shared_arm.wait_for_more(shared_arm.joints)
-    assert not np.isnan(shared_arm.joints.last.position).any()
+    joints = [[nan] * JOINTS for nan in (np.nan, 1.7e308)]
+    with shared_arm.stranger() as stranger:
+        shapes = stranger.create_publisher(KinematicsState, 'kinematics/state', LATCHED)
+        tendons = stranger.create_publisher(JointState, 'tendon_states', LATCHED)
+        shared_arm.wait_for(tendons.get_subscription_count, 'somebody to listen')
+        for angles in joints:
+            shapes.publish(KinematicsState(joint_angles=angles, held_angles=angles))
+            tendons.publish(JointState(
+                name=['right_tendon', 'left_tendon'], position=angles[:2], velocity=angles[:2]))
+        shared_arm.wait_for(lambda: all(
+            'stranger' in shared_arm.statuses[node].last.message
+            for node in ('tendon_actuation', 'shape_sequencer')), 'a conflict')
+        refused = shared_arm.goal('c_form')
+        assert 'published by' in shared_arm.rejection(refused)
+        assert not np.isnan(shared_arm.wait_for_more(shared_arm.joints)[-1].position).any()
     assert shared_arm.goal((0.0, 0.0, 0.2)).result()[0] == 'SUCCEEDED'

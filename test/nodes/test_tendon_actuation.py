@@ -13,6 +13,9 @@ import pytest
 from ros_rig import RELIABLE, Rig, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
+from soft_continuum.ros.ros_time import RosTime
+from soft_continuum_interfaces.msg import MotionRequest
+
 OTHERS = ('jamming_valves', 'kinematics')
 NAN, INFINITE = float('nan'), float('inf')
 PULL = trajectory([(0.3, (0.004, -0.005))])
@@ -195,6 +198,33 @@ def test_a_control_cycle_that_comes_late_ends_the_motion(rig: Rig) -> None:
     rig.assert_rests()
 
 
+def test_a_jump_of_ros_time_ends_only_a_motion_that_follows_it(
+        tendons: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = RosTime._now
+    send(tendons, SLOW_PULL)
+    wait_for_pull(tendons)
+    monkeypatch.setattr(RosTime, '_now', lambda self: now(self) - 5.0)
+    tendons.wait_for_more(tendons.tendons, 10)
+    assert tendons.moving
+    monkeypatch.undo()
+    stamped = trajectory([(20.0, (0.010, -0.012))])
+    stamped.header.stamp = tendons.observer.get_clock().now().to_msg()
+    stamped.header.frame_id = 'me/1'
+    send(tendons, stamped)
+    accepted = tendons.states['tendon_actuation']
+    tendons.wait_for(lambda: accepted.last.accepted.id == 'me/1', 'a motion')
+    monkeypatch.setattr(RosTime, '_now', lambda self: now(self) + 5.0)
+    tendons.wait_for(lambda: accepted.last.accepted.reason == MotionRequest.CLOCK, 'its end')
+    assert 'jumped by 5.0' in accepted.last.accepted.message
+    tendons.wait_for(lambda: not tendons.moving, 'rest')
+
+
+def test_a_trajectory_far_in_the_future_is_refused(tendons: Rig) -> None:
+    message = trajectory([(0.3, (0.001, -0.002))])
+    message.header.stamp = Time(sec=2**31 - 1)
+    refused(tendons, message, 'from now', 'allowed: 60 s')
+
+
 def test_a_trajectory_that_would_need_too_much_tension_is_refused(tendons: Rig) -> None:
     assert tendons.set_parameter('tendon_actuation', 'tension_limit', 0.3).successful
     refused(tendons, PULL, 'tension', 'tension_limit: 0.3 N', 'right_tendon 4.00 mm')
@@ -220,7 +250,7 @@ def test_no_tendon_moves_while_every_segment_is_stiff(rig: Rig) -> None:
 def test_no_tendon_moves_while_kinematics_is_silent(rig: Rig) -> None:
     rig.start('tendon_actuation', 'jamming_valves')
     rig.soften(3)
-    refused(rig, PULL, 'kinematics', 'joint_states')
+    refused(rig, PULL, 'kinematics', 'shape')
 
 
 def test_no_tendon_moves_before_the_valves_were_heard(rig: Rig) -> None:

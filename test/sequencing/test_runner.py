@@ -508,6 +508,18 @@ def test_a_segment_that_is_seen_stiff_during_its_motion_ends_the_run():
     assert runner.outcome.message == 'segment 1 was stiffened during its motion'
 
 
+@pytest.mark.parametrize('ticks', [1, 3, 6], ids=['planning', 'softening', 'moving'])
+def test_a_stop_that_was_resumed_between_two_ticks_ends_the_run(ticks):
+    rig = VirtualRig()
+    runner = rig.run_of((BOW,))
+    for number in range(ticks):
+        runner.tick(0.05 * number, observed((number < 3, True, True), stops=2))
+    assert runner.outcome is None
+    runner.tick(0.05 * ticks, observed((ticks < 3, True, True), stops=3))
+    assert runner.outcome.code is Code.STOPPED
+    assert 'stopped and resumed' in runner.outcome.message
+
+
 def test_an_unexpected_error_of_the_planner_ends_the_run_with_its_name():
     plan = Future()
     plan.set_exception(ZeroDivisionError('half a shape'))

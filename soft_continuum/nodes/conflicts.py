@@ -1,0 +1,59 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""A second node of the same name, and other publishers of the suite's topics."""
+
+from typing import Any
+from uuid import uuid4
+
+from std_msgs.msg import String
+
+from soft_continuum.nodes.entries import repeat, subscribe
+from soft_continuum.ros.age import Age
+from soft_continuum.ros.names import NODES
+from soft_continuum.ros.qos import SENSOR, STREAM
+
+PERIOD = 0.2  # s between two signs of life, and two looks at the graph
+FORGOTTEN = 1.5  # s after its last sign of life for a node to count as ended
+TOPICS = ('tendon_states', 'joint_states', *(f'{node}/state' for node in NODES))
+UNKNOWN = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node has not been discovered yet
+
+
+class Conflicts:
+    """
+    Notices whatever would make two nodes act as one.
+
+    The graph alone would not do: a node that was killed stays in it for many seconds.  So every
+    node publishes on ~/instance that it lives, and hears another one that has its name.
+    """
+
+    def __init__(self, node: Any, segments: int) -> None:
+        """Watch on behalf of ``node``, for an arm of so many segments."""
+        self.problem = ''
+        self._node, self._own = node, String(data=uuid4().hex)
+        of_segments = [f'segment_{n}/{topic}' for n in range(1, segments + 1)
+                       for topic in ('stiff', 'pressure')]
+        self._topics = [node.resolve_topic_name(topic) for topic in (*TOPICS, *of_segments)]
+        self._other = Age()
+        self._publisher = node.create_publisher(String, '~/instance', STREAM)
+        subscribe(node, String, '~/instance', self._on_instance, SENSOR)
+        repeat(node, PERIOD, self._look)
+
+    def _on_instance(self, message: String) -> None:
+        if message.data != self._own.data:
+            self._other.refresh()
+            self._look()
+
+    def _look(self) -> None:
+        self._publisher.publish(self._own)
+        node, problems = self._node, []
+        if self._other.seconds <= FORGOTTEN:
+            problems.append(
+                f'another {node.get_fully_qualified_name()} is running; end one of the two, or '
+                'give one a namespace')
+        for topic in self._topics:
+            names = {info.node_name for info in node.get_publishers_info_by_topic(topic)}
+            if len(names - {UNKNOWN}) > 1:
+                problems.append(f'{topic} is published by {" and ".join(sorted(names))}; end all '
+                                'but one')
+        self.problem = '; '.join(problems)
+        node.status.alarm('conflict', self.problem)

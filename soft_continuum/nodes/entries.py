@@ -1,0 +1,74 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where anything from outside enters a node: bounded before it costs anything, and guarded."""
+
+from collections.abc import Callable
+import traceback
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from rclpy.timer import Timer
+
+MAX_BYTES = 65536
+"""Of a message; to convert one holds up every thread of a process, for up to 0.1 s."""
+LOG_PERIOD = 1.0  # s between two log lines of one kind
+
+
+def guarded(node: Any, function: Callable[..., Any]) -> Callable[..., Any]:
+    """
+    Return ``function``, of which nothing that it raises gets out: ``node`` is told and goes on.
+
+    rclpy would end the process, and with it whatever else it does, such as to hold the tendons.
+    """
+    def call(*arguments: Any) -> Any:
+        try:
+            return function(*arguments)
+        except Exception as error:
+            node.get_logger().error(
+                f'a callback failed; going on:\n{traceback.format_exc()}',
+                throttle_duration_sec=LOG_PERIOD)
+            node.callback_failed(error)
+            return None
+
+    return call
+
+
+def subscribe(node: Any, kind: Any, topic: str, callback: Callable[[Any], None],
+              qos: QoSProfile) -> Any:
+    """Return a subscription; messages that are too long, or none of that type, are left out."""
+    def on_data(data: bytes) -> None:
+        problem = f'{len(data)} bytes; allowed: {MAX_BYTES}'
+        if len(data) <= MAX_BYTES:
+            try:
+                message = deserialize_message(data, kind)
+            except Exception as error:  # whatever the conversion finds wrong
+                problem = str(error)
+            else:
+                callback(message)
+                return
+        node.get_logger().warning(f'a message on {topic} is left out: {problem}',
+                                  throttle_duration_sec=LOG_PERIOD)
+
+    return node.create_subscription(kind, topic, guarded(node, on_data), qos, raw=True)
+
+
+def serve(node: Any, kind: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
+    """Create a service of a std_srvs type; a callback that fails answers with the reason."""
+    def on_request(request: Any, response: Any) -> Any:
+        answer = guarded(node, callback)(request, response)
+        if answer is None:
+            response.success = False
+            response.message = 'this request made the node fail; see its log'
+        return answer or response
+
+    node.create_service(kind, name, on_request)
+
+
+def repeat(node: Node, period: float, callback: Callable[[], None]) -> Timer:
+    """Call ``callback`` every ``period`` s of the steady clock: that of ROS may stand still."""
+    return node.create_timer(period, guarded(node, callback), clock=Clock(
+        clock_type=ClockType.STEADY_TIME))

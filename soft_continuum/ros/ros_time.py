@@ -1,0 +1,36 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""ROS time, which may be set, simulated or stand still, beside the steady clock of control."""
+
+from time import monotonic
+
+from builtin_interfaces.msg import Time
+from rclpy.clock import Clock
+
+
+class RosTime:
+    """Stamps of messages as times of the steady clock, and back; the two need not run alike."""
+
+    def __init__(self, clock: Clock) -> None:
+        """Use the clock of a node."""
+        self._clock = clock
+        self._offset = self._now()
+
+    def _now(self) -> float:
+        """Return ROS time over steady time, s."""
+        return float(self._clock.now().nanoseconds * 1e-9 - monotonic())
+
+    def steady(self, stamp: Time) -> float | None:
+        """Return the steady time (s) of a stamp as it is now; None for a stamp of zero."""
+        ros = stamp.sec + stamp.nanosec * 1e-9
+        return ros - self._now() if ros else None
+
+    def stamp(self, steady: float) -> Time:
+        """Return the stamp of a steady time (s) as it is now."""
+        sec, nanosec = divmod(round((steady + self._now()) * 1e9), 1_000_000_000)
+        return Time(sec=max(0, sec), nanosec=nanosec if sec >= 0 else 0)
+
+    def jump(self) -> float:
+        """Return by how much ROS time went ahead of the steady clock since the last call, s."""
+        before, self._offset = self._offset, self._now()
+        return self._offset - before

@@ -1,0 +1,22 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Text of others, as far as it may be repeated."""
+
+MAX_TEXT = 100
+
+
+def plain(text: str, limit: int = MAX_TEXT) -> str:
+    """Return ``text`` with at most ``limit`` characters, those that do not print as escapes."""
+    start = text[:limit]
+    if not start.isprintable():
+        start = ''.join(
+            c if c.isprintable() else c.encode('unicode_escape', 'replace').decode()
+            for c in start)
+    return start if len(text) <= limit else f'{start}… ({len(text)} characters)'
+
+
+def name_problem(name: str) -> str:
+    """Return why a name that somebody chose is not taken, empty for a good one."""
+    if len(name) <= MAX_TEXT and name.isprintable():
+        return ''
+    return f'"{plain(name, 20)}"; allowed: {MAX_TEXT} characters that print'

@@ -1,0 +1,134 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What enters a node: bounded, plain, and unable to end it."""
+
+from typing import Any
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+from ros_rig import Rig
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+from soft_continuum.mechanics.arm import Arm, Disc, Segment
+from soft_continuum.mechanics.laws import Jam
+from soft_continuum.mechanics.statics import Statics
+from soft_continuum.nodes.emergency_stop import EmergencyStop
+from soft_continuum.nodes.entries import MAX_BYTES, serve, subscribe
+from soft_continuum.nodes.shape_sequencer import ShapeSequencer
+from soft_continuum.nodes.threads import Newest
+from soft_continuum.ros.conversions import equilibrium_from_ros, equilibrium_to_ros
+from soft_continuum.ros.qos import LATCHED, SENSOR
+from soft_continuum.ros.text import plain
+
+
+def test_a_message_that_is_too_long_or_none_at_all_is_left_out_and_logged() -> None:
+    node, received = Mock(), []
+    subscribe(node, JointState, 'joint_states', received.append, SENSOR)
+    on_data = node.create_subscription.call_args.args[2]
+    on_data(serialize_message(JointState(position=[0.0] * MAX_BYTES)))
+    on_data(b'\0\1\0\0\xff\xff\xff\xff')
+    assert received == []
+    assert node.get_logger().warning.call_count == 2
+    node.callback_failed.assert_not_called()
+    on_data(serialize_message(JointState(position=[1.0])))
+    assert list(received[0].position) == [1.0]
+
+
+def test_a_callback_that_fails_is_reported_to_its_node_and_answered() -> None:
+    node, error = Mock(), ValueError('no such arm')
+
+    def fail(*_: object) -> None:
+        raise error
+
+    subscribe(node, Bool, 'x', fail, SENSOR)
+    node.create_subscription.call_args.args[2](serialize_message(Bool()))
+    serve(node, Trigger, 'y', fail)
+    answer = node.create_service.call_args.args[2](Trigger.Request(), Trigger.Response())
+    assert not answer.success
+    assert 'log' in answer.message
+    assert [call.args for call in node.callback_failed.call_args_list] == [(error,)] * 2
+
+
+def test_a_callback_that_fails_in_mid_motion_ends_the_goal_and_nothing_else(
+        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(self: ShapeSequencer, runner: object) -> None:
+        raise ZeroDivisionError('half a shape')
+
+    rig.start_arm(tendon_speed=0.01)
+    goal = rig.goal((0.0, 0.0, 0.5))
+    rig.wait_for(lambda: rig.tendons.last.position[0] > 0.001, 'a pull')
+    monkeypatch.setattr(ShapeSequencer, '_go_on', fail)
+    status, result = goal.result()
+    assert status == 'ABORTED'
+    assert 'ZeroDivisionError: half a shape' in result.error_string
+    assert 'half a shape' in rig.statuses['shape_sequencer'].last.message
+    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.assert_rests()
+    monkeypatch.undo()
+    assert rig.goal((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'
+
+
+def test_of_values_that_come_faster_than_they_are_taken_only_the_newest_counts() -> None:
+    posted: list[Any] = []
+    taken: list[int] = []
+
+    def post(function: Any) -> bool:
+        posted.append(function)
+        return True
+
+    newest = Newest(post, taken.append)
+    for value in range(1, 1000):
+        newest.put(value)
+    assert len(posted) == 1
+    posted.pop()()
+    newest.put(1000)
+    posted.pop()()
+    assert taken == [999, 1000]
+
+
+def test_text_of_others_is_cut_and_escaped() -> None:
+    assert plain('c_form') == 'c_form'
+    assert plain('\x1b[2J\n') == r'\x1b[2J\n'
+    assert plain('x' * 5_000_000) == 'x' * 100 + '… (5000000 characters)'
+
+
+def test_while_one_subscription_replaces_another_the_old_one_can_only_stop() -> None:
+    node, changes = Mock(), []
+    node.get_publishers_info_by_topic.return_value = []
+    stop = EmergencyStop(node, changes.append)
+    first = node.create_subscription.call_args.args[2]
+    node.get_publishers_info_by_topic.return_value = [Mock(qos_profile=LATCHED)]
+    stop._look()
+    second = node.create_subscription.call_args.args[2]
+    assert node.create_subscription.call_args.args[3] is LATCHED
+    for on_data, on in [(first, True), (second, True), (first, False), (first, True),
+                        (second, False)]:
+        on_data(serialize_message(Bool(data=on)))
+    assert changes == [True, False]
+    node.destroy_subscription.assert_not_called()
+    stop._look()
+    node.destroy_subscription.assert_called_once()
+    assert node.create_subscription.call_count == 2
+
+
+def test_a_state_of_the_model_predicts_the_same_after_it_was_sent() -> None:
+    segment = Segment(length=0.1, bending_stiffness=0.01, guide_offsets=(0.02, 0.02),
+                      jam=Jam(ratio=5.0))
+    statics = Statics(Arm((segment, segment), (Disc(0.01),) * 3))
+    soft, stiff = [True, False], [False, True]
+    bent = statics.solve(statics.chain.straight(), (0.003, -0.004), soft, vacuum=(1.0, 0.6))
+    held = statics.solve(bent, (0.004, -0.006), stiff, vacuum=(0.7, 1.0))
+    received = equilibrium_from_ros(equilibrium_to_ros(held), statics.chain)
+    assert received is not None
+    assert received.vacuum == pytest.approx((0.7, 1.0))
+    after, expected = (statics.solve(start, (0.005, -0.008), stiff, vacuum=start.vacuum)
+                       for start in (received, held))
+    assert after.joint_angles == pytest.approx(expected.joint_angles, abs=1e-7)
+    assert after.held_angles == pytest.approx(expected.held_angles, abs=1e-7)
+    without = statics.solve(statics.chain.state(held.joint_angles), (0.005, -0.008), stiff)
+    assert np.abs(without.joint_angles - expected.joint_angles).max() > 1e-4

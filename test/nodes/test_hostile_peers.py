@@ -1,0 +1,152 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A peer on the network that sends too much: a stop is answered all the same, nothing dies."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import struct
+import threading
+import time
+from typing import Any
+
+import pytest
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+from ros_rig import LATCHED, RELIABLE, Rig, shape_message, trajectory
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+from trajectory_msgs.msg import JointTrajectory
+
+from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
+
+BOUND = 0.5  # s that a stop may take on a busy machine; see docs/explanation/reliability.md
+PERIOD = 0.001  # s between two messages of a flood
+NAN = float('nan')
+
+
+def long_trajectory(points: int) -> bytes:
+    """Return a trajectory as it is sent, which to build point by point would take long."""
+    data = serialize_message(trajectory([(0.1, (0.0, 0.0))]))
+    return data[:60] + struct.pack('<I', points) + data[64:104] * points
+
+
+Attack = Callable[[Node, Rig], Iterator[Callable[[], None]]]
+
+
+def publications(kind: Any, topic: str, *messages: Any) -> Attack:
+    """Return an attack that publishes ``messages`` in turn."""
+    def attack(stranger: Node, rig: Rig) -> Iterator[Callable[[], None]]:
+        publisher = stranger.create_publisher(kind, topic, LATCHED if 'state' in topic
+                                              or 'stiff' in topic else RELIABLE)
+        rig.wait_for(publisher.get_subscription_count, f'somebody to listen to {topic}')
+        data = [m if isinstance(m, bytes) else serialize_message(m) for m in messages]
+        while True:
+            for one in data:
+                yield lambda one=one: publisher.publish(one)
+
+    return attack
+
+
+def goals(*counts: int) -> Attack:
+    """Return an attack with goals of so many shapes."""
+    def attack(stranger: Node, rig: Rig) -> Iterator[Callable[[], None]]:
+        client = ActionClient(stranger, RunShapeSequence, 'run_shape_sequence')
+        rig.wait_for(client.server_is_ready, 'the action server')
+        requests = [RunShapeSequence.Goal(shapes=[shape_message('c_form')] * n) for n in counts]
+        while True:
+            for request in requests:
+                yield lambda request=request: client.send_goal_async(request)
+
+    return attack
+
+
+ATTACKS = {
+    'trajectories of 1000 points': publications(
+        JointTrajectory, 'tendon_actuation/joint_trajectory', long_trajectory(1000)),
+    'trajectories of 100,000 points': publications(
+        JointTrajectory, 'tendon_actuation/joint_trajectory', long_trajectory(100_000)),
+    'refused trajectories': publications(
+        JointTrajectory, 'tendon_actuation/joint_trajectory', trajectory([(0.1, (9.0, 9.0))])),
+    'trajectories that hold': publications(
+        JointTrajectory, 'tendon_actuation/joint_trajectory', trajectory([])),
+    'goals of 100 and of 500 shapes': goals(100, 500),
+    'segments soft and stiff': publications(
+        Bool, 'segment_1/stiff', Bool(data=True), Bool(data=False)),
+    'states of valves': publications(JammingValvesState, 'jamming_valves/state', *(
+        JammingValvesState(stiffness=[s] * 3) for s in (1, 2))),
+    'shapes that are none': publications(KinematicsState, 'kinematics/state', *(
+        KinematicsState(joint_angles=[a] * 39, held_angles=[a] * 39) for a in (NAN, 1.7e308))),
+    'tendons that are nowhere': publications(JointState, 'tendon_states', *(
+        JointState(name=['right_tendon', 'left_tendon'], position=[p] * 2, velocity=[p] * 2)
+        for p in (NAN, 1.7e308))),
+    'bytes that are no message': publications(JointState, 'tendon_states', b'\0\1\0\0\xff\xff'),
+}
+SLOW = ('trajectories of 1000 points', 'trajectories of 100,000 points',
+        'goals of 100 and of 500 shapes')
+
+
+@pytest.fixture(scope='module')
+def hardy_arm(module_domain: int) -> Iterator[Rig]:
+    """Return the four nodes, tendon_actuation on a thread of its own as it is in a process."""
+    rig = Rig(module_domain)
+    rig.start('jamming_valves', 'kinematics', 'shape_sequencer')
+    rig.start('tendon_actuation')
+    rig.wait_for(lambda: len(rig.joints), 'joint_states')
+    yield rig
+    rig.close()
+
+
+@contextmanager
+def under(attack: str, rig: Rig) -> Iterator[None]:
+    """Let a stranger attack, once the first blow has been struck."""
+    ended, begun = threading.Event(), threading.Event()
+    with rig.stranger() as stranger:
+        blows = ATTACKS[attack](stranger, rig)
+
+        def strike() -> None:
+            for blow in blows:
+                blow()
+                begun.set()
+                if ended.wait(0.05 if attack in SLOW else PERIOD):
+                    return
+
+        thread = threading.Thread(target=strike)
+        thread.start()
+        assert begun.wait(30.0)
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+
+
+@pytest.mark.parametrize('attack', ATTACKS)
+def test_a_stop_is_answered_at_once_whatever_else_is_sent(
+        hardy_arm: Rig, record_property: Callable[[str, object], None], attack: str) -> None:
+    took = []
+    with under(attack, hardy_arm):
+        for _ in range(5):
+            begin = time.monotonic()
+            assert hardy_arm.trigger('tendon_actuation/stop').success
+            took.append(time.monotonic() - begin)
+            hardy_arm.wait_for_more(hardy_arm.tendons, 3)  # control goes on
+    record_property('stop_ms', round(1e3 * max(took)))
+    print(f'{attack}: {", ".join(f"{1e3 * t:.0f}" for t in took)} ms')
+    assert sorted(took)[2] < BOUND  # of five: the machine may be late once
+    hardy_arm.wait_for_more(hardy_arm.tendons, 3)
+    hardy_arm.assert_rests()
+    assert hardy_arm.pulls == (0.0, 0.0)
+
+
+def test_after_all_that_the_arm_sets_a_shape(hardy_arm: Rig) -> None:
+    hardy_arm.wait_for(lambda: hardy_arm.trigger('tendon_actuation/resume').success, 'a resume')
+    goal = hardy_arm.goal_when_heard((0.0, 0.0, 0.2))
+    assert goal.result()[0] == 'SUCCEEDED', goal.result()[1].error_string
+
+
+def test_a_long_trajectory_is_one() -> None:
+    message = deserialize_message(long_trajectory(3), JointTrajectory)
+    assert [list(p.positions) for p in message.points] == [[0.0, 0.0]] * 3
