@@ -12,6 +12,7 @@ import numpy as np
 
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
+from soft_continuum.ros.names import NODES
 
 SCRIPT = """
 import sys, time
@@ -30,6 +31,14 @@ import json
 print(json.dumps([packages - begin, imported - packages, time.process_time() - imported]))
 """
 
+NODE_SCRIPT = """
+import sys, time
+begin = time.process_time()
+from soft_continuum.nodes.runtime import node_class
+node_class(sys.argv[1])
+print(time.process_time() - begin)
+"""
+
 
 def run(quick: bool) -> Section:
     """Time imports and warm-up and return the table."""
@@ -45,12 +54,19 @@ def run(quick: bool) -> Section:
     rows = [[name, *(number(v) for v in np.median(samples, axis=0)),
              number(float(np.median(np.sum(samples, axis=1))))] for name, samples in times.items()]
     head = ['s', 'numpy, scipy, numba', 'import of the mechanics', 'warm_up', 'together']
-    return Section('performance.md', 'startup', '\n'.join([machine(), '', table(head, rows)]))
+    imports = [[name, number(float(np.median(
+        [float(_run(NODE_SCRIPT, name)) for _ in range(3 if quick else 11)])))] for name in NODES]
+    return Section('performance.md', 'startup', '\n'.join([
+        machine(), '', table(head, rows), '', table(['node', 'import, s'], imports)]))
 
 
 def _start(cache: str, arguments: list[str]) -> list[float]:
     """Return the processor times (s) of a start; ``cache`` keeps numba's compiled code."""
-    done = subprocess.run(
-        [sys.executable, '-c', SCRIPT, *arguments], env={**os.environ, 'XDG_CACHE_HOME': cache},
-        capture_output=True, text=True, check=True)
-    return list(json.loads(done.stdout))
+    return list(json.loads(_run(SCRIPT, *arguments, XDG_CACHE_HOME=cache)))
+
+
+def _run(script: str, *arguments: str, **environment: str) -> str:
+    """Return what a script prints, in a process of its own."""
+    return subprocess.run([sys.executable, '-c', script, *arguments],
+                          env={**os.environ, **environment}, capture_output=True, text=True,
+                          check=True).stdout

@@ -6,8 +6,7 @@
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
-from launch.substitutions import EnvironmentVariable
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
@@ -26,9 +25,6 @@ SHARE = Path(get_package_share_directory('soft_continuum'))
 def generate_launch_description():
     """Return the arguments, and what they start."""
     return LaunchDescription([
-        # Over shared memory a process that is killed holds up those that write to it, for seconds.
-        SetEnvironmentVariable('FASTDDS_BUILTIN_TRANSPORTS', EnvironmentVariable(
-            'FASTDDS_BUILTIN_TRANSPORTS', default_value='UDPv4')),
         DeclareLaunchArgument(
             'namespace', default_value='',
             description='namespace of all nodes, for several arms on one machine'),

@@ -8,6 +8,7 @@ from importlib import import_module
 from pathlib import Path
 import re
 import runpy
+import subprocess
 import sys
 from typing import Any
 from xml.etree import ElementTree
@@ -82,6 +83,14 @@ def test_every_package_that_is_imported_is_declared() -> None:
     missing = {name for name, distribution in distributions.items()
                if distribution not in names and name not in ros}
     assert not missing
+
+
+def test_valves_need_neither_scipy_nor_the_compiler() -> None:
+    # They take 90 MB and seconds of every start.
+    script = 'import sys, soft_continuum.nodes.jamming_valves; print(*sys.modules)'
+    done = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,
+                          check=True)
+    assert {'scipy', 'numba', 'llvmlite'}.isdisjoint(done.stdout.split())
 
 
 def imports(path: Path) -> Iterator[str]:

@@ -7,31 +7,35 @@ Mechanics of a planar tendon-driven continuum arm with segments that jamming loc
 way, from shapes and tips to pulls.  docs/explanation/mechanics.md derives the method.
 """
 
-from soft_continuum.mechanics import constant_curvature, stiffness
-from soft_continuum.mechanics.arm import (
-    Arm,
-    ArmError,
-    Disc,
-    PAPER,
-    PointForce,
-    SECOND_ORDER,
-    Segment,
-    Tendon,
-)
-from soft_continuum.mechanics.batch import Batch, solve_batch
-from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, RigidChain, SLACK
-from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
-from soft_continuum.mechanics.inverse import (
-    AngleFit,
-    angles_for_tip,
-    pulls_for_angles,
-    set_shape,
-    TipFit,
-    workspace,
-)
-from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
-from soft_continuum.mechanics.sensitivity import Linearisation, Sensitivity
-from soft_continuum.mechanics.statics import Statics
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from soft_continuum.mechanics import constant_curvature, stiffness
+    from soft_continuum.mechanics.arm import (
+        Arm,
+        ArmError,
+        Disc,
+        PAPER,
+        PointForce,
+        SECOND_ORDER,
+        Segment,
+        Tendon,
+    )
+    from soft_continuum.mechanics.batch import Batch, solve_batch
+    from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, RigidChain, SLACK
+    from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
+    from soft_continuum.mechanics.inverse import (
+        AngleFit,
+        angles_for_tip,
+        pulls_for_angles,
+        set_shape,
+        TipFit,
+        workspace,
+    )
+    from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
+    from soft_continuum.mechanics.sensitivity import Linearisation, Sensitivity
+    from soft_continuum.mechanics.statics import Statics
 
 __all__ = [
     'LEFT', 'PAPER', 'RIGHT', 'SECOND_ORDER', 'SLACK', 'AngleFit', 'Arm', 'ArmError', 'Batch',
@@ -40,3 +44,16 @@ __all__ = [
     'StaticsError', 'Tendon', 'TipFit', 'angles_for_tip', 'constant_curvature', 'pulls_for_angles',
     'set_shape', 'solve_batch', 'stiffness', 'workspace',
 ]
+
+# Cheap ones first: who wants an Arm does not load the solver, its compiler and SciPy.
+_MODULES = ('arm', 'laws', 'chain', 'errors', 'stiffness', 'constant_curvature', 'statics',
+            'sensitivity', 'inverse', 'batch')
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        for module in [name] if name in _MODULES else _MODULES:
+            found = import_module(f'{__name__}.{module}')
+            if module == name or hasattr(found, name):
+                return getattr(found, name, found)
+    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

@@ -13,11 +13,10 @@ Equilibria depend on the path, so every solve starts from the state before it.
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import eigvalsh_tridiagonal
 
 from soft_continuum.mechanics import _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
@@ -204,8 +203,8 @@ class Statics:
         springs = self.laws.least_stiffness[free]
         worst = np.bincount(group[group >= 0], np.hypot(*self._bodies[group >= 0, 1:].T))
         diagonal = springs + np.append(springs[1:], 0.0) - worst
-        least = eigvalsh_tridiagonal(diagonal, -springs[1:], select='i', select_range=(0, 0))[0]
-        return group, groups, TURN_LIMIT if least > 0.0 else TURN_LIMIT_NOT_CONVEX
+        convex = _is_positive_definite(diagonal, springs[1:])
+        return group, groups, TURN_LIMIT if convex else TURN_LIMIT_NOT_CONVEX
 
     def _start(self, start: Equilibrium) -> Point:
         theta = start.joint_angles.cumsum()
@@ -239,6 +238,16 @@ class Statics:
                  ) -> Equilibrium:
         return Equilibrium(start.joint_angles, tensions, start.pulls, slack, 0.0, 0, stiff,
                            start.joint_angles)
+
+
+def _is_positive_definite(diagonal: Array, beside: Array) -> bool:
+    """Tell whether a symmetric tridiagonal matrix has positive eigenvalues only: its pivots."""
+    pivot = inf
+    for on, off in zip(diagonal, [0.0, *beside], strict=True):
+        pivot = on - off * off / pivot
+        if pivot <= 0.0:
+            return False
+    return True
 
 
 def warm_up() -> None:

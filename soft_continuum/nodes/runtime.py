@@ -4,8 +4,12 @@
 """Starting, spinning and ending a node."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 import gc
 from importlib import import_module
+from pathlib import Path
+import re
+import resource
 import signal
 import sys
 import traceback
@@ -22,8 +26,16 @@ from soft_continuum.parameters.files import load_description, read_parameter_fil
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 from soft_continuum.ros.executor import BestExecutor
+from soft_continuum.ros.network import reachable_addresses
+
+MEMORY = 2**30  # bytes that a node may use beyond those of its start; it needs a third of them
 
 ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
+
+
+OPEN_NETWORK = (
+    'DDS listens on {}: every computer that reaches it can move this arm, or make this node '
+    'unreachable; see docs/how_to/open_the_network.md')
 
 
 def node_class(name: str) -> Callable[..., Any]:
@@ -87,6 +99,9 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
         executor = make_executor()
         nodes.append(node_class(name)())
         executor.add_node(nodes[0])
+        limit_memory()
+        if addresses := reachable_addresses():
+            get_logger(name).warning(OPEN_NETWORK.format(', '.join(addresses)))
         nodes[0].start()
         gc.freeze()  # to look through all that was imported takes 0.1 s, in which nothing runs
         signals.spin(executor)
@@ -102,6 +117,19 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
         signals.starting = False
         end(executor, nodes)
     return 0
+
+
+def limit_memory() -> None:
+    """
+    End this node rather than let it take the memory of the computer, as damaged DDS can make it.
+
+    A node that ends this way is one that was killed: the others notice, and the motion ends.
+    """
+    with suppress(OSError, ValueError):  # a smaller limit than this is set already
+        status = Path('/proc/self/status').read_text(encoding='ascii')
+        used = int(re.findall(r'VmData:\s+(\d+) kB', status)[0]) * 1024
+        resource.setrlimit(resource.RLIMIT_DATA, (
+            used + MEMORY, resource.getrlimit(resource.RLIMIT_DATA)[1]))
 
 
 def argument_error(arguments: Sequence[str], error: Exception) -> str:

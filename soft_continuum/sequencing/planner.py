@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from math import ceil, sqrt
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.parameters.shapes import angles_problem
+from soft_continuum.sequencing.monotone import monotone_cubic
 
 
 class PlanError(ValueError):
@@ -175,7 +175,7 @@ def timed(points: Array, speed: float, acceleration: float,
     total = path[-1]
     if total == 0.0:
         return np.array([0.0]), points[:1].copy()
-    smooth = PchipInterpolator(path, points)
+    smooth = monotone_cubic(path, points)
     # Peak speed and acceleration of the profile: 15/8 and 10/sqrt(3) of the mean.
     duration = max(15 / 8 * total / speed, sqrt(10 / sqrt(3) * total / acceleration))
     for _ in range(50):

@@ -11,16 +11,19 @@ import select
 import subprocess
 import sys
 from time import monotonic, sleep
+from unittest.mock import patch
 
 import yaml
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.grbl_motion import Motors
 from soft_continuum.hardware.grbl_tendons import GrblTendons
 from soft_continuum.mechanics.arm import TENDONS
 
 PATIENCE = 60.0  # s until a test gives up waiting; a loaded computer is slow
+SPEED = 4.0
 TIMEOUT = 1.0  # s that a Modbus reply may take on one
 
 
@@ -45,9 +48,16 @@ class Rig:
 
 
 @contextmanager
+def fast_time():
+    """Let emulators, and the drivers and verbs in this process, live some times faster."""
+    with patch.object(STEADY, '_factor', SPEED):
+        yield
+
+
+@contextmanager
 def emulated_rig(folder, settings=None):
     """A rig that is soft, without a reference, as after it was switched on."""
-    with GrblEmulator(str(folder / 'grbl'), settings=settings) as grbl, ModbusEmulator(
+    with fast_time(), GrblEmulator(str(folder / 'grbl'), settings=settings) as grbl, ModbusEmulator(
             link=folder / 'modbus') as modbus:
         rig = Rig(grbl, modbus, folder / 'rig.yaml')
         rig.file.write_text('/**:\n  ros__parameters: {}\n')

@@ -4,7 +4,6 @@
 """Nodes as processes of their own, as `ros2 run` starts them."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 import os
 from pathlib import Path
 import select
@@ -19,7 +18,6 @@ from ament_index_python.packages import get_package_prefix
 from soft_continuum.nodes.up import description_file
 
 DEADLINE = 30.0  # s
-SHARED_MEMORY = Path('/dev/shm')
 
 
 def module_command(name: str) -> list[str]:
@@ -87,27 +85,9 @@ class NodeProcess:
         return 0.0
 
     def kill(self) -> None:
-        """Kill it as `kill -9` does, and clear what it leaves in the shared memory."""
-        leftovers = self._shared_memory()
+        """Kill it as `kill -9` does."""
         self.process.kill()
         self.process.wait(DEADLINE)
-        for path in leftovers:
-            path.unlink(missing_ok=True)
-
-    def _shared_memory(self) -> list[Path]:
-        """Return the segments that Fast DDS would clear when the process ended in peace."""
-        found = []
-        with suppress(OSError):
-            for link in Path(f'/proc/{self.process.pid}/fd').iterdir():
-                with suppress(OSError):
-                    path = Path(os.readlink(link))
-                    name = path.name.removesuffix('_el')
-                    # Ports are shared with others and cleared by them.
-                    if (path.parent == SHARED_MEMORY and name != path.name
-                            and name.startswith('fastrtps_')
-                            and not name.startswith('fastrtps_port')):
-                        found += [path, path.with_name(name)]
-        return found
 
     def wait(self, within: float = DEADLINE) -> int:
         """Return its exit status."""
