@@ -57,8 +57,8 @@ def fast_time():
 @contextmanager
 def emulated_rig(folder, settings=None):
     """A rig that is soft, without a reference, as after it was switched on."""
-    with fast_time(), GrblEmulator(str(folder / 'grbl'), settings=settings) as grbl, ModbusEmulator(
-            link=folder / 'modbus') as modbus:
+    with (fast_time(), GrblEmulator(str(folder / 'grbl'), settings=settings) as grbl,
+          ModbusEmulator(link=folder / 'modbus') as modbus):
         rig = Rig(grbl, modbus, folder / 'rig.yaml')
         rig.file.write_text('/**:\n  ros__parameters: {}\n')
         rig.parameters(
