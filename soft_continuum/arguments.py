@@ -11,10 +11,16 @@ import sys
 from typing import Any, NoReturn
 
 from soft_continuum.parameters.parameter import name_hint
+from soft_continuum.text import printable
 
 DONE, FAILED, WRONG_USAGE, NO_NODES, INTERRUPTED = 0, 1, 2, 3, 130
+MAX_LINE = 4000  # characters of an error message
 EXIT_CODES = ('exit status: 0 done, 1 refused or failed, 2 wrong usage or bad input, 3 no nodes, '
               '130 interrupted')
+SERVICE = re.compile(
+    r'(call )?/?(?:(?:~|\btendon_actuation|\bkinematics)/(stop|resume|reference|reset)\b'
+    r'|\bjamming_valves/segment_(\w+)/set_stiff)')
+"""Services that a verb calls, as messages of the nodes name them."""
 PROGRAM = 'SOFT_CONTINUUM_PROGRAM'
 """Environment variable: what the user typed before the verb, where that is a wrapper (./run)."""
 
@@ -35,6 +41,18 @@ def command_name(verb: str = '') -> str:
     else:
         program = 'soft_continuum'
     return f'{program} {verb}'.strip()
+
+
+def in_verbs(text: str) -> str:
+    """Return a message of a node with the verbs of the command line in place of ROS services."""
+    def verb(match: re.Match[str]) -> str:
+        call, name, segment = match.groups()
+        if name == 'stop':  # which may be called from anywhere
+            return name
+        typed = command_name(name or 'soften')
+        return f'{"type " if call else ""}`{typed}{f" {segment}" if segment else ""}`'
+
+    return SERVICE.sub(verb, text)
 
 
 def number_in(low: float, high: float, unit: str) -> Callable[[str], float]:
@@ -116,5 +134,6 @@ class Parser(argparse.ArgumentParser):
 
     def fail(self, reason: object, status: int = FAILED) -> int:
         """Say in one line on stderr why the verb failed; return its exit status."""
-        print(f'{self.prog}: {reason}', file=sys.stderr, flush=True)
+        print(f'{self.prog}: {printable(in_verbs(str(reason)), MAX_LINE)}', file=sys.stderr,
+              flush=True)
         return status

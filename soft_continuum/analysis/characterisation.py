@@ -37,9 +37,9 @@ class Regression:
     """
     One line through all repetitions, on the way up: force = slope * displacement + intercept.
 
-    slope: k, N/m.  half_width: of its 95 % confidence interval, N/m.  intercept: N.  each:
-    (repetitions,) slopes of lines of their own, N/m.  residuals: of each repetition, N.
-    determination: R^2.
+    slope: k, N/m.  half_width: of its 95 % confidence interval, N/m; nan of one repetition.
+    intercept: N.  each: (repetitions,) slopes of lines of their own, N/m.  residuals: of each
+    repetition, N.  determination: R^2.
     """
 
     slope: float
@@ -55,7 +55,8 @@ class Characterisation:
     """
     What the curves of one segment in one state say.
 
-    bending_stiffness: E I, N m^2, by eq. 8; half_width: of its 95 % confidence interval.
+    bending_stiffness: E I, N m^2, by eq. 8; half_width: of its 95 % confidence interval, nan of
+    one repetition, as spread and settling are.
     linearity_error: largest distance of the best piecewise-linear law from the line, over the
     largest force; nan where no law that rises fits.  table: that law, where it describes the
     curves better than a line; else None.  table_curve: its displacements (m) and forces (N),
@@ -110,7 +111,7 @@ def regress(curves: Sequence[Curve]) -> Regression:
     Points of one repetition are not independent of each other: they share its packing of the
     powder.  So the confidence interval comes from the scatter of the slopes between repetitions
     (Student, repetitions - 1 degrees of freedom), and from the autocorrelation of the residuals
-    where that gives more or there is one repetition only.
+    where that gives more.  One repetition gives none.
     """
     if not curves:
         raise MeasurementError('no force-displacement curve was given; name one file at least')
@@ -124,10 +125,11 @@ def regress(curves: Sequence[Curve]) -> Regression:
     each = np.array([np.polyfit(*c.loading, 1)[0] for c in curves])
     residuals = tuple(c.loading[1] - slope * c.loading[0] - intercept for c in curves)
     rest = np.concatenate(residuals)
-    half = _half_width(curves)
+    half = nan
     if len(curves) > 1:
         quantile = student.ppf(0.5 + CONFIDENCE / 2, len(each) - 1)
-        half = max(half, quantile * float(np.std(each, ddof=1)) / np.sqrt(len(each)))
+        half = max(_half_width(curves),
+                   quantile * float(np.std(each, ddof=1)) / np.sqrt(len(each)))
     return Regression(float(slope), float(half), float(intercept), each, residuals,
                       1.0 - float(rest @ rest / np.sum((f - f.mean())**2)))
 
@@ -152,7 +154,7 @@ def _settling(curves: Sequence[Curve]) -> tuple[float, float]:
     low = max(float(c.loading[0].min()) for c in curves)
     high = min(float(c.loading[0].max()) for c in curves)
     if len(curves) == 1 or low >= high:
-        return 0.0, 0.0
+        return nan, nan
     grid = np.linspace(low, high, 101)
     forces = np.array([_along(grid, *c.loading) for c in curves])
     return float(forces[-1, -1] / forces[0, -1] - 1.0), float(np.ptp(forces, axis=0).max())
@@ -201,22 +203,27 @@ def _fit_law(curves: Sequence[Curve], line: Regression, length: float, lever_arm
         result: Array = np.stack([part @ weight for part in parts], axis=1)
         return result
 
-    # Every repetition may start at a displacement of its own; nnls knows no sign, so twice.
-    which = np.repeat(np.arange(len(curves)), [len(c.loading[0]) for c in curves])
-    start = (which[:, None] == np.arange(len(curves))).astype(float)
+    # Every repetition may start at a displacement of its own: differences from its mean count.
+    ends = np.cumsum([len(c.loading[0]) for c in curves])[:-1]
+
+    def centred(values: Array) -> Array:
+        return np.concatenate([part - part.mean(axis=0) for part in np.split(values, ends)])
+
     pieces = displacements(f)
-    scale = np.linalg.norm(pieces, axis=0)
-    solution, _ = nnls(np.hstack([pieces / scale, start, -start]), u)
-    slopes = solution[:TABLE_ROWS - 1] / scale
+    columns = centred(pieces)
+    scale = np.linalg.norm(columns, axis=0)
+    if np.any(scale == 0.0):
+        return _Law()
+    slopes = nnls(columns / scale, centred(u))[0] / scale
     if np.any(slopes <= 0.0):
         return _Law()
-    plus, minus = solution[TABLE_ROWS - 1:].reshape(2, -1)
-    scatter = np.std(u - pieces @ slopes - start @ (plus - minus))
+    starts = [part.mean() for part in np.split(u - pieces @ slopes, ends)]
+    scatter = np.std(centred(u - pieces @ slopes))
     of_line = np.std(np.concatenate([
         np.polyval(np.polyfit(c.loading[1], c.loading[0], 1), c.loading[1]) - c.loading[0]
         for c in curves]))
     forces = np.linspace(max(0.0, f.min()), f.max(), 101)
-    bent = displacements(forces) @ slopes + np.mean(plus - minus)
+    bent = displacements(forces) @ slopes + np.mean(starts)
     error = np.abs(bent * line.slope + line.intercept - forces).max() / f.max()
     curvatures = np.concatenate([[0.0], np.cumsum(slopes * np.diff(nodes))])
     return _Law(MomentCurvature(tuple(curvatures.tolist()), tuple(nodes.tolist())), float(error),

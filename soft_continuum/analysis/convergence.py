@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
+from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics
 from soft_continuum.mechanics.arm import Arm, SECOND_ORDER
 from soft_continuum.mechanics.chain import Array
@@ -55,8 +55,8 @@ def converge(arm: Arm, bending_angles: Sequence[float], tolerance: float, most: 
         lengths.append((tendon, float(bent.pulls[tendon] - state.pulls[tendon])))
         state = bent
     bodies = np.arange(2, most + 1)
-    angles = np.array([_angles(arm.with_bodies(int(n)), lengths) for n in tqdm(
-        bodies, 'bodies per segment', leave=False, disable=None)])
+    angles = np.array([_angles(arm.with_bodies(n), lengths)
+                       for n in progress(bodies.tolist(), 'bodies per segment')])
     rod = _angles(replace(arm, discretisation=SECOND_ORDER, bodies_per_segment=CONTINUUM_BODIES),
                   lengths)
     change = np.full_like(angles, np.nan)

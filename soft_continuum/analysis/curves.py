@@ -26,6 +26,8 @@ from soft_continuum.analysis.delimited import (
 from soft_continuum.mechanics.chain import Array
 
 FEWEST_POINTS = 10  # on the way up, for a slope that means something
+MAX_CURVES = 50
+MAX_POINTS = 100_000  # of all curves together
 
 FORCE = Quantity('force', ('force', 'load', 'kraft', 'f'), FORCE_UNITS)
 DISPLACEMENT = Quantity(
@@ -83,6 +85,12 @@ def read_curves(paths: Sequence[str | Path], columns: Mapping[str, str] | None =
         curves += [
             _curve(f'{table.path.name} #{k}' if len(blocks) > 1 else table.path.name, *block)
             for k, block in enumerate(blocks, start=1)]
+        points = sum(len(curve.force) for curve in curves)
+        if len(curves) > MAX_CURVES or points > MAX_POINTS:
+            raise MeasurementError(
+                f'{path}: with this file there are {len(curves)} repetitions of {points} points '
+                f'in all; at most {MAX_CURVES} of {MAX_POINTS} points are compared: give fewer, '
+                'or every tenth point; or is the displacement noise')
     return tuple(curves)
 
 

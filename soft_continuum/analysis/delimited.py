@@ -16,8 +16,17 @@ from pathlib import Path
 import re
 
 import numpy as np
+from numpy.typing import NDArray
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.text import MAX_NAME, printable, read_bytes
+
+Array = NDArray[np.float64]  # not that of mechanics, for which numba would be imported
+
+MAX_SIZE = 10_000_000  # bytes of a file
+MAX_ROWS = 100_000
+MAX_PREAMBLE = 200  # lines above the header
+MAX_COLUMNS = 200
+MAX_HEADER = 200  # characters of a cell of the header
 
 FORCE_UNITS = {'N': 1.0, 'mN': 1e-3, 'cN': 1e-2, 'kN': 1e3}
 LENGTH_UNITS = {'m': 1.0, 'mm': 1e-3, 'cm': 1e-2, 'um': 1e-6, '\u00b5m': 1e-6, '\u03bcm': 1e-6}
@@ -112,6 +121,9 @@ def read_table(path: str | Path, quantities: Sequence[Quantity],
     path = Path(path)
     named, units = named or {}, units or {}
     lines = _text(path).splitlines()
+    if len(lines) > MAX_ROWS:
+        raise MeasurementError(f'{path}: has {len(lines)} lines; at most {MAX_ROWS} are read: '
+                               'export fewer points, such as every tenth')
     if not any(line.strip() for line in lines):
         raise MeasurementError(f'{path}: the file is empty; export the measurement again')
     start, delimiter, header, places = _header(path, lines, quantities, named)
@@ -148,10 +160,10 @@ def read_table(path: str | Path, quantities: Sequence[Quantity],
 
 def _text(path: Path) -> str:
     try:
-        data = path.read_bytes()
+        data = read_bytes(path, MAX_SIZE)
     except OSError as error:
-        raise MeasurementError(f'{path}: cannot be read: {error.strerror}; check the name and '
-                               'the permissions') from None
+        raise MeasurementError(f'{path}: cannot be read: {error.strerror}; check name, size and '
+                               'permissions') from None
     if data.startswith((b'\xff\xfe', b'\xfe\xff')):
         return data.decode('utf-16', errors='replace')
     if b'\0' in data:
@@ -174,9 +186,9 @@ def _header(path: Path, lines: Sequence[str], quantities: Sequence[Quantity],
     """Find the header: its line (0-based), delimiter, cells and the places of each quantity."""
     required = [q.name for q in quantities if q.required or q.name in named]
     best: tuple[int, int, list[str], list[str]] = (0, 0, [], required)
-    for i, line in enumerate(lines):
+    for i, line in enumerate(lines[:MAX_PREAMBLE]):
         for delimiter in DELIMITERS:
-            if delimiter not in line:
+            if not 0 < line.count(delimiter) < MAX_COLUMNS:
                 continue
             cells = _cells(line, delimiter)
             places = {q.name: [k for k, cell in enumerate(cells)
@@ -188,7 +200,7 @@ def _header(path: Path, lines: Sequence[str], quantities: Sequence[Quantity],
                 best = len(required) - len(missing), i, cells, missing
     score, at, cells, missing = best
     if score:
-        have = ', '.join(repr(cell) for cell in cells if cell)
+        have = ', '.join(f"'{printable(cell, MAX_NAME)}'" for cell in cells[:10] if cell)
         raise MeasurementError(
             f'{path}, line {at + 1}: no column for {" and ".join(missing)}; the columns are '
             f'{have}; name it with --{missing[0]}-column')
@@ -201,11 +213,11 @@ def _header(path: Path, lines: Sequence[str], quantities: Sequence[Quantity],
 
 
 def _matches(cell: str, quantity: Quantity, named: str | None) -> bool:
+    if not cell or len(cell) > MAX_HEADER:
+        return False
     names = [cell, _split_unit(cell)[0]]
     if named is not None:
         return named.strip() in names
-    if not cell:
-        return False
     for name in names:
         words = re.findall(r'[^\W\d_]+', name.lower())
         # German names are compounds: Standardkraft, Traversenweg.

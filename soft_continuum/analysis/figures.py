@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 import numpy as np
 
 from soft_continuum.mechanics import constant_curvature
@@ -41,11 +41,16 @@ def draw_arm(axes: Axes, chain: RigidChain, joint_angles: Array,
     axes.grid(alpha=0.3)
 
 
-def new_panels(rows: int, columns: int, width: float, height: float
-               ) -> tuple[Figure, list[Axes]]:
-    """Return a figure (inches) and its panels of equal scale, row by row; axes in mm."""
+def new_panels(rows: int, columns: int, width: float, height: float,
+               part: SubFigure | None = None) -> tuple[Figure, list[Axes]]:
+    """
+    Return a figure (inches) and its panels of equal scale, row by row; axes in mm.
+
+    part: of a figure, to draw them there and not in a new one.
+    """
     figure = Figure(figsize=(width, height), layout='constrained')
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    panels = (part or figure).subplots(
+        rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     for axes in panels:
         axes.set_aspect('equal')
         axes.set_xlabel('x in mm')

@@ -10,7 +10,7 @@ left tendon against the straight arm, or the word slack; and where known the ben
 set and the payload that hung at the tip.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -31,6 +31,9 @@ from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
 
 BASE_TOLERANCE = 0.005  # m: the base disc cannot be further from where the frame has it
+BENT_LENGTH = 0.75  # of a segment, straight from end to end when it is bent by about 150 degrees
+MAX_SHAPES = 100
+MAX_STEPS = 100  # of one shape
 
 POINT_QUANTITIES = (
     Quantity('shape', ('shape', 'form')),
@@ -93,7 +96,10 @@ def read_shapes(points: str | Path, pulls: str | Path, arm: Arm) -> tuple[Measur
     for name in measured:
         if name not in pulled:
             raise MeasurementError(f'{pulls}: has no rows for shape {name!r} of {points}; it has '
-                                   f'{", ".join(pulled)}')
+                                   f'{", ".join([*pulled][:10])}')
+    if len(measured) > MAX_SHAPES:
+        raise MeasurementError(f'{points}: has {len(measured)} shapes; at most {MAX_SHAPES} are '
+                               'computed: divide it among several files')
     return tuple(
         MeasuredShape(name, pulled[name][0], tuple(rows), np.array(list(rows.values())),
                       pulled[name][1])
@@ -129,7 +135,34 @@ def _read_points(table: Table, arm: Arm) -> dict[str, dict[int, tuple[float, flo
         if max(rows) <= 1:
             raise MeasurementError(f'{table.path}: shape {name!r} has points of the base disc '
                                    'only; measure the discs that move')
+        _check_lengths(f'{table.path}: shape {name!r}', rows, arm)
+    last = max(map(max, shapes.values()))
+    if last < most - 2:
+        raise MeasurementError(
+            f'{table.path}: no shape has a point above {last + 1}, of disc {last // 2 + 1}; this '
+            f'arm has {len(arm.discs)} discs: give the arm that was measured as --params-file, or '
+            f'measure point {most - 1} or {most} at least once')
     return shapes
+
+
+def _check_lengths(where: str, rows: Mapping[int, tuple[float, float]], arm: Arm) -> None:
+    """Raise MeasurementError when discs or segments are not as long as those of the arm."""
+    for one in sorted(rows):
+        if one + 1 not in rows:
+            continue
+        length = float(np.hypot(*np.subtract(rows[one + 1], rows[one])))
+        if one % 2:
+            part = f'segment {one // 2 + 1}'
+            most = arm.segments[one // 2].length
+            least = BENT_LENGTH * most
+        else:
+            part = f'disc {one // 2 + 1}'
+            least = most = arm.discs[one // 2].height
+        if not least - BASE_TOLERANCE <= length <= most + BASE_TOLERANCE:
+            raise MeasurementError(
+                f'{where}: points {one + 1} and {one + 2} are {1e3 * length:.4g} mm apart, but '
+                f'{part} of this arm is {1e3 * most:.4g} mm long: give the arm that was measured '
+                'as --params-file, or correct the points')
 
 
 def _read_pulls(table: Table, arm: Arm) -> dict[str, tuple[tuple[Step, ...], float]]:
@@ -155,7 +188,10 @@ def _read_pulls(table: Table, arm: Arm) -> dict[str, tuple[tuple[Step, ...], flo
         if payload.setdefault(name, mass) != mass:
             raise MeasurementError(f'{where}: the payload of shape {name!r} changes from step to '
                                    'step; give the shape one payload')
-        steps.setdefault(name, []).append(Step(segment - 1, pulls, angle))
+        if len(steps.setdefault(name, [])) == MAX_STEPS:
+            raise MeasurementError(f'{where}: shape {name!r} has more than {MAX_STEPS} steps; '
+                                   'give repeated measurements names of their own')
+        steps[name].append(Step(segment - 1, pulls, angle))
     return {name: (tuple(rows), payload[name]) for name, rows in steps.items()}
 
 

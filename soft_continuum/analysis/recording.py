@@ -11,12 +11,14 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 import csv
 from dataclasses import dataclass, field
+import io
+from math import inf, isnan
 from pathlib import Path
 
 import numpy as np
 
-from soft_continuum.analysis.delimited import MeasurementError
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.analysis.delimited import Array, MeasurementError
+from soft_continuum.text import MAX_NAME, printable, read_bytes
 
 PULL, TENSION = ' pull [mm]', ' tension [N]'  # after the name of a tendon
 POSE = ('x [mm]', 'y [mm]', 'z [mm]', 'qx', 'qy', 'qz', 'qw')
@@ -30,8 +32,15 @@ COLUMNS = {
 """Columns by file, without its ending, of the files that are the same for every arm."""
 
 FILES = tuple(f'{name}.csv' for name in ('tendons', 'tensions', *COLUMNS))
-"""The files of a recording."""
+"""The tables of a recording."""
 
+DESCRIPTION = 'description.yaml'
+"""The arm that was recorded, as a parameter file beside them."""
+ABOUT = 'recording'  # source of the event that says when, what and by which version
+
+MAX_SIZE = 32_000_000  # bytes of a file, about an hour
+MAX_COLUMNS = 100
+MAX_VALUE = 1e9
 HOLDING_DELAY = 0.2  # s, by which poses and pulls may come after the event that they belong to
 
 
@@ -119,12 +128,18 @@ class Recording:
             shape, _, phase = text.partition(': ')
             if source != 'progress' or not phase.startswith('holding'):
                 continue
-            points = self.points[self.points[:, 0] <= time + HOLDING_DELAY]
-            pulls = self.tendons[self.tendons[:, 0] <= time + HOLDING_DELAY]
-            if len(points) and len(pulls):
-                last = points[points[:, 0] == points[-1, 0]]
-                found.append(Held(shape, time, last[:, 2:], pulls[-1, 1:]))
+            points, pulls = (int(np.searchsorted(rows[:, 0], time + HOLDING_DELAY, 'right'))
+                             for rows in (self.points, self.tendons))
+            if points and pulls:
+                first = np.searchsorted(self.points[:, 0], self.points[points - 1, 0])
+                found.append(Held(shape, time, self.points[first:points, 2:],
+                                  self.tendons[pulls - 1, 1:]))
         return found
+
+    @property
+    def about(self) -> str:
+        """When it was recorded, in which namespace and by which version; '' if not known."""
+        return next((text for _, source, text in self.events if source == ABOUT), '')
 
 
 def read_recording(directory: Path) -> Recording:
@@ -139,7 +154,7 @@ def read_recording(directory: Path) -> Recording:
         raise MeasurementError(f'{directory / "tensions.csv"}: line 1 has the tendons '
                                f'{", ".join(same)} instead of {", ".join(names)}')
     path = directory / 'events.csv'
-    events = [(_number(path, line, row[0]), row[1], row[2])
+    events = [(_number(path, line, row[0]), printable(row[1], MAX_NAME), printable(row[2]))
               for line, row in _rows(path, COLUMNS['events'])[1]]
     return Recording(
         names, tendons, tensions, _points(directory / 'points.csv'),
@@ -150,7 +165,10 @@ def read_recording(directory: Path) -> Recording:
 def _tendons(path: Path, ending: str) -> tuple[tuple[str, ...], Array]:
     """Return the names of the tendons and the rows of their values."""
     header, rows = _numbers(path)
-    names = tuple(column.removesuffix(ending) for column in header[1:])
+    if len(header) > MAX_COLUMNS:
+        raise MeasurementError(f'{path}: line 1 has {len(header)} columns; at most {MAX_COLUMNS} '
+                               'are read')
+    names = tuple(printable(column.removesuffix(ending), MAX_NAME) for column in header[1:])
     if header != ('time [s]', *(name + ending for name in names)) or not names:
         raise MeasurementError(f'{path}: line 1 must be: time [s], then TENDON{ending} for each '
                                'tendon')
@@ -172,8 +190,8 @@ def _rows(path: Path, *allowed: tuple[str, ...]
           ) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
     """Return the header, one of ``allowed`` if given, and the rows below it with their lines."""
     try:
-        with path.open(encoding='utf-8', newline='') as file:
-            rows = list(enumerate(csv.reader(file), start=1))
+        text = read_bytes(path, MAX_SIZE).decode('utf-8')
+        rows = list(enumerate(csv.reader(io.StringIO(text, newline='')), start=1))
     except OSError as error:
         raise MeasurementError(f'{path}: {error.strerror}; give the directory that the command '
                                'record has written') from None
@@ -194,13 +212,28 @@ def _rows(path: Path, *allowed: tuple[str, ...]
 
 def _numbers(path: Path, *allowed: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:
     header, rows = _rows(path, *allowed)
-    numbers = [[_number(path, line, text) for text in row] for line, row in rows]
-    return header, np.array(numbers, dtype=float).reshape(len(rows), len(header))
+    counted = header[1:2] in (('segment',), ('point',))
+    numbers = [[_number(path, line, row[0]), *(
+        _number(path, line, text, counts=counted and column == 0, gap=True)
+        for column, text in enumerate(row[1:]))] for line, row in rows]
+    values = np.array(numbers, dtype=float).reshape(len(rows), len(header))
+    back = np.flatnonzero(np.diff(values[:, 0]) < 0.0)
+    if back.size:
+        raise MeasurementError(f'{path}: line {rows[back[0] + 1][0]}: the time steps back; put '
+                               'the lines in order')
+    return header, values
 
 
-def _number(path: Path, line: int, text: str) -> float:
+def _number(path: Path, line: int, text: str, counts: bool = False, gap: bool = False) -> float:
+    """Return a number; counts: of a segment or point, gap: may be nan, where nothing is known."""
     try:
-        return float(text)
+        value = float(text)
     except ValueError:
-        raise MeasurementError(f'{path}: line {line}: {text!r} is not a number; repair or remove '
-                               'the line') from None
+        value = inf
+    if counts and value not in range(1, MAX_COLUMNS + 1) or not (
+            abs(value) <= MAX_VALUE or (gap and isnan(value))):
+        raise MeasurementError(
+            f'{path}: line {line}: {text[:MAX_NAME]!r} is not '
+            + (f'a whole number from 1 to {MAX_COLUMNS}' if counts else 'a number')
+            + '; repair or remove the line')
+    return value

@@ -3,15 +3,18 @@
 """A recorded run as one HTML page that needs no other file."""
 
 import base64
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 import io
 
 from matplotlib.figure import Figure
 import numpy as np
 
+from soft_continuum import version
 from soft_continuum.analysis.figures import new_panels
 from soft_continuum.analysis.recording import Held, Recording
+from soft_continuum.parameters.arm import ARM_PARAMETERS
+from soft_continuum.parameters.parameter import as_yaml, Value
 
 STYLE = """
 body { font-family: sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #222 }
@@ -20,30 +23,44 @@ th, td { padding: 0.2em 0.8em; border-bottom: 1px solid #ccc; text-align: right 
 th:first-child, td:first-child, .text td { text-align: left }
 """
 LINES = ('-', '--', '-.', ':')
+MAX_PANELS = 12
+MAX_SHAPES = 200
+MAX_EVENTS = 1000
 
 
-def report_html(recording: Recording, title: str) -> str:
-    """Return the page; what is in its figures is also in its tables or in the files."""
+def report_html(recording: Recording, title: str, parameters: Mapping[str, Value]) -> str:
+    """
+    Return the page; what is in its figures is also in its tables or in the files.
+
+    parameters: of the arm, by name; empty if they are not known.
+    """
     held = recording.held_shapes()
     parts = [f'<h1>{escape(title)}</h1>', _summary(recording)]
     if held:
-        parts += ['<h2>Shapes held</h2>', _image(_shapes(held), 'the shapes, described below'),
+        parts += ['<h2>Shapes held</h2>', _first(held, MAX_SHAPES, 'shapes'),
+                  _image(_shapes(held[:MAX_PANELS]), 'the first shapes, described below'),
                   _table(['shape', 'time, s', 'end of', 'x, mm', 'y, mm', 'z, mm',
                           'tangent, degrees',
                           *(f'{name} pull, mm' for name in recording.tendon_names)],
-                         _shape_rows(held))]
+                         _shape_rows(held[:MAX_SHAPES]))]
     parts += ['<h2>Over time</h2>',
               _image(_over_time(recording), 'pulls, tensions and pressures over time')]
-    parts += ['<h2>Events</h2>', _table(
+    parts += ['<h2>Events</h2>', _first(recording.events, MAX_EVENTS, 'events'), _table(
         ['time, s', 'source', 'event'],
-        [[f'{time:.2f}', source, text] for time, source, text in recording.events], 'text')]
+        [[f'{time:.2f}', source, text] for time, source, text in recording.events[:MAX_EVENTS]],
+        'text')]
+    arm = [[p.name, as_yaml(parameters[p.name], digits=6), p.unit, p.meaning]
+           for p in ARM_PARAMETERS if p.name in parameters]
+    parts += ['<h2>Arm</h2>', _table(['parameter', 'value', 'unit', 'meaning'], arm, 'text') if arm
+              else '<p>The recording does not have the parameters of the arm.</p>']
     return ('<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
             f'<title>{escape(title)}</title><style>{STYLE}</style></head><body>'
             + '\n'.join(parts) + '</body></html>\n')
 
 
 def _summary(recording: Recording) -> str:
-    rows = []
+    rows = [['recorded by', recording.about or 'not known'],
+            ['reported by', f'soft_continuum {version()}']]
     if len(recording.tendons):
         pulls = recording.tendons[:, 1:]
         rows.append(['pulls, mm', ', '.join(
@@ -73,8 +90,12 @@ def _shape_rows(held: Iterable[Held]) -> list[list[str]]:
 
 
 def _shapes(held: Sequence[Held]) -> Figure:
-    figure, panels = new_panels(1, len(held), 3.2 * len(held), 3.8)
-    for axes, shape in zip(panels, held, strict=True):
+    columns = min(4, len(held))
+    rows = -(-len(held) // columns)
+    figure, panels = new_panels(rows, columns, 3.2 * columns, 3.8 * rows)
+    for axes in panels[len(held):]:
+        axes.set_visible(False)
+    for axes, shape in zip(panels, held, strict=False):
         axes.plot(shape.points[:, 0], shape.points[:, 2], 'o-', color='black', markersize=4)
         axes.set_title(shape.shape, parse_math=False)
     return figure
@@ -100,6 +121,11 @@ def _over_time(recording: Recording) -> Figure:
         if axes.lines:
             axes.legend(loc='upper left', frameon=False, ncols=3)
     return figure
+
+
+def _first(items: Sequence[object], most: int, what: str) -> str:
+    return ('' if len(items) <= most else
+            f'<p>The first {most} of {len(items)} {what}; the files have all of them.</p>')
 
 
 def _image(figure: Figure, alternative: str) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 import numpy as np
@@ -16,6 +17,7 @@ from soft_continuum.analysis.convergence import Convergence
 from soft_continuum.analysis.curves import Curve
 from soft_continuum.analysis.figures import DPI, finish_panels, new_panels
 from soft_continuum.analysis.identification import Identification
+from soft_continuum.analysis.measured_shapes import MeasuredShape
 from soft_continuum.analysis.validation import (
     CONSTANT_CURVATURE,
     CORRECTED,
@@ -23,7 +25,7 @@ from soft_continuum.analysis.validation import (
     WITH_GRAVITY,
     WITHOUT_GRAVITY,
 )
-from soft_continuum.analysis.workspace import Reach
+from soft_continuum.analysis.workspace import Reach, tips_in_common
 
 GREYS = ('0.0', '0.4', '0.65')
 DASHES = ('-', '--', ':', '-.')
@@ -83,7 +85,8 @@ def convergence_figure(path: str | Path, found: Convergence, tolerance: float) -
         for segment in range(values.shape[1]):
             axes.plot(found.bodies, 100.0 * values[:, segment],
                       marker=MARKERS[segment % len(MARKERS)], color=f'{0.25 * (segment % 3):.2f}',
-                      markersize=4, markerfacecolor='none', linewidth=0.8,
+                      # Where series coincide, every marker is seen around the one before it.
+                      markersize=3 + 3 * (segment % 5), markerfacecolor='none', linewidth=0.8,
                       label=f'segment {segment + 1}')
         axes.set_yscale('log')
         axes.yaxis.set_major_formatter('{x:g}')
@@ -102,7 +105,7 @@ def convergence_figure(path: str | Path, found: Convergence, tolerance: float) -
 
 
 def validation_figure(path: str | Path, predictions: Sequence[Prediction]) -> None:
-    """Write one panel for each shape: measured points, and a series for each model; mm."""
+    """Write a panel for each shape, measured and by each model, and the error of each; mm."""
     shapes = list(dict.fromkeys(p.shape for p in predictions))
     columns = min(MOST_COLUMNS, len(shapes))
     rows = -(-len(shapes) // columns)
@@ -110,8 +113,10 @@ def validation_figure(path: str | Path, predictions: Sequence[Prediction]) -> No
         [*(s.positions for s in shapes), *(p.points[:, :2] for p in predictions)])
     width, height = np.ptp(drawn, axis=0)
     tall = min(2.0, max(0.4, height / max(width, 1e-3)))
-    figure, panels = new_panels(rows, columns, 3.9 * columns, (3.5 * tall + 1.0) * rows + 0.6)
-    figure.set_layout_engine('constrained', h_pad=0.1)
+    width, height = 3.9 * columns, (3.5 * tall + 1.0) * rows
+    figure = Figure(figsize=(width, height + 3.6), layout='constrained')
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[height, 3.0]).ravel()
+    panels = new_panels(rows, columns, width, height, above)[1]
     for axes, shape in zip(panels, shapes, strict=False):
         axes.plot(*(1e3 * shape.positions.T), 'o-', color='0.0', markersize=4.5, linewidth=0.8,
                   label='measured')
@@ -125,7 +130,25 @@ def validation_figure(path: str | Path, predictions: Sequence[Prediction]) -> No
         axes.tick_params(labelbottom=True)
     for axes in panels[len(shapes):]:
         axes.set_visible(False)
+    _draw_errors(below.subplots(), shapes, predictions)
     finish_panels(path, figure, 2 * columns)
+
+
+def _draw_errors(axes: Axes, shapes: Sequence[MeasuredShape], predictions: Sequence[Prediction]
+                 ) -> None:
+    """Draw the error of every point, one shape after the other."""
+    starts = np.cumsum([0, *(len(shape.moving) + 1 for shape in shapes)])
+    for start, shape in zip(starts.tolist(), shapes, strict=False):
+        for prediction in predictions:
+            if prediction.shape is shape:
+                marker, size, _ = MODEL_STYLES[prediction.model]
+                axes.plot(start + np.arange(len(shape.moving)), 1e3 * prediction.errors,
+                          marker=marker, color='0.35', markersize=size, markerfacecolor='none',
+                          linewidth=0.5)
+    axes.set_xticks(starts[:-1], [f'{s.name}, base' for s in shapes], parse_math=False,
+                    rotation=30 if len(shapes) > MOST_COLUMNS else 0, ha='left')
+    axes.set_ylabel('error of each point in mm')
+    axes.grid(alpha=0.3)
 
 
 @dataclass(frozen=True)
@@ -179,13 +202,26 @@ def identification_figure(path: str | Path, found: Identification, shapes: Seque
 def workspace_figure(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
                      height: float) -> None:
     """
-    Write one panel for each set of tips; mm.
+    Write the density of the tips, a panel for each set, and below how far gravity moves them; mm.
 
     base: the tips whose outline is drawn in every panel.  height: of the straight arm, m.
     """
-    figure, panels = new_panels(1, len(reaches), 4.2 * len(reaches), 3.9)
-    for axes, (title, reach) in zip(panels, reaches, strict=True):
-        axes.plot(*(1e3 * reach.tips.T), '.', color='0.45', markersize=2.5, label='tips')
+    figure, panels = new_panels(2, len(reaches), 4.2 * len(reaches), 6.8)
+    for axes, moved, (title, reach) in zip(panels, panels[len(reaches):], reaches, strict=False):
+        x, z = 1e3 * reach.tips.T
+        if reach.tips.size:
+            tips = axes.hexbin(x, z, gridsize=30, mincnt=1, cmap='Greys', vmin=0.0, linewidths=0.1)
+            figure.colorbar(tips, ax=axes, label='tips in a cell', shrink=0.6)
+        pairs = np.array(tips_in_common(reach, base)).reshape(-1, 2, 2) * 1e3
+        distances = np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1)
+        if reach is base or not len(pairs):
+            moved.set_visible(False)
+        else:
+            order = np.argsort(distances)  # the largest on top
+            tip_x, tip_z = pairs[order, 0].T
+            points = moved.scatter(tip_x, tip_z, c=distances[order], s=7, cmap='Greys',
+                                   vmin=0.0, edgecolors='0.6', linewidths=0.3)
+            figure.colorbar(points, ax=moved, label='moved by gravity, mm', shrink=0.6)
         if base.area > 0.0:
             hull = ConvexHull(base.tips).vertices
             outline = 1e3 * base.tips[np.append(hull, hull[0])]

@@ -2,8 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a command leaves behind: tables on the screen, files that overwrite nothing."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+import os
 from pathlib import Path
+import sys
+from time import monotonic
+from typing import TypeVar
+
+from tqdm import tqdm
+
+from soft_continuum.text import MAX_NAME, printable
+
+T = TypeVar('T')
+PROGRESS_PERIOD = 5.0  # s
 
 
 class ResultError(RuntimeError):
@@ -19,7 +30,7 @@ def claim(directory: str | Path, names: Sequence[str], force: bool) -> tuple[Pat
     """
     folder = Path(directory)
     paths = tuple(folder / name for name in names)
-    there = [path for path in paths if path.exists()]
+    there = [path for path in paths if os.path.lexists(path)]  # also a link that leads nowhere
     if there and not force:
         raise ResultError(f'{there[0]} exists; add --force to overwrite it, or choose another '
                           'directory with --output')
@@ -31,9 +42,22 @@ def claim(directory: str | Path, names: Sequence[str], force: bool) -> tuple[Pat
     return paths
 
 
+def progress(items: Sequence[T], what: str) -> Iterator[T]:
+    """Yield the items; show how far that is: by a bar, or now and then by a line in a pipe."""
+    if sys.stderr.isatty():
+        yield from tqdm(items, what, leave=False)
+        return
+    shown = monotonic()
+    for number, item in enumerate(items):
+        if monotonic() - shown >= PROGRESS_PERIOD:
+            shown = monotonic()
+            print(f'{what}: {number} of {len(items)}', file=sys.stderr, flush=True)
+        yield item
+
+
 def text_table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
     """Return a table for the screen; all columns after ``left`` are aligned to the right."""
-    cells = [list(head), *(list(row) for row in rows)]
+    cells = [[printable(cell, MAX_NAME) for cell in row] for row in (head, *rows)]
     widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
     lines = ['  '.join(cell.ljust(width) if k < left else cell.rjust(width)
                        for k, (cell, width) in enumerate(zip(row, widths, strict=True)))

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from soft_continuum.analysis.measured_shapes import loaded, MeasuredShape, Step, walk
+from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics import constant_curvature, LEFT, RIGHT
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.chain import Array
@@ -70,7 +71,7 @@ def predict(shapes: Sequence[MeasuredShape], arm: Arm, corrected: Arm | None = N
     corrected: the arm with measured stiffness.  Raises StaticsError naming model, shape and step.
     """
     predictions = []
-    for shape in shapes:
+    for shape in progress(shapes, 'shapes'):
         predictions.append(_constant_curvature(shape, arm))
         predictions.append(_chain(WITHOUT_GRAVITY, shape, arm.without_gravity()))
         predictions.append(_chain(WITH_GRAVITY, shape, arm))

@@ -9,12 +9,11 @@ others already bent above it carries them at another lever arm, so the order lea
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy.spatial import ConvexHull
-from tqdm import tqdm
 
+from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.inverse import set_on_grid
@@ -46,7 +45,7 @@ class Reach:
 def reach(arm: Arm, order: Sequence[int], per_segment: int) -> Reach:
     """Return the tips for ``per_segment`` angles between the limits of every segment."""
     statics = Statics(arm)
-    states = set_on_grid(statics, per_segment, order, partial(tqdm, leave=False, disable=None))
+    states = set_on_grid(statics, per_segment, order, progress)
     tips = [statics.chain.points(state.joint_angles)[-1, :2] for state, _ in states]
     return Reach(tuple(order), np.array(tips).reshape(-1, 2),
                  np.array([angles for _, angles in states]).reshape(-1, len(arm.segments)),
@@ -55,7 +54,12 @@ def reach(arm: Arm, order: Sequence[int], per_segment: int) -> Reach:
 
 def furthest_apart(one: Reach, other: Reach) -> float:
     """Return the largest distance (m) of tips with the same angles; nan if there are none."""
+    return max((float(np.linalg.norm(a - b)) for a, b in tips_in_common(one, other)),
+               default=float('nan'))
+
+
+def tips_in_common(one: Reach, other: Reach) -> list[tuple[Array, Array]]:
+    """Return the two tips (m) of all angles that both have."""
     there = {row.tobytes(): tip for row, tip in zip(other.angles, other.tips, strict=True)}
-    apart = [float(np.linalg.norm(tip - there[row.tobytes()]))
-             for row, tip in zip(one.angles, one.tips, strict=True) if row.tobytes() in there]
-    return max(apart, default=float('nan'))
+    return [(tip, there[row.tobytes()]) for row, tip in zip(one.angles, one.tips, strict=True)
+            if row.tobytes() in there]

@@ -100,12 +100,15 @@ def _run(options: argparse.Namespace) -> None:
             print(f'\nE I of the {state.name} segment is a mean only: its curves are no line '
                   f'(R^2 = {state.result.regression.determination:.3f}), and no law that rises '
                   'fits them. Look at the figure; leave out where it slips.')
+        if len(state.curves) == 1:
+            print(f'\nOne repetition of the {state.name} segment does not tell how far they '
+                  'scatter, so there is no\nconfidence interval: measure three or more.')
     stiffness_figure(figure, states, f'segment {options.segment}')
     write_parameters(layer, parameters, [
         f'Stiffness of segment {options.segment}, by {NAME} from',
         *(f'  {path.name} ({name})' for name, paths in files.items() for path in paths),
         f'with a lever arm of {options.lever_arm:g} m.',
-        *(f'E I {name}: {r.bending_stiffness:.4g} +- {r.half_width:.2g} N m^2 (95 %)'
+        *(f'E I {name}: {r.bending_stiffness:.4g} N m^2, +- {_cell(r.half_width)} (95 %)'
           for name, r in results.items())])
     print(f'\nFigure: {figure}\nParameters: {layer}')
 
@@ -138,27 +141,30 @@ def _table(states: Sequence[MeasuredState], bodies: int, leaf: Segment, segment:
             'repetitions': str(len(state.curves)),
             'points on the way up': str(sum(len(c.loading[0]) for c in state.curves)),
             'k, N/mm': f'{1e-3 * line.slope:.4g}',
-            '  95 % confidence, +- N/mm': f'{1e-3 * line.half_width:.2g}',
+            '  95 % confidence, +- N/mm': _cell(1e-3 * line.half_width),
             '  of each repetition, N/mm': _listed([f'{1e-3 * k:.4g}' for k in line.each]),
             '  R^2': f'{line.determination:.5f}',
             'E I, N m^2 (eq. 8)': f'{stiffness:.4g}',
-            '  95 % confidence, +- N m^2': f'{result.half_width:.2g}',
+            '  95 % confidence, +- N m^2': _cell(result.half_width),
             'c_phi = E I / l, N m/rad': f'{stiffness / segment.length:.4g}',
             f'c_phi_i, n = {bodies}, N m/rad (eq. 5)': f'{joint:.4g}',
             '  leaf spring alone, N m/rad': f'{alone:.4g}',
             '  error of the leaf spring alone': f'{100 * (1 - alone / joint):.3g} %',
             'furthest from a line, of largest force':
-                f'{100 * result.linearity_error:.2g} %' if isfinite(result.linearity_error)
-                else 'not determined',
-            'spread between repetitions, N': f'{result.spread:.2g}',
-            'settling, last over first force': f'{100 * result.settling:+.2g} %',
+                _cell(100 * result.linearity_error, ' %'),
+            'spread between repetitions, N': _cell(result.spread),
+            'settling, last over first force': _cell(100 * result.settling, ' %', '+.2g'),
             'hysteresis, work lost':
-                _listed([f'{100 * h:.2g} %' for h in result.hysteresis]) or 'not measured',
+                _listed([f'{100 * h:.2g} %' for h in result.hysteresis]) or '-',
         }
 
     columns = [column(state) for state in states]
     return text_table(['', *(s.name for s in states)],
                       [[label, *(c[label] for c in columns)] for label in columns[0]])
+
+
+def _cell(value: float, unit: str = '', digits: str = '.2g') -> str:
+    return f'{value:{digits}}{unit}' if isfinite(value) else '-'
 
 
 def _listed(items: Sequence[str]) -> str:

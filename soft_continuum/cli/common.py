@@ -4,12 +4,13 @@
 
 import argparse
 from collections.abc import Callable, Sequence
+from pathlib import Path
 import sys
 
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.analysis.unknowns import IdentificationError
-from soft_continuum.arguments import DONE, INTERRUPTED, Parser, WRONG_USAGE
+from soft_continuum.arguments import DONE, FOR_ANALYSIS, INTERRUPTED, Parser, WRONG_USAGE
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.laws import LawError
 from soft_continuum.mechanics.statics import StaticsError
@@ -19,6 +20,15 @@ from soft_continuum.parameters.parameter import ParameterError, Value
 
 BAD_INPUT = (MeasurementError, IdentificationError, ResultError, ParameterError, ArmError,
              LawError, StaticsError)
+
+
+def shapes_parser(name: str, description: str, known: str) -> Parser:
+    """Return the parser of a verb on measured shapes; known: columns that pulls may have."""
+    parser = Parser(name, description, *FOR_ANALYSIS)
+    parser.add_argument('points', type=Path, help='CSV file: shape, point, x, z')
+    parser.add_argument('pulls', type=Path,
+                        help=f'CSV file: shape, segment, right, left and, if known, {known}')
+    return parser
 
 
 def described_arm(options: argparse.Namespace) -> tuple[dict[str, Value], Arm]:

@@ -13,6 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from soft_continuum.arguments import DONE, Parser
+from soft_continuum.text import read_bytes
+
+MAX_CACHE = 100_000  # bytes
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -38,8 +41,8 @@ def _cache() -> Path:
 def cached_shapes(**_: Any) -> list[str]:
     """Return the names of the shape library when it was last listed."""
     try:
-        return _cache().read_text(encoding='utf-8').splitlines()
-    except OSError:
+        return read_bytes(_cache(), MAX_CACHE).decode('utf-8').splitlines()
+    except (OSError, ValueError):
         return []
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import sys
 from time import monotonic
 
-from soft_continuum.arguments import DONE, FAILED, INTERRUPTED, Parser
+from soft_continuum.arguments import DONE, FAILED, in_verbs, INTERRUPTED, Parser
 from soft_continuum.hardware.checks import (
     Check,
     check_jamming,
@@ -21,6 +21,7 @@ from soft_continuum.hardware.checks import (
     WARN,
 )
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.text import printable
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -34,7 +35,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         for check in checks(options.params_file):
             found.append(check)
             if not options.json:
-                print(f'{check.status:<4}  {check.step}: {check.message}', flush=True)
+                message = printable(in_verbs(check.message))
+                print(f'{check.status:<4}  {check.step}: {message}', flush=True)
     except KeyboardInterrupt:
         print(file=sys.stderr)
         return parser.fail('interrupted', INTERRUPTED)

@@ -6,10 +6,8 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from math import nan
-from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from soft_continuum.analysis.identification import (
     Identification,
@@ -19,10 +17,9 @@ from soft_continuum.analysis.identification import (
 )
 from soft_continuum.analysis.measured_shapes import MeasuredShape, read_shapes
 from soft_continuum.analysis.result_figures import identification_figure, ShapeResult
-from soft_continuum.analysis.results import claim, text_table
+from soft_continuum.analysis.results import claim, progress, text_table
 from soft_continuum.analysis.unknowns import find_unknowns, IdentificationError, parameters_of
-from soft_continuum.arguments import FOR_ANALYSIS, Parser
-from soft_continuum.cli.common import described_arm, run_verb
+from soft_continuum.cli.common import described_arm, run_verb, shapes_parser
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.parameters.files import write_parameters
@@ -32,11 +29,8 @@ NAME = 'identify'
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
-    parser = Parser(NAME, 'Fit what is not known of the arm to measured points. Errors on '
-                    'shapes that the fit did not see are reported.', *FOR_ANALYSIS)
-    parser.add_argument('points', type=Path, help='CSV file: shape, point, x, z')
-    parser.add_argument('pulls', type=Path,
-                        help='CSV file: shape, segment, right, left and, if known, payload')
+    parser = shapes_parser(NAME, 'Fit what is not known of the arm to measured points. Errors on '
+                           'shapes that the fit did not see are reported.', 'payload')
     parser.add_argument('--fit', nargs='+', metavar='UNKNOWN',
                         help='stiffness_N, ratio_N, segment_mass_N, disc_mass_N, offset_N of '
                              'segment N; mass (one factor for all), friction, tilt (default: '
@@ -69,8 +63,8 @@ def _run(options: argparse.Namespace) -> None:
             unknowns, found.values, found.half_widths, strict=True)),
         'These values belong to the second-order chain.'])
     print(f'\nParameters: {layer}', flush=True)
-    results = [_held_out(arm, found, shape, kept, options.hold_out) for shape in tqdm(
-        shapes, 'without each shape', leave=False, disable=None)]
+    results = [_held_out(arm, found, shape, kept, options.hold_out)
+               for shape in progress(shapes, 'without each shape')]
     print('\nLargest position error of each shape in mm; without it: of a fit that has not seen '
           'it.\n')
     print(text_table(['shape', 'as described', 'identified', 'without it'], [

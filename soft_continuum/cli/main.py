@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 
+from soft_continuum import version
 from soft_continuum.arguments import DONE, FOR_NODES, INTERRUPTED, Parser
 from soft_continuum.cli.registry import GROUPS, Verb, VERBS
 from soft_continuum.parameters.parameter import name_hint
@@ -29,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('options', nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     options = parser.parse_args(words)
     if options.version:
-        print(f'soft_continuum {_version()}')
+        print(f'soft_continuum {version()}')
         return DONE
     if options.verb is None:
         parser.error('no verb given, such as status or demo')
@@ -65,14 +66,6 @@ def _parser() -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--version', action='store_true', help='print the version and end')
     return parser
-
-
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-    try:
-        return version('soft_continuum')
-    except PackageNotFoundError:
-        return '(not installed, so of unknown version)'
 
 
 def _complete() -> int:

@@ -22,8 +22,9 @@ from soft_continuum.arguments import (
     Parser,
 )
 from soft_continuum.cli.completion import cache_shapes, cached_shapes
-from soft_continuum.cli.output import angles_text, Output, pulls_text, state_line, state_page
+from soft_continuum.cli.output import Output
 from soft_continuum.cli.registry import VERBS
+from soft_continuum.text import MAX_NAME, printable
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
@@ -143,7 +144,8 @@ def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
 
 
 def _shapes(arm: 'Arm', _: Namespace, output: Output) -> int:
-    library = arm.shapes
+    from soft_continuum.client.state_text import angles_text
+    library = {printable(name, MAX_NAME): angles for name, angles in arm.shapes.items()}
     cache_shapes(library)
     output.print('\n'.join(f'{name:<20}{angles_text(values)}' for name, values in
                            library.items()), shapes=library)
@@ -206,6 +208,7 @@ def _jog_options(parser: Parser) -> None:
 
 
 def _jog(arm: 'Arm', options: Namespace, output: Output) -> int:
+    from soft_continuum.client.state_text import pulls_text
     arm.jog(**dict([*options.moves, *options.moves_by_option]))
     return output.done(f'pulls: {pulls_text(arm.state)}')
 
@@ -215,11 +218,12 @@ def _jog(arm: 'Arm', options: Namespace, output: Output) -> int:
 
 def _status(arm: 'Arm', _: Namespace, output: Output) -> int:
     state = arm.state
-    output.print(state_page(state), **asdict(state))
+    output.print(str(state), **asdict(state))
     return DONE
 
 
 def _watch(arm: 'Arm', _: Namespace, output: Output) -> int:
+    from soft_continuum.client.state_text import state_line
     try:
         while True:
             state = arm.state

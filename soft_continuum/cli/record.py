@@ -2,15 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """``record``: what the nodes publish, as CSV files for ``report``."""
 
-import argparse
 from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 
-from soft_continuum.analysis.recording import FILES
-from soft_continuum.analysis.results import claim
-from soft_continuum.arguments import number_in, Parser
-from soft_continuum.cli.common import run_verb
+from soft_continuum.analysis.recording import DESCRIPTION, FILES
+from soft_continuum.analysis.results import claim, ResultError
+from soft_continuum.arguments import number_in, Parser, WRONG_USAGE
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -23,12 +21,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--goal', action='store_true',
                         help='end when the goal that runs, or begins next, has ended')
     parser.set_defaults(output=Path('recording'))
-    return run_verb(parser, _run, argv)
-
-
-def _run(options: argparse.Namespace) -> int:
+    options = parser.parse_args(argv)
+    try:
+        claim(options.output, [*FILES, DESCRIPTION], options.force)
+    except ResultError as error:
+        return parser.fail(error, WRONG_USAGE)
     from soft_continuum.client.recorder import record  # needs ROS
-
-    claim(options.output, FILES, options.force)
     return record(options.output, namespace=options.namespace, duration=options.duration,
                   goal=options.goal)

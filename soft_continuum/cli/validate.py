@@ -13,8 +13,7 @@ from soft_continuum.analysis.measured_shapes import read_shapes
 from soft_continuum.analysis.result_figures import validation_figure
 from soft_continuum.analysis.results import claim, text_table
 from soft_continuum.analysis.validation import predict, Prediction
-from soft_continuum.arguments import FOR_ANALYSIS, Parser
-from soft_continuum.cli.common import described_arm, run_verb
+from soft_continuum.cli.common import described_arm, run_verb, shapes_parser
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
@@ -24,11 +23,8 @@ NAME = 'validate'
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
-    parser = Parser(NAME, 'Position error of constant curvature and of the chain, without '
-                    'and with gravity, against measured points.', *FOR_ANALYSIS)
-    parser.add_argument('points', type=Path, help='CSV file: shape, point, x, z')
-    parser.add_argument('pulls', type=Path,
-                        help='CSV file: shape, segment, right, left and, if known, angle, payload')
+    parser = shapes_parser(NAME, 'Position error of constant curvature and of the chain, without '
+                           'and with gravity, against measured points.', 'angle, payload')
     parser.add_argument('--corrected', type=Path, action='append', default=[], metavar='FILE',
                         help='parameters that correct the arm, such as characterize.yaml: one '
                              'more series; may be repeated')
@@ -41,9 +37,12 @@ def _run(options: argparse.Namespace) -> None:
     if options.corrected:
         corrected = arm_from_parameters(
             load_description(*options.params_file, *options.corrected))
-        if len(corrected.segments) != len(arm.segments):
-            raise ArmError(f'--corrected has an arm of {len(corrected.segments)} segments, '
-                           f'--params-file one of {len(arm.segments)}; they must be the same arm')
+        sizes = [([s.length for s in a.segments], [d.height for d in a.discs])
+                 for a in (arm, corrected)]
+        if sizes[0] != sizes[1]:
+            raise ArmError(f'--corrected has an arm with segments of {sizes[1][0]} m and discs of '
+                           f'{sizes[1][1]} m, --params-file one with {sizes[0][0]} and '
+                           f'{sizes[0][1]}; they must be the same arm')
     shapes = read_shapes(options.points, options.pulls, arm)
     figure, listing = claim(options.output, [f'{NAME}.png', f'{NAME}.csv'], options.force)
     predictions = predict(shapes, arm, corrected)

@@ -4,6 +4,8 @@
 
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from contextlib import suppress
+from html import escape
+from io import StringIO
 from itertools import count
 from math import isfinite
 import os
@@ -45,6 +47,7 @@ class Arm:
         """
         if not timeout > 0.0:
             raise ValueError(f'timeout is {timeout} s; it must be positive')
+        self._namespace = namespace
         self._connection = Connection(
             f'client_{os.getpid()}_{next(_numbers)}', namespace, timeout)
         self._requests = self._connection.requests
@@ -66,6 +69,25 @@ class Arm:
             self._end(sequence)
         self._sequences = []
         self._connection.close()
+
+    def __repr__(self) -> str:
+        """Return how it was made."""
+        return f'Arm({self._namespace!r})'
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: shape and state, or why they are not known."""
+        try:
+            page = self.state._repr_html_()
+        except ClientError as error:
+            return f'<pre>{escape(f"{self!r}: {error}")}</pre>'
+        with suppress(ClientError):  # the state says why the shape is not known
+            from matplotlib.figure import Figure
+            picture = StringIO()
+            figure = Figure(figsize=(4.0, 4.0))
+            self.plot(figure.subplots())
+            figure.savefig(picture, format='svg')
+            page = picture.getvalue() + page
+        return page
 
     def _do(self, work: Coroutine[Any, None, T]) -> T:
         return self._requests.start(work).result()
@@ -95,7 +117,8 @@ class Arm:
         seconds = self._connection.requests.timeout if timeout is None else timeout
         value = self._do(until(lambda: condition(observed.snapshot()), seconds))
         if not value:
-            raise NoAnswerError(f'not so within {seconds:g} s; the arm is: {observed.snapshot()}')
+            raise NoAnswerError(
+                f'not so within {seconds:g} s; the arm is: {observed.snapshot()!r}')
         return value
 
     def _observe(self) -> 'ObservedArm':
@@ -147,7 +170,7 @@ class Arm:
         Set one shape after the other, hold each for ``hold`` s; return when all is done.
 
         shapes: names in the library, or bending angles (rad) of each segment, base first.
-        progress: called whenever there is any.
+        progress: called whenever it has changed.
 
         Raises RefusedError before anything moves, SequenceError when it ends early, LostError
         when the shape_sequencer reports nothing any more.  When the wait is left by an exception,

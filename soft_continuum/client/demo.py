@@ -39,6 +39,8 @@ def main() -> int:
     options = parser.parse_args()
     if not options.picture.resolve().parent.is_dir():
         parser.error(f'--picture {options.picture}: there is no such directory')
+    if options.picture.is_symlink():
+        parser.error(f'--picture {options.picture} is a link; name the file that it leads to')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     print('Starting the four nodes on a simulated rig ...', flush=True)
     # A namespace of its own keeps it apart from an arm that may be running.

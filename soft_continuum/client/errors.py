@@ -3,10 +3,15 @@
 """What can go wrong between a client and the arm."""
 
 from soft_continuum.client.state import SequenceResult
+from soft_continuum.text import printable
 
 
 class ClientError(RuntimeError):
-    """A request was not carried out; the message says why, and what to do."""
+    """A request was not carried out; the message says why, and what to do, in one line."""
+
+    def __init__(self, message: object = '') -> None:
+        """Take a message of which parts may come from others."""
+        super().__init__(printable(message))
 
 
 class NodesMissingError(ClientError):

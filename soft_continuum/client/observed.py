@@ -11,7 +11,7 @@ from geometry_msgs.msg import PoseArray
 from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, JointState
 
-from soft_continuum.client.state import ArmState, NodeReport, Pose, Progress
+from soft_continuum.client.state import ArmState, NodeReport, Pose, Progress, progress_of
 from soft_continuum.client.tasks import running_nodes
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.names import (
@@ -22,7 +22,7 @@ from soft_continuum.ros.names import (
     TENDON_ACTUATION,
 )
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
-from soft_continuum.sequencing.progress import Phase
+from soft_continuum.text import MAX_NAME, printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import (
     JammingValvesState,
@@ -32,6 +32,7 @@ from soft_continuum_interfaces.msg import (
 
 STALE_AFTER = 3.0  # s: every node publishes /diagnostics once a second
 LEVELS = {DiagnosticStatus.OK: 'ok', DiagnosticStatus.WARN: 'warn'}  # others: error
+MAX_SEGMENTS = MAX_TENDONS = MAX_VALUES = 100  # that are shown, whatever is published
 FEEDBACK = 'run_shape_sequence/_action/feedback'
 TENDON_STATE = f'{TENDON_ACTUATION}/state'
 JAMMING_STATE = f'{JAMMING_VALVES}/state'
@@ -81,7 +82,7 @@ class ObservedArm:
         for name in (topic, source):
             self._ages.setdefault(name, Age()).refresh()
         if topic == JAMMING_STATE:
-            while self._segments < len(message.stiffness):
+            while self._segments < min(len(message.stiffness), MAX_SEGMENTS):
                 self._segments += 1
                 self._subscribe(f'segment_{self._segments}/pressure', FluidPressure, SENSOR,
                                 JAMMING_VALVES)
@@ -134,12 +135,14 @@ class ObservedArm:
         """Names of the tendons; empty while they are not known."""
         state = self.message(TENDON_STATE)
         message = self.message('tendon_states') or self.message('tendon_tensions')
-        return tuple(state.tendons if state else message.name if message else ())
+        names = state.tendons if state else message.name if message else ()
+        return tuple(printable(name, MAX_NAME) for name in names[:MAX_TENDONS])
 
     def stiff(self, segment: int) -> bool | None:
         """Return whether a segment (from 1) is stiff; None while that is not known."""
         state = self.jamming_valves
-        if state is None or state.stiffness[segment - 1] == JammingValvesState.UNKNOWN:
+        if (state is None or segment > len(state.stiffness)
+                or state.stiffness[segment - 1] == JammingValvesState.UNKNOWN):
             return None
         return bool(state.stiffness[segment - 1] == JammingValvesState.STIFF)
 
@@ -179,8 +182,7 @@ class ObservedArm:
         if state is None or not state.running:
             return None
         this = message is not None and message.goal_id == state.goal_id
-        return Progress(state.shape_index, state.shape, state.segment, Phase(state.phase),
-                        float(message.feedback.progress) if this else 0.0)
+        return progress_of(state, float(message.feedback.progress) if this else 0.0)
 
     def running(self) -> dict[str, bool]:
         """Return which of the four nodes are in the ROS graph."""
@@ -205,7 +207,7 @@ class ObservedArm:
             speeds=self._of_tendons('tendon_states', 'velocity'),
             tensions=self.tensions(),
             measured_tensions=self._of_tendons('tendon_states', 'effort'),
-            stopped=None if tendons is None else tendons.stop_message,
+            stopped=None if tendons is None else printable(tendons.stop_message),
             referenced=None if tendons is None else tendons.referenced,
             stiff=tuple(self.stiff(n) for n in numbers),
             pressures=tuple(self.pressure(n) for n in numbers),
@@ -219,8 +221,9 @@ class ObservedArm:
         seconds = None if age is None else age.seconds
         return NodeReport(
             name, running, LEVELS.get(status.level, 'error') if status else None,
-            status.message if status else '',
-            {pair.key: pair.value for pair in status.values} if status else {},
+            printable(status.message) if status else '',
+            {printable(pair.key, MAX_NAME): printable(pair.value)
+             for pair in status.values[:MAX_VALUES]} if status else {},
             seconds, seconds is None or seconds >= STALE_AFTER)
 
 

@@ -2,20 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """A client that records a run of the arm: the command ``record``."""
 
+from contextlib import suppress
+from datetime import datetime
 from math import inf
 from pathlib import Path
 import re
 import signal
 import sys
 from time import monotonic
+from typing import Any
 
-from soft_continuum.analysis.recording import RecordingWriter
+from rcl_interfaces.srv import ListParameters
+
+from soft_continuum import version
+from soft_continuum.analysis.recording import ABOUT, DESCRIPTION, RecordingWriter
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import JAMMING_STATE, ObservedArm, SEQUENCER_STATE, TOPICS
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
-from soft_continuum.ros.names import NODES
+from soft_continuum.ros.names import KINEMATICS, NODES
+from soft_continuum.text import printable
 
 DISCOVERY_TIMEOUT = 5.0  # s
 
@@ -23,11 +30,13 @@ DISCOVERY_TIMEOUT = 5.0  # s
 class Recorder:
     """Writes every message of an observed arm into a recording; asks for nothing."""
 
-    def __init__(self, directory: Path, observed: ObservedArm) -> None:
+    def __init__(self, directory: Path, observed: ObservedArm, namespace: str) -> None:
         """Begin as soon as the tendons of the arm are known; ``directory`` exists."""
         self.goal_ended = False
+        self.about = (f'soft_continuum {version()}, arm in namespace {namespace}, '
+                      f'{datetime.now().astimezone().isoformat(timespec="seconds")}')
         self._directory = directory
-        self._closed = False
+        self.closed = False
         self._observed = observed
         self._writer: RecordingWriter | None = None
         self._begin = monotonic()
@@ -42,15 +51,16 @@ class Recorder:
 
     def close(self) -> None:
         """Close the files; what comes later is not recorded."""
-        self._closed = True
+        self.closed = True
         if self._writer is not None:
             self._writer.__exit__(None, None, None)
 
     def _on_message(self, topic: str) -> None:
-        if self._closed or not self._observed.tendons:
+        if self.closed or not self._observed.tendons:
             return
         if self._writer is None:
             self._writer = RecordingWriter(self._directory, self._observed.tendons)
+            self._event(self._writer, 0.0, ABOUT, self.about)
             for earlier in TOPICS:
                 if self._observed.message(earlier) is not None:
                     self._write(self._writer, earlier)
@@ -87,7 +97,7 @@ class Recorder:
                 self._event(writer, time, 'progress', text)
         elif topic.endswith('/status'):
             self._event(writer, time, topic.removesuffix('/status'),
-                        observed.message(topic).message)
+                        printable(observed.message(topic).message))
 
     def _event(self, writer: RecordingWriter, time: float, source: str, text: str) -> None:
         if self._events.get(source) != text:
@@ -95,15 +105,29 @@ class Recorder:
             writer.write('events', time, source, text)
 
 
-async def _record(requests: Requests, directory: Path, duration: float, goal: bool) -> None:
+async def _begin(requests: Requests, directory: Path) -> Recorder:
+    return Recorder(directory, requests.observed, requests.node.get_namespace())
+
+
+async def _record(requests: Requests, recorder: Recorder, duration: float, goal: bool) -> None:
     """Record for ``duration`` s, or until a goal has ended; raises ClientError without nodes."""
-    recorder = Recorder(directory, requests.observed)
     try:
         if not await until(lambda: recorder.recording, min(duration, DISCOVERY_TIMEOUT)):
             raise requests.not_found('the tendons', NODES, DISCOVERY_TIMEOUT)
         await until(lambda: goal and recorder.goal_ended, duration)
     finally:
         recorder.close()
+
+
+async def _description(requests: Requests, recorder: Recorder) -> dict[str, Any]:
+    """Return the parameters of the arm that is recorded; none of an arm without kinematics."""
+    observed = requests.observed
+    await until(lambda: observed.running()[KINEMATICS] or recorder.closed, inf)
+    if recorder.closed:
+        return {}
+    listed = await requests.call(ListParameters, f'{KINEMATICS}/list_parameters',
+                                 prefixes=['arm'])
+    return await requests.parameters(KINEMATICS, listed.result.names)
 
 
 def record(directory: Path, *, namespace: str = '', duration: float = inf,
@@ -120,7 +144,14 @@ def record(directory: Path, *, namespace: str = '', duration: float = inf,
     try:
         connection = Connection('recorder', namespace)
         requests = connection.requests
-        requests.start(_record(requests, directory, duration, goal)).result()
+        recorder = requests.start(_begin(requests, directory)).result()
+        recording = requests.start(_record(requests, recorder, duration, goal))
+        with suppress(ClientError):  # the rest is worth recording without it
+            if values := requests.start(_description(requests, recorder)).result():
+                # Imports the model, which must not keep the thread of ROS from recording.
+                from soft_continuum.parameters.files import write_parameters
+                write_parameters(directory / DESCRIPTION, values, [recorder.about])
+        recording.result()
     except ClientError as error:
         print(f'record: {error}', file=sys.stderr)
         return 1

@@ -28,6 +28,7 @@ from soft_continuum.ros.names import (
     SHAPE_SEQUENCER,
     TENDON_ACTUATION,
 )
+from soft_continuum.text import printable
 
 if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
     from trajectory_msgs.msg import JointTrajectory
@@ -85,7 +86,7 @@ class Requests(Tasks):
         answer = await self.call(Trigger, service)
         if not answer.success:
             raise RefusedError(f'{service}: {answer.message}')
-        return str(answer.message)
+        return printable(answer.message)
 
     async def stop(self) -> str:
         """Stop all motion, holding tension; nothing moves before ``resume``."""

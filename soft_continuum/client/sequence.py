@@ -10,8 +10,9 @@ from typing import Any
 from builtin_interfaces.msg import Duration
 
 from soft_continuum.client.errors import NoAnswerError
-from soft_continuum.client.state import Progress, SequenceResult
-from soft_continuum.sequencing.progress import Code, Phase
+from soft_continuum.client.state import Progress, progress_of, SequenceResult
+from soft_continuum.sequencing.progress import Code
+from soft_continuum.text import printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape
 
@@ -35,8 +36,11 @@ def goal(shapes: Sequence[str | Sequence[float]], hold: float) -> RunShapeSequen
 
 def sequence_result(message: RunShapeSequence.Result) -> SequenceResult:
     """Return the result of a goal."""
-    return SequenceResult(Code(message.error_code).name, message.error_string,
-                          message.shapes_completed)
+    try:
+        outcome = Code(message.error_code).name
+    except ValueError:
+        outcome = f'error_code {message.error_code}'
+    return SequenceResult(outcome, printable(message.error_string), message.shapes_completed)
 
 
 class RunningSequence:
@@ -61,8 +65,7 @@ class RunningSequence:
     def on_feedback(self, message: Any) -> None:
         """Keep the progress of the goal."""
         feedback = message.feedback
-        self._progress = Progress(feedback.shape_index, feedback.shape, feedback.segment,
-                                  Phase(feedback.phase), float(feedback.progress))
+        self._progress = progress_of(feedback, float(feedback.progress))
         self._notify()
 
     def _notify(self) -> None:

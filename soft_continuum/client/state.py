@@ -4,9 +4,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
 from math import atan2
+from typing import Any
 
-from soft_continuum.sequencing.progress import Progress
+from soft_continuum.sequencing.progress import Phase, Progress
+from soft_continuum.text import MAX_NAME, printable
 
 __all__ = ['ArmState', 'NodeReport', 'Pose', 'Progress', 'SequenceResult']
 
@@ -86,12 +89,31 @@ class ArmState:
     progress: Progress | None
     nodes: tuple[NodeReport, ...]
 
+    def __str__(self) -> str:
+        """Return the state in full, for people."""
+        from soft_continuum.client.state_text import state_page
+        return state_page(self)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        return f'<pre>{escape(str(self))}</pre>'
+
     def node(self, name: str) -> NodeReport:
         """Return the report of one of the four nodes; raises KeyError for another name."""
         for report in self.nodes:
             if report.name == name:
                 return report
         raise KeyError(f'{name}; the nodes are {", ".join(n.name for n in self.nodes)}')
+
+
+def progress_of(report: Any, fraction: float) -> Progress:
+    """Return the progress that a feedback or a state of the sequencer reports, within bounds."""
+    try:
+        phase = Phase(report.phase)
+    except ValueError:
+        phase = Phase.PREPARING
+    return Progress(report.shape_index, printable(report.shape, MAX_NAME), report.segment, phase,
+                    fraction if 0.0 <= fraction <= 1.0 else 0.0)
 
 
 @dataclass(frozen=True)

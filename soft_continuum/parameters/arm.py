@@ -83,6 +83,7 @@ ARM_PARAMETERS = (
               'gravitational acceleration; 0: none', 0.0, 100.0, unit='m/s^2'),
 )
 MIN_GUIDE_OFFSET = 1e-4  # m
+MAX_SEGMENTS = 100
 
 
 def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
@@ -98,6 +99,9 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
         p.name.removeprefix('arm.'): p.check(values.get(p.name, p.default))
         for p in ARM_PARAMETERS}
     count = len(get['segment_lengths'])
+    if count > MAX_SEGMENTS:
+        raise ParameterError(f'parameter arm.segment_lengths has {count} values; allowed: up to '
+                             f'{MAX_SEGMENTS} segments')
     for parameters, expected in ((PER_SEGMENT, count), (PER_GUIDE, 2 * count),
                                  (PER_DISC, count + 1)):
         for parameter in parameters:

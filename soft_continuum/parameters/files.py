@@ -25,8 +25,10 @@ from soft_continuum.parameters.parameter import (
     Value,
 )
 from soft_continuum.parameters.shapes import SHAPE_PREFIX, shapes_from_parameters
+from soft_continuum.text import printable, read_bytes
 
 MAX_DEPTH = 20  # keys below one another in a parameter file
+MAX_SIZE = 100_000  # bytes of a parameter file
 
 UNCHECKED = (SHAPE_PREFIX, 'use_sim_time', 'qos_overrides.', 'start_type_description_service')
 """Names, or how they begin, that are allowed without being in a table; ROS nodes have the rest."""
@@ -121,11 +123,23 @@ def given_parameters(path: str | Path, known: Sequence[Parameter], node: str = '
             if name in table:
                 values[name] = table[name].check(value)
             elif not name.startswith(tuple(prefixes)):
-                raise ParameterError(f'unknown parameter {name}' + (
+                raise ParameterError(f'unknown parameter {printable(name)}' + (
                     name_hint(name, table) or f'; known: {", ".join(sorted(table))}'))
         except ParameterError as error:
             raise ParameterError(f'{path}: {error}') from None
     return values
+
+
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]
+    """Reads YAML without aliases, as ROS does: a few of them can stand for gigabytes."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            event = self.peek_event()
+            raise yaml.composer.ComposerError(
+                None, None, f'ROS reads no alias (*{event.anchor}); write the value out',
+                event.start_mark)
+        return super().compose_node(parent, index)
 
 
 def read_parameter_file(path: str | Path, node: str = '') -> dict[str, Any]:
@@ -135,7 +149,7 @@ def read_parameter_file(path: str | Path, node: str = '') -> dict[str, Any]:
     Raises ParameterError naming the file, and the line or key, when it cannot be read.
     """
     try:
-        document = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+        document = yaml.load(read_bytes(path, MAX_SIZE).decode('utf-8'), _Loader)
     except OSError as error:
         raise ParameterError(f'{path}: cannot be read: {error.strerror}') from None
     except UnicodeDecodeError as error:

@@ -9,9 +9,12 @@ from math import inf, pi, radians
 import re
 from typing import Any
 
+from soft_continuum.text import printable
+
 ROS_NUMBER = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?')
 """What ROS reads as a number; YAML 1.1 takes some of it, such as 2e2, as text."""
 MAX_NUMBER = 1e308
+MAX_SHOWN = 200  # characters of a value in an error message
 
 Value = bool | int | float | str | tuple[float, ...] | tuple[str, ...]
 TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string'}
@@ -102,8 +105,12 @@ class Parameter:
         return kind(item)
 
     def _error(self, value: Any, allowed: str, hint: str = '') -> ParameterError:
+        try:
+            shown = printable(repr(value), MAX_SHOWN)
+        except ValueError:  # Python writes no whole number of more than 4300 digits
+            shown = 'a number of thousands of digits'
         return ParameterError(
-            f'parameter {self.name} is {value!r}; allowed: {allowed} ({self.description}){hint}')
+            f'parameter {self.name} is {shown}; allowed: {allowed} ({self.description}){hint}')
 
 
 def degrees_hint(angle: float, low: float, high: float) -> str:

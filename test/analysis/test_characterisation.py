@@ -55,7 +55,7 @@ def test_the_confidence_interval_holds_the_true_slope_as_often_as_it_says():
 
 
 @pytest.mark.parametrize('correlation', [0.0, 0.9])
-def test_one_repetition_has_an_interval_that_knows_of_correlated_noise(correlation):
+def test_the_interval_knows_of_correlated_noise_where_repetitions_happen_to_agree(correlation):
     rng = np.random.default_rng(12)
     held = 0
     long = files.ramp(points=1001)
@@ -63,9 +63,16 @@ def test_one_repetition_has_an_interval_that_knows_of_correlated_noise(correlati
         noise = rng.normal(0.0, 0.002, long.size)
         for i in range(1, long.size):
             noise[i] += correlation * noise[i - 1]
-        line = regress([Curve('', long, 72.0 * long + noise)])
-        held += abs(line.slope - 72.0) <= line.half_width
+        line = regress([Curve('', long, 72.0 * long + noise)] * 2)
+        held += abs(line.slope - 72.0) <= line.half_width * np.sqrt(2.0)  # it is one, twice
     assert 0.90 < held / 300 < 0.99
+
+
+def test_one_repetition_says_nothing_of_how_repetitions_scatter():
+    result = result_of((UP, 72.0 * UP))
+    assert result.bending_stiffness > 0.0
+    assert np.isnan([result.half_width, result.regression.half_width, result.settling,
+                     result.spread]).all()
 
 
 def test_settling_and_spread_are_those_of_the_forces():

@@ -13,7 +13,8 @@ DRAWING = {'figures.py', 'result_figures.py', 'report.py'}
 MODULES = sorted(path for room in ('mechanics', 'analysis') for path in (PACKAGE / room).rglob(
     '*.py'))
 ALLOWED = {*sys.stdlib_module_names, 'numpy', 'scipy', 'numba', 'tqdm',
-           'soft_continuum.mechanics', 'soft_continuum.analysis', 'soft_continuum.parameters'}
+           'soft_continuum.mechanics', 'soft_continuum.analysis', 'soft_continuum.parameters',
+           'soft_continuum.text', 'soft_continuum'}
 
 
 def imported(path):

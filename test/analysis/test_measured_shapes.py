@@ -9,6 +9,8 @@ import specimen_data as data
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.measured_shapes import read_shapes, sliding, Step, walk
 from soft_continuum.mechanics import SLACK, Statics, StaticsError
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_description
 
 POINTS = """shape;point;x [mm];z [mm]
 bow;1;0;0
@@ -44,6 +46,29 @@ def test_angle_and_payload_may_be_left_out(tmp_path):
     shape, = read(tmp_path, pulls='shape,segment,right [m],left [m]\nbow,1,slack,0.01\n')
     assert np.isnan(shape.steps[0].angle)
     assert shape.payload == 0.0
+
+
+def test_points_of_another_arm_are_refused(tmp_path):
+    values = load_description()
+    names = ('arm.segment_lengths', 'arm.outer_diameters', 'arm.leaf_thicknesses',
+             'arm.leaf_widths', 'arm.segment_masses', 'arm.bending_angle_limits',
+             'arm.disc_heights', 'arm.disc_masses')
+    four = arm_from_parameters({'shape_names': ()} | {n: (*values[n], values[n][-1])
+                                                      for n in names})
+    read(tmp_path)
+    with pytest.raises(MeasurementError, match=r'no shape has a point above 8, of disc 4; this '
+                       r'arm has 5 discs: .*--params-file'):
+        read_shapes(tmp_path / 'points.csv', tmp_path / 'pulls.csv', four)
+    for changed, message in (
+            ({'arm.disc_heights': (0.03, 0.03, 0.03, 0.05)}, 'points 7 and 8 are 29.61 mm apart, '
+             'but disc 4 of this arm is 50 mm long'),
+            ({'arm.segment_lengths': (0.07, 0.07, 0.12)}, '6 and 7 are 70 .* segment 3'),
+            ({'arm.segment_lengths': (0.07, 0.07, 0.05)}, '6 and 7 are 70 .* segment 3')):
+        points = POINTS.replace('bow;7', 'bow;6;12,5;210\nbow;7')
+        with pytest.raises(MeasurementError, match=message):
+            (tmp_path / 'points.csv').write_text(points, encoding='utf-8')
+            read_shapes(tmp_path / 'points.csv', tmp_path / 'pulls.csv',
+                        arm_from_parameters(values | changed))
 
 
 @pytest.mark.parametrize(('old', 'new', 'message'), [

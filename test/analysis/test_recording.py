@@ -5,9 +5,11 @@
 import numpy as np
 import pytest
 
+from soft_continuum.analysis import report
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.recording import FILES, read_recording, RecordingWriter
 from soft_continuum.analysis.report import report_html
+from soft_continuum.parameters.files import load_description
 
 THREE = ('front', 'rear_left', 'rear_right')
 TILTED = (0.0, np.sin(0.3), 0.0, np.cos(0.3))  # 0.6 rad about +y
@@ -32,7 +34,7 @@ def test_any_number_of_tendons_is_recorded_under_their_names(tmp_path):
     assert recording.tendon_names == THREE
     assert recording.tendons.tolist() == [[1.0, 1.0, 2.0, 3.0], [2.0, 1.0, 2.0, 3.0]]
     assert sorted(FILES) == sorted(path.name for path in tmp_path.iterdir())
-    page = report_html(recording, 'three tendons')
+    page = report_html(recording, 'three tendons', {})
     assert all(f'{name} pull, mm' in page for name in THREE)
 
 
@@ -67,3 +69,24 @@ def test_files_of_different_tendons_do_not_make_a_recording(tmp_path):
     (tmp_path / 'tensions.csv').write_text('time [s],front tension [N]\n')
     with pytest.raises(MeasurementError, match=r'tensions\.csv: line 1 has the tendons front'):
         read_recording(tmp_path)
+
+
+def test_a_report_of_hundreds_of_shapes_shows_the_first_and_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(report, '_image', lambda figure, _: f'{len(figure.axes)} panels')
+    write(tmp_path)
+    with (tmp_path / 'events.csv').open('a', encoding='utf-8') as file:
+        file.writelines(f'2,progress,s{k}: holding\n' for k in range(1100))
+    page = report_html(read_recording(tmp_path), 'many', {})
+    assert 'The first 200 of 1101 shapes' in page and '12 panels' in page
+    assert 'The first 1000 of 1101 events' in page
+
+
+def test_a_report_says_which_arm_was_recorded_when_and_by_which_version(tmp_path, monkeypatch):
+    monkeypatch.setattr(report, '_image', lambda *_: '')
+    write(tmp_path)
+    with (tmp_path / 'events.csv').open('a', encoding='utf-8') as file:
+        file.write('2,recording,"soft_continuum 9.9, namespace /left, 2026-01-02"\n')
+    values = load_description()
+    page = report_html(read_recording(tmp_path), 'one', values)
+    assert 'soft_continuum 9.9, namespace /left, 2026-01-02' in page
+    assert 'arm.segment_lengths</td><td>[0.07, 0.07, 0.07]</td><td>m<' in page

@@ -9,7 +9,9 @@ from pathlib import Path
 import sys
 from typing import Any
 
+from action_msgs.srv import CancelGoal
 import pytest
+from std_srvs.srv import SetBool
 
 NODES = Path(__file__).resolve().parents[1] / 'nodes'
 sys.path.insert(0, str(NODES))
@@ -21,10 +23,12 @@ _spec.loader.exec_module(_fixtures)
 _compiled = _fixtures._compiled
 take_domain = _fixtures.take_domain
 domain = _fixtures.domain
+module_domain = _fixtures.module_domain
 make_rig = _fixtures.make_rig
 rig = _fixtures.rig
 
 from command import Command  # noqa: E402
+from ros_rig import Rig  # noqa: E402
 
 from soft_continuum.client import Arm  # noqa: E402
 
@@ -32,21 +36,44 @@ NAMESPACE = '/arm_under_test'  # of the rigs
 TIMEOUT = 30.0  # s, on a loaded machine
 
 
-@pytest.fixture
-def arm(rig: Any) -> Any:
-    """
-    Return the four nodes of a quick arm, straight and stiff.
+# Not so quick that a motion may be over before a busy machine has delivered it, and at a rate that
+# such a machine keeps.
+QUICK = {'tendon_speed': 0.03, 'tendon_acceleration': 0.3, 'tendon_rate': 10.0}
 
-    Not so quick that a motion may be over before a busy machine has delivered it, and at a rate
-    that such a machine keeps.
-    """
-    rig.start_arm(tendon_speed=0.03, tendon_acceleration=0.3, tendon_rate=10.0)
+
+@pytest.fixture(scope='module')
+def arm_of_module(module_domain: int) -> Iterator[Any]:
+    """Return the four nodes of a quick arm that the tests of a module share."""
+    rig = Rig(module_domain)
+    rig.start_arm(**QUICK)
+    yield rig
+    rig.close()
+
+
+@pytest.fixture
+def arm(arm_of_module: Any) -> Any:
+    """Return the shared arm at rest, stiff and without a goal, in whatever shape it was left."""
+    rig = arm_of_module
+    rig.call(CancelGoal, 'run_shape_sequence/_action/cancel_goal')
+    rig.wait_for(lambda: not rig.sequencer.last.running, 'no goal')
+    assert rig.trigger('tendon_actuation/resume').success
+    assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
+    rig.wait_for(lambda: rig.all_stiff and not rig.moving, 'rest')
     return rig
 
 
 @pytest.fixture
-def here(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let clients look in the domain of this test."""
+def new_arm(rig: Any) -> Any:
+    """Return the four nodes of a quick arm of its own, straight and stiff."""
+    rig.start_arm(**QUICK)
+    return rig
+
+
+@pytest.fixture
+def here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let clients look in the domain of this test, or of its module where that shares an arm."""
+    shares = 'arm' in request.fixturenames
+    domain = request.getfixturevalue('module_domain' if shares else 'domain')
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
 
 
@@ -61,7 +88,13 @@ def connect(here: None) -> Iterator[Callable[..., Arm]]:
 
 @pytest.fixture
 def client(arm: Any, connect: Callable[..., Arm]) -> Arm:
-    """Return a client of a quick arm, straight and stiff."""
+    """Return a client of the shared arm."""
+    return connect()
+
+
+@pytest.fixture
+def new_client(new_arm: Any, connect: Callable[..., Arm]) -> Arm:
+    """Return a client of a quick arm of its own, straight and stiff."""
     return connect()
 
 

@@ -4,6 +4,7 @@
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from math import inf, nan
 import threading
 from time import monotonic, sleep
@@ -43,9 +44,9 @@ def wait_until(condition):
 
 # State.
 
-def test_the_state_of_a_straight_and_stiff_arm_is_complete(client):
-    wait_until(lambda: client.state.tip and None not in client.state.pressures)
-    state = client.state
+def test_the_state_of_a_straight_and_stiff_arm_is_complete(new_client):
+    wait_until(lambda: new_client.state.tip and None not in new_client.state.pressures)
+    state = new_client.state
     assert state.pulls == state.speeds == (0.0, 0.0)
     assert state.stiff == (True, True, True)
     assert all(0.0 < pressure < 60e3 for pressure in state.pressures)
@@ -81,7 +82,7 @@ def test_the_shape_library_and_the_description_are_those_of_the_nodes(rig, conne
     assert arm.description.payload == 0.0125
 
 
-def test_a_plot_shows_the_shape_that_the_arm_has(client):
+def test_a_plot_and_a_notebook_show_the_shape_that_the_arm_has(client):
     client.run(LEAN)
     axes = client.plot()
     points = axes.get_lines()[-1].get_xydata()
@@ -89,6 +90,11 @@ def test_a_plot_shows_the_shape_that_the_arm_has(client):
     np.testing.assert_allclose(points[-1], [tip.x * 1e3, tip.z * 1e3], atol=1e-6)
     own = Figure().subplots()
     assert client.plot(own) is own
+    page = client._repr_html_()
+    assert '<svg' in page and '<pre>tendons    right_tendon ' in page
+    assert repr(client) == "Arm('/arm_under_test')"
+    assert str(client.state).startswith('tendons    right_tendon ')
+    assert client.state._repr_html_().startswith('<pre>tendons    right_tendon ')
 
 
 # Sequences.
@@ -100,6 +106,7 @@ def test_a_sequence_reaches_its_shapes_and_reports_its_progress(client):
     assert client.state.bending_angles == pytest.approx(LEAN, abs=2e-3)
     fractions = [now.fraction for now in seen]
     assert fractions == sorted(fractions) and fractions[-1] == pytest.approx(1.0)
+    assert all(one != next for one, next in pairwise(seen))  # called on change only
     assert {now.shape for now in seen} == {'s_form', 'shape 2'}
     assert {now.phase for now in seen} >= {'softening', 'moving', 'stiffening', 'holding'}
 
@@ -112,10 +119,11 @@ def test_a_sequence_reaches_its_shapes_and_reports_its_progress(client):
     ([], 'the sequence is empty'),
 ])
 def test_what_the_sequencer_rejects_is_refused_with_its_reason(client, shapes, reason):
+    before = client.state.pulls
     for _ in range(2):  # the second time for the same reason
         with pytest.raises(RefusedError, match='shape_sequencer: .*' + reason):
             client.run(*shapes)
-    assert client.state.bending_angles == STRAIGHT
+    assert client.state.pulls == before
 
 
 def alone(work):
@@ -249,24 +257,32 @@ def test_an_unknown_segment_is_refused(client, segment):
     assert client.state.stiff == (True, True, True)
 
 
-def test_a_jog_pulls_the_tendons_while_a_segment_is_soft(client):
+def test_a_jog_pulls_the_tendons_while_a_segment_is_soft(new_client):
+    client = new_client
     with pytest.raises(RefusedError, match='tendon_actuation: every segment is stiff'):
         client.jog(right=0.001, left=-0.0015)
     client.soften(3)
+    with pytest.raises(RefusedError, match='no tendon top; .* right_tendon, left_tendon'):
+        client.jog(top=0.001)
+    with pytest.raises(RefusedError, match='pull_limits'):
+        client.jog(right=0.1)
+    assert client.state.pulls == (0.0, 0.0)
     client.jog(right=0.001, left=-0.0015)
     assert client.state.pulls == pytest.approx((0.001, -0.0015), abs=2e-5)
-    client.jog(right=-0.001)
-    assert client.state.pulls == pytest.approx((0.0, -0.0015), abs=2e-5)
+    client.jog(right_tendon=-0.001)
+    state = client.state
+    assert state.tendons == ('right_tendon', 'left_tendon')
+    assert state.pulls == pytest.approx((0.0, -0.0015), abs=2e-5)
 
 
-def test_a_stopped_jog_is_refused_with_the_reason(client, connect):
-    client.soften(3)
+def test_a_stopped_jog_is_refused_with_the_reason(new_client, connect):
+    new_client.soften(3)
     other = connect()
     caught = []
 
     def jog():
         try:
-            client.jog(right=0.012, left=-0.014)
+            new_client.jog(right=0.012, left=-0.014)
         except ClientError as error:
             caught.append(error)
 
@@ -281,33 +297,16 @@ def test_a_stopped_jog_is_refused_with_the_reason(client, connect):
     assert other.state.pulls[0] < 0.012
 
 
-def test_an_unknown_tendon_is_refused_with_the_names_of_the_tendons(client):
-    client.soften(3)
-    with pytest.raises(RefusedError, match='no tendon top; .* right_tendon, left_tendon'):
-        client.jog(top=0.001)
-    client.jog(left_tendon=-0.001)
-    state = client.state
-    assert state.tendons == ('right_tendon', 'left_tendon')
-    assert state.pulls == pytest.approx((0.0, -0.001), abs=2e-5)
-
-
-def test_of_two_jogs_at_once_the_newer_one_replaces_the_older(client, connect):
-    client.soften(3)
+def test_of_two_jogs_at_once_the_newer_one_replaces_the_older(new_client, connect):
+    new_client.soften(3)
     other = connect()
     with ThreadPoolExecutor(1) as pool:
-        older = pool.submit(client.jog, left=-0.03)
+        older = pool.submit(new_client.jog, left=-0.03)
         other.wait_for(lambda state: state.pulls[1] < -0.001)
         other.jog(left=0.001)
         with pytest.raises(MotionEndedError, match='newer trajectory') as ended:
             older.result(DEADLINE)
     assert ended.value.reason == MotionRequest.REPLACED
-
-
-def test_a_jog_beyond_the_limits_is_refused(client):
-    client.soften(3)
-    with pytest.raises(RefusedError, match='pull_limits'):
-        client.jog(right=0.1)
-    assert client.state.pulls == (0.0, 0.0)
 
 
 def test_nothing_is_done_by_hand_while_a_sequence_runs(client):
@@ -319,18 +318,19 @@ def test_nothing_is_done_by_hand_while_a_sequence_runs(client):
     assert not running.done
 
 
-def test_reference_and_reset_are_answered(client):
-    assert 'straight' in client.reference()
-    assert 'straight' in client.reset()
-    client.run(LEAN)
+def test_reference_and_reset_are_answered(new_client):
+    assert 'straight' in new_client.reference()
+    assert 'straight' in new_client.reset()
+    new_client.run(LEAN)
     with pytest.raises(RefusedError, match='kinematics/reset: pulls are'):
-        client.reset()
+        new_client.reset()
 
 
 # What is missing, and what is wrong.
 
 def test_without_nodes_it_is_said_which_and_how_to_start_them(connect):
     arm = connect(timeout=0.5)
+    assert arm._repr_html_().startswith('<pre>Arm(&#x27;/arm_under_test&#x27;): tendon_actuation')
     for ask in (lambda: arm.state, lambda: arm.run('c_form'), lambda: arm.shapes, arm.stop,
                 lambda: arm.jog(right=0.001), lambda: arm.soften(1), arm.plot):
         with pytest.raises(NodesMissingError) as raised:

@@ -122,12 +122,13 @@ def test_a_stop_of_another_client_ends_a_run(arm, command, call):
     run = command('run', 'c_form', 's_form')
     run.wait_for('moving')
     status, output, _ = call('stop')
-    assert (status, output) == (DONE, 'stopped, holding tension; nothing moves before ~/resume\n')
+    assert (status, output) == (DONE, 'stopped, holding tension; nothing moves before '
+                                         '`soft_continuum resume`\n')
     status, _, errors = run.end()
     assert status == FAILED
     assert errors.startswith('soft_continuum run: STOPPED: ')
     status, _, errors = call('run', 'c_form')
-    assert status == FAILED and 'resume first' in errors
+    assert status == FAILED and 'type `soft_continuum resume` first' in errors
     assert call('resume')[0] == DONE
     assert call('run', '--angles', '0,0,0')[0] == DONE
 
@@ -140,10 +141,10 @@ def test_of_two_runs_at_once_the_newer_one_is_done(arm, command, call):
     assert status == FAILED and 'PREEMPTED' in errors
 
 
-def test_segments_and_tendons_are_operated_by_hand(arm, call, documents):
+def test_segments_and_tendons_are_operated_by_hand(new_arm, call, documents):
     assert call('jog', '--right', '1')[::2] == (
         FAILED, 'soft_continuum jog: tendon_actuation: every segment is stiff; soften one first '
-        '(jamming_valves/segment_N/set_stiff)\n')
+        '(`soft_continuum soften N`)\n')
     assert call('soften', '3')[:2] == (DONE, 'segment 3 is soft\n')
     assert call('jog', '--right', '1', '--left', '-1.5')[:2] == (
         DONE, 'pulls: right_tendon +1.00 mm, left_tendon -1.50 mm\n')
@@ -160,17 +161,17 @@ def test_segments_and_tendons_are_operated_by_hand(arm, call, documents):
     assert 'there is no segment 4; the segments are 1 to 3' in errors
 
 
-def test_an_interrupted_jog_holds_the_tendons(arm, command):
-    arm.soften(3)
+def test_an_interrupted_jog_holds_the_tendons(new_arm, command):
+    new_arm.soften(3)
     jog = command('jog', '--right', '12', '--left', '-14')
-    arm.wait_for(lambda: arm.pulls[0] > 1e-3, 'a motion')
+    new_arm.wait_for(lambda: new_arm.pulls[0] > 1e-3, 'a motion')
     jog.process.send_signal(signal.SIGINT)
     assert jog.end() == (INTERRUPTED, '', '')
-    arm.wait_for(lambda: not arm.moving, 'rest')
-    assert arm.pulls[0] < 11e-3
+    new_arm.wait_for(lambda: not new_arm.moving, 'rest')
+    assert new_arm.pulls[0] < 11e-3
 
 
-def test_the_status_shows_tendons_segments_and_nodes(arm, call, documents):
+def test_the_status_shows_tendons_segments_and_nodes(new_arm, call, documents):
     status, output, _ = call('status')
     assert status == DONE
     assert 'tendons    right_tendon +0.00 mm, left_tendon +0.00 mm' in output
@@ -182,7 +183,7 @@ def test_the_status_shows_tendons_segments_and_nodes(arm, call, documents):
         'tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer']
 
 
-def test_a_watch_goes_on_until_it_is_interrupted(arm, command):
+def test_a_watch_goes_on_until_it_is_interrupted(new_arm, command):
     watch = command('watch', '--json')
     watch.wait_for('}\n{')
     watch.wait_for('"stiff": [true, true, true]')
@@ -202,7 +203,7 @@ def test_a_reader_that_has_seen_enough_ends_a_command_quietly(arm, command):
         assert process.end()[::2] == (DONE, '')
 
 
-def test_reference_and_reset_say_what_they_did(arm, call):
+def test_reference_and_reset_say_what_they_did(new_arm, call):
     assert 'counts as the straight arm' in call('reference')[1]
     assert 'taken to be straight' in call('reset')[1]
 

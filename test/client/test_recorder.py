@@ -4,7 +4,6 @@
 """A run is recorded by a process of its own, and turned into a page."""
 
 from collections.abc import Iterator
-import os
 from pathlib import Path
 import signal
 import subprocess
@@ -14,21 +13,22 @@ import numpy as np
 import pytest
 from ros_rig import Rig
 
-from soft_continuum.analysis.recording import read_recording
+from soft_continuum.analysis.recording import DESCRIPTION, read_recording
 from soft_continuum.cli.report import main as report
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
 
 
 class RecordProcess:
     """The command record, of the rig."""
 
-    def __init__(self, rig: Rig, domain: int, directory: Path, *options: str) -> None:
+    def __init__(self, rig: Rig, directory: Path, *options: str) -> None:
         self.directory = directory
         self._rig = rig
         self.process = subprocess.Popen(
             [sys.executable, '-m', 'soft_continuum', 'record', '--output', str(directory),
              '--namespace', rig.namespace, *options],
-            env={**os.environ, 'ROS_DOMAIN_ID': str(domain)}, stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE, text=True)
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     def wait_until_it_records(self) -> None:
         def recorded() -> bool:
@@ -47,8 +47,8 @@ class RecordProcess:
 
 
 @pytest.fixture
-def recorder(arm: Rig, domain: int, tmp_path: Path) -> Iterator[RecordProcess]:
-    found = RecordProcess(arm, domain, tmp_path / 'run', '--goal')
+def recorder(arm: Rig, here: None, tmp_path: Path) -> Iterator[RecordProcess]:
+    found = RecordProcess(arm, tmp_path / 'run', '--goal')
     found.wait_until_it_records()
     yield found
     found.process.kill()
@@ -56,8 +56,7 @@ def recorder(arm: Rig, domain: int, tmp_path: Path) -> Iterator[RecordProcess]:
 
 
 def test_a_goal_is_recorded_to_its_end_and_reported(
-        arm: Rig, recorder: RecordProcess, tmp_path: Path,
-        capsys: pytest.CaptureFixture[str]) -> None:
+        arm: Rig, recorder: RecordProcess, capsys: pytest.CaptureFixture[str]) -> None:
     assert arm.goal('s_form', hold=0.5).result()[0] == 'SUCCEEDED'
     status, out, err = recorder.end()
     assert (status, err) == (0, '')
@@ -67,12 +66,14 @@ def test_a_goal_is_recorded_to_its_end_and_reported(
     ends = [(p.position.x, p.position.z) for p in arm.segment_poses.last.poses]
     assert held.points[2::2, [0, 2]] == pytest.approx(np.array(ends) * 1e3, abs=0.1)
     assert held.pulls == pytest.approx(np.array(arm.pulls) * 1e3, abs=0.01)
-    assert report([str(recorder.directory), '--output', str(tmp_path)]) == 0
-    page = (tmp_path / 'report.html').read_text('utf-8')
+    assert load_arm(recorder.directory / DESCRIPTION) == load_arm(description_file())
+    assert report([str(recorder.directory)]) == 0
+    page = (recorder.directory / 'report.html').read_text('utf-8')
+    assert 'arm in namespace /arm_under_test' in page
     assert page.count('data:image/png') == 2
     assert 's_form: moving segment 2' in page
     assert 'http' not in page  # it needs nothing else
-    assert report([str(recorder.directory), '--output', str(tmp_path)]) == 2  # no overwriting
+    assert report([str(recorder.directory)]) == 2  # no overwriting
     assert '--force' in capsys.readouterr().err
 
 
@@ -86,8 +87,8 @@ def test_what_was_recorded_before_it_was_ended_is_kept(
     assert len(read_recording(recorder.directory).tendons) > 2
 
 
-def test_without_nodes_it_says_how_to_start_them(rig: Rig, domain: int, tmp_path: Path) -> None:
-    status, _, err = RecordProcess(rig, domain, tmp_path).end()
+def test_without_nodes_it_says_how_to_start_them(rig: Rig, here: None, tmp_path: Path) -> None:
+    status, _, err = RecordProcess(rig, tmp_path).end()
     assert status == 1
     assert './run up' in err
 

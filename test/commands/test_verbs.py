@@ -9,6 +9,7 @@ from pathlib import Path
 import runpy
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 import setuptools
@@ -16,6 +17,9 @@ import setuptools
 from soft_continuum import arguments
 from soft_continuum.cli.main import main
 from soft_continuum.cli.registry import VERBS
+from soft_continuum.client.sequence import sequence_result
+from soft_continuum.client.state import progress_of
+from soft_continuum.text import printable
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / 'bin' / 'soft_continuum'
@@ -215,3 +219,39 @@ def test_tab_completes_verbs_options_values_and_shapes(tmp_path, monkeypatch):
     for (line, offered), words in zip(expected.items(), found, strict=True):
         assert set(offered) <= set(words), line
         assert all(word.startswith(line.rpartition(' ')[2]) for word in words), line
+
+
+# What nodes say, in the words of the command line.
+
+
+@pytest.mark.parametrize(('message', 'shown'), [
+    ('call ~/resume before any motion', 'type `soft_continuum resume` before any motion'),
+    ('and call /tendon_actuation/reference', 'and type `soft_continuum reference`'),
+    ('kinematics/reset if kinematics is wrong',
+     '`soft_continuum reset` if kinematics is wrong'),
+    ('(jamming_valves/segment_2/set_stiff)', '(`soft_continuum soften 2`)'),
+    ('stopped (~/stop was called)', 'stopped (stop was called)'),
+    ('~/resumed and /home/reset', '~/resumed and /home/reset'),
+])
+def test_services_are_named_by_their_verbs(monkeypatch, message, shown):
+    monkeypatch.setattr(sys, 'argv', [str(SCRIPT)])
+    assert arguments.in_verbs(message) == shown
+
+
+def test_what_others_wrote_is_shown_on_one_line_within_bounds():
+    assert printable('a\x1b[2J\r\nb\u202e\udcff') == r'a\x1b[2J\r\nb\u202e\udcff'
+    assert printable('\u00b5 \u00fc') == '\u00b5 \u00fc'
+    assert printable('x' * 5_000_000, 10) == 'xxxxxxxxxx... (5000000 characters)'
+
+
+def test_a_feedback_within_no_bounds_is_progress_within_them():
+    report = SimpleNamespace(shape_index=0, shape='\x1b' * 1000, segment=1, phase='flying')
+    progress = progress_of(report, float('nan'))
+    assert (progress.fraction, progress.phase) == (0.0, 'preparing')
+    assert progress.shape.isprintable() and len(progress.shape) < 300
+
+
+def test_a_goal_that_ended_in_an_unknown_way_has_a_result():
+    message = SimpleNamespace(error_code=-99, error_string='a\nb', shapes_completed=0)
+    result = sequence_result(message)
+    assert (result.outcome, result.message) == ('error_code -99', r'a\nb')

@@ -1,0 +1,44 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Text and files that others wrote, within bounds: what is shown, and what is read."""
+
+from errno import EFBIG, EINVAL
+import os
+from pathlib import Path
+import stat
+
+MAX_TEXT = 1000
+"""Characters of a message that are shown."""
+MAX_NAME = 60
+"""Characters of a name that are shown."""
+
+
+def printable(text: object, most: int = MAX_TEXT) -> str:
+    r"""
+    Return a text as one line that a terminal shows and does not obey.
+
+    Control characters and the like become escapes such as \x1b or \n; what is longer than
+    ``most`` characters is cut.
+    """
+    whole = str(text)
+    shown = whole[:most]
+    if not shown.isprintable():
+        shown = ''.join(c if c.isprintable() else c.encode('unicode_escape').decode()
+                        for c in shown)
+    return shown if len(whole) <= most else f'{shown}... ({len(whole)} characters)'
+
+
+def read_bytes(path: str | Path, most: int) -> bytes:
+    """
+    Return what is in a file of at most ``most`` bytes.
+
+    Raises OSError for a file that cannot be read, is larger, or has no end: a device, a pipe.
+    """
+    with open(path, 'rb', opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(EINVAL, 'it is a device or a pipe; give a file', str(path))
+        data = file.read(most + 1)
+    if len(data) > most:
+        raise OSError(EFBIG, f'it is larger than {most / 1e6:g} MB, the most that is read',
+                      str(path))
+    return data

@@ -1,0 +1,134 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Files that nobody should give to a verb are answered in one line, before they cost anything."""
+
+import os
+from pathlib import Path
+import re
+
+import pytest
+
+from soft_continuum.analysis.recording import FILES, RecordingWriter
+from soft_continuum.cli import characterize, identify, record, report, validate, workspace
+from soft_continuum.parameters.files import load_description
+from soft_continuum.parameters.parameter import ParameterError
+
+DATA = Path(__file__).resolve().parents[2] / 'data' / 'simulated_specimen'
+POINTS, PULLS = (DATA / f'SIMULATED_paper_{kind}.csv' for kind in ('points', 'pulls'))
+SEGMENT = ('--segment', '2', '--lever-arm', '0.025')
+CURVE = 'displacement [mm],force [N]\n'
+SECTION = '/**:\n  ros__parameters:\n'
+
+
+@pytest.fixture
+def refusal(capsys):
+    """Return a function that runs a verb that refuses its input: the one line that says why."""
+    def call(verb, *words):
+        assert verb.main([str(word) for word in words]) == 2
+        output, error = capsys.readouterr()
+        assert output == '' and error.count('\n') == 1 and error[:-1].isprintable()
+        assert len(error) < 5000
+        return error
+
+    return call
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """Return a recording without rows."""
+    folder = tmp_path / 'recording'
+    folder.mkdir()
+    with RecordingWriter(folder, ('right_tendon', 'left_tendon')):
+        pass
+    return folder
+
+
+def special_files(folder):
+    """Return paths of what is no file: they have no end, or nobody to write to them."""
+    pipe = folder / 'pipe'
+    os.mkfifo(pipe)
+    return Path('/dev/zero'), pipe, folder
+
+
+def test_a_device_a_pipe_and_a_directory_are_no_files_to_any_verb(refusal, recording, tmp_path):
+    for path in special_files(tmp_path):
+        for line in (refusal(characterize, path, *SEGMENT), refusal(validate, path, PULLS),
+                     refusal(identify, POINTS, path), refusal(workspace, '--params-file', path)):
+            assert f'{path}: cannot be read: ' in line
+        for name in FILES if path.is_dir() else ('events.csv', 'description.yaml'):
+            damaged = recording / name
+            before = damaged.read_bytes() if damaged.exists() else b''
+            damaged.unlink(missing_ok=True)
+            damaged.symlink_to(path)
+            assert f'{damaged}: ' in refusal(report, recording)
+            damaged.unlink()
+            if before:
+                damaged.write_bytes(before)
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    (SECTION + '    a: &a [1, 1]\n    b: [*a, *a]\n', r'line 4, column 9.*ROS reads no alias'),
+    ('#' * 100_001, 'larger than 0.1 MB'),
+    (SECTION + '    arm: {gravity: 0x' + 'f' * 9000 + '}\n', 'thousands of digits; allowed'),
+    (SECTION + '    arm: {gravity: [' + 'x, ' * 9000 + ']}\n', 'arm.gravity is .* characters'),
+    (SECTION + '    arm: {? ' + 'k' * 90000 + ' : 1}\n', 'unknown parameter arm.kkk'),
+    (SECTION + '    arm: {"gra\\evity\\n": 1}\n', r'unknown parameter arm\.gra\\x1bvity\\n'),
+    (SECTION + '    arm: {segment_lengths: [' + '0.1, ' * 101 + ']}\n', 'allowed: up to 100'),
+])
+def test_a_description_that_would_take_minutes_is_refused_by_its_size(tmp_path, text, words):
+    path = tmp_path / 'rig.yaml'
+    path.write_text(text, encoding='utf-8')
+    with pytest.raises(ParameterError, match=words) as refused:
+        load_description(path)
+    assert len(str(refused.value)) < 5000
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    (CURVE + '1.0,2.0\n' * 100_000, 'has 100001 lines; at most 100000 are read'),
+    ('\n' * 10_000_001, 'larger than 10 MB'),
+    (f'displacement [mm],force{" " * 120_000}x\n1,2\n', 'no column for force'),
+    ('force [N],' * 100_000, 'neither this line'),
+    ('neither,nor\n' * 99_000, 'neither this line'),
+    (CURVE + ''.join(f'{k % 20},{k % 20}\n' for k in range(2000)), 'at most 50 of 100000'),
+    ('\x1b]0,owned\x07,force [N]\n1,2\n', r'\\x1b\]0.*owned\\x07'),
+])
+def test_a_measurement_that_would_take_minutes_is_refused_by_its_size(
+        refusal, tmp_path, text, words):
+    path = tmp_path / 'curve.csv'
+    path.write_text(text, encoding='utf-8')
+    line = refusal(characterize, path, *SEGMENT)
+    assert re.search(words, line)
+
+
+@pytest.mark.parametrize(('name', 'row', 'words'), [
+    ('pressures', '1.0,nan,3', "line 2: 'nan' is not a whole number from 1 to 100"),
+    ('stiff', '1.0,101,1', "line 2: '101' is not a whole number from 1 to 100"),
+    ('points', '1.0,1.5,0,0,0,0,0,0,1', 'line 2: '),
+    ('tendons', 'nan,1,1', "line 2: 'nan' is not a number"),
+    ('tendons', '1e300,1,1', "line 2: '1e300' is not a number"),
+    ('tendons', '1.0,inf,1', "line 2: 'inf' is not a number"),
+    ('tendons', '2.0,1,1\n1.0,1,1', 'line 3: the time steps back'),
+    ('events', '1.0,' + 'x' * 140_000 + ',y', 'not a recording'),
+])
+def test_a_recording_with_absurd_numbers_is_named_by_file_and_line(
+        refusal, recording, name, row, words):
+    with (recording / f'{name}.csv').open('a', encoding='utf-8') as file:
+        file.write(f'{row}\n')
+    line = refusal(report, recording)
+    assert f'{name}.csv: ' in line and words in line
+
+
+def test_a_link_that_leads_nowhere_is_not_written_through(refusal, recording, tmp_path):
+    target = tmp_path / 'target'
+    out = tmp_path / 'out'
+    out.mkdir()
+    for verb, words, names in (
+            (workspace, (), ['workspace.png']), (report, (recording,), ['report.html']),
+            (validate, (POINTS, PULLS), ['validate.png', 'validate.csv']),
+            (record, (), [*FILES, 'description.yaml'])):
+        for name in names:
+            link = out / name
+            link.symlink_to(target)
+            assert f'{link} exists; add --force' in refusal(verb, *words, '--output', out)
+            link.unlink()
+    assert not target.exists()
