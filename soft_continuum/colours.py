@@ -1,6 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The colours of the arm in every live view, red, green and blue from 0 to 255."""
+"""
+The colours of the arm in every live view, red, green and blue from 0 to 255.
+
+Each has one meaning.  Red is none of them: it is STOP, and what is wrong.
+"""
 
 from math import isnan
 
@@ -14,18 +18,16 @@ UNKNOWN: Colour = (170, 170, 170)
 DISC: Colour = (206, 211, 217)
 GHOST: Colour = (39, 174, 96)
 GHOST_OPACITY = 0.3
-SLACK: Colour = (150, 155, 160)
-LOCKED: Colour = (90, 60, 130)
-TENSIONS: tuple[Colour, ...] = ((41, 128, 215), (240, 196, 25), (214, 40, 40))
-"""Of a taut tendon: at no tension, at half the limit and at the limit."""
+LOCKED: Colour = (142, 68, 173)
+"""Of a tendon that stiff segments hold: nothing determines its tension."""
+TENSIONS: tuple[Colour, ...] = ((130, 196, 240), (30, 120, 220), (10, 40, 150))
+"""Of a tendon at no tension, at half the limit and at the limit: the darker, the tauter."""
 
 
 def tension_colour(tension: float, limit: float) -> Colour:
     """Return the colour of a tendon by its tension: 0: slack, nan: not known; limit: N."""
     if isnan(tension):
         return LOCKED
-    if tension == 0.0:
-        return SLACK
     position = min(1.0, tension / limit) * (len(TENSIONS) - 1)
     r, g, b = (int(np.interp(position, range(len(TENSIONS)), channel))
                for channel in zip(*TENSIONS, strict=True))

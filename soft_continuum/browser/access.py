@@ -7,7 +7,8 @@ viser has no such hook, so what it hands to ``websockets.asyncio.server.serve`` 
 starts.  If a later viser starts its server in another way, nothing is served at all.
 """
 
-from collections.abc import Callable
+import asyncio
+from collections.abc import Awaitable, Callable
 from contextlib import redirect_stdout
 from functools import partial
 from hmac import compare_digest
@@ -22,8 +23,15 @@ import viser
 from websockets.asyncio import server as websocket_server
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
+from websockets.server import ServerProtocol
 
-Handler = Callable[[ServerConnection, Request], Response | None]
+from soft_continuum.browser.bar import Bar, PAGE, PATH
+from soft_continuum.browser.inbound import MAX_MESSAGE, only_controls
+from soft_continuum.browser.log import LOG, SERVER_LOG
+
+WRONG_TOKEN_DELAY = 1.0  # s until the next token of the same address is looked at
+Files = Callable[[ServerConnection, Request], Response | None]
+Conversation = Callable[[ServerConnection], Awaitable[None]]
 
 
 class AccessError(ValueError):
@@ -43,9 +51,12 @@ class _Server(viser.ViserServer):
             super().stop()
 
 
-def open_server(host: str, port: int, token: str = '') -> viser.ViserServer:
+def open_server(host: str, port: int, token: str = '', bar: Bar | None = None
+                ) -> viser.ViserServer:
     """
     Serve on ``host`` and ``port`` (0: any free one), with ``token`` only to browsers that show it.
+
+    bar: that of the page.
 
     Raises AccessError for an address beyond loopback without a token, and for one that cannot be
     listened on.
@@ -64,11 +75,14 @@ def open_server(host: str, port: int, token: str = '') -> viser.ViserServer:
     checked = False
     serve = websocket_server.serve
 
-    def checked_serve(*arguments: Any, process_request: Handler, **options: Any) -> Any:
+    def checked_serve(viser_handler: Conversation, *arguments: Any, process_request: Files,
+                      **options: Any) -> Any:
         nonlocal checked
         checked = True
-        return serve(*arguments, **options,
-                     process_request=partial(_check, token, process_request))
+        options |= {'max_size': MAX_MESSAGE, 'logger': SERVER_LOG,
+                    'create_connection': _Connection,
+                    'process_request': _Requests(token, process_request)}
+        return serve(partial(_converse, bar or Bar(), viser_handler), *arguments, **options)
 
     setattr(websocket_server, 'serve', checked_serve)  # noqa: B010  (mypy: not assignable)
     try:
@@ -101,46 +115,108 @@ def is_loopback(host: str) -> bool:
     return all(ip_address(str(entry[4][0]).partition('%')[0]).is_loopback for entry in found)
 
 
-def _check(token: str, handler: Handler, connection: ServerConnection,
-           request: Request) -> Response | None:
-    """Answer one request: refuse it, take its token, or leave it to ``handler``."""
-    host = request.headers.get('Host', '')
-    if token:
+async def _converse(bar: Bar, viser_handler: Conversation, connection: ServerConnection) -> None:
+    """Serve one WebSocket: the bar of a page, or viser's page under it."""
+    if connection.request is not None and connection.request.path == PATH:
+        await bar.follow(connection)
+    elif connection.subprotocol != f'viser-v{viser.__version__}':  # viser would print it
+        await connection.close(1002, 'another version of viser; load the page again')
+    else:
+        await viser_handler(only_controls(connection))
+
+
+class _Connection(ServerConnection):
+    """A connection that answers what is no HTTP request at all, too."""
+
+    def __init__(self, protocol: ServerProtocol, *arguments: Any, **options: Any) -> None:
+        super().__init__(protocol, *arguments, **options)
+        send_eof = protocol.send_eof
+
+        def answer() -> None:
+            if protocol.handshake_exc is not None:
+                protocol.writes.append(b'HTTP/1.1 400 Bad Request\r\nConnection: close\r\n\r\n')
+            send_eof()
+
+        setattr(protocol, 'send_eof', answer)  # noqa: B010  (mypy: a method)
+
+
+class _Requests:
+    """Answers the requests of browsers: refuses one, takes its token, or serves what it wants."""
+
+    def __init__(self, token: str, files: Files) -> None:
+        """``files``: serves those of viser, and lets its WebSocket pass."""
+        self._token, self._files = token, files
+        # Tokens from one address wait for each other, so that guessing is slow.
+        self._turns = [asyncio.Lock() for _ in range(64)]
+
+    async def __call__(self, connection: ServerConnection, request: Request) -> Response | None:
+        try:
+            return await self._answer(connection, request)
+        except (LookupError, ValueError, OSError):  # such as two hosts, half an address
+            return connection.respond(HTTPStatus.BAD_REQUEST, 'not a request of a browser\n')
+
+    async def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        host = request.headers.get('Host', '')
+        name = urlsplit(f'//{host}').hostname or ''
+        if self._token:
+            refusal = await self._check_token(connection, request, host)
+            if refusal is not None:
+                return refusal
+        elif not _names_loopback(name):
+            # A web page can give its own name the address of this machine (DNS rebinding).
+            return connection.respond(
+                HTTPStatus.FORBIDDEN, f'This view is for this machine only, not for {host}: open '
+                'it at 127.0.0.1, or start it with --token\n')
+        origin = request.headers.get('Origin')
+        if origin is not None and urlsplit(origin).netloc != host:
+            # Any web page may open a WebSocket to any address; this one moves an arm.
+            return connection.respond(HTTPStatus.FORBIDDEN, f'not for pages of {origin}\n')
+        response = self._files(connection, request)
+        if response is None:  # a WebSocket
+            return None
+        if request.path.partition('?')[0] == '/':
+            response = connection.respond(HTTPStatus.OK, PAGE)
+            del response.headers['Content-Type']
+            response.headers['Content-Type'] = 'text/html; charset=utf-8'
+        response.headers['Content-Security-Policy'] = "frame-ancestors 'self'"
+        return response
+
+    async def _check_token(self, connection: ServerConnection, request: Request, host: str
+                           ) -> Response | None:
+        """Return a refusal, or the answer to who shows the token; None: may go on."""
         cookie = f'soft_continuum_{host.rpartition(":")[2]}'  # a browser shares them among ports
-        given = parse_qs(urlsplit(request.path).query).get('token', [''])[0]
-        if given and compare_digest(given.encode(), token.encode()):
-            redirect = connection.respond(HTTPStatus.SEE_OTHER, '')
-            redirect.headers['Location'] = '/'
-            redirect.headers['Set-Cookie'] = (
-                f'{cookie}={token}; Path=/; HttpOnly; SameSite=Strict')
-            return redirect
         # Not http.cookies: it drops all of them when it cannot parse that of another program.
         parts = request.headers.get('Cookie', '').split(';')
         pairs = (part.strip().partition('=') for part in parts)
-        shown = {name: value for name, _, value in pairs}.get(cookie, '')
-        if not compare_digest(shown.encode(), token.encode()):
+        kept = {name: value for name, _, value in pairs}.get(cookie, '')
+        given = parse_qs(urlsplit(request.path).query).get('token', [''])[0]
+        if not await self._is_right(given or kept, connection):
             return connection.respond(
                 HTTPStatus.UNAUTHORIZED,
                 'This view of the arm needs its token: open the address that was printed when it '
                 'was started, which ends in ?token=...\n')
-    elif not _names_loopback(host):
-        # A web page can give its own name the address of this machine (DNS rebinding).
-        return connection.respond(
-            HTTPStatus.FORBIDDEN, f'This view is for this machine only, not for {host}: open it '
-            'at 127.0.0.1, or start it with --token\n')
-    origin = request.headers.get('Origin')
-    if origin is not None and urlsplit(origin).netloc != host:
-        # Any web page may open a WebSocket to any address; this one moves an arm.
-        return connection.respond(HTTPStatus.FORBIDDEN, f'not for pages of {origin}\n')
-    response = handler(connection, request)
-    if response is not None:
-        response.headers['Content-Security-Policy'] = "frame-ancestors 'self'"
-    return response
+        if not given:
+            return None
+        redirect = connection.respond(HTTPStatus.SEE_OTHER, '')
+        redirect.headers['Location'] = '/'
+        redirect.headers['Set-Cookie'] = (
+            f'{cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict')
+        return redirect
+
+    async def _is_right(self, token: str, connection: ServerConnection) -> bool:
+        if not token:
+            return False
+        address = str(connection.remote_address[0])
+        async with self._turns[hash(address) % len(self._turns)]:
+            if compare_digest(token.encode(), self._token.encode()):
+                return True
+            LOG.warning('wrong token from %s', address)
+            await asyncio.sleep(WRONG_TOKEN_DELAY)
+        return False
 
 
-def _names_loopback(host: str) -> bool:
-    """Whether a Host header names this machine, without asking a name server."""
-    name = urlsplit(f'//{host}').hostname or ''
+def _names_loopback(name: str) -> bool:
+    """Whether the name of a host is one of this machine, without asking a name server."""
     try:
         return name == 'localhost' or ip_address(name).is_loopback
     except ValueError:

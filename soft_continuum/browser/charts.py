@@ -1,87 +1,73 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Vacuum and tensions of the last minute."""
+"""Vacuum and tensions of the last minute: a small chart for each segment and tendon."""
 
 from collections import deque
-from collections.abc import Sequence
-
-import numpy as np
-import viser
-from viser import uplot
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+from math import isfinite, nan
 
 from soft_continuum.client.state import ArmState
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.colours import Colour, UNKNOWN
 
 INTERVAL = 0.2  # s between two samples
 LENGTH = 301  # samples: a minute
-TIMES = np.linspace(-INTERVAL * (LENGTH - 1), 0.0, LENGTH)
+HEIGHT = 24  # px
 AXIS_ENDS = (10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # where an axis may end
-OFF_CHART = -1e4
-TIME_SHIFT = 1e-6  # s
-SEGMENT_COLOURS = ('#1b6ca8', '#e08e0b', '#2a9d55', '#8e44ad', '#c0392b', '#16a085')
-TENDON_COLOURS = ('#d62828', '#2980d7')
 
 
 class History:
-    """Samples of vacuum (kPa) and tensions (N), the oldest first."""
+    """Samples of vacuum (kPa) and tensions (N), the oldest first; nan where one is missing."""
 
     def __init__(self, segments: int, tendons: int, ambient_pressure: float) -> None:
         """Start without any; ambient_pressure: Pa."""
         self._ambient = ambient_pressure
-        self._unknown = (np.nan,) * tendons
-        self.vacuum: deque[tuple[float, ...]] = deque(
-            [(np.nan,) * segments] * LENGTH, maxlen=LENGTH)
-        self.tensions: deque[tuple[float, ...]] = deque([self._unknown] * LENGTH, maxlen=LENGTH)
+        self.vacuum, self.tensions = (
+            tuple(deque([nan] * LENGTH, maxlen=LENGTH) for _ in range(count))
+            for count in (segments, tendons))
 
     def sample(self, state: ArmState) -> None:
-        """Take a sample, once every INTERVAL; what is not known is nan."""
-        pressures = state.pressures or (None,) * len(self.vacuum[-1])
-        self.vacuum.append(tuple(
-            np.nan if p is None else (self._ambient - p) * 1e-3 for p in pressures))
-        self.tensions.append(state.tensions or self._unknown)
+        """Take a sample, once every INTERVAL."""
+        vacuum = [None if p is None else (self._ambient - p) * 1e-3 for p in state.pressures]
+        _append(self.vacuum, vacuum)
+        _append(self.tensions, state.tensions or ())
 
 
-class Chart:
-    """One plot over the last minute, from zero up."""
+def _append(series: Sequence[deque[float]], values: Sequence[float | None]) -> None:
+    known = len(values) == len(series)
+    for i, one in enumerate(series):
+        value = values[i] if known else None
+        one.append(nan if value is None or not isfinite(value) else value)
 
-    def __init__(self, gui: viser.GuiApi, title: str, names: Sequence[str],
-                 colours: Sequence[str], top: float) -> None:
-        """Add it, with a curve for each name; ``top``: where its axis ends at first."""
-        self._gui, self._top, self._shift = gui, top, 0.0
-        self._series = (uplot.Series(label='time'),
-                        *(uplot.Series(label=name, stroke=colours[i % len(colours)], width=2)
-                          for i, name in enumerate(names)))
-        self._rows = np.full((LENGTH, len(names)), np.nan)
-        self._box = gui.add_folder(title)
-        self._plot = self._add()
 
-    def _add(self) -> viser.GuiUplotHandle:
-        with self._box:
-            return self._gui.add_uplot(
-                _drawn(self._rows), self._series, height=210, padding=(10, 14, 0, 0),
-                scales={'x': uplot.Scale(time=False),
-                        'y': uplot.Scale(range=(0.0, self._top))},
-                axes=(uplot.Axis(), uplot.Axis()), legend=uplot.Legend(live=False))
+def axis_end(series: Iterable[Iterable[float]]) -> float:
+    """Return where an axis from 0 up ends that all of the samples fit on."""
+    largest = max((v for one in series for v in one if isfinite(v)), default=0.0)
+    return next((end for end in AXIS_ENDS if end >= largest), AXIS_ENDS[-1])
 
-    def show(self, samples: Sequence[tuple[float, ...]]) -> None:
-        """Draw the samples, if they differ from those that are drawn."""
-        rows = np.array(samples)
-        if np.array_equal(rows, self._rows, equal_nan=True):
-            return
-        self._rows = rows
-        largest = np.max(rows, initial=0.0, where=np.isfinite(rows))
-        top = next((top for top in AXIS_ENDS if top >= largest), AXIS_ENDS[-1])
-        if top > self._top:  # viser loses the other axis when a scale of a plot is changed
-            self._top = top
-            self._plot.remove()
-            self._plot = self._add()
+
+def chart(samples: Sequence[float], top: float, colour: Colour) -> str:
+    """Return samples as an SVG, from 0 to ``top``; where one is nan there is no line but grey."""
+    lines, gaps, start = [], [], 0
+    for known, group in groupby(samples, isfinite):
+        values = list(group)
+        if known:
+            lines.append('M' + 'L'.join(_corners(start, values, top)))
         else:
-            # uPlot leaves the time axis away when new data come at exactly the same times.
-            self._shift = TIME_SHIFT - self._shift
-            times, *curves = _drawn(rows)
-            self._plot.data = (times + self._shift, *curves)
+            gaps.append(f'M{start - 1} 0h{len(values) + 1}v{HEIGHT}h-{len(values) + 1}z')
+        start += len(values)
+    return (
+        f'<svg viewBox="0 0 {LENGTH - 1} {HEIGHT}" preserveAspectRatio="none" width="100%" '
+        f'height="{HEIGHT}" style="display:block;border-bottom:1px solid #99a">'
+        f'<path class="gap" d="{"".join(gaps)}" fill="rgb{UNKNOWN}" fill-opacity="0.45"/>'
+        f'<path class="line" d="{"".join(lines)}" fill="none" stroke="rgb{colour}" '
+        'stroke-width="1.6" vector-effect="non-scaling-stroke"/></svg>')
 
 
-def _drawn(rows: Array) -> tuple[Array, ...]:
-    """Return times and curves, with nan far below the axis: uPlot would draw a line across it."""
-    return TIMES, *np.ascontiguousarray(np.nan_to_num(rows, nan=OFF_CHART).T)
+def _corners(start: int, values: Sequence[float], top: float) -> list[str]:
+    """Return the points of a line, without those between two of the same height."""
+    heights = [round(HEIGHT - 1 - (HEIGHT - 2) * min(1.0, max(0.0, v / top)), 1) for v in values]
+    last = len(heights) - 1
+    points = [f'{start + i} {y:g}' for i, y in enumerate(heights)
+              if i in (0, last) or not heights[i - 1] == y == heights[i + 1]]
+    return points if last else [points[0], f'{start + 0.5} {heights[0]:g}']

@@ -4,27 +4,29 @@
 
 from collections.abc import Iterable
 from html import escape
-from math import degrees, isnan
+from math import degrees, isfinite, isnan
 
+from soft_continuum.browser.charts import axis_end, chart, History
 from soft_continuum.browser.session import Description, Notice
+from soft_continuum.browser.words import plain
 from soft_continuum.client.state import ArmState, NodeReport
 from soft_continuum.colours import (
     Colour,
     LOCKED,
-    SLACK,
     SOFT,
     STIFF,
     tension_colour,
+    TENSIONS,
     UNKNOWN,
 )
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 
-GOOD: Colour = (39, 174, 96)
-WARNING: Colour = (230, 145, 20)
+WARNING: Colour = (255, 222, 89)
 BAD: Colour = (214, 40, 40)
-LEVELS = {'ok': GOOD, 'warn': WARNING, 'error': BAD}
-START = ('<code>./run up</code>&nbsp; or &nbsp;'
-         '<code>ros2 launch soft_continuum bringup.launch.py</code>')
+PLAIN: Colour = (255, 255, 255)
+LEVELS = {'ok': PLAIN, 'warn': WARNING, 'error': BAD}
+DARK_TEXT = (PLAIN, WARNING, TENSIONS[0], SOFT)
+VACUUM_END = 100.0  # kPa, where its axis ends
 
 
 def nodes_html(state: ArmState) -> str:
@@ -41,59 +43,52 @@ def _node_row(report: NodeReport) -> tuple[str, str]:
         age = f'{report.age:.0f} s' if report.age < 60 else f'{report.age / 60:.0f} min'
         return _chip('stale', BAD), f'{name}last message {age} ago'
     level = report.level or 'ok'
-    return _chip(level.upper(), LEVELS[level]), f'{name}{escape(report.message)}'
+    return _chip(level.upper(), LEVELS[level]), name + _text(report.message)
 
 
-def missing_html(state: ArmState) -> str:
-    """Say which nodes do not run and how to start them; empty when all run."""
-    missing = [node.name for node in state.nodes if node.stale]
-    if not missing:
-        return ''
-    if len(missing) == len(state.nodes):
-        what = 'No node is running.'
-    else:
-        what = f'Not running: {", ".join(missing)}.'
-    return (f'<div style="padding:0.6em 0.8em;border-radius:6px;background:{_css(BAD)};'
-            f'color:#fff"><b>{what}</b><br>Start them with {START}.<br>'
-            'This page continues by itself when they run.</div>')
-
-
-def segments_html(state: ArmState, description: Description) -> str:
-    """Return a row per segment: stiff or soft, vacuum, bending angle."""
-    rows = []
-    for s in range(len(description.arm.segments)):
+def segments_html(state: ArmState, description: Description, history: History) -> str:
+    """Return a row per segment: stiff or soft, vacuum, bending angle, vacuum of last minute."""
+    rows: list[tuple[str, ...]] = []
+    count = len(description.arm.segments)
+    angles = state.bending_angles or ()
+    for s in range(count):
         stiff = state.stiff[s] if s < len(state.stiff) else None
         pressure = state.pressures[s] if s < len(state.pressures) else None
         chip = (_chip('not known', UNKNOWN) if stiff is None else
                 _chip('stiff', STIFF) if stiff else _chip('soft', SOFT))
-        vacuum = '' if stiff is None or pressure is None else (
-            f'{(description.ambient_pressure - pressure) / 1e3:.0f} kPa vacuum')
-        angle = '' if state.bending_angles is None else f'{degrees(state.bending_angles[s]):+.1f}°'
-        rows.append((f'<b>{s + 1}</b>', chip, vacuum, angle))
-    return _table(rows)
+        vacuum = '' if pressure is None else _number(
+            (description.ambient_pressure - pressure) / 1e3, '.0f', ' kPa vacuum')
+        angle = _number(degrees(angles[s]), '+.1f', '°') if len(angles) == count else ''
+        rows += [(f'<b>{s + 1}</b>', chip, vacuum, angle),
+                 (chart(history.vacuum[s], VACUUM_END, STIFF),)]
+    return _table(rows) + _caption(f'vacuum of the last minute, 0 to {VACUUM_END:g} kPa')
 
 
-def tendons_html(state: ArmState, description: Description) -> str:
-    """Return a row per tendon: pull and tension."""
-    rows = []
+def tendons_html(state: ArmState, description: Description, history: History) -> str:
+    """Return a row per tendon: pull, tension, tension of the last minute."""
+    rows: list[tuple[str, ...]] = []
     names = description.arm.tendon_names
+    end = axis_end(history.tensions)
+    tensions, pulls = state.tensions or (), state.pulls or ()
     for t, name in enumerate(names):
-        tension = state.tensions[t] if state.tensions else None
+        tension = tensions[t] if len(tensions) == len(names) else None
         if tension is None:
             chip = _chip('not known', UNKNOWN)
         elif isnan(tension):
-            chip = _chip('held by stiff segments', LOCKED)
-        elif tension == 0.0:
-            chip = _chip('slack', SLACK)
+            chip = _chip('held', LOCKED)
         else:
-            chip = _chip(f'{tension:.1f} N', tension_colour(tension, description.tension_limit))
-        pull = f'{state.pulls[t] * 1e3:+.2f} mm' if state.pulls else ''
-        rows.append((f'<b>{name}</b>', pull, chip))
-    return _table(rows)
+            chip = _chip('slack' if tension == 0.0 else _number(tension, '.1f', ' N'),
+                         tension_colour(tension, description.tension_limit))
+        pull = _number(pulls[t] * 1e3, '+.2f', ' mm') if len(pulls) == len(names) else ''
+        rows += [(f'<b>{_text(name)}</b>', chip, pull),
+                 (chart(history.tensions[t], end, TENSIONS[1]),)]
+    return _table(rows) + _caption(f'tension of the last minute, 0 to {end:g} N')
 
 
 def jog_hint_html(state: ArmState) -> str:
     """Say how tendons are moved, or what it takes."""
+    if state.stopped:
+        return _small('Stopped: press Resume first.')
     if state.progress is not None:
         return _small('A sequence is running.')
     if False in state.stiff:
@@ -107,36 +102,55 @@ def sequence_html(state: ArmState) -> str:
     progress = state.progress
     if progress is not None:
         where = f'segment {progress.segment}' if progress.segment else 'whole arm'
-        return _small(f'<b>{escape(progress.shape)}</b>: {where}, {escape(progress.phase)}')
+        return _small(f'<b>{_text(progress.shape)}</b>: {where}, {_text(progress.phase)}')
     values = state.node(SHAPE_SEQUENCER).values
     last, reason = values.get('last', ''), values.get('reason', '')
     if not last:
         return _small('no sequence yet')
-    return _small(f'last: <b>{escape(last)}</b>{": " if reason else ""}{escape(reason)}')
+    return _small(f'last: <b>{_text(last)}</b>{": " if reason else ""}{_text(reason)}')
 
 
 def notices_html(notices: Iterable[Notice]) -> str:
     """Return notices, the newest first."""
+    red = f' style="color:{_css(BAD)}"'
     rows = [(f'<small>{notice.clock}</small>',
-             f'<b style="color:{_css(BAD if notice.is_problem else GOOD)}">{escape(notice.title)}'
-             f'</b><br>{escape(notice.text)}') for notice in notices]
+             f'<b{red if notice.is_problem else ""}>{escape(notice.title)}</b><br>'
+             f'{escape(notice.text)}{notice.times}') for notice in notices]
     return _table(rows[::-1]) if rows else _small('nothing yet')
 
 
-def _table(rows: Iterable[Iterable[str]]) -> str:
+def _table(rows: Iterable[tuple[str, ...]]) -> str:
+    """Return a table; a row of one cell takes the whole width."""
     body = ''.join(
-        '<tr>' + ''.join(f'<td style="padding:2px 6px 2px 0;vertical-align:top">{cell}</td>'
-                         for cell in row) + '</tr>' for row in rows)
+        '<tr>' + ''.join(
+            f'<td{" colspan=4" if len(row) == 1 else ""} '
+            f'style="padding:2px 6px 2px 0;vertical-align:top">{cell}</td>' for cell in row)
+        + '</tr>' for row in rows)
     return _small(f'<table style="line-height:1.3;width:100%">{body}</table>')
 
 
+def _number(value: float, form: str, unit: str) -> str:
+    return f'{value:{form}}{unit}' if isfinite(value) and abs(value) < 1e6 else '?'
+
+
+def _text(text: str) -> str:
+    return escape(plain(text))
+
+
+def _caption(text: str) -> str:
+    return f'<div style="font-size:0.75em;padding:0 8px 4px;color:#667">{text}</div>'
+
+
 def _small(html: str) -> str:
-    return f'<div style="font-size:0.85em;padding:4px 8px">{html}</div>'
+    return (f'<div style="font-size:0.85em;padding:4px 8px;overflow-wrap:break-word">{html}</div>')
 
 
 def _chip(text: str, colour: Colour) -> str:
-    return (f'<span style="background:{_css(colour)};color:#fff;border-radius:4px;'
-            f'padding:1px 6px;font-weight:600;white-space:nowrap">{escape(text)}</span>')
+    ink = '#223' if colour in DARK_TEXT else '#fff'
+    edge = '#99a' if colour == PLAIN else _css(colour)
+    return (f'<span style="background:{_css(colour)};color:{ink};border:1px solid {edge};'
+            'border-radius:4px;padding:0 6px;font-weight:600;white-space:nowrap">'
+            f'{escape(text)}</span>')
 
 
 def _css(colour: Colour) -> str:

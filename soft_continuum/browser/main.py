@@ -7,7 +7,8 @@ Nodes and view are processes of their own: what the view does takes no time from
 """
 
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 import re
 import signal
 import threading
@@ -19,6 +20,8 @@ import viser
 
 from soft_continuum.arguments import DONE, Parser, WRONG_USAGE
 from soft_continuum.browser.access import AccessError, open_server, page_address
+from soft_continuum.browser.bar import Bar, bar_state
+from soft_continuum.browser.log import LOG
 from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.scene import Scene
 from soft_continuum.browser.session import Session
@@ -43,9 +46,10 @@ TOKEN = re.compile('[A-Za-z0-9_-]{12,}')
 class View:
     """Keeps the scene and the panel up to date while a browser looks at them."""
 
-    def __init__(self, server: viser.ViserServer, session: Session) -> None:
+    def __init__(self, server: viser.ViserServer, session: Session, bar: Bar) -> None:
         """Show that there is no arm yet."""
-        self._server, self._session = server, session
+        self._server, self._session, self._bar = server, session, bar
+        bar.commands = {'stop': session.stop, 'resume': session.resume}
         self._scene: Scene | None = None
         self._panel = Panel(server, session)
         self._description: object = None
@@ -53,7 +57,7 @@ class View:
         for period, update in ((SCENE_PERIOD, self._update_scene),
                                (PANEL_PERIOD, self._update_panel),
                                (DESCRIPTION_PERIOD, self._update_description)):
-            session.requests.node.create_timer(period, update, clock=clock)
+            session.requests.node.create_timer(period, partial(_guarded, update), clock=clock)
 
     @property
     def _is_looked_at(self) -> bool:
@@ -73,6 +77,7 @@ class View:
 
     def _update_panel(self) -> None:
         state = self._session.observed.snapshot()
+        self._bar.show(bar_state(state, self._session.notices))
         self._panel.sample(state)
         if self._is_looked_at:
             with self._server.atomic():
@@ -81,6 +86,14 @@ class View:
     def _update_description(self) -> None:
         if self._description is None or self._is_looked_at:
             self._session.update_description()
+
+
+def _guarded(update: Callable[[], None]) -> None:
+    """Update, and go on with the next when it cannot be done."""
+    try:
+        update()
+    except Exception:  # such as of a message that is not as documented
+        LOG.exception('the view could not be brought up to date')
 
 
 def _add_view_options(parser: Parser) -> None:
@@ -124,13 +137,13 @@ def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options:
     signal.signal(signal.SIGTERM, _interrupt)
     connection: Connection | None = None
     server: viser.ViserServer | None = None
-    token = options.token or ''
+    token, bar = options.token or '', Bar()
     try:
         with NodeProcesses(nodes, arguments):
-            server = open_server(options.host, options.port, token)
+            server = open_server(options.host, options.port, token, bar)
             connection = Connection('browser', timeout=ANSWER_TIMEOUT, arguments=arguments,
                                     discovery_timeout=DISCOVERY_TIMEOUT)
-            connection.requests.start(_show(server, connection.requests)).result()
+            connection.requests.start(_show(server, connection.requests, bar)).result()
             print(f'The arm is at {page_address(server, token)} (Ctrl-C ends it)', flush=True)
             threading.Event().wait()
     except (AccessError, ClientError, ParameterError) as error:
@@ -147,9 +160,9 @@ def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options:
     return DONE
 
 
-async def _show(server: viser.ViserServer, requests: Requests) -> View:
+async def _show(server: viser.ViserServer, requests: Requests, bar: Bar) -> View:
     """Begin to show the arm, on the thread of the node."""
-    return View(server, Session(requests))
+    return View(server, Session(requests), bar)
 
 
 def _interrupt(*_: Any) -> None:

@@ -17,8 +17,8 @@ from soft_continuum.colours import (
     DISC,
     GHOST,
     GHOST_OPACITY,
+    LOCKED,
     segment_colour,
-    SLACK,
     tension_colour,
     UNKNOWN,
 )
@@ -79,7 +79,7 @@ class Scene:
             '/arm/discs', self._disc_vertices(zero),
             np.concatenate([each + k * count for k in range(len(arm.discs))]), color=DISC)
         self._tendons = [
-            scene.add_line_segments(f'/arm/{name}', np.zeros((1, 2, 3)), SLACK,
+            scene.add_line_segments(f'/arm/{name}', np.zeros((1, 2, 3)), LOCKED,
                                     thickness=2 * ROPE)
             for name in arm.tendon_names]
         self._labels = [
@@ -93,9 +93,11 @@ class Scene:
         """Bring the scene up to date; target: points (x, z) m of the shape that is gone to."""
         count = self._chain.segments
         stiff: Sequence[bool | None] = (None,) * count  # a stale shape is drawn grey
-        if state.joint_angles is not None and len(state.joint_angles) == self._chain.joints:
-            self._joint_angles = state.joint_angles
-            self._tensions = state.tensions or self._tensions
+        angles = state.joint_angles or ()
+        if len(angles) == self._chain.joints and max(map(abs, angles)) < np.pi:  # false for nan
+            self._joint_angles = angles
+            if len(state.tensions or ()) == len(self._tensions):
+                self._tensions = state.tensions or ()
             stiff = state.stiff if len(state.stiff) == count else stiff
         self._root.visible = bool(self._joint_angles)
         if not self._joint_angles:

@@ -2,15 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the view has beyond the observed arm: its description, notices, and what buttons do."""
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, field
-from time import strftime
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from time import monotonic, strftime
 from typing import Any, TypeVar
 
 from visualization_msgs.msg import MarkerArray
 
+from soft_continuum.browser.words import plain
 from soft_continuum.client.errors import (
     ClientError,
     MotionEndedError,
@@ -31,6 +33,9 @@ T = TypeVar('T')
 
 SEQUENCE_HOLD = 1.0  # s
 MAX_NOTICES = 50
+MAX_TARGET_POINTS = 1000
+MAX_WAITING = 5  # requests of one title that wait for an answer
+NEW_PROBLEM, NEW_NOTICE = 20.0, 6.0  # s that a notice is shown in the bar
 EXPECTED_ENDS = (MotionRequest.REPLACED, MotionRequest.HELD, MotionRequest.STOPPED)
 
 
@@ -50,13 +55,28 @@ class Description:
 
 @dataclass(frozen=True)
 class Notice:
-    """A message to the users of the page; ``is_problem`` when a request had no effect."""
+    """
+    A message to the users of the page; ``is_problem`` when a request had no effect.
 
-    number: int
-    clock: str
+    count: how often it came one after the other.  time: of the last, on the monotonic clock, s.
+    """
+
     title: str
     text: str
     is_problem: bool
+    count: int = 1
+    clock: str = field(default_factory=lambda: strftime('%H:%M:%S'))
+    time: float = field(default_factory=monotonic)
+
+    @property
+    def is_new(self) -> bool:
+        """Whether it came so short a time ago that nobody can have read it."""
+        return monotonic() - self.time < (NEW_PROBLEM if self.is_problem else NEW_NOTICE)
+
+    @property
+    def times(self) -> str:
+        """How often it came, empty for once."""
+        return f' (×{self.count})' if self.count > 1 else ''
 
 
 class Session:
@@ -74,7 +94,7 @@ class Session:
         self.description: Description | None = None
         self.notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self.target: tuple[tuple[float, float], ...] = ()
-        self._notice_count = 0
+        self._waiting: Counter[str] = Counter()
         self._description_problem = ''
         self._describing: Future[None] | None = None
         self._motion: MotionRequest | None = None  # the last that was reported
@@ -82,13 +102,17 @@ class Session:
         requests.node.create_subscription(MarkerArray, 'target_markers', self._on_target, LATCHED)
 
     def notify(self, title: str, text: str, *, is_problem: bool = False) -> None:
-        """Add a notice."""
-        self._notice_count += 1
-        self.notices.append(
-            Notice(self._notice_count, strftime('%H:%M:%S'), title, text, is_problem))
+        """Add a notice; one that says the same as the last takes its place."""
+        notice = Notice(plain(title), plain(text), is_problem)
+        last = self.notices[-1] if self.notices else None
+        if last and (last.title, last.text) == (notice.title, notice.text):
+            notice = replace(notice, count=last.count + 1)
+            self.notices.pop()
+        self.notices.append(notice)
 
     def _on_target(self, message: MarkerArray) -> None:
-        self.target = tuple((p.x, p.z) for m in message.markers for p in m.points)
+        points = [(p.x, p.z) for m in message.markers[:1] for p in m.points[:MAX_TARGET_POINTS]]
+        self.target = tuple(p for p in points if all(map(isfinite, p)))
 
     def _on_change(self, topic: str) -> None:
         """Report every motion that ended early for a reason that nobody asked for."""
@@ -184,4 +208,15 @@ class Session:
             except ClientError as error:
                 self.notify(f'{title}: failed', str(error), is_problem=True)
 
-        self.requests.start(work).add_done_callback(ended)
+        self.requests.start(self._limited(title, work)).add_done_callback(ended)
+
+    async def _limited(self, title: str, work: Coroutine[Any, None, T]) -> T:
+        """Carry it out, unless too many like it wait already."""
+        if self._waiting[title] >= MAX_WAITING:
+            work.close()
+            raise RefusedError('the ones before it have no answer yet')
+        self._waiting[title] += 1
+        try:
+            return await work
+        finally:
+            self._waiting[title] -= 1

@@ -32,6 +32,11 @@ BROWSERS = ('chromium', 'chromium-browser', 'google-chrome')
 FLAGS = ('--no-sandbox', '--disable-gpu', '--enable-unsafe-swiftshader', '--disable-quic',
          '--no-first-run', '--disable-background-networking', '--disable-component-update',
          '--disable-sync')
+# Frames are rendered in software: a few a second are enough to see what is there.
+FEW_FRAMES = """
+window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 250);
+window.cancelAnimationFrame = clearTimeout;
+"""
 # Slow enough to be seen and stopped on its way; at a rate that a busy machine keeps.
 SLOW = {'tendon_speed': 0.001, 'tendon_rate': 5.0, 'silence_timeout': 10.0}
 OpenPage = Callable[[str], Page]
@@ -54,8 +59,9 @@ def open_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenPage]:
 
         def open_at(address: str) -> Page:
             # A quarter of the pixels: they are rendered in software.
-            context = chromium.new_context(viewport={'width': 1200, 'height': 700},
+            context = chromium.new_context(viewport={'width': 900, 'height': 600},
                                            device_scale_factor=0.5)
+            context.add_init_script(FEW_FRAMES)
             page = context.new_page()
             page.goto(address, timeout=DEADLINE * 1e3)
             return Page(page)

@@ -27,29 +27,45 @@ class Page:
         """Close the page and its profile."""
         self.page.context.close()
 
+    @property
+    def view(self) -> Any:
+        """What viser shows below the bar."""
+        return self.page.frame_locator('#view')
+
     def button(self, name: str, number: int = 0) -> Any:
-        """Return a button by its exact label."""
-        return self.page.get_by_role('button', name=name, exact=True).nth(number)
+        """Return a button by its exact label: one of the bar, or below it."""
+        where = self.page if name in ('STOP', 'Resume') else self.view
+        return where.get_by_role('button', name=name, exact=True).nth(number)
 
     def click(self, name: str, number: int = 0) -> None:
         """Click a button as a person does."""
-        self.button(name, number).click(timeout=DEADLINE * 1e3)
+        self.button(name, number).click(timeout=DEADLINE * 1e3, no_wait_after=True)
 
     def wait_for_text(self, text: str) -> None:
-        """Wait until a text can be read somewhere on the page."""
-        shown = self.page.get_by_text(re.compile(re.escape(text))).first
+        """Wait until a text can be read below the bar."""
+        shown = self.view.get_by_text(re.compile(re.escape(text))).first
         expect(shown).to_be_visible(timeout=DEADLINE * 1e3)
 
     def wait_for_no_text(self, text: str) -> None:
-        """Wait until a text is nowhere on the page."""
-        shown = self.page.get_by_text(re.compile(re.escape(text)))
+        """Wait until a text is nowhere below the bar."""
+        shown = self.view.get_by_text(re.compile(re.escape(text)))
         expect(shown).to_have_count(0, timeout=DEADLINE * 1e3)
 
-    def notification(self, title: str) -> Any:
-        """Return the latest notification with this title, when it is there."""
-        shown = self.page.get_by_role('alert').filter(has_text=title).last
-        expect(shown).to_be_visible(timeout=DEADLINE * 1e3)
-        return shown
+    def wait_for_bar(self, text: str) -> None:
+        """Wait until the bar says something: the state of the arm, or the newest message."""
+        expect(self.page.locator('#words')).to_contain_text(text, timeout=DEADLINE * 1e3)
+
+    def is_on_top(self, name: str) -> bool:
+        """Return whether nothing covers any point of a button of the bar."""
+        return bool(self.page.evaluate("""name => {
+            const button = document.getElementById(name), box = button.getBoundingClientRect();
+            for (let x = 1; x < 20; ++x) for (let y = 1; y < 20; ++y) {
+                const found = document.elementFromPoint(
+                    box.left + box.width * x / 20, box.top + box.height * y / 20);
+                if (found !== button) return false;
+            }
+            return true;
+        }""", name))
 
     def picture(self, path: Path | None = None) -> Any:
         """Return the middle of the scene as colours (rows, columns, 3), 0 to 255."""
@@ -59,7 +75,7 @@ class Page:
         data = self.page.screenshot(timeout=DEADLINE * 1e3)
         colours = np.asarray(Image.open(io.BytesIO(data)).convert('RGB')).astype(int)
         rows, columns, _ = colours.shape
-        return colours[rows // 6:, columns * 9 // 20:columns * 13 // 20]
+        return colours[rows // 5:, columns * 20 // 100:columns * 42 // 100]
 
     def wait_for_pixels(self, has_colour: Callable[[Any], Any], low: int, high: int,
                         what: str) -> None:

@@ -4,9 +4,11 @@
 """Who may open the view, over real connections."""
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from http.client import HTTPConnection, HTTPResponse
 import socket
 import sys
+import time
 from typing import Any
 
 import pytest
@@ -99,6 +101,48 @@ def test_who_shows_the_token_is_let_in_from_then_on(make_server: Any) -> None:
     with websocket(server, Cookie=shown) as connection:
         assert connection.recv(timeout=30)
     assert_refused(server, 403, Cookie=shown, Origin='https://example.org')
+
+
+def test_wrong_tokens_are_logged_and_wait_for_each_other(
+        make_server: Any, caplog: pytest.LogCaptureFixture,
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('soft_continuum.browser.access.WRONG_TOKEN_DELAY', 0.2)
+    server, start = make_server(TOKEN), time.monotonic()
+    with ThreadPoolExecutor(8) as guessers:
+        statuses = list(guessers.map(lambda n: get(server, f'/?token=guess{n}').status, range(5)))
+        kept = f'soft_continuum_{server.get_port()}=guess'
+        statuses += guessers.map(lambda n: get(server, Cookie=f'{kept}{n}').status, range(5))
+    assert statuses == [401] * 10
+    assert time.monotonic() - start > 10 * 0.2
+    assert caplog.text.count('wrong token from 127.0.0.1') == 10
+    assert 'guess' not in caplog.text
+    assert get(server, f'/?token={TOKEN}').status == 303
+
+
+@pytest.mark.parametrize('lines', [
+    b'GET / HTTP/1.1\r\nHost: [::1\r\n',
+    b'GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nHost: 127.0.0.1\r\n',
+    b'GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://[\r\n',
+    b'GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: a\r\nOrigin: b\r\n',
+    b'GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: a\r\nUpgrade: b\r\n',
+    b'GET /' + 4000 * b'x' + b' HTTP/1.1\r\nHost: 127.0.0.1\r\n',
+    b'GET /?token=\xff HTTP/1.1\r\nHost: 127.0.0.2.x\r\n',
+    b'GET / HTTP/1.1\r\nHost: \xff\r\n',
+    b'GET / HTTP/1.1\r\nHost: x\r\nCookie: soft_continuum_x=\xff\r\n',
+    b'GET / HTTP/1.1\r\nHost 127.0.0.1\r\n',
+    b'GET /\r\n',
+    b'POST / HTTP/1.1\r\nHost: 127.0.0.1\r\n',
+])
+def test_what_is_no_request_of_a_browser_is_refused_without_a_traceback(
+        make_server: Any, lines: bytes, caplog: pytest.LogCaptureFixture,
+        capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('soft_continuum.browser.access.WRONG_TOKEN_DELAY', 0.0)
+    for token in ('', TOKEN):
+        with socket.create_connection(('127.0.0.1', make_server(token).get_port()), 30) as sender:
+            sender.sendall(lines + b'\r\n')
+            status = sender.recv(9999).split(b' ', 2)[1]
+        assert b'400' <= status < b'500', (token, status)
+    assert 'Traceback' not in caplog.text + ''.join(capfd.readouterr())
 
 
 @pytest.mark.parametrize('host', ['0.0.0.0', '::', ''])

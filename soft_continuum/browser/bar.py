@@ -1,0 +1,119 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The bar at the top of the page: STOP, Resume, whether the arm may move, the newest message.
+
+It is no part of viser's page but above it, with a connection of its own: nothing can cover STOP,
+and no element of viser can take it away.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+import json
+from math import inf
+from pathlib import Path
+from time import monotonic
+
+from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosed
+
+from soft_continuum.browser.log import LOG
+from soft_continuum.browser.session import Notice
+from soft_continuum.browser.words import plain
+from soft_continuum.client.state import ArmState
+from soft_continuum.ros.names import TENDON_ACTUATION
+
+PAGE = Path(__file__).with_name('page.html').read_text(encoding='utf-8')
+PATH = '/bar'
+LOOK_PERIOD = 0.1  # s between two looks at whether there is something new
+SEND_PERIOD = 1.0  # s until it is sent again: the page knows from it that it is connected
+STALE_AFTER = 3.0  # s
+HOW_TO_START = ('Start them with ./run up or ros2 launch soft_continuum bringup.launch.py; '
+                'this page continues by itself.')
+
+
+@dataclass(frozen=True)
+class BarState:
+    """What the bar shows; kind: 'ready', 'moving', 'stopped' or 'lost'."""
+
+    kind: str
+    headline: str
+    text: str = ''
+    notice: str = ''
+    problem: bool = False
+
+
+LOST = BarState('lost', 'No news of the arm',
+                'The view has stopped following it. Press STOP, then start the view again.')
+
+
+def bar_state(state: ArmState, notices: Iterable[Notice] = ()) -> BarState:
+    """Return what the bar shows of an arm, with the last of the notices that are still new."""
+    kind, headline, text = _motion(state)
+    missing = [node.name for node in state.nodes if node.stale]
+    if len(missing) == len(state.nodes):
+        text = f'No node is running. {HOW_TO_START}'
+    elif missing:
+        text = f'{text} Not running: {", ".join(missing)}. {HOW_TO_START}'.strip()
+    new = [notice for notice in notices if notice.is_new]
+    if not new:
+        return BarState(kind, headline, text)
+    last, more = new[-1], sum(notice.count for notice in new[:-1])
+    return BarState(kind, headline, text, f'{last.title}: {last.text}{last.times}'
+                    + (f' (+{more} under Messages)' if more else ''), last.is_problem)
+
+
+def _motion(state: ArmState) -> tuple[str, str, str]:
+    """Return kind, headline and text about whether the arm may move."""
+    if state.stopped is None or state.node(TENDON_ACTUATION).stale:
+        return 'lost', 'The arm is not known', ''
+    if state.stopped:
+        return ('stopped', 'STOPPED',
+                f'{plain(state.stopped)}. Nothing moves before you press Resume.')
+    if state.progress is not None:
+        segment, phase = state.progress.segment, plain(state.progress.phase)
+        where = f'segment {segment}, ' if segment else ''
+        return 'moving', f'Setting {plain(state.progress.shape)}', f'{where}{phase}'
+    return 'ready', 'Ready', ''
+
+
+class Bar:
+    """
+    Sends what the bar shows to every page, and takes ``stop`` and ``resume`` from them.
+
+    commands: what these two words do; called on the thread of the server.
+    """
+
+    def __init__(self) -> None:
+        """Show that nothing is known."""
+        self.commands: dict[str, Callable[[], None]] = {}
+        self._shown, self._since = LOST, -inf
+
+    def show(self, state: BarState) -> None:
+        """Show a state from now on, from any thread; call it again before STALE_AFTER."""
+        self._shown, self._since = state, monotonic()
+
+    async def follow(self, connection: ServerConnection) -> None:
+        """Serve the bar of one page until that is closed."""
+        sender = asyncio.create_task(self._send(connection))
+        try:
+            async for word in connection:
+                command = self.commands.get(word) if isinstance(word, str) else None
+                if command is None:
+                    LOG.warning('dropped what is neither stop nor resume: %.40r', word)
+                else:
+                    command()
+        except ConnectionClosed:
+            pass
+        finally:
+            sender.cancel()
+
+    async def _send(self, connection: ServerConnection) -> None:
+        sent, when = None, -inf
+        while True:
+            shown = self._shown if monotonic() - self._since < STALE_AFTER else LOST
+            if shown != sent or monotonic() - when >= SEND_PERIOD:
+                sent, when = shown, monotonic()
+                await connection.send(json.dumps(asdict(shown)))
+            await asyncio.sleep(LOOK_PERIOD)

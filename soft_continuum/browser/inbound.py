@@ -1,0 +1,68 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What comes in from viser's page: where its camera is, and the values of controls.
+
+viser itself sets whatever property of an element a message names and keeps every file it is sent.
+So its messages are decoded here, by a schema that has nothing else, and encoded again.
+"""
+
+from collections.abc import Awaitable, Callable
+from typing import Annotated
+
+import msgspec
+from websockets.asyncio.server import ServerConnection
+
+from soft_continuum.browser.log import LOG
+
+MAX_MESSAGE = 2**14  # bytes
+MAX_TEXT = 1000  # characters
+Vector = tuple[float, float, float]
+Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
+
+
+class _Message(msgspec.Struct, tag_field='type', forbid_unknown_fields=True):
+    pass
+
+
+class _Camera(_Message, tag='ViewerCameraMessage'):
+    wxyz: tuple[float, float, float, float]
+    position: Vector
+    fov: float
+    near: float
+    far: float
+    image_height: Annotated[int, msgspec.Meta(ge=0, le=2**16)]
+    image_width: Annotated[int, msgspec.Meta(ge=0, le=2**16)]
+    look_at: Vector
+    up_direction: Vector
+
+
+class _Value(msgspec.Struct, forbid_unknown_fields=True):
+    value: bool | Text
+
+
+class _Update(_Message, tag='GuiUpdateMessage'):
+    uuid: Annotated[str, msgspec.Meta(max_length=64)]
+    updates: _Value
+
+
+_DECODER = msgspec.msgpack.Decoder(_Camera | _Update)
+
+
+def only_controls(connection: ServerConnection) -> ServerConnection:
+    """Let a connection receive nothing else; what else comes is dropped and logged."""
+    setattr(connection, 'recv', _filtered(connection.recv))  # noqa: B010  (mypy: a method)
+    return connection
+
+
+def _filtered(receive: Callable[[], Awaitable[str | bytes]]) -> Callable[[], Awaitable[bytes]]:
+    async def receive_filtered() -> bytes:
+        while True:
+            raw = await receive()
+            try:
+                # As it was understood: of two values of one key viser might take the other.
+                return msgspec.msgpack.encode(_DECODER.decode(raw))  # type: ignore[arg-type]
+            except (msgspec.MsgspecError, TypeError, ValueError, RecursionError) as error:
+                LOG.warning('dropped a message that is no value of a control: %.100r', str(error))
+
+    return receive_filtered

@@ -1,0 +1,216 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The bar with STOP, over its own connection, and what is written in it and in the panel."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+import json
+from math import inf, nan
+import threading
+from typing import Any
+from unittest.mock import Mock
+
+import pytest
+from websockets.sync.client import ClientConnection, connect
+
+from soft_continuum.browser import html
+from soft_continuum.browser.access import open_server
+from soft_continuum.browser.bar import Bar, bar_state, BarState, LOST, PAGE, PATH
+from soft_continuum.browser.charts import chart, History, LENGTH
+from soft_continuum.browser.session import Description, Notice, Session
+from soft_continuum.browser.words import LENGTH as TEXT_LENGTH
+from soft_continuum.browser.words import plain
+from soft_continuum.client.state import ArmState, NodeReport, Progress
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_description
+from soft_continuum.ros.names import NODES
+from soft_continuum.sequencing.progress import Phase
+
+READY = ArmState(
+    tendons=('right_tendon', 'left_tendon'), pulls=(0.0, 0.0), speeds=None, tensions=(0.0, 5.0),
+    measured_tensions=None, stopped='', referenced=True, stiff=(True, True, False),
+    pressures=(3e4, 3e4, 1e5), bending_angles=(0.0, 0.1, 0.2), joint_angles=None,
+    segment_poses=None, disc_poses=None, tip=None, progress=None,
+    nodes=tuple(NodeReport(name, True, 'ok', 'fine', {}, 0.1, False) for name in NODES))
+MOVING = replace(READY, progress=Progress(0, 'c_form', 2, Phase.MOVING, 0.5))
+STOPPED = replace(READY, stopped='stop was called; call ~/resume before any motion')
+ABSENT = replace(READY, stopped=None, nodes=tuple(
+    replace(node, running=False, level=None, age=None, stale=True) for node in READY.nodes))
+
+
+@pytest.fixture
+def bar() -> Bar:
+    return Bar()
+
+
+@pytest.fixture
+def page(bar: Bar) -> Iterator[ClientConnection]:
+    """Return the connection of the bar on a page."""
+    server = open_server('127.0.0.1', 0, bar=bar)
+    with connect(f'ws://127.0.0.1:{server.get_port()}{PATH}', open_timeout=30) as connection:
+        yield connection
+    server.stop()
+
+
+def wait_for(page: ClientConnection, wanted: BarState) -> None:
+    while json.loads(page.recv(timeout=30)) != vars(wanted):
+        pass
+
+
+def test_every_page_sees_the_state_and_that_the_view_no_longer_knows_it(
+        bar: Bar, page: ClientConnection, monkeypatch: pytest.MonkeyPatch) -> None:
+    wait_for(page, LOST)
+    bar.show(bar_state(READY))
+    wait_for(page, bar_state(READY))
+    wait_for(page, LOST)  # nothing new for a while
+
+
+def test_stop_and_resume_are_all_that_a_page_can_say(bar: Bar, page: ClientConnection) -> None:
+    said, done = [], threading.Event()
+    bar.commands = {'stop': lambda: said.append('stop'), 'resume': done.set}
+    for word in ('jog', 'STOP', b'stop', '', '\x1b[2J\n' * 1000, '{}', 'commands', 'stop',
+                 'resume'):
+        page.send(word)
+    assert done.wait(30)
+    assert said == ['stop']
+
+
+def test_the_page_is_the_users(bar: Bar) -> None:
+    assert '<title>soft_continuum</title>' in PAGE and 'Viser' not in PAGE
+
+
+def test_a_stopped_arm_is_called_so_in_the_words_of_the_page() -> None:
+    shown = bar_state(STOPPED)
+    assert (shown.kind, shown.headline) == ('stopped', 'STOPPED')
+    assert 'stop was called' in shown.text and 'press Resume' in shown.text
+    assert '~' not in shown.text and '/' not in shown.text
+    assert bar_state(READY).kind == 'ready' and bar_state(MOVING).kind == 'moving'
+    # Also while another node is missing, and not when nothing is known of it.
+    half = replace(STOPPED, nodes=(*STOPPED.nodes[:-1], ABSENT.nodes[-1]))
+    shown = bar_state(half)
+    assert shown.kind == 'stopped' and f'Not running: {NODES[-1]}' in shown.text
+    assert bar_state(ABSENT).kind == 'lost'
+    assert './run up' in bar_state(ABSENT).text
+
+
+@pytest.mark.parametrize(('text', 'shown'), [
+    ('stopped (stop was called); call ~/resume before any motion',
+     'stopped (stop was called); press Resume before any motion'),
+    ('tendon_actuation: stopped; call tendon_actuation/resume first',
+     'stopped; press Resume first'),
+    ('tendon_actuation/stop: nothing moves before ~/resume', 'nothing moves before Resume'),
+    ('jamming_valves/segment_2/set_stiff: no', 'no'),
+    ('a/resumed, 3 mm/s', 'a/resumed, 3 mm/s'),
+    ('\x1b[31mred\nline\u202e\x00', ' [31mred line  '),
+    ('x' * 5_000_000, 'x' * (TEXT_LENGTH - 1) + '…'),
+])
+def test_texts_of_nodes_are_cut_cleaned_and_in_the_words_of_the_page(text: str, shown: str
+                                                                     ) -> None:
+    assert plain(text) == shown
+
+
+def test_messages_merge_and_expire() -> None:
+    session = Session(Mock())
+    for title in ('Jog: refused', 'Jog: refused', 'Jog: refused', 'Stop', 'Jog: refused'):
+        session.notify(title, 'why', is_problem=True)
+    assert [(n.title, n.count) for n in session.notices] == [
+        ('Jog: refused', 3), ('Stop', 1), ('Jog: refused', 1)]
+    shown = bar_state(READY, session.notices)
+    assert shown.notice == 'Jog: refused: why (+4 under Messages)' and shown.problem
+    old = [replace(notice, time=notice.time - 60.0) for notice in session.notices]
+    assert bar_state(READY, old).notice == ''
+    assert '×3' in html.notices_html(session.notices)
+
+
+def test_a_message_of_megabytes_is_kept_short() -> None:
+    session = Session(Mock())
+    session.notify('Sequence: refused', "unknown shape '" + '<b>\x1b\n' * 10**6)
+    assert len(session.notices[-1].text) <= TEXT_LENGTH
+    assert '<b>' not in html.notices_html(session.notices).replace('<b>Sequence', '')
+
+
+@pytest.fixture(scope='module')
+def description() -> Description:
+    return Description(arm_from_parameters(load_description(description_file())))
+
+
+@pytest.mark.parametrize('change', [
+    {'pressures': (nan, inf, -1e308)}, {'pressures': ()}, {'stiff': ()},
+    {'tensions': (inf, -inf)}, {'tensions': (nan,)}, {'tensions': (1.0, 2.0, 3.0)},
+    {'pulls': (nan, 1e300)}, {'pulls': (1.0,)}, {'bending_angles': (nan, inf, 1e308)},
+    {'bending_angles': (1.0,)},
+    {'progress': Progress(10**9, '<script>' * 10**5, -1, Phase.MOVING, nan)},
+    {'stopped': '<script>\x1b' * 10**5},
+])
+def test_no_message_of_a_node_breaks_the_readings(
+        description: Description, change: dict[str, Any]) -> None:
+    state = replace(READY, **change)
+    history = History(3, 2, 101325.0)
+    history.sample(state)
+    texts = [html.segments_html(state, description, history),
+             html.tendons_html(state, description, history), html.nodes_html(state),
+             html.sequence_html(state), html.jog_hint_html(state)]
+    assert not any('<script' in text or 'nan' in text for text in texts)
+    assert max(map(len, texts)) < 20_000
+    assert len(bar_state(state, ()).text) < 2 * TEXT_LENGTH
+
+
+def gaps(svg: str) -> int:
+    return svg.partition('class="gap" d="')[2].partition('"')[0].count('M')
+
+
+def lines(svg: str) -> str:
+    return svg.partition('class="line" d="')[2].partition('"')[0]
+
+
+def test_lost_data_is_a_gap_in_the_chart_and_no_fall_to_zero() -> None:
+    history = History(3, 2, 101325.0)
+    for state in (READY, ABSENT, READY):
+        for _ in range(LENGTH // 3 + 1):
+            history.sample(replace(state, pressures=(None,) * 3, tensions=None)
+                           if state is ABSENT else state)
+    for samples, top in ((history.vacuum[0], 100.0), (history.tensions[1], 10.0)):
+        svg = chart(samples, top, (0, 0, 0))
+        heights = {point.split()[1] for part in lines(svg).split('M')[1:]
+                   for point in part.split('L')}
+        assert gaps(svg) == 1 and lines(svg).count('M') == 2
+        assert len(heights) == 1, 'the curve is level wherever there is one'
+
+
+@pytest.mark.parametrize(('values', 'parts', 'missing'), [
+    ([nan] * LENGTH, 0, 1), ([1.0] * LENGTH, 1, 0), ([nan, 1.0] * 150 + [nan], 150, 151),
+    ([0.0] * 300 + [nan], 1, 1), ([inf, 1.0, -inf], 1, 2)])
+def test_any_pattern_of_loss_is_drawn(values: list[float], parts: int, missing: int) -> None:
+    svg = chart(values, 1.0, (0, 0, 0))
+    assert (lines(svg).count('M'), gaps(svg)) == (parts, missing)
+
+
+def test_a_sample_that_is_missing_at_first_is_a_gap_too() -> None:
+    history = History(3, 2, 101325.0)
+    history.sample(READY)
+    assert gaps(chart(history.vacuum[0], 100.0, (0, 0, 0))) == 1
+
+
+def test_one_colour_has_one_meaning() -> None:
+    from soft_continuum import colours
+
+    meanings: dict[tuple[int, ...], str] = {}
+    named = {'stiff': colours.STIFF, 'soft': colours.SOFT, 'unknown': colours.UNKNOWN,
+             'disc': colours.DISC, 'target': colours.GHOST, 'held': colours.LOCKED,
+             'wrong': html.BAD, 'warning': html.WARNING,
+             **{f'tension {i}': c for i, c in enumerate(colours.TENSIONS)}}
+    for name, colour in named.items():
+        for other, meaning in meanings.items():
+            distance = sum(abs(a - b) for a, b in zip(colour, other, strict=True))
+            assert distance > 80, f'{name} looks like {meaning}'
+        meanings[colour] = name
+
+
+def test_no_notice_counts_as_new_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock: Callable[[], float] = lambda: 1e9  # noqa: E731
+    notice = Notice('a', 'b', True)
+    assert notice.is_new
+    monkeypatch.setattr('soft_continuum.browser.session.monotonic', clock)
+    assert not notice.is_new
