@@ -106,7 +106,8 @@ class Statics:
         """
         Return the equilibrium in which ``segment`` (0-based) has bending angle ``angle`` (rad).
 
-        One tendon carries it, whichever the loads ask for, and the other follows without tension;
+        One tendon carries it, whichever the loads ask for (if either can, that of the side to
+        which the segment turns), and the other follows without tension;
         the pulls of both paths are in the result.  Only ``segment`` is soft unless ``soft`` says
         otherwise.  vacuum: as in ``solve``, but by default that of ``start``.  sliding: as in
         ``solve``.  Raises StaticsError when no tendon holds the arm there in a stable way.
@@ -120,10 +121,11 @@ class Statics:
             vacuum = start.vacuum or None
         if not np.isfinite(angle):
             raise ValueError(f'the bending angle must be a finite number in rad; given: {angle}')
-        reasons = []
         # What the tendons carried before may be far too much for the segment that is soft now.
         start = replace(start, tensions=np.zeros(2))
-        for tendon in (RIGHT, LEFT):
+        reasons: dict[int, str] = {}
+        turn = angle - float(self.chain.bending_angles(start.joint_angles)[segment]) or angle
+        for tendon in (RIGHT, LEFT) if turn >= 0.0 else (LEFT, RIGHT):
             problem = self.problem(start, mask, np.full(2, np.inf), vacuum)
             drive = problem.drive
             drive.mode[tendon], drive.segment[tendon], drive.target[tendon] = ANGLE, segment, angle
@@ -131,11 +133,11 @@ class Statics:
                 found = self._find(start, problem, sliding)
                 if found.tensions[tendon] >= -NO_TENSION:
                     return self._hold(found, mask, vacuum, sliding)
-                reasons.append('it would have to push')
+                reasons[tendon] = 'it would have to push'
             except StaticsError as error:
-                reasons.append(str(error))
-        why = '; '.join(f'{name}: {reason}' for name, reason in zip(
-            self.chain.arm.tendon_names, reasons, strict=True))
+                reasons[tendon] = str(error)
+        why = '; '.join(f'{name}: {reasons[t]}'
+                        for t, name in enumerate(self.chain.arm.tendon_names))
         raise StaticsError(f'no tendon holds segment {segment + 1} at {np.degrees(angle):.1f} '
                            f'degrees ({why})', start)
 
@@ -179,19 +181,21 @@ class Statics:
         stiff = tuple(not s for s in flags)
         if parts:  # without any vacuum there is no jam
             stiff = tuple(s and part > 0.0 for s, part in zip(stiff, parts, strict=True))
-        group, groups, turn_limit = self._groups(stiff)
+        group, groups, turn_limit, tolerance = self._groups(stiff)
         return Problem(
             System(self._bodies, self.laws.joints(start, stiff, parts), self.laws.tables,
                    self.chain.guides, self._no_friction, group),
             Drive(np.zeros(2, dtype=np.int64), target, self.compliance,
                   np.zeros(2, dtype=np.int64)),
-            groups, turn_limit, start.joint_angles, stiff, parts)
+            groups, turn_limit, tolerance, start.joint_angles, stiff, parts)
 
-    def _find_groups(self, stiff: tuple[bool, ...]) -> tuple[NDArray[np.int64], int, float]:
+    def _find_groups(self, stiff: tuple[bool, ...]
+                     ) -> tuple[NDArray[np.int64], int, float, Array]:
         """
         Number the rigid groups: every body of a free segment with what is locked onto it.
 
-        Also return their number and how far (rad) a segment may turn in one solve.  Where the
+        Also return their number, how far (rad) a segment may turn in one solve, and the solver's
+        tolerance.  Where the
         springs outweigh the loads in every shape the energy is convex, and no path of an arm with
         a slack tendon was seen to end.
         """
@@ -199,13 +203,15 @@ class Statics:
                   for s, segment in zip(stiff, self.chain.arm.segments, strict=True)]
         free = np.repeat(np.logical_not(locked), self.chain.joints_per_segment)
         group, groups = np.cumsum(free) - 1, int(free.sum())
+        tolerance = self.continuation.tolerance(stiff)
         if groups == 0:
-            return group, groups, TURN_LIMIT
+            return group, groups, TURN_LIMIT, tolerance
         springs = self.laws.least_stiffness[free]
         worst = np.bincount(group[group >= 0], np.hypot(*self._bodies[group >= 0, 1:].T))
         diagonal = springs + np.append(springs[1:], 0.0) - worst
         least = eigvalsh_tridiagonal(diagonal, -springs[1:], select='i', select_range=(0, 0))[0]
-        return group, groups, TURN_LIMIT if least > 0.0 else TURN_LIMIT_NOT_CONVEX
+        limit = TURN_LIMIT if least > 0.0 else TURN_LIMIT_NOT_CONVEX
+        return group, groups, limit, tolerance
 
     def _start(self, start: Equilibrium) -> Point:
         theta = start.joint_angles.cumsum()
@@ -214,7 +220,7 @@ class Statics:
         tension = start.tensions
         if not isfinite(tension[0] + tension[1]):
             tension = np.nan_to_num(tension)
-        return Point(theta, tension, self.chain.straight_length - start.pulls)
+        return Point(theta, tension, self.chain.straight_length - start.pulls, slack=start.slack)
 
     def _find(self, start: Equilibrium, problem: Problem, sliding: Sequence[int]) -> Equilibrium:
         return self.continuation.solve(self._start(start), problem, sliding_signs(sliding))
