@@ -22,7 +22,14 @@ from scipy.linalg import eigvalsh_tridiagonal
 from soft_continuum.mechanics import _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._arrays import ANGLE, Drive, System, TENSION
-from soft_continuum.mechanics._checks import sliding_signs, soft_flags, vacuum_parts, whole
+from soft_continuum.mechanics._checks import (
+    finite,
+    real_array,
+    sliding_signs,
+    soft_flags,
+    vacuum_parts,
+    whole,
+)
 from soft_continuum.mechanics._continuation import (
     Continuation,
     Point,
@@ -74,9 +81,10 @@ class Statics:
         Raises OverconstrainedError when no shape has tendons that short, StaticsError when no
         equilibrium was found, ValueError for input of the wrong size or nan.
         """
-        target = np.array(pulls, dtype=float)
+        wanted = 'pulls must be two numbers in m (right, left)'
+        target = real_array(pulls, wanted)
         if target.shape != (2,) or not all(pull < np.inf for pull in target.tolist()):
-            raise ValueError(f'pulls must be two numbers in m (right, left); given: {pulls!r}')
+            raise ValueError(f'{wanted}; given: {pulls!r}')
         problem = self.problem(start, soft, self.chain.straight_length - target, vacuum)
         if problem.groups == 0:
             return self._locked(start, problem.drive.target, problem.stiff)
@@ -90,10 +98,10 @@ class Statics:
 
         The other arguments and errors are those of ``solve``.
         """
-        target = np.array(tensions, dtype=float)
+        wanted = 'tensions must be two numbers in N, not negative (right, left)'
+        target = real_array(tensions, wanted)
         if target.shape != (2,) or not np.all(np.isfinite(target)) or np.any(target < 0.0):
-            raise ValueError('tensions must be two numbers in N, not negative (right, left); '
-                             f'given: {tensions!r}')
+            raise ValueError(f'{wanted}; given: {tensions!r}')
         problem = self.problem(start, soft, target, vacuum)
         problem.drive.mode[:] = TENSION
         if problem.groups == 0:
@@ -112,6 +120,7 @@ class Statics:
         otherwise.  vacuum: as in ``solve``, but by default that of ``start``.  sliding: as in
         ``solve``.  Raises StaticsError when no tendon holds the arm there in a stable way.
         """
+        _check_start(start)
         mask = soft_flags([i == segment for i in range(self.chain.segments)]
                           if soft is None else soft, self.chain.segments)
         if not (whole(segment) and 0 <= segment < self.chain.segments and mask[segment]):
@@ -119,8 +128,9 @@ class Statics:
                              f'soft: {list(mask)}')
         if vacuum is None:
             vacuum = start.vacuum or None
-        if not np.isfinite(angle):
-            raise ValueError(f'the bending angle must be a finite number in rad; given: {angle}')
+        if not finite(angle):
+            raise ValueError(
+                f'the bending angle must be a finite number in rad; given: {angle!r}')
         # What the tendons carried before may be far too much for the segment that is soft now.
         start = replace(start, tensions=np.zeros(2))
         reasons: dict[int, str] = {}
@@ -172,6 +182,7 @@ class Statics:
         target: (2,) m, the lengths of the tendons; the other arguments are those of ``solve``.
         Raises ValueError for input that is not of this arm.
         """
+        _check_start(start)
         segments, flags = self.chain.segments, soft_flags(soft, self.chain.segments)
         parts = vacuum_parts(vacuum, segments)
         if start.joint_angles.shape != (self.chain.joints,) or len(start.stiff) != segments:
@@ -245,6 +256,12 @@ class Statics:
                  ) -> Equilibrium:
         return Equilibrium(start.joint_angles, tensions, start.pulls, slack, 0.0, 0, stiff,
                            start.joint_angles)
+
+
+def _check_start(start: object) -> None:
+    if not isinstance(start, Equilibrium):
+        raise ValueError('the start must be an Equilibrium, such as statics.chain.straight(); '
+                         f'given: {start!r}')
 
 
 def warm_up() -> None:
