@@ -32,6 +32,7 @@ def active_set_step(tension, drive, work, used):  # type: ignore[no-untyped-def]
     mode, compliance, change = drive.mode, drive.compliance, work.change
     size = used - 1
     matrix = work.matrix
+    dropped = False
     for _ in range(MAX_CHANGES):
         for r in range(size):
             for c in range(size):
@@ -51,11 +52,17 @@ def active_set_step(tension, drive, work, used):  # type: ignore[no-untyped-def]
                 matrix[r, r] = 1.0
                 change[r] = 0.0 if mode[t] == TENSION else -tension[t]
         if not small_solve(matrix, change, size):
-            # Two just-taut tendons impose the same: the one that carries less becomes slack.
-            t = 0 if tension[0] < tension[1] else 1
-            if not (taut[0] and taut[1] and mode[t] == LENGTH and gap[t] <= TAUT_TOLERANCE):
+            # Two just-taut tendons impose the same: the one that carries less becomes slack, or
+            # that with less to pull in.  If both are needed, only buckling gives them way.
+            less = tension[0] - tension[1]
+            if less == 0.0:
+                less = gap[0] - gap[1]
+            t = 0 if less < 0.0 else 1
+            if dropped or not (
+                    taut[0] and taut[1] and mode[t] == LENGTH and gap[t] <= TAUT_TOLERANCE):
                 return False
             taut[t] = False
+            dropped = True
             continue
         changed = False
         for t in range(2):
@@ -83,8 +90,8 @@ def held_tendons(tension, drive, work):  # type: ignore[no-untyped-def]
     """
     Choose the tendons whose lengths count as fixed when stability is judged (work.held).
 
-    One tendon that is just taut leaves the arm free to move to its slack side.  Of two, each
-    blocks the side that the other leaves free, and their rows are the same.
+    One tendon that is just taut leaves the arm free to move to its slack side.  Of two that carry
+    nothing, each blocks the side that the other leaves free, and their rows are the same.
     """
     column, mode, gap, change = work.column, drive.mode, work.gap, work.change
     taut, held = work.taut, work.held
@@ -92,7 +99,8 @@ def held_tendons(tension, drive, work):  # type: ignore[no-untyped-def]
             & (min(gap[0], gap[1]) > -TAUT_TOLERANCE))
     for t in range(2):
         pulls = tension[t] + change[column[t] - 1] > NO_TENSION
-        held[t] = (pair & (t == 0)) | (taut[t] & ((mode[t] != LENGTH) | pulls))
+        held[t] = taut[t] & ((mode[t] != LENGTH) | pulls)
+    held[0] |= pair & (not held[1])
 
 
 @compiled

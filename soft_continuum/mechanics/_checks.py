@@ -7,6 +7,9 @@ from math import isfinite
 from numbers import Integral, Real
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 
 def soft_flags(soft: Sequence[bool], segments: int) -> tuple[bool, ...]:
     """Return one flag per segment; raise ValueError for anything else."""
@@ -46,7 +49,18 @@ def refuse_friction(friction: float, what: str) -> None:
 
 def whole(value: object) -> bool:
     """Return whether a value is a whole number, of Python or numpy."""
-    return isinstance(value, Integral)
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def real_array(values: ArrayLike, what: str) -> NDArray[np.float64]:
+    """Return real numbers as an array of floats; raise ValueError for anything else."""
+    try:
+        given = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        given = np.asarray(None)
+    if given.dtype.kind not in 'iuf':
+        raise ValueError(f'{what}; given: {values!r}')
+    return given.astype(float)
 
 
 def finite(value: object) -> bool:

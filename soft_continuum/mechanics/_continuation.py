@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from soft_continuum.mechanics import _assembly, _newton
-from soft_continuum.mechanics._active_set import LENGTH_TOLERANCE, NO_TENSION
+from soft_continuum.mechanics._active_set import LENGTH_TOLERANCE, NO_TENSION, TAUT_TOLERANCE
 from soft_continuum.mechanics._arrays import ANGLE, Drive, LENGTH, State, System, TENSION
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
@@ -27,6 +27,7 @@ MIN_STEP = 1e-4  # of the path; below it the path has ended
 MAX_TOTAL_ITERATIONS = 20000  # of Newton's method in one solve
 MAX_FRICTION_ITERATIONS = 100
 MAX_DAMPING = 1e9  # N m/rad
+DEGENERATE = 0.05  # of the slopes of the tendons' lengths, relative: taken as zero
 MAX_MOTION, SLOW_MOTION, AT_REST = 0.3, 0.02, 0.1  # rad per step of the overdamped motion
 
 # How far a segment may turn in one solve, rad; beyond, the path is followed in smaller steps.
@@ -40,7 +41,8 @@ class Point:
     """
     A state on the path, and how the solve for it ended.
 
-    theta: (bodies,) rad, absolute angles.  tension: (2,) N.  lengths: (2,) m, as in State.
+    theta: (bodies,) rad, absolute angles.  tension: (2,) N.  lengths: (2,) m, as in State.  slack:
+    (2,) m, of the tendons at the start, inf where unknown.
     turned: rad, the largest sum over the joints of one segment of how far they turned: what folds
     up inside a segment may end as it began.
     """
@@ -52,6 +54,7 @@ class Point:
     residual: float = np.inf
     iterations: int = 0
     turned: float = 0.0
+    slack: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -59,14 +62,16 @@ class Problem:
     """
     What is free, what acts, and what drives the tendons in one solve.
 
-    groups: number of rigid groups.  turn_limit: rad, of a segment in one solve.  locked_angles:
-    (joints,) rad, kept by locked joints.  stiff, vacuum: as in Equilibrium.
+    groups: number of rigid groups.  turn_limit: rad, of a segment in one solve.  tolerance: (3,),
+    as in _newton.newton.  locked_angles: (joints,) rad, kept by locked joints.  stiff, vacuum: as
+    in Equilibrium.
     """
 
     system: System
     drive: Drive
     groups: int
     turn_limit: float
+    tolerance: Array
     locked_angles: Array
     stiff: tuple[bool, ...]
     vacuum: tuple[float, ...] = ()
@@ -88,14 +93,16 @@ class Continuation:
     """Finds the equilibria of one arm, each from the state before it."""
 
     def __init__(self, chain: RigidChain, laws: JointLaws) -> None:
-        """Take the chain and its joints, and set tolerances that rounding allows."""
+        """Take the chain and its joints."""
         self.chain, self.laws = chain, laws
-        tendon = (chain.straight_length + sum(d.height for d in chain.arm.discs)
-                  + chain.arm.tendon.free_length)
-        # 1e-11 N m and 1e-13 m, or what rounding allows for very stiff or very long arms.
-        stiffest = float(chain.joint_stiffness.max())
-        self.tolerance = np.array([max(1e-11, 1e-14 * stiffest), max(1e-10, 1e-13 * stiffest),
-                                   max(1e-13, 1e-15 * tendon)])
+        self._tendon = (chain.straight_length + sum(d.height for d in chain.arm.discs)
+                        + chain.arm.tendon.free_length)
+
+    def tolerance(self, stiff: Sequence[bool]) -> Array:
+        """Return 1e-11 N m and 1e-13 m, or what rounding allows for very stiff or long arms."""
+        stiffest = self.laws.greatest_stiffness(stiff)
+        return np.array([max(1e-11, 1e-14 * stiffest), max(1e-10, 1e-13 * stiffest),
+                         max(1e-13, 1e-15 * self._tendon)])
 
     def solve(self, point: Point, problem: Problem, sliding: Sequence[int] = (0, 0)
               ) -> Equilibrium:
@@ -121,7 +128,7 @@ class Continuation:
         drive = problem.drive if target is None else problem.drive._replace(target=target)
         status, iterations, residual, turned = _newton.newton(
             tuple(state), tuple(problem.system), tuple(drive),
-            np.zeros(problem.groups) if bias is None else bias, damping, self.tolerance)
+            np.zeros(problem.groups) if bias is None else bias, damping, problem.tolerance)
         return Point(*state, status, residual, iterations, turned)
 
     def result(self, point: Point, problem: Problem, jumped: bool = False) -> Equilibrium:
@@ -145,7 +152,41 @@ class Continuation:
         end = self.newton(point, problem)
         if problem.reached_by(end):
             return end, problem, False
-        return self.follow(point, problem)
+        return self._reach(point, problem)
+
+    def _reach(self, point: Point, problem: Problem) -> tuple[Point, Problem, bool]:
+        """
+        Follow the straight way to the target, or where it ends in a jump, a way round.
+
+        On the straight way the dead moments fade while the tendons move, and both may be too short
+        where one is paid out and the other pulled in.  On the ways round moments fade first; then
+        both move, or one is paid out first.
+        """
+        drive, gap = problem.drive, self._gap(point, problem)
+        found, failed = None, None
+        begin, paid_out = drive.target + gap, drive.target + np.maximum(gap, 0.0)
+        lengths, over = bool(np.all(drive.mode == LENGTH)), gap.min() < 0.0 < gap.max()
+        for way, may_help in (([drive.target], True),
+                              ([begin, drive.target], lengths),
+                              ([begin, paid_out, drive.target], lengths and over)):
+            if not may_help or (failed and not over):
+                continue
+            end, there, jumped = point, problem, False
+            try:
+                for target in way:
+                    there = replace(there, drive=drive._replace(target=target))
+                    end, there, also = self.follow(end, there)
+                    jumped = jumped or also
+            except StaticsError as error:
+                failed = failed or error
+                continue
+            if not jumped:
+                return end, there, False
+            found = found or (end, there, True)
+        if found is None:
+            assert failed is not None
+            raise failed
+        return found
 
     def _with_friction(self, point: Point, problem: Problem, sliding: Sequence[int]
                        ) -> tuple[Point, Problem, bool]:
@@ -176,7 +217,7 @@ class Continuation:
         tension = np.where(np.isinf(drive.target), 0.0, point.tension)
         unbalanced = -_assembly.moment_balance(
             point.theta, tension, problem.system, problem.groups)
-        gap = self._gap(point, problem, tension)
+        gap = self._gap(point, problem)
         point = Point(point.theta, tension, point.lengths)
         done, step, jumped, iterations = 0.0, 0.5, False, 0
         while done < 1.0:
@@ -200,46 +241,53 @@ class Continuation:
             problem = replace(problem, system=problem.system._replace(joints=crept))
         return replace(point, iterations=iterations), problem, jumped
 
-    def _gap(self, point: Point, problem: Problem, tension: Array) -> Array:
+    def _gap(self, point: Point, problem: Problem) -> Array:
         """Return how far each driven tendon (or angle) is from its target at the start."""
         drive, gap = problem.drive, np.zeros(2)
         for t in (RIGHT, LEFT):
+            tension = point.tension[t]
             if drive.mode[t] == ANGLE:
                 last = self.chain.last_joint
                 angles = np.diff(point.theta[last], prepend=0.0)
                 gap[t] = angles[drive.segment[t]] - drive.target[t]
             elif drive.mode[t] == TENSION:
-                gap[t] = tension[t] - drive.target[t]
+                gap[t] = tension - drive.target[t]
             elif np.isfinite(drive.target[t]):
-                excess = point.lengths[t] - drive.compliance[t] * tension[t] - drive.target[t]
-                gap[t] = excess if tension[t] > 0.0 else max(excess, 0.0)
+                gap[t] = point.lengths[t] - drive.compliance[t] * tension - drive.target[t]
+                if point.slack is not None and np.isfinite(point.slack[t]):
+                    gap[t] += point.slack[t]
+                if tension <= 0.0:
+                    gap[t] = max(gap[t], 0.0)
         return gap
 
     def _jump(self, begin: Point, problem: Problem, target: Array) -> Point:
         """
         Return the stable equilibrium that the arm moves to from where its path ended.
 
-        A straight arm between two taut tendons is at rest although unstable: then from a small
-        wave, to either side in turn.
+        From a straight arm between two taut tendons that carry nothing no step leads anywhere:
+        then it begins at a small wave, to either side in turn.
         """
-        mode = problem.drive.mode
+        mode, side = problem.drive.mode, _side(begin, target)
         starts = [] if np.any(mode == ANGLE) else [begin]
-        if np.all((mode == LENGTH) & (begin.lengths > target + LENGTH_TOLERANCE)):
+        if np.all(mode == LENGTH) and np.all(begin.lengths > target - TAUT_TOLERANCE):
             wave = np.cos(2.0 * np.pi * np.arange(problem.groups) / self.chain.joints_per_segment)
-            starts += [_turned(begin, problem, size * wave) for size in BUCKLING_PERTURBATIONS]
+            waves = [_turned(begin, problem, side * size * wave)
+                     for size in BUCKLING_PERTURBATIONS]
+            starts = waves + starts if begin.tension.max() <= NO_TENSION else starts + waves
         for start in starts:
-            found = self._relax(start, problem, target)
+            found = self._relax(start, problem, target, side)
             if found is not None:
                 return found
         raise self._failure(begin, problem, target)
 
-    def _relax(self, begin: Point, problem: Problem, target: Array) -> Point | None:
+    def _relax(self, begin: Point, problem: Problem, target: Array, side: float
+               ) -> Point | None:
         """Return the stable equilibrium where an overdamped motion from ``begin`` ends, if any."""
         no_bias = np.zeros(problem.groups)
         point, iterations = begin, 0
         damping = float(self.chain.joint_stiffness.max())
         # Where the arm rests on a ridge: a perturbation without symmetry, to either side in turn.
-        perturbation = 1e-5 * (1.5 + np.cos(np.arange(problem.groups)))
+        perturbation = side * 1e-5 * (1.5 + np.cos(np.arange(problem.groups)))
         while iterations < MAX_TOTAL_ITERATIONS:
             end = self.newton(point, problem, target, no_bias, damping)
             iterations += end.iterations
@@ -269,18 +317,63 @@ class Continuation:
         state, drive = self.result(point, problem), problem.drive
         if np.any(drive.mode == ANGLE):
             return StaticsError('the path to that angle ends before it', state)
-        if np.any(point.lengths > target - 1e-4) and np.any(drive.mode == LENGTH):
-            straight = self.chain.straight_length
+        if np.any(drive.mode == TENSION):
+            return StaticsError('no stable equilibrium found near the present shape', state)
+        straight = self.chain.straight_length
+        path = (f'{self._pulls_text(straight - drive.target)}; the path to them ends at '
+                f'{self._pulls_text(straight - target)}; ')
+        if self._too_short(point, problem, target):
             return OverconstrainedError(
-                'no shape of the soft segments has tendons as short as these pulls ask for: '
-                f'{self._pulls_text(straight - drive.target)}; the path to them ends at '
-                f'{self._pulls_text(straight - target)}; pay out a tendon', state)
-        return StaticsError('no stable equilibrium found near the present shape', state)
+                'no shape of the soft segments near the present one has tendons as short as these '
+                f'pulls ask for: {path}pay out a tendon', state)
+        return StaticsError(
+            f'no stable equilibrium was found on the way to these pulls: {path}there may be one, '
+            'so pull in smaller steps, or one tendon after the other', state)
+
+    def _too_short(self, point: Point, problem: Problem, target: Array) -> bool:
+        """
+        Return whether the tendons cannot be as short as they are wanted.
+
+        So it is where the spans along locked segments alone are longer, or where no turn of the
+        rigid groups shortens all tendons that are too long.
+        """
+        drive, group, free = problem.drive, problem.system.group, problem.system.group >= 0
+        guides = self.chain.guide_points(np.diff(point.theta, prepend=0.0))
+        spans = np.linalg.norm(np.diff(guides, axis=1), axis=2)[:, 1::2]
+        disc = group[self.chain.last_joint]
+        locked = disc == np.insert(disc[:-1], 0, -1)
+        if np.any((drive.compliance == 0) & (drive.target <= spans[:, locked].sum(axis=1))):
+            return True
+        slopes = np.zeros((2, problem.groups))
+        for k in range(problem.groups):
+            there, back = (self.chain.tendon_lengths(np.diff(
+                point.theta + np.where(free & (group == k), turn, 0.0), prepend=0.0))
+                for turn in (1e-6, -1e-6))
+            slopes[:, k] = (there - back) / 2e-6
+        long = slopes[(point.lengths > target - TAUT_TOLERANCE) & (drive.compliance == 0)]
+        sizes = np.linalg.norm(long, axis=1)
+        if np.any(sizes < DEGENERATE * self.chain.guides.max()):
+            return True
+        return len(long) == 2 and bool(
+            np.linalg.norm((long / sizes[:, None]).sum(axis=0)) < DEGENERATE)
 
     def _pulls_text(self, pulls: Array) -> str:
         return ', '.join(
             f'{name} slack' if pull == SLACK else f'{name} {pull * 1e3:.2f} mm'
             for name, pull in zip(self.chain.arm.tendon_names, pulls, strict=True))
+
+
+def _side(point: Point, target: Array) -> float:
+    """
+    Return 1 or -1: the side to which an arm on a ridge goes.
+
+    It is where it leans, or else that of the shorter tendon, so that mirror images behave alike.
+    """
+    lean = float(point.theta.sum())
+    if abs(lean) <= LENGTH_TOLERANCE:
+        right, left = (point.lengths - target).tolist()
+        lean = right - left  # nan where both are slack for good
+    return -1.0 if lean < -LENGTH_TOLERANCE else 1.0
 
 
 def _turned(point: Point, problem: Problem, turn: Array) -> Point:

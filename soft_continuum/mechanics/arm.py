@@ -9,9 +9,9 @@ the bending plane.  A positive angle rotates about +y and carries the tip toward
 
 from collections.abc import Sized
 from dataclasses import dataclass, replace
-from math import inf, isfinite, pi
+from math import inf, pi
 
-from soft_continuum.mechanics._checks import whole
+from soft_continuum.mechanics._checks import finite, whole
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -24,7 +24,10 @@ class ArmError(ValueError):
 
 
 def _check(name: str, value: float, low: float, high: float, unit: str) -> None:
-    if not (isfinite(value) and low <= value <= high):
+    if not finite(value):
+        raise ArmError(
+            f'{name} is {value!r}; allowed: a number from {low:g} to {high:g} {unit}'.rstrip())
+    if not low <= value <= high:
         hint = ' (lengths are in metres)' if unit == 'm' else ''
         raise ArmError(f'{name} is {value:g} {unit}; allowed: {low:g} to {high:g} {unit}{hint}')
 

@@ -78,7 +78,7 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium, pulls: Ar
         np.array([groups]),
         Drive(problems[0].drive.mode, lengths_wanted,
               np.array([m.compliance for m in models]), problems[0].drive.segment),
-        np.array([m.continuation.tolerance for m in models]), status, residual, turned)
+        np.array([p.tolerance for p in problems]), status, residual, turned)
     limit = np.where((tension > NO_TENSION).all(axis=1), TURN_LIMIT_BOTH_TAUT,
                      [p.turn_limit for p in problems])
     found = (status == _newton.CONVERGED) & (turned <= limit)

@@ -10,6 +10,7 @@ these inverse problems is in the paper.
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +25,9 @@ from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
 METRES_PER_RADIAN = 0.1  # what a tangent that is wanted as well counts
 SAME_ANGLE = 1e-9  # rad: a segment this close has its angle
 MAX_PASSES = 100  # over all segments, before elastic ones are taken not to fit together
+Fit = TypeVar('Fit')
+
+SAME_COST = 1e-12  # rad^2 or m^2: fits this close are equally good
 REACHED = 1e-6  # m: a tip this close is where it was wanted
 
 
@@ -62,12 +66,19 @@ def pulls_for_angles(statics: Statics, start: Equilibrium, bending_angles: Array
     locked = statics.chain.bending_angles(start.joint_angles)
     guess = constant_curvature.pulls(
         statics.chain.arm, np.where(np.asarray(soft, dtype=bool), full, locked).tolist())
+    first = (RIGHT, LEFT) if wanted[chosen].sum() >= 0.0 else (LEFT, RIGHT)
     fits = [_fit_pull(statics, start, wanted, chosen, soft, tendon, guess[tendon])
-            for tendon in (RIGHT, LEFT)]
+            for tendon in first]
     found = [fit for fit in fits if isinstance(fit, AngleFit)]
     if not found:
         raise next(fit for fit in fits if isinstance(fit, StaticsError))
-    return min(found, key=lambda fit: float(np.nansum(fit.error**2)))
+    return _best(found, lambda fit: float(np.nansum(fit.error**2)))
+
+
+def _best(fits: Sequence[Fit], cost: Callable[[Fit], float]) -> Fit:
+    """Return the first of the fits that are best: rounding must not decide between two."""
+    least = min(cost(fit) for fit in fits)
+    return next(fit for fit in fits if cost(fit) <= least + SAME_COST)
 
 
 def _fit_pull(statics: Statics, start: Equilibrium, wanted: Array, chosen: NDArray[np.intp],
@@ -97,8 +108,8 @@ def _fit_pull(statics: Statics, start: Equilibrium, wanted: Array, chosen: NDArr
     # A slack tendon has no slope to follow: one of the guesses bends each segment its way.
     side = 1.0 if tendon == RIGHT else -1.0
     fits, failed = [], None
-    for begin in {guess, *(_single(statics, start, s, side * abs(wanted[s]), tendon)
-                           for s in chosen)}:
+    for begin in dict.fromkeys([guess, *(
+            _single(statics, start, s, side * abs(wanted[s]), tendon) for s in chosen)]):
         try:
             fits.append(least_squares(error, [begin], jac=slope, xtol=1e-14, ftol=1e-14,
                                       gtol=1e-14, x_scale=0.01))
@@ -107,7 +118,7 @@ def _fit_pull(statics: Statics, start: Equilibrium, wanted: Array, chosen: NDArr
     if not fits:
         assert failed is not None
         return failed
-    fit = min(fits, key=lambda one: float(one.cost))
+    fit = _best(fits, lambda one: float(one.cost))
     state = solve(fit.x)
     rest = np.full(statics.chain.segments, np.nan)
     rest[chosen] = error(fit.x)
@@ -253,10 +264,11 @@ def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tup
     some = np.zeros(0)
     try:
         if segments:
-            guesses = np.array(np.meshgrid(*[[-0.6, 0.6]] * len(segments))).reshape(
+            side = -0.6 if (wanted[0], wanted[2] or 0.0) < (0.0, 0.0) else 0.6
+            guesses = np.array(np.meshgrid(*[[side, -side]] * len(segments))).reshape(
                 len(segments), -1).T * limits
             arcs = [least_squares(arc_miss, g, bounds=(-limits, limits)) for g in guesses]
-            arc = min(arcs, key=lambda fit: float(fit.cost))
+            arc = _best(arcs, lambda fit: float(fit.cost))
             some = least_squares(chain_miss, np.clip(arc.x, -0.999 * limits, 0.999 * limits),
                                  bounds=(-limits, limits), xtol=1e-12, ftol=1e-14,
                                  gtol=1e-14, diff_step=1e-5).x

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array, Equilibrium, RigidChain
-from soft_continuum.mechanics.laws import extended, linear, MomentCurvature
+from soft_continuum.mechanics.laws import extended, Jam, linear, MomentCurvature
 
 SOFT, SOFT_TABLE, JAM, JAM_TABLE, HELD, YIELD, LENGTH = range(7)
 
@@ -66,6 +66,17 @@ class JointLaws:
         slope = np.min(np.diff(law.moments) / np.diff(law.curvatures))
         least: Array = slope / chain.joint_lengths[self._rows(segment)]
         return least
+
+    def greatest_stiffness(self, stiff: Sequence[bool]) -> float:
+        """Return the largest tangent stiffness of any joint, spring and jam together, N m/rad."""
+        greatest = 0.0
+        for s, segment in enumerate(self._segments):
+            jam = segment.jam if stiff[s] and not segment.jam.rigid else Jam()
+            law = jam.law or segment.soft_law or linear(segment.bending_stiffness)
+            slope = np.max(np.diff(law.moments) / np.diff(law.curvatures))
+            factor = 1.0 if jam.rigid or jam.law else jam.ratio
+            greatest = max(greatest, factor * slope / self._soft[self._rows(s), LENGTH].min())
+        return float(greatest)
 
     def _rows(self, segment: int) -> slice:
         return slice(segment * self._per_segment, (segment + 1) * self._per_segment)
@@ -174,21 +185,77 @@ def compliances(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) 
     tendon = chain.arm.tendon
     if not np.isfinite(tendon.axial_stiffness):
         return np.zeros(2)
-    runs = np.empty(2 * chain.segments + 1)  # of the straight arm, through discs along the axis
-    runs[0::2] = [d.height for d in chain.arm.discs]
-    runs[1::2] = np.hypot([s.length for s in chain.arm.segments], np.diff(chain.guides)[:, 0])
-    carried = _run_ratios(chain, joint_angles, sliding) @ runs
+    carried = _run_ratios(chain, joint_angles, sliding) @ _straight_runs(chain)
     stretches: Array = (tendon.free_length + carried) / tendon.axial_stiffness
     return stretches
 
 
+def friction_gradients(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]
+                       ) -> tuple[Array, Array]:
+    """
+    Return how ``tension_ratios`` and ``compliances`` change with the bodies' absolute angles.
+
+    (2, segments, bodies) per rad and (2, bodies) m/N per rad.
+    """
+    heading, rates = _headings(chain, joint_angles)
+    bend = _wrapped(np.diff(heading, axis=1))
+    passed = np.cumsum(np.sign(bend)[..., None] * np.diff(rates, axis=1), axis=1)
+    direction = np.asarray(sliding, dtype=float)[:, None, None]
+    ratios = _run_ratios(chain, joint_angles, sliding)[:, 1:, None]
+    change = -chain.arm.tendon.friction * direction * ratios * passed
+    stretches: Array = (np.einsum('tri,r->ti', change, _straight_runs(chain)[1:])
+                        / chain.arm.tendon.axial_stiffness)
+    return change[:, ::2], stretches
+
+
+def _straight_runs(chain: RigidChain) -> Array:
+    """Return the lengths of a tendon through discs and spans of the straight arm in turn, m."""
+    runs = np.empty(2 * chain.segments + 1)
+    runs[0::2] = [d.height for d in chain.arm.discs]
+    runs[1::2] = np.hypot([s.length for s in chain.arm.segments], np.diff(chain.guides)[:, 0])
+    return runs
+
+
+def _headings(chain: RigidChain, joint_angles: Array) -> tuple[Array, Array]:
+    """
+    Return the headings of each tendon through discs and spans in turn, (2, runs), rad.
+
+    And their derivatives by the bodies' absolute angles, (2, runs, bodies).
+    """
+    theta = np.cumsum(joint_angles)
+    runs = np.diff(chain.guide_points(joint_angles), axis=1)
+    # A body turned by dtheta moves the end of its span by its length across; a disc its guides.
+    rates = np.zeros((2, runs.shape[1], chain.joints))
+    square = (runs**2).sum(axis=2)
+    for s in range(chain.segments):
+        rows = slice(s * chain.joints_per_segment, (s + 1) * chain.joints_per_segment)
+        disc, run = rows.stop - 1, 2 * s + 1
+        rates[:, run + 1, disc] = 1.0
+        for t, side in enumerate((1.0, -1.0)):
+            moved = [(i, 0.0, chain.body_lengths[i]) for i in range(rows.start, disc)]
+            moved.append((disc, side * chain.guides[s, 1], 0.0))
+            if s > 0:
+                moved.append((rows.start - 1, -side * chain.guides[s, 0], 0.0))
+            for i, across, along in moved:
+                dx = along * np.cos(theta[i]) - across * np.sin(theta[i])
+                dz = -along * np.sin(theta[i]) - across * np.cos(theta[i])
+                x, z = runs[t, run]
+                rates[t, run, i] = (z * dx - x * dz) / square[t, run]
+    return np.arctan2(runs[:, :, 0], runs[:, :, 1]), rates
+
+
+def _wrapped(angles: Array) -> Array:
+    """Return angles in -pi to pi: headings come back after a full turn."""
+    wrapped: Array = (angles + np.pi) % (2.0 * np.pi) - np.pi
+    return wrapped
+
+
 def _run_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
     """Return the tension over that at the base through discs and spans in turn, base first."""
-    guides = chain.guide_points(joint_angles)
-    runs = np.diff(guides, axis=1)
+    runs = np.diff(chain.guide_points(joint_angles), axis=1)
     heading = np.arctan2(runs[:, :, 0], runs[:, :, 1])
-    # At the guides, from the top of the base disc; headings come back after a full turn.
-    turn = np.abs((np.diff(heading, axis=1) + np.pi) % (2.0 * np.pi) - np.pi)
+    # At the guides, from the top of the base disc.
+    turn = np.abs(_wrapped(np.diff(heading, axis=1)))
     passed = np.cumsum(np.insert(turn, 0, 0.0, axis=1), axis=1)
     direction = np.asarray(sliding, dtype=float)[:, None]
     ratios: Array = np.exp(-chain.arm.tendon.friction * direction * passed)

@@ -13,6 +13,8 @@ from math import inf, isfinite
 import numpy as np
 from numpy.typing import ArrayLike
 
+GREATEST_RATIO = 1e12  # beyond it rounding hides the soft springs
+
 
 class LawError(ValueError):
     """A stiffness law is not usable; the message names the row or value."""
@@ -107,8 +109,9 @@ class Jam:
         """Refuse what is not a jam."""
         if self.ratio != inf and self.law is not None:
             raise LawError(f'a jam has a ratio K ({self.ratio:g}) or a law, not both')
-        if not self.ratio > 1.0:
-            raise LawError(f'stiffness ratio K is {self.ratio:g}; it must be above 1')
+        if not (1.0 < self.ratio <= GREATEST_RATIO or self.ratio == inf):
+            raise LawError(f'stiffness ratio K is {self.ratio:g}; allowed: above 1 to '
+                           f'{GREATEST_RATIO:g}, or inf for a rigid segment')
         if not self.yield_moment > 0.0:
             raise LawError(f'yield moment is {self.yield_moment:g} N m; it must be above 0')
         if not 0.0 <= self.stiffness_exponent <= 5.0:

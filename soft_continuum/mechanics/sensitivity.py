@@ -16,6 +16,7 @@ from soft_continuum.mechanics import _assembly
 from soft_continuum.mechanics._checks import sliding_signs
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.joints import (
+    friction_gradients,
     HELD,
     JAM,
     JAM_TABLE,
@@ -52,7 +53,7 @@ class Linearisation:
     def __init__(self, statics: Statics, state: Equilibrium,
                  sliding: Sequence[int] = (0, 0), *, loading: bool = True) -> None:
         """
-        Assemble the matrix; ``sliding`` as in Statics.solve, its ratios taken as constant.
+        Assemble the matrix; ``sliding`` as in Statics.solve.
 
         loading: whether joints whose jam bears just its yield moment go on to yield, or all turn
         back and are elastic.
@@ -74,6 +75,9 @@ class Linearisation:
         self.tensions = np.nan_to_num(state.tensions)
         self.hessian, self._force, self._reach = _assembly.dense_system(
             self.theta, self.tensions, self._system, groups)
+        self._stretch_rates = np.zeros((groups, 2))
+        if chain.arm.tendon.friction > 0.0 and any(sliding):
+            self._add_friction(sliding)
         self._taut = [t for t in (0, 1) if self.tensions[t] > 0.0
                       and (compliance[t] > 0.0 or self._reach[:, t].any())]
         size = groups + len(self._taut)
@@ -81,8 +85,24 @@ class Linearisation:
         self._matrix[:groups, :groups] = self.hessian
         for row, t in enumerate(self._taut, start=groups):
             self._matrix[:groups, row] = self._force[:, t]
-            self._matrix[row, :groups] = self._reach[:, t]
+            self._matrix[row, :groups] = self._reach[:, t] - self._stretch_rates[:, t]
             self._matrix[row, row] = -compliance[t]
+
+    def _add_friction(self, sliding: Sequence[int]) -> None:
+        """Add what a turn changes of the tension that arrives at each span, and of the stretch."""
+        chain, group, free = self._chain, self._system.group, self._system.group >= 0
+        ratios, stretches = friction_gradients(chain, self._state.joint_angles, sliding)
+        gather = np.eye(self._groups)[group[free]]  # from bodies to rigid groups
+        alone = np.zeros_like(self._system.ratios)
+        for t in (0, 1):
+            self._stretch_rates[:, t] = self.tensions[t] * (stretches[t, free] @ gather)
+            for s in range(chain.segments):
+                alone[:] = 0.0
+                alone[t, s] = 1.0
+                _, force, _ = _assembly.dense_system(
+                    self.theta, self.tensions, self._system._replace(ratios=alone), self._groups)
+                self.hessian += self.tensions[t] * np.outer(
+                    force[:, t], ratios[t, s, free] @ gather)
 
     def pulls(self) -> Sensitivity:
         """Return the derivatives with respect to the pulls (right, left), per m."""

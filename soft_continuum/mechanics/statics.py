@@ -21,7 +21,14 @@ from numpy.typing import ArrayLike, NDArray
 from soft_continuum.mechanics import _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._arrays import ANGLE, Drive, System, TENSION
-from soft_continuum.mechanics._checks import sliding_signs, soft_flags, vacuum_parts, whole
+from soft_continuum.mechanics._checks import (
+    finite,
+    real_array,
+    sliding_signs,
+    soft_flags,
+    vacuum_parts,
+    whole,
+)
 from soft_continuum.mechanics._compile import note_compiled
 from soft_continuum.mechanics._continuation import (
     Continuation,
@@ -74,9 +81,10 @@ class Statics:
         Raises OverconstrainedError when no shape has tendons that short, StaticsError when no
         equilibrium was found, ValueError for input of the wrong size or nan.
         """
-        target = np.array(pulls, dtype=float)
+        wanted = 'pulls must be two numbers in m (right, left)'
+        target = real_array(pulls, wanted)
         if target.shape != (2,) or not all(pull < np.inf for pull in target.tolist()):
-            raise ValueError(f'pulls must be two numbers in m (right, left); given: {pulls!r}')
+            raise ValueError(f'{wanted}; given: {pulls!r}')
         problem = self.problem(start, soft, self.chain.straight_length - target, vacuum)
         if problem.groups == 0:
             return self._locked(start, problem.drive.target, problem.stiff)
@@ -90,10 +98,10 @@ class Statics:
 
         The other arguments and errors are those of ``solve``.
         """
-        target = np.array(tensions, dtype=float)
+        wanted = 'tensions must be two numbers in N, not negative (right, left)'
+        target = real_array(tensions, wanted)
         if target.shape != (2,) or not np.all(np.isfinite(target)) or np.any(target < 0.0):
-            raise ValueError('tensions must be two numbers in N, not negative (right, left); '
-                             f'given: {tensions!r}')
+            raise ValueError(f'{wanted}; given: {tensions!r}')
         problem = self.problem(start, soft, target, vacuum)
         problem.drive.mode[:] = TENSION
         if problem.groups == 0:
@@ -106,11 +114,13 @@ class Statics:
         """
         Return the equilibrium in which ``segment`` (0-based) has bending angle ``angle`` (rad).
 
-        One tendon carries it, whichever the loads ask for, and the other follows without tension;
+        One tendon carries it, whichever the loads ask for (if either can, that of the side to
+        which the segment turns), and the other follows without tension;
         the pulls of both paths are in the result.  Only ``segment`` is soft unless ``soft`` says
         otherwise.  vacuum: as in ``solve``, but by default that of ``start``.  sliding: as in
         ``solve``.  Raises StaticsError when no tendon holds the arm there in a stable way.
         """
+        _check_start(start)
         mask = soft_flags([i == segment for i in range(self.chain.segments)]
                           if soft is None else soft, self.chain.segments)
         if not (whole(segment) and 0 <= segment < self.chain.segments and mask[segment]):
@@ -118,12 +128,14 @@ class Statics:
                              f'soft: {list(mask)}')
         if vacuum is None:
             vacuum = start.vacuum or None
-        if not np.isfinite(angle):
-            raise ValueError(f'the bending angle must be a finite number in rad; given: {angle}')
-        reasons = []
+        if not finite(angle):
+            raise ValueError(
+                f'the bending angle must be a finite number in rad; given: {angle!r}')
         # What the tendons carried before may be far too much for the segment that is soft now.
         start = replace(start, tensions=np.zeros(2))
-        for tendon in (RIGHT, LEFT):
+        reasons: dict[int, str] = {}
+        turn = angle - float(self.chain.bending_angles(start.joint_angles)[segment]) or angle
+        for tendon in (RIGHT, LEFT) if turn >= 0.0 else (LEFT, RIGHT):
             problem = self.problem(start, mask, np.full(2, np.inf), vacuum)
             drive = problem.drive
             drive.mode[tendon], drive.segment[tendon], drive.target[tendon] = ANGLE, segment, angle
@@ -131,11 +143,11 @@ class Statics:
                 found = self._find(start, problem, sliding)
                 if found.tensions[tendon] >= -NO_TENSION:
                     return self._hold(found, mask, vacuum, sliding)
-                reasons.append('it would have to push')
+                reasons[tendon] = 'it would have to push'
             except StaticsError as error:
-                reasons.append(str(error))
-        why = '; '.join(f'{name}: {reason}' for name, reason in zip(
-            self.chain.arm.tendon_names, reasons, strict=True))
+                reasons[tendon] = str(error)
+        why = '; '.join(f'{name}: {reasons[t]}'
+                        for t, name in enumerate(self.chain.arm.tendon_names))
         raise StaticsError(f'no tendon holds segment {segment + 1} at {np.degrees(angle):.1f} '
                            f'degrees ({why})', start)
 
@@ -170,6 +182,7 @@ class Statics:
         target: (2,) m, the lengths of the tendons; the other arguments are those of ``solve``.
         Raises ValueError for input that is not of this arm.
         """
+        _check_start(start)
         segments, flags = self.chain.segments, soft_flags(soft, self.chain.segments)
         parts = vacuum_parts(vacuum, segments)
         if start.joint_angles.shape != (self.chain.joints,) or len(start.stiff) != segments:
@@ -179,19 +192,21 @@ class Statics:
         stiff = tuple(not s for s in flags)
         if parts:  # without any vacuum there is no jam
             stiff = tuple(s and part > 0.0 for s, part in zip(stiff, parts, strict=True))
-        group, groups, turn_limit = self._groups(stiff)
+        group, groups, turn_limit, tolerance = self._groups(stiff)
         return Problem(
             System(self._bodies, self.laws.joints(start, stiff, parts), self.laws.tables,
                    self.chain.guides, self._no_friction, group),
             Drive(np.zeros(2, dtype=np.int64), target, self.compliance,
                   np.zeros(2, dtype=np.int64)),
-            groups, turn_limit, start.joint_angles, stiff, parts)
+            groups, turn_limit, tolerance, start.joint_angles, stiff, parts)
 
-    def _find_groups(self, stiff: tuple[bool, ...]) -> tuple[NDArray[np.int64], int, float]:
+    def _find_groups(self, stiff: tuple[bool, ...]
+                     ) -> tuple[NDArray[np.int64], int, float, Array]:
         """
         Number the rigid groups: every body of a free segment with what is locked onto it.
 
-        Also return their number and how far (rad) a segment may turn in one solve.  Where the
+        Also return their number, how far (rad) a segment may turn in one solve, and the solver's
+        tolerance.  Where the
         springs outweigh the loads in every shape the energy is convex, and no path of an arm with
         a slack tendon was seen to end.
         """
@@ -199,13 +214,15 @@ class Statics:
                   for s, segment in zip(stiff, self.chain.arm.segments, strict=True)]
         free = np.repeat(np.logical_not(locked), self.chain.joints_per_segment)
         group, groups = np.cumsum(free) - 1, int(free.sum())
+        tolerance = self.continuation.tolerance(stiff)
         if groups == 0:
-            return group, groups, TURN_LIMIT
+            return group, groups, TURN_LIMIT, tolerance
         springs = self.laws.least_stiffness[free]
         worst = np.bincount(group[group >= 0], np.hypot(*self._bodies[group >= 0, 1:].T))
         diagonal = springs + np.append(springs[1:], 0.0) - worst
         convex = _is_positive_definite(diagonal, springs[1:])
-        return group, groups, TURN_LIMIT if convex else TURN_LIMIT_NOT_CONVEX
+        limit = TURN_LIMIT if convex else TURN_LIMIT_NOT_CONVEX
+        return group, groups, limit, tolerance
 
     def _start(self, start: Equilibrium) -> Point:
         theta = start.joint_angles.cumsum()
@@ -214,7 +231,7 @@ class Statics:
         tension = start.tensions
         if not isfinite(tension[0] + tension[1]):
             tension = np.nan_to_num(tension)
-        return Point(theta, tension, self.chain.straight_length - start.pulls)
+        return Point(theta, tension, self.chain.straight_length - start.pulls, slack=start.slack)
 
     def _find(self, start: Equilibrium, problem: Problem, sliding: Sequence[int]) -> Equilibrium:
         return self.continuation.solve(self._start(start), problem, sliding_signs(sliding))
@@ -239,6 +256,12 @@ class Statics:
                  ) -> Equilibrium:
         return Equilibrium(start.joint_angles, tensions, start.pulls, slack, 0.0, 0, stiff,
                            start.joint_angles)
+
+
+def _check_start(start: object) -> None:
+    if not isinstance(start, Equilibrium):
+        raise ValueError('the start must be an Equilibrium, such as statics.chain.straight(); '
+                         f'given: {start!r}')
 
 
 def _is_positive_definite(diagonal: Array, beside: Array) -> bool:

@@ -12,7 +12,16 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from soft_continuum.mechanics import Arm, Disc, Linearisation, Segment, SLACK, Statics
+from soft_continuum.mechanics import (
+    Arm,
+    Disc,
+    Linearisation,
+    OverconstrainedError,
+    Segment,
+    SLACK,
+    Statics,
+    StaticsError,
+)
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
 
@@ -270,3 +279,36 @@ def test_a_long_step_on_two_taut_tendons_ends_where_short_ones_end(
         state = statics.solve(state, np.array(asked) * part, soft)
         assert not state.jumped
     assert at_once.joint_angles == pytest.approx(state.joint_angles, abs=1e-6)
+
+
+# No jump where there is a way round
+
+def test_a_hand_over_between_the_tendons_is_no_jump():
+    # On the straight way from the paths both tendons are too short; slack first it is not so.
+    statics = Statics(paper_like(3, bodies=12, gravity=9.80665, mounting_angle=np.pi))
+    rng, soft = np.random.default_rng(0), (True,) * 3
+    for _ in range(20):
+        right, left = rng.uniform(0.002, 0.03, 2)
+        spare = rng.uniform(1.0, 1.5, 2)
+        start = statics.solve(
+            statics.chain.straight(), (right, -spare[0] * right - 1e-3), soft)
+        over = statics.solve(start, (-spare[1] * left - 1e-3, left), soft)
+        assert not over.jumped
+        direct = statics.solve(statics.chain.straight(), (SLACK, left), soft)
+        assert over.joint_angles == pytest.approx(direct.joint_angles, abs=1e-7)
+
+
+# Failure is no proof
+
+def test_tendons_are_called_too_short_only_where_they_are():
+    statics = Statics(paper_like(3, bodies=12))
+    straight, soft = statics.chain.straight(), (True, False, False)
+    bent = statics.solve(straight, (0.02, SLACK), soft)
+    failure = statics.continuation._failure
+    target = statics.chain.straight_length - np.array([0.02, -np.inf])
+    at_bent = replace(statics._start(bent), tension=np.array([5.0, 0.0]))
+    problem = statics.problem(straight, soft, target)
+    assert type(failure(at_bent, problem, target)) is StaticsError
+    beyond = statics.chain.straight_length - np.array([0.075, -np.inf])
+    problem = statics.problem(straight, soft, beyond)
+    assert type(failure(at_bent, problem, beyond)) is OverconstrainedError

@@ -11,6 +11,7 @@ import pytest
 
 from soft_continuum.mechanics import (
     Arm,
+    ArmError,
     Disc,
     LEFT,
     OverconstrainedError,
@@ -29,10 +30,34 @@ ALL = (True, True, True)
 # Input
 
 @pytest.mark.parametrize('asked', [
-    (nan, 0.0), (0.0, nan), (inf, 0.0), (0.0, inf), (), (0.01,), (0.0, 0.0, 0.0), ('a', 0.0)])
+    (nan, 0.0), (0.0, nan), (inf, 0.0), (0.0, inf), (), (0.01,), (0.0, 0.0, 0.0), ('a', 0.0),
+    (1j, 0.0), np.array([1j, 0.0]), ('0.01', '0.0'), None, (None, 0.0), ((0.0,), 0.0), {}])
 def test_pulls_that_are_not_two_numbers_are_refused(statics, asked):
-    with pytest.raises(ValueError):
-        statics.solve(statics.chain.straight(), asked, FIRST)
+    for call in (statics.solve, statics.solve_tensions):
+        with pytest.raises(ValueError):
+            call(statics.chain.straight(), asked, FIRST)
+
+
+@pytest.mark.parametrize('start', [None, 0, (0.0, 0.0)])
+def test_a_start_that_is_no_state_is_refused(statics, start):
+    for call in (lambda: statics.solve(start, (0.0, SLACK), FIRST),
+                 lambda: statics.solve_tensions(start, (0.0, 0.0), FIRST),
+                 lambda: statics.bend(start, 0, 0.1)):
+        with pytest.raises(ValueError, match='Equilibrium'):
+            call()
+
+
+@pytest.mark.parametrize('changes', [
+    {'length': '7'}, {'length': None}, {'length': 1j}, {'mass': 'heavy'}])
+def test_a_segment_of_no_numbers_is_refused(changes):
+    with pytest.raises(ArmError, match='number'):
+        Segment(**({'length': 0.07, 'bending_stiffness': 0.02, 'guide_offsets': (0.02, 0.02)}
+                   | changes))
+
+
+def test_true_is_no_number_of_bodies(statics):
+    with pytest.raises(ArmError, match='whole number'):
+        statics.chain.arm.with_bodies(True)
 
 
 @pytest.mark.parametrize('soft', [True, None, (), (True,), (True,) * 4])
@@ -70,7 +95,7 @@ def test_bending_a_segment_that_is_not_soft_is_refused(statics, segment):
         statics.bend(statics.chain.straight(), segment, 0.1, FIRST)
 
 
-@pytest.mark.parametrize('angle', [nan, inf, -inf])
+@pytest.mark.parametrize('angle', [nan, inf, -inf, None, '1', 1j])
 def test_bending_to_no_number_is_refused(statics, angle):
     with pytest.raises(ValueError, match='finite'):
         statics.bend(statics.chain.straight(), 0, angle)

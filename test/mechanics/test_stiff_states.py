@@ -14,7 +14,7 @@ import pytest
 
 from soft_continuum.mechanics import SLACK, Statics, StaticsError
 from soft_continuum.mechanics.arm import Tendon
-from soft_continuum.mechanics.laws import Jam, MomentCurvature
+from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
 
 BOTH_SLACK = (SLACK, SLACK)
 TABLE = MomentCurvature((0.0, 2.0, 6.0), (0.0, 400.0, 800.0))  # stiffer than any random segment
@@ -356,3 +356,19 @@ def test_an_infinite_ratio_is_the_papers_rigid_segment():
     assert Jam().ratio == inf
     assert not Jam(5.0).rigid
     assert not Jam(law=TABLE).rigid
+
+
+@pytest.mark.parametrize('ratio', [1e6, 1e9, 1e12])
+@pytest.mark.parametrize('gravity', [0.0, 9.80665])
+def test_a_very_stiff_jam_is_as_good_as_rigid(ratio, gravity):
+    shapes = []
+    for jam in (Jam(ratio), Jam()):
+        statics = Statics(paper_like(3, jam, bodies=12, gravity=gravity, mounting_angle=1.0))
+        state = statics.bend(statics.chain.straight(), 0, 0.6)
+        shapes.append(statics.solve(state, (state.pulls[0] + 0.005, SLACK), (False, True, False)))
+    assert shapes[0].joint_angles == pytest.approx(shapes[1].joint_angles, abs=1e-6)
+
+
+def test_a_jam_that_rounding_cannot_tell_from_rigid_is_refused():
+    with pytest.raises(LawError, match='or inf'):
+        Jam(1e15)

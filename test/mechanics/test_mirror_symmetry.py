@@ -1,0 +1,137 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Left is right in a mirror: every call of the public interface gives mirror images."""
+
+from dataclasses import replace
+from math import pi
+
+from general_arms import arms, between, FEW, masks, paper_like
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import paper_arm as paper
+import pytest
+
+from soft_continuum.mechanics import (
+    angles_for_tip,
+    Jam,
+    Linearisation,
+    PointForce,
+    pulls_for_angles,
+    set_shape,
+    SLACK,
+    solve_batch,
+    Statics,
+    StaticsError,
+    Tendon,
+    workspace,
+)
+
+JAMS = st.sampled_from([Jam(), Jam(5.0), Jam(3.0, yield_moment=0.05)])
+
+
+def mirrored(arm):
+    """Return the arm seen from behind."""
+    return replace(arm, mounting_angle=-arm.mounting_angle,
+                   forces=tuple(PointForce(f.disc, -f.x, f.z) for f in arm.forces))
+
+
+def image(state):
+    """Return what describes a state seen from behind: angles, tensions, pulls, slack, jump."""
+    return (-state.joint_angles, state.tensions[::-1], state.pulls[::-1], state.slack[::-1],
+            state.jumped)
+
+
+def outcome(call, *arguments, **more):
+    """Return what a call returns, or the type of the error that it raises."""
+    try:
+        return call(*arguments, **more)
+    except StaticsError as error:
+        return type(error)
+
+
+def assert_images(state, other):
+    """Check that one state, or error, is the mirror image of another."""
+    if isinstance(state, type) or isinstance(other, type):
+        assert state == other
+        return
+    there = other.joint_angles, other.tensions, other.pulls, other.slack, other.jumped
+    for ours, theirs in zip(image(state), there, strict=True):
+        assert ours == pytest.approx(theirs, abs=1e-6, rel=1e-6, nan_ok=True)
+
+
+@settings(FEW, max_examples=8)
+@given(arms(jam=JAMS, segments=(1, 3), bodies=(1, 3), stretch=True), st.data())
+def test_statics_of_a_random_arm(arm, data):
+    one, other = Statics(arm), Statics(mirrored(arm))
+    states = one.chain.straight(), other.chain.straight()
+    reach = sum(min(s.guide_offsets) for s in arm.segments)
+    for _ in range(2):
+        soft = data.draw(masks(arm))
+        pull = data.draw(between(0.0, 0.3)) * reach
+        rest = data.draw(st.sampled_from([0.0, SLACK, -1.1 * pull, -1.5 * pull, 0.5 * pull]))
+        signs = data.draw(st.sampled_from([(0, 0), (1, 0), (-1, -1)]))
+        segment = soft.index(True)
+        for name, given_, back, more in (
+                ('solve', (pull, rest), (rest, pull), {'sliding': signs}),
+                ('solve_tensions', (pull, abs(pull)), (abs(pull), pull), {}),
+                ('bend', 5.0 * pull, -5.0 * pull, {})):
+            first = (segment, given_) if name == 'bend' else (given_,)
+            second = (segment, back) if name == 'bend' else (back,)
+            results = (outcome(getattr(one, name), states[0], *first, soft, **more),
+                       outcome(getattr(other, name), states[1], *second, soft,
+                               **{k: v[::-1] for k, v in more.items()}))
+            assert_images(*results)
+        if not isinstance(results[0], type):
+            states = results
+            lines = (Linearisation(model, state).pulls()
+                     for model, state in zip((one, other), states, strict=True))
+            ours, theirs = (line.joint_angles for line in lines)
+            assert ours == pytest.approx(-theirs[:, ::-1], rel=1e-3, abs=1e-3)
+
+
+@pytest.mark.parametrize('mounting', [0.0, pi, 2.0])
+def test_both_tendons_pulled_from_straight(mounting):
+    arm = paper.build(mounting_angle=mounting)
+    one, other = Statics(arm), Statics(mirrored(arm))
+    straight, soft = one.chain.straight(), (True,) * 3
+    rng = np.random.default_rng(1)
+    asked = np.concatenate([[(1e-3, 0.0), (1e-5, 0.0)], rng.uniform(-0.01, 0.01, (10, 2))])
+    states = []
+    for pulls in asked:
+        states.append(outcome(one.solve, straight, pulls, soft))
+        assert_images(states[-1], outcome(other.solve, straight, pulls[::-1], soft))
+    assert not any(isinstance(state, type) for state in states)
+    batch = solve_batch(other, straight, asked[:, ::-1], soft)
+    assert batch.joint_angles == pytest.approx(-np.array([s.joint_angles for s in states]),
+                                               abs=1e-6)
+
+
+@pytest.mark.parametrize('mounting', [0.0, 0.5])
+def test_the_inverse_problems(mounting):
+    arm = paper_like(2, Jam(8.0), gravity=9.80665, mounting_angle=mounting)
+    one, other = Statics(arm), Statics(mirrored(arm))
+    straight, soft = one.chain.straight(), (True, True)
+    for angles in ([0.4, -0.3], [0.0, 0.3]):
+        back = [-a for a in angles]
+        assert_images(set_shape(one, angles), set_shape(other, back))
+        ours, theirs = (pulls_for_angles(model, straight, wanted, soft)
+                        for model, wanted in ((one, angles), (other, back)))
+        assert ours.pulls == pytest.approx(theirs.pulls[::-1], abs=1e-6)
+        x, z, tangent = one.chain.points(set_shape(one, angles).joint_angles)[-1]
+        for slope in (None, tangent):
+            ours = angles_for_tip(one, x, z, slope)
+            theirs = angles_for_tip(other, -x, z, None if slope is None else -slope)
+            assert ours.bending_angles == pytest.approx(-theirs.bending_angles, abs=1e-4)
+    ours, theirs = (np.degrees(workspace(model, 3)[1]) for model in (one, other))
+    assert sorted(ours.round(6).tolist()) == sorted((0.0 - theirs).round(6).tolist())
+
+
+def test_an_angle_that_either_tendon_could_hold():
+    arm = paper_like(1, tendon=Tendon(5000.0))
+    statics = Statics(arm)
+    for start in (-0.4, 0.0, 0.4):
+        for angle in (-0.3, 0.0, 0.3):
+            assert_images(
+                outcome(statics.bend, statics.chain.uniform([start]), 0, angle),
+                outcome(statics.bend, statics.chain.uniform([-start]), 0, -angle))
