@@ -7,18 +7,13 @@ What a person sees and does in a real browser, and what the arm does then.
 One arm and one page, used by one test after the other.
 """
 
-from collections.abc import Callable
 from pathlib import Path
-import signal
-from typing import Any
 
-from conftest import OpenPage, SLOW, start_view
+from conftest import OpenPage, SLOW
 from page import dark, DEADLINE, green, orange, Page
 from playwright.sync_api import expect
-from processes import Processes
 import pytest
-from ros_rig import ALL, Rig
-from websockets.sync.client import connect
+from ros_rig import Rig
 
 pytestmark = pytest.mark.timeout(600)
 ARTEFACT = Path(__file__).resolve().parents[2] / 'log' / 'browser' / 'view.png'
@@ -140,16 +135,3 @@ def test_when_the_nodes_end_it_says_how_to_start_them_and_continues_when_they_ru
     page.wait_for_pixels(dark, 180, MANY, 'dark, as stiff skins are')
     page.click('soften', 0)
     rig.wait_for(lambda: rig.soft_segments() == [1], 'segment 1 soft')
-
-
-def test_nodes_and_view_start_and_end_together(
-        make_rig: Callable[..., Rig], processes: Processes) -> None:
-    rig: Any = make_rig(namespace='/left')
-    process, address = start_view(processes, 'ui', '--namespace', 'left')
-    rig.wait_until_ready(*ALL)
-    with connect(f'{address.replace("http", "ws")}bar', open_timeout=DEADLINE) as bar:
-        bar.send('stop')
-        rig.wait_for_status('tendon_actuation', 'stopped', 'stop was called')
-    process.send(signal.SIGINT)
-    assert process.wait() == 0, process.output
-    assert 'Traceback' not in process.output, process.output

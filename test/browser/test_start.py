@@ -1,0 +1,26 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""``./run ui`` starts the nodes and the view, and ends them."""
+
+from collections.abc import Callable
+import signal
+from typing import Any
+
+from conftest import start_view
+from page import DEADLINE
+from processes import Processes
+from ros_rig import ALL, Rig
+from websockets.sync.client import connect
+
+
+def test_nodes_and_view_start_and_end_together(
+        make_rig: Callable[..., Rig], processes: Processes) -> None:
+    rig: Any = make_rig(namespace='/left')
+    process, address = start_view(processes, 'ui', '--namespace', 'left')
+    rig.wait_until_ready(*ALL)
+    with connect(f'{address.replace("http", "ws")}bar', open_timeout=DEADLINE) as bar:
+        bar.send('stop')
+        rig.wait_for_status('tendon_actuation', 'stopped', 'stop was called')
+    process.send(signal.SIGINT)
+    assert process.wait() == 0, process.output
+    assert 'Traceback' not in process.output, process.output
