@@ -4,7 +4,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from time import monotonic
 
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, JammingReading
@@ -56,6 +56,7 @@ class PressureWatch:
         self._unnoticed: list[float | None] = [None] * segments
         """Pa shown when a venting began, until the sensor has shown less; None: it has."""
         self._vented = [0.0] * segments  # s since then, in which a reading showed it
+        self._evacuated_at = [inf] * segments  # s, first time after the last reading
         self._pumped = [0.0] * segments  # s since it was vented last
         self._distrusted = [False] * segments
 
@@ -64,6 +65,10 @@ class PressureWatch:
         if self._unnoticed[i] is None:
             self._unnoticed[i], self._vented[i] = self._vacuum[i], 0.0
         self._pumped[i] = 0.0
+
+    def evacuate(self, i: int, now: float) -> None:
+        """Note that a venting ends; now: s, never set back."""
+        self._evacuated_at[i] = min(self._evacuated_at[i], now)
 
     def refilling(self, i: int) -> bool:
         """Whether a segment may have lost vacuum in a venting too short for its sensor to show."""
@@ -80,7 +85,9 @@ class PressureWatch:
         open_, pump = self._driven[i] or (True, False)
         if not evacuated and open_ and self._driven[i]:
             self.vent(i)  # as by a relay that fell off
-        self._vented[i] += 0.0 if open_ else elapsed
+        ended = self._evacuated_at[i] - self._read_at
+        self._vented[i] += 0.0 if open_ else min(elapsed, ended)
+        self._evacuated_at[i] = inf
         self._pumped[i] += elapsed if pump else 0.0
         shown = self._unnoticed[i]
         if shown is None or vacuum <= max(self._settings.release_vacuum, shown - FOLLOW_DROP):
@@ -179,4 +186,6 @@ class JammingController:
         if not stiff:  # at once, as a command that fails may have been carried out
             self.stiff[segment] = False
             self._watch.vent(segment)
+        else:
+            self._watch.evacuate(segment, self._clock())
         self._driver.set_evacuated(segment, stiff)

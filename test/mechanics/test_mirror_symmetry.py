@@ -60,7 +60,7 @@ def assert_images(state, other):
         assert ours == pytest.approx(theirs, abs=1e-6, rel=1e-6, nan_ok=True)
 
 
-@settings(FEW, max_examples=8)
+@settings(FEW, max_examples=5)
 @given(arms(jam=JAMS, segments=(1, 3), bodies=(1, 3), stretch=True), st.data())
 def test_statics_of_a_random_arm(arm, data):
     one, other = Statics(arm), Statics(mirrored(arm))

@@ -320,7 +320,7 @@ class Rig:
         if 'jamming_valves' in names:
             state = self.states['jamming_valves']
             self.wait_for(
-                lambda: state.last.connected and all(
+                lambda: state.last and state.last.connected and all(
                     len(flag) and flag.last.data == (stiffness == JammingValvesState.STIFF)
                     for flag, stiffness in zip(self.stiff, state.last.stiffness, strict=True)),
                 'the state of the valves')

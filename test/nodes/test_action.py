@@ -117,7 +117,8 @@ def test_a_shape_is_held_stiff_for_its_hold_time(sequence: Sequence) -> None:
     arm, goal, _ = sequence
     # C-form ends when segment 3 is stiff; the next shape begins with softening segment 1.
     stiff = [flag.time for flag in arm.stiff[2].heard if flag.message.data][1]
-    soft = [flag.time for flag in arm.stiff[0].heard if not flag.message.data][1]
+    soft = next(flag.time for flag in arm.stiff[0].heard
+                if not flag.message.data and flag.time > stiff)
     assert soft - stiff >= HOLD * 1e9
     assert goal.ended_time - arm.stiff[1].heard[-1].time >= HOLD * 1e9
 

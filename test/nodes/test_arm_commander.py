@@ -25,10 +25,16 @@ REASONS = {
 }
 
 
+def new_commander() -> ArmCommander:
+    node = Mock()
+    node.get_clock().now().nanoseconds = 0
+    return ArmCommander(node, ARM)
+
+
 @pytest.fixture
 def commander() -> ArmCommander:
     """Return a commander that has sent a motion."""
-    commander = ArmCommander(Mock(), ARM)
+    commander = new_commander()
     commander.begin()
     follow(commander, 1)
     return commander
@@ -111,7 +117,7 @@ def test_a_new_motion_begins_without_the_failure_of_the_one_before(
 def test_no_two_processes_and_no_two_runs_use_the_same_id() -> None:
     ids = set()
     for _ in range(2):
-        commander = ArmCommander(Mock(), ARM)
+        commander = new_commander()
         for _ in range(2):
             commander.begin()
             ids |= {follow(commander, motion) for motion in (1, 2)}
