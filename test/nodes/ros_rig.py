@@ -486,10 +486,7 @@ class Rig:
         """Send shapes to a sequencer that may not have found all the others yet."""
         def accepted() -> Goal | None:
             goal = self.goal(*shapes, hold=hold)
-            if goal.accepted:
-                return goal
-            assert 'nothing received' in self.rejected()
-            return None
+            return goal if goal.accepted else None
         return self.wait_for(accepted, 'an accepted goal')  # type: ignore[no-any-return]
 
     def goal_in_motion(self, *shapes: str | Sequence[float] | Shape) -> Goal:
