@@ -138,7 +138,8 @@ class VirtualRig:
         if motion != self.motion:
             self.motion, self.motion_failure = motion, None
         try:
-            self.tendons.accept(times, pulls, self.now, self._predict)
+            self._predict(self.tendons.plan(times, pulls, self.now)[1])
+            self.tendons.accept(times, pulls, self.now)
             self.stiff_since = list(self.jamming.stiff)
         except MotionRefusedError as error:
             self._fail(f'the tendon motion was refused: {error}')
