@@ -207,6 +207,7 @@ def test_a_jump_of_ros_time_ends_only_a_motion_that_follows_it(
     tendons.wait_for_more(tendons.tendons, 10)
     assert tendons.moving
     monkeypatch.undo()
+    tendons.wait_for_more(tendons.tendons, 10)  # back, as the node has seen
     stamped = trajectory([(20.0, (0.010, -0.012))])
     stamped.header.stamp = tendons.observer.get_clock().now().to_msg()
     stamped.header.frame_id = 'me/1'
