@@ -21,11 +21,15 @@ def printable(text: object, most: int = MAX_TEXT) -> str:
     ``most`` characters is cut.
     """
     whole = str(text)
-    shown = whole[:most]
-    if not shown.isprintable():
-        shown = ''.join(c if c.isprintable() else c.encode('unicode_escape').decode()
-                        for c in shown)
+    shown = escaped(whole[:most])
     return shown if len(whole) <= most else f'{shown}... ({len(whole)} characters)'
+
+
+def escaped(text: str) -> str:
+    r"""Return a text with escapes such as \x1b or \n for what does not print."""
+    if text.isprintable():
+        return text
+    return ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in text)
 
 
 def read_bytes(path: str | Path, most: int) -> bytes:

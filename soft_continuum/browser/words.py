@@ -4,10 +4,12 @@
 
 import re
 
+from soft_continuum.ros.names import NODES
+
 LENGTH = 400  # characters
 BUTTONS = {'stop': 'STOP', 'resume': 'Resume', 'reference': 'Reference', 'reset': 'Reset shape',
            'set_all_stiff': 'Stiffen all'}
-NODE = '(?:tendon_actuation|jamming_valves|kinematics|shape_sequencer)'
+NODE = f'(?:{"|".join(NODES)})'
 SOURCE = re.compile(f'^(?:{NODE}(?:/[a-z_0-9]+)*: )+')
 SERVICE = re.compile(f'(call )?(?:~|{NODE})/({"|".join(BUTTONS)})' r'\b')
 

@@ -36,15 +36,19 @@ class Conflicts:
         self._other = Age()
         self._publisher = node.create_publisher(String, '~/instance', STREAM)
         subscribe(node, String, '~/instance', self._on_instance, SENSOR)
-        repeat(node, PERIOD, self._look)
+        repeat(node, PERIOD, self._live)
 
     def _on_instance(self, message: String) -> None:
         if message.data != self._own.data:
             self._other.refresh()
             self._look()
 
-    def _look(self) -> None:
+    def _live(self) -> None:
+        # Only here: an answer to every sign of life would be answered by the other node in turn.
         self._publisher.publish(self._own)
+        self._look()
+
+    def _look(self) -> None:
         node, problems = self._node, []
         if self._other.seconds <= FORGOTTEN:
             problems.append(

@@ -32,6 +32,7 @@ from soft_continuum.ros.conversions import (
     full_poses,
     poses_to_ros,
     pulls_from_ros,
+    stiffness_from_ros,
 )
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
@@ -71,12 +72,12 @@ class Kinematics(Node):
         self._compiled = False
         self._statics = Statics(self._arm)
         segments = len(self._arm.segments)
-        self._stiff: list[bool | None] = [None] * segments
+        self._stiff: tuple[bool | None, ...] = (None,) * segments
         self._vacuum = np.ones(segments)  # parts of the full vacuum
         self._elastic = [i for i, s in enumerate(self._arm.segments) if not s.jam.rigid]
         self._pulls: Array | None = None
         self._next_pulls: Array | None = None  # not followed yet
-        self._next_stiff = tuple(self._stiff)
+        self._next_stiff: tuple[bool | None, ...] = self._stiff
         self._followed = 0.0  # when, s (steady)
         self._sliding = np.zeros(len(self._tendons), dtype=int)
         self._state: Equilibrium | None = None
@@ -126,11 +127,8 @@ class Kinematics(Node):
     def _on_jamming_valves(self, state: JammingValvesState) -> None:
         # A segment of which nothing is known keeps its stiffness: the shape of the arm does not
         # change because a wire broke.
-        if len(state.stiffness) == len(self._stiff):
-            self._next_stiff = tuple(
-                before if now == JammingValvesState.UNKNOWN else now == JammingValvesState.STIFF
-                for before, now in zip(self._next_stiff, state.stiffness, strict=True))
-            self._follow()
+        self._next_stiff = stiffness_from_ros(state, self._next_stiff)
+        self._follow()
 
     def _on_pressure(self, segment: int, message: FluidPressure) -> None:
         """Follow the vacuum of a jam, which counts with the next pulls if it is not rigid."""
@@ -157,8 +155,8 @@ class Kinematics(Node):
             pulls, self._next_pulls = self._next_pulls, None
             self._take_pulls(pulls)
             self._publish()
-        if self._next_stiff != tuple(self._stiff):
-            self._stiff = list(self._next_stiff)
+        if self._next_stiff != self._stiff:
+            self._stiff = self._next_stiff
             self._publish()
         self._followed = STEADY()
 

@@ -15,7 +15,7 @@ from soft_continuum.mechanics.chain import Equilibrium, RigidChain
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.conversions import equilibrium_from_ros
+from soft_continuum.ros.conversions import equilibrium_from_ros, stiffness_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
@@ -56,10 +56,7 @@ class ReportedArm:
                       partial(self._on_pressure, i), SENSOR)
 
     def _on_jamming_valves(self, state: JammingValvesState) -> None:
-        if len(state.stiffness) == len(self.stiff):
-            self.stiff = tuple(
-                before if now == JammingValvesState.UNKNOWN else now == JammingValvesState.STIFF
-                for before, now in zip(self.stiff, state.stiffness, strict=True))
+        self.stiff = stiffness_from_ros(state, self.stiff)
 
     def _on_pressure(self, segment: int, message: FluidPressure) -> None:
         self.pressures[segment] = message.fluid_pressure

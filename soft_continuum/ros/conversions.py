@@ -14,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from soft_continuum.mechanics.arm import TENDONS
 from soft_continuum.mechanics.chain import Array, Equilibrium, orientation, RigidChain
 from soft_continuum.ros.text import plain
-from soft_continuum_interfaces.msg import KinematicsState
+from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
 
 MAX_PULL = 1.0  # m, the most that pull_limits can be
 MAX_JOINT_ANGLE = pi  # rad
@@ -69,6 +69,19 @@ def pulls_from_ros(message: JointState, tendons: Sequence[str]) -> Array:
         raise ValueError(f'tendon_states with pulls of {", ".join(f"{p:g}" for p in pulls)} m; '
                          f'possible: finite numbers up to {MAX_PULL:g} m')
     return pulls
+
+
+def stiffness_from_ros(state: JammingValvesState,
+                       before: Sequence[bool | None]) -> tuple[bool | None, ...]:
+    """
+    Return which segments are stiff; one of which nothing is known stays as it was ``before``.
+
+    A message about another number of segments changes nothing.
+    """
+    if len(state.stiffness) != len(before):
+        return tuple(before)
+    return tuple(was if now == JammingValvesState.UNKNOWN else now == JammingValvesState.STIFF
+                 for was, now in zip(before, state.stiffness, strict=True))
 
 
 def equilibrium_to_ros(state: Equilibrium) -> KinematicsState:

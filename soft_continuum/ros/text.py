@@ -2,16 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text of others, as far as it may be repeated."""
 
+from soft_continuum.text import escaped
+
 MAX_TEXT = 100
 
 
 def plain(text: str, limit: int = MAX_TEXT) -> str:
     """Return ``text`` with at most ``limit`` characters, those that do not print as escapes."""
-    start = text[:limit]
-    if not start.isprintable():
-        start = ''.join(
-            c if c.isprintable() else c.encode('unicode_escape', 'replace').decode()
-            for c in start)
+    start = escaped(text[:limit])
     return start if len(text) <= limit else f'{start}… ({len(text)} characters)'
 
 

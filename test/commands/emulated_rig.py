@@ -24,6 +24,7 @@ from soft_continuum.mechanics.arm import TENDONS
 
 PATIENCE = 60.0  # s until a test gives up waiting; a loaded computer is slow
 SPEED = 4.0
+"""By which emulators, and the drivers and verbs in this process, live faster."""
 TIMEOUT = 1.0  # s that a Modbus reply may take on one
 
 
@@ -48,16 +49,10 @@ class Rig:
 
 
 @contextmanager
-def fast_time():
-    """Let emulators, and the drivers and verbs in this process, live some times faster."""
-    with patch.object(STEADY, '_factor', SPEED):
-        yield
-
-
-@contextmanager
 def emulated_rig(folder, settings=None):
     """A rig that is soft, without a reference, as after it was switched on."""
-    with (fast_time(), GrblEmulator(str(folder / 'grbl'), settings=settings) as grbl,
+    with (patch.object(STEADY, '_factor', SPEED),
+          GrblEmulator(str(folder / 'grbl'), settings=settings) as grbl,
           ModbusEmulator(link=folder / 'modbus') as modbus):
         rig = Rig(grbl, modbus, folder / 'rig.yaml')
         rig.file.write_text('/**:\n  ros__parameters: {}\n')
