@@ -143,13 +143,17 @@ class Kinematics(Node):
         except ValueError as error:
             self.status.set(WARN, str(error))
             return
+        if self._next_stiff != self._stiff:  # pulls after a change are followed after it
+            self._follow_now()
         self._next_pulls = pulls
         self._follow()
 
     def _follow(self) -> None:
         """Follow what was reported last, but not more often than the model can."""
-        if STEADY() - self._followed < MIN_PERIOD:
-            return  # the timer will
+        if STEADY() - self._followed >= MIN_PERIOD:  # else the timer will
+            self._follow_now()
+
+    def _follow_now(self) -> None:
         if self._next_pulls is not None:
             # The motion up to now counts for the stiffness up to now.
             pulls, self._next_pulls = self._next_pulls, None
