@@ -44,7 +44,7 @@ def active_set_step(tension, drive, work, used):  # type: ignore[no-untyped-def]
             if r < 0:
                 continue
             if taut[t]:
-                matrix[r, r] += compliance[t] - 1.0
+                matrix[r, r] += (compliance[t] if mode[t] == LENGTH else 0.0) - 1.0
                 change[r] += gap[t]
             else:
                 for c in range(size):

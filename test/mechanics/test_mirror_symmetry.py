@@ -56,11 +56,12 @@ def assert_images(state, other):
         assert state == other
         return
     there = other.joint_angles, other.tensions, other.pulls, other.slack, other.jumped
-    for ours, theirs in zip(image(state), there, strict=True):
-        assert ours == pytest.approx(theirs, abs=1e-6, rel=1e-6, nan_ok=True)
+    # Two taut tendons of nearly equal levers may share their tensions a little differently.
+    for ours, theirs, rel in zip(image(state), there, (1e-6, 1e-3, 1e-6, 1e-6, 0.0), strict=True):
+        assert ours == pytest.approx(theirs, abs=1e-6, rel=rel, nan_ok=True)
 
 
-@settings(FEW, max_examples=5)
+@settings(FEW, max_examples=30)
 @given(arms(jam=JAMS, segments=(1, 3), bodies=(1, 3), stretch=True), st.data())
 def test_statics_of_a_random_arm(arm, data):
     one, other = Statics(arm), Statics(mirrored(arm))
@@ -68,7 +69,8 @@ def test_statics_of_a_random_arm(arm, data):
     reach = sum(min(s.guide_offsets) for s in arm.segments)
     for _ in range(2):
         soft = data.draw(masks(arm))
-        pull = data.draw(between(0.0, 0.3)) * reach
+        # Without any pull two tendons are just taut: which of them carries is left to rounding.
+        pull = data.draw(between(0.001, 0.3)) * reach
         rest = data.draw(st.sampled_from([0.0, SLACK, -1.1 * pull, -1.5 * pull, 0.5 * pull]))
         signs = data.draw(st.sampled_from([(0, 0), (1, 0), (-1, -1)]))
         segment = soft.index(True)
@@ -135,3 +137,14 @@ def test_an_angle_that_either_tendon_could_hold():
             assert_images(
                 outcome(statics.bend, statics.chain.uniform([start]), 0, angle),
                 outcome(statics.bend, statics.chain.uniform([-start]), 0, -angle))
+
+
+def test_stretch_does_not_matter_to_a_given_angle():
+    for stiffness in (1.0, 1000.0):
+        statics = Statics(paper_like(1, tendon=Tendon(stiffness)))
+        hard = Statics(paper_like(1))
+        for angle in (-0.3, 0.3):
+            state = statics.bend(statics.chain.straight(), 0, angle)
+            wanted = hard.bend(hard.chain.straight(), 0, angle)
+            assert state.joint_angles == pytest.approx(wanted.joint_angles, abs=1e-9)
+            assert state.iterations <= wanted.iterations + 1
