@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The examples run as they stand, anywhere."""
 
+import json
 from pathlib import Path
 import subprocess
 import sys
 
+from matplotlib import pyplot
 from matplotlib.image import imread
 
 EXAMPLES = Path(__file__).parents[1] / 'examples'
@@ -17,3 +19,17 @@ def test_the_mechanics_example_solves_prints_and_draws(tmp_path):
     assert ran.stdout.startswith('pulls (right, left): [')
     assert ran.stderr == ''
     assert imread(tmp_path / 'c_form.png').std() > 0.05  # something is drawn
+
+
+def test_every_cell_of_the_notebook_runs_and_says_what_the_notebook_says(monkeypatch, capsys):
+    monkeypatch.chdir(EXAMPLES)
+    cells = json.loads((EXAMPLES / 'statics.ipynb').read_text(encoding='utf-8'))['cells']
+    names: dict[str, object] = {}
+    printed = []
+    for cell in cells:
+        if cell['cell_type'] == 'code':
+            exec(''.join(cell['source']), names)
+            printed += [line for out in cell['outputs'] for line in out.get('text', ())]
+            assert len(pyplot.get_fignums()) == any('data' in out for out in cell['outputs'])
+            pyplot.close('all')
+    assert capsys.readouterr().out == ''.join(printed)

@@ -76,4 +76,4 @@ def _angles(arm: Arm, lengths: Sequence[tuple[int, float]]) -> Array:
         pulls = [SLACK, SLACK]
         pulls[tendon] = float(state.pulls[tendon]) + length
         state = statics.solve(state, pulls, [i == segment for i in range(statics.chain.segments)])
-    return statics.chain.bending_angles(state.joint_angles)
+    return state.bending_angles

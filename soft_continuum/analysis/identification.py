@@ -111,7 +111,7 @@ class _Fit:
         """Return predicted less measured coordinates, m."""
         statics = Statics(self._arm_at(values))
         state = walk(statics, self._shape.steps, self._shape.name)[-1]
-        points = statics.chain.points(state.joint_angles)[self._rows, :2]
+        points = state.points[self._rows, :2]
         rest: Array = (points - self._shape.positions[self._shape.moving]).ravel()
         return rest
 
@@ -166,7 +166,7 @@ def shape_error(arm: Arm, shape: MeasuredShape) -> Array:
     """Return the distances (m) of the moving points of a shape from where the model has them."""
     statics = Statics(replace(loaded(arm, shape), discretisation=SECOND_ORDER))
     state = walk(statics, shape.steps, shape.name)[-1]
-    there = statics.chain.points(state.joint_angles)[
+    there = state.points[
         [shape.numbers[row] for row in shape.moving], :2]
     distances: Array = np.linalg.norm(there - shape.positions[shape.moving], axis=1)
     return distances

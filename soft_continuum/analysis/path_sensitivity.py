@@ -141,7 +141,7 @@ def points_and_derivatives(
     ends[1:, 1] = np.cumsum(-lengths * np.sin(theta)[:, None] * swept, axis=0)
     derivatives = np.zeros((2 * chain.segments + 2, 2, len(values)))
     derivatives[2::2], derivatives[3::2] = ends[chain.last_joint], ends[chain.last_joint + 1]
-    return chain.points(states[-1].joint_angles)[:, :2], derivatives, states
+    return states[-1].points[:, :2], derivatives, states
 
 
 def _step(statics: Statics, beside: Sequence[tuple[Statics, Statics]], scales: Array,

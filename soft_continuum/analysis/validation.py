@@ -118,7 +118,7 @@ def _chain(model: str, shape: MeasuredShape, arm: Arm) -> Prediction:
     except StaticsError as error:
         raise StaticsError(f'{model}: {error}', error.state) from None
     return Prediction(
-        model, shape, statics.chain.points(states[-1].joint_angles),
+        model, shape, states[-1].points,
         tuple(not any(state.taut) for state in states), any(state.jumped for state in states),
         _needed(statics, shape))
 

@@ -46,7 +46,7 @@ def reach(arm: Arm, order: Sequence[int], per_segment: int) -> Reach:
     """Return the tips for ``per_segment`` angles between the limits of every segment."""
     statics = Statics(arm)
     states = set_on_grid(statics, per_segment, order, progress)
-    tips = [statics.chain.points(state.joint_angles)[-1, :2] for state, _ in states]
+    tips = [state.tip[:2] for state, _ in states]
     return Reach(tuple(order), np.array(tips).reshape(-1, 2),
                  np.array([angles for _, angles in states]).reshape(-1, len(arm.segments)),
                  per_segment**len(arm.segments))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         Segment,
         Tendon,
     )
-    from soft_continuum.mechanics.batch import Batch, solve_batch
+    from soft_continuum.mechanics.batch import Batch, solve_batch, solve_path
     from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, RigidChain, SLACK
     from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
     from soft_continuum.mechanics.inverse import (
@@ -42,7 +42,7 @@ __all__ = [
     'Disc', 'Equilibrium', 'Jam', 'LawError', 'Linearisation', 'MomentCurvature',
     'OverconstrainedError', 'PointForce', 'RigidChain', 'Segment', 'Sensitivity', 'Statics',
     'StaticsError', 'Tendon', 'TipFit', 'angles_for_tip', 'constant_curvature', 'pulls_for_angles',
-    'set_shape', 'solve_batch', 'stiffness', 'workspace',
+    'set_shape', 'solve_batch', 'solve_path', 'stiffness', 'workspace',
 ]
 
 # Cheap ones first: who wants an Arm does not load the solver, its compiler and SciPy.

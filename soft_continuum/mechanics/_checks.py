@@ -65,7 +65,12 @@ def real_array(values: ArrayLike, what: str) -> NDArray[np.float64]:
 
 def finite(value: object) -> bool:
     """Return whether a value is a finite number."""
-    return isinstance(value, Real) and isfinite(value)
+    return is_number(value) and isfinite(value)  # type: ignore[arg-type]
+
+
+def is_number(value: object) -> bool:
+    """Return whether a value is a real number, of Python or numpy, and no truth value."""
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def _listed(values: Any) -> list[Any]:

@@ -145,7 +145,8 @@ class Continuation:
         return Equilibrium(
             angles, point.tension, self.chain.straight_length - point.lengths, slack,
             point.residual, point.iterations, problem.stiff,
-            self.laws.held(angles, problem.system.joints, problem.stiff), jumped, problem.vacuum)
+            self.laws.held(angles, problem.system.joints, problem.stiff), jumped, problem.vacuum,
+            chain=self.chain)
 
     def _step(self, point: Point, problem: Problem) -> tuple[Point, Problem, bool]:
         """Reach the problem's equilibrium in one step, or else in small ones; and if it jumped."""

@@ -7,7 +7,7 @@ Frame ``base_link``: origin at the bottom centre of the base disc, z along the s
 the bending plane.  A positive angle rotates about +y and carries the tip towards +x.
 """
 
-from collections.abc import Sized
+from collections.abc import Sequence, Sized
 from dataclasses import dataclass, replace
 from math import inf, pi
 
@@ -145,6 +145,13 @@ class Arm:
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical arm."""
+        for name, parts, kind in (('segments', self.segments, Segment),
+                                  ('discs', self.discs, Disc),
+                                  ('forces', self.forces, PointForce)):
+            if not (isinstance(parts, Sequence) and all(isinstance(p, kind) for p in parts)):
+                raise ArmError(f'{name} are {parts!r}; give a tuple, each a {kind.__name__}')
+        if not isinstance(self.tendon, Tendon):
+            raise ArmError(f'tendon is {self.tendon!r}; give a Tendon')
         if not self.segments:
             raise ArmError('an arm needs at least one segment')
         if len(self.discs) != len(self.segments) + 1:

@@ -7,12 +7,16 @@ A soft segment is n bodies of length l/n between n + 1 equal springs (paper, III
 rigid.  A state is the vector of all joint angles, (n + 1) per segment, base first.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics.arm import Arm, PAPER
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -33,7 +37,7 @@ class Equilibrium:
     its path.  residual: largest unbalanced moment, N m.  jumped: the equilibrium followed from the
     start ceased to exist on the way and the arm went over to the next stable one.  stiff: which
     segments were stiff.  held_angles: (joints,) rad, the shape that the jam of each stiff segment
-    holds.  vacuum: of each segment, 0 to 1; empty for full.
+    holds.  vacuum: of each segment, 0 to 1; empty for full.  chain: the arm.
     """
 
     joint_angles: Array
@@ -46,6 +50,39 @@ class Equilibrium:
     held_angles: Array
     jumped: bool = False
     vacuum: tuple[float, ...] = ()
+    chain: 'RigidChain' = field(kw_only=True, repr=False)
+
+    @property
+    def bending_angles(self) -> Array:
+        """Bending angle of each segment, (segments,), rad."""
+        return self.chain.bending_angles(self.joint_angles)
+
+    @property
+    def points(self) -> Array:
+        """Bottom and top centre of every disc as RigidChain.points: (2 * discs, 3), m and rad."""
+        return self.chain.points(self.joint_angles)
+
+    @property
+    def tip(self) -> Array:
+        """The tip: (x, z, tangent angle) of the top of the last disc, (3,), m and rad."""
+        tip: Array = self.points[-1]
+        return tip
+
+    def plot(self, axes: 'Axes | None' = None) -> 'Axes':
+        """
+        Draw the arm in mm, soft segments in colour, and return the axes.
+
+        axes: of Matplotlib, which pip install 'soft_continuum[plots]' brings; default: the
+        present ones.
+        """
+        from matplotlib import pyplot
+
+        from soft_continuum.analysis.figures import draw_arm
+        axes = axes or pyplot.gca()
+        draw_arm(axes, self.chain, self.joint_angles,
+                 [s for s, stiff in enumerate(self.stiff) if not stiff])
+        axes.set_ylabel('z in mm')
+        return axes
 
     @property
     def taut(self) -> tuple[bool, bool]:
@@ -112,7 +149,7 @@ class RigidChain:
             raise ValueError(f'joint angles must be {self.joints} finite numbers (rad), '
                              f'{self.joints_per_segment} for each segment')
         return Equilibrium(angles, np.zeros(2), self.straight_length - self.tendon_lengths(angles),
-                           np.zeros(2), 0.0, 0, (True,) * self.segments, angles)
+                           np.zeros(2), 0.0, 0, (True,) * self.segments, angles, chain=self)
 
     def uniform(self, bending_angles: ArrayLike) -> Equilibrium:
         """Return the held state whose segments (rad each) bend evenly over their joints."""

@@ -20,7 +20,7 @@ from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics._checks import finite, refuse_friction, soft_flags, whole
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
+from soft_continuum.mechanics.statics import check_start, SLACK, Statics, StaticsError
 
 METRES_PER_RADIAN = 0.1  # what a tangent that is wanted as well counts
 SAME_ANGLE = 1e-9  # rad: a segment this close has its angle
@@ -56,6 +56,7 @@ def pulls_for_angles(statics: Statics, start: Equilibrium, bending_angles: Array
     ``start``; raises StaticsError where no equilibrium exists.
     """
     refuse_friction(statics.chain.arm.tendon.friction, 'pulls_for_angles')
+    check_start(start)
     wanted = np.asarray(bending_angles, dtype=float)
     soft = soft_flags(soft, statics.chain.segments)
     chosen = np.flatnonzero(np.isfinite(wanted) & soft) if wanted.shape == (len(soft),) else None
@@ -63,7 +64,7 @@ def pulls_for_angles(statics: Statics, start: Equilibrium, bending_angles: Array
         raise ValueError('bending_angles must have one number (or nan) for each segment and one '
                          f'for a soft segment at least; given: {bending_angles!r}')
     full = np.where(np.isfinite(wanted), wanted, 0.0)
-    locked = statics.chain.bending_angles(start.joint_angles)
+    locked = start.bending_angles
     guess = constant_curvature.pulls(
         statics.chain.arm, np.where(np.asarray(soft, dtype=bool), full, locked).tolist())
     first = (RIGHT, LEFT) if wanted[chosen].sum() >= 0.0 else (LEFT, RIGHT)
@@ -96,7 +97,7 @@ def _fit_pull(statics: Statics, start: Equilibrium, wanted: Array, chosen: NDArr
 
     def error(pull: Array) -> Array:
         state = solve(pull)
-        rest: Array = (statics.chain.bending_angles(state.joint_angles) - wanted)[chosen]
+        rest: Array = (state.bending_angles - wanted)[chosen]
         return rest
 
     def slope(pull: Array) -> Array:
@@ -128,7 +129,7 @@ def _fit_pull(statics: Statics, start: Equilibrium, wanted: Array, chosen: NDArr
 def _single(statics: Statics, start: Equilibrium, segment: int, angle: float, tendon: int
             ) -> float:
     """Return the pull by constant curvature that bends one segment from ``start`` on."""
-    angles = statics.chain.bending_angles(start.joint_angles)
+    angles = start.bending_angles
     angles[segment] = angle
     return constant_curvature.pulls(statics.chain.arm, angles.tolist())[tendon]
 
@@ -156,14 +157,14 @@ def set_shape(statics: Statics, bending_angles: Sequence[float],
     if wanted.shape != (segments,) or not np.isfinite(wanted[turns]).all():
         raise ValueError(f'bending_angles must be one finite number in rad for each of the '
                          f'{segments} segments; given: {bending_angles!r}')
-    goal = wanted.copy()
+    goal, begin = wanted.copy(), _begin(statics, start)
     for _ in range(MAX_PASSES):
-        state = start or statics.chain.straight()
+        state = begin
         for segment in turns:
-            present = statics.chain.bending_angles(state.joint_angles)[segment]
+            present = state.bending_angles[segment]
             if abs(present - goal[segment]) > SAME_ANGLE:
                 state = statics.bend(state, segment, float(goal[segment]))
-        missed = (wanted - statics.chain.bending_angles(state.joint_angles))[turns]
+        missed = (wanted - state.bending_angles)[turns]
         if np.all(np.abs(missed) <= SAME_ANGLE):
             return state
         goal[turns] += missed
@@ -171,6 +172,14 @@ def set_shape(statics: Statics, bending_angles: Sequence[float],
         f'segments {[s + 1 for s in turns]} give way to each other and are still '
         f'{np.degrees(missed).round(3).tolist()} degrees from their angles after {MAX_PASSES} '
         'passes; take smaller angles or stiffer jams', state)
+
+
+def _begin(statics: Statics, start: Equilibrium | None) -> Equilibrium:
+    """Return where to begin: by default at the straight arm."""
+    if start is None:
+        return statics.chain.straight()
+    check_start(start)
+    return start
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,8 +218,8 @@ def angles_for_tip(statics: Statics, x: float, z: float, tangent: float | None =
     given = (x, z, 0.0 if tangent is None else tangent)
     if not all(finite(number) for number in given):
         raise ValueError(f'the tip wanted must be finite numbers; given: {x}, {z}, {tangent}')
-    begin = start or statics.chain.straight()
-    present = statics.chain.bending_angles(begin.joint_angles)
+    begin = _begin(statics, start)
+    present = begin.bending_angles
     best: TipFit | None = None
     for count in range(statics.chain.segments + 1):
         for segments in combinations(range(statics.chain.segments), count):
@@ -259,7 +268,7 @@ def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tup
 
     def chain_miss(some: Array) -> Array:
         state = set_shape(statics, all_angles(some).tolist(), begin, segments)
-        return miss(statics.chain.points(state.joint_angles)[-1])
+        return miss(state.tip)
 
     some = np.zeros(0)
     try:
@@ -275,8 +284,8 @@ def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tup
         state = set_shape(statics, all_angles(some).tolist(), begin, segments)
     except StaticsError:
         return None
-    tip = statics.chain.points(state.joint_angles)[-1]
-    angles = statics.chain.bending_angles(state.joint_angles)  # those kept may have given way
+    tip = state.tip
+    angles = state.bending_angles  # those kept may have given way
     if np.any(np.abs(angles) > all_limits + 2.0 * SAME_ANGLE):
         return None
     distance = float(np.hypot(tip[0] - wanted[0], tip[1] - wanted[1]))
@@ -296,8 +305,8 @@ def workspace(statics: Statics, per_segment: int = 9) -> tuple[Array, Array]:
             f'per_segment is {per_segment!r}; a whole number, at least 2, is needed')
     found = [state for state, _ in set_on_grid(statics, per_segment)]
     chain = statics.chain
-    tips = np.array([chain.points(s.joint_angles)[-1] for s in found]).reshape(-1, 3)
-    angles = np.array([chain.bending_angles(s.joint_angles) for s in found])
+    tips = np.array([s.tip for s in found]).reshape(-1, 3)
+    angles = np.array([s.bending_angles for s in found])
     return tips, angles.reshape(-1, chain.segments)
 
 
@@ -319,7 +328,7 @@ def set_on_grid(
         limit = segments[s].bending_angle_limit
         after = []
         for state, angles in progress(states, f'segment {s + 1}'):
-            present = statics.chain.bending_angles(state.joint_angles)[s]
+            present = state.bending_angles[s]
             for angle in np.linspace(-limit, limit, per_segment):
                 bent = angles.copy()
                 bent[s] = angle

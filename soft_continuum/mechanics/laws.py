@@ -7,11 +7,14 @@ The paper takes soft segments as linear and stiff ones as rigid, and asks for pi
 deformation-dependent stiffness in both states as future work (VI); these are ours.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from soft_continuum.mechanics._checks import is_number
 
 GREATEST_RATIO = 1e12  # beyond it rounding hides the soft springs
 
@@ -34,6 +37,9 @@ class MomentCurvature:
 
     def __post_init__(self) -> None:
         """Refuse a table that is not a monotone law through zero, naming the row."""
+        for name, column in (('curvatures', self.curvatures), ('moments', self.moments)):
+            if not (isinstance(column, Sequence) and all(is_number(value) for value in column)):
+                raise LawError(f'{name} are {column!r}; give a tuple of numbers')
         rows = list(zip(self.curvatures, self.moments, strict=False))
         if len(self.curvatures) != len(self.moments) or len(rows) < 2:
             raise LawError(
@@ -107,6 +113,12 @@ class Jam:
 
     def __post_init__(self) -> None:
         """Refuse what is not a jam."""
+        for name, value in (('ratio', self.ratio), ('yield moment', self.yield_moment),
+                            ('stiffness exponent', self.stiffness_exponent)):
+            if not is_number(value):
+                raise LawError(f'{name} of a jam is {value!r}; give a number')
+        if not isinstance(self.law, MomentCurvature | None):
+            raise LawError(f'law of a jam is {self.law!r}; give a MomentCurvature or none')
         if self.ratio != inf and self.law is not None:
             raise LawError(f'a jam has a ratio K ({self.ratio:g}) or a law, not both')
         if not (1.0 < self.ratio <= GREATEST_RATIO or self.ratio == inf):

@@ -120,7 +120,7 @@ class Statics:
         otherwise.  vacuum: as in ``solve``, but by default that of ``start``.  sliding: as in
         ``solve``.  Raises StaticsError when no tendon holds the arm there in a stable way.
         """
-        _check_start(start)
+        check_start(start)
         mask = soft_flags([i == segment for i in range(self.chain.segments)]
                           if soft is None else soft, self.chain.segments)
         if not (whole(segment) and 0 <= segment < self.chain.segments and mask[segment]):
@@ -134,7 +134,7 @@ class Statics:
         # What the tendons carried before may be far too much for the segment that is soft now.
         start = replace(start, tensions=np.zeros(2))
         reasons: dict[int, str] = {}
-        turn = angle - float(self.chain.bending_angles(start.joint_angles)[segment]) or angle
+        turn = angle - float(start.bending_angles[segment]) or angle
         for tendon in (RIGHT, LEFT) if turn >= 0.0 else (LEFT, RIGHT):
             problem = self.problem(start, mask, np.full(2, np.inf), vacuum)
             drive = problem.drive
@@ -182,7 +182,7 @@ class Statics:
         target: (2,) m, the lengths of the tendons; the other arguments are those of ``solve``.
         Raises ValueError for input that is not of this arm.
         """
-        _check_start(start)
+        check_start(start)
         segments, flags = self.chain.segments, soft_flags(soft, self.chain.segments)
         parts = vacuum_parts(vacuum, segments)
         if start.joint_angles.shape != (self.chain.joints,) or len(start.stiff) != segments:
@@ -251,14 +251,14 @@ class Statics:
                 f'their paths by {too_short}; soften a segment first', start)
         return self._unmoved(start, np.where(slack > LOCKED_TOLERANCE, 0.0, np.nan), slack, stiff)
 
-    @staticmethod
-    def _unmoved(start: Equilibrium, tensions: Array, slack: Array, stiff: tuple[bool, ...]
+    def _unmoved(self, start: Equilibrium, tensions: Array, slack: Array, stiff: tuple[bool, ...]
                  ) -> Equilibrium:
         return Equilibrium(start.joint_angles, tensions, start.pulls, slack, 0.0, 0, stiff,
-                           start.joint_angles)
+                           start.joint_angles, chain=self.chain)
 
 
-def _check_start(start: object) -> None:
+def check_start(start: object) -> None:
+    """Raise ValueError for what is not an Equilibrium."""
     if not isinstance(start, Equilibrium):
         raise ValueError('the start must be an Equilibrium, such as statics.chain.straight(); '
                          f'given: {start!r}')

@@ -186,7 +186,7 @@ class Kinematics(Node):
             return
         stamp = self.get_clock().now().to_msg()
         chain, state = self._statics.chain, self._state
-        poses = full_poses(chain.points(state.joint_angles))
+        poses = full_poses(state.points)
         for message in (self._segment_message, self._disc_message, self._joint_message,
                         self._tension_message):
             message.header.stamp = stamp

@@ -30,7 +30,7 @@ def shape_markers(chain: RigidChain, state: Equilibrium, stiff: Sequence[bool | 
     stiff: per segment, None where it is not known.  tension_limit: N, at the end of the colours.
     """
     backbone = chain.backbone(state.joint_angles)
-    points = chain.points(state.joint_angles)
+    points = state.points
     guides = chain.guide_points(state.joint_angles)
     markers = []
     for s, segment in enumerate(chain.arm.segments):

@@ -116,7 +116,7 @@ class ReportedArm:
                 'homing pays out the tendons: stiffen every segment')
         shape = self.shape
         if shape is not None:
-            bent = np.abs(self.chain.bending_angles(shape.joint_angles)).max()
+            bent = np.abs(shape.bending_angles).max()
             if bent > STRAIGHT:
                 return Interlock(
                     Reason.HOMING,

@@ -109,7 +109,7 @@ class Planner:
                 raise PlanError(f'{shape.name}: {problem}')
             moves = []
             for segment, angle in enumerate(shape.bending_angles):
-                present = self.statics.chain.bending_angles(state.joint_angles)[segment]
+                present = state.bending_angles[segment]
                 if abs(present - angle) <= self.settings.angle_tolerance:
                     continue
                 try:
@@ -130,7 +130,7 @@ class Planner:
         soft = [i == segment for i in range(chain.segments)]
         vacuum = state.vacuum or None  # of the jams that stay stiff
         softened = self.statics.solve(state, start, soft, vacuum=vacuum)
-        present = chain.bending_angles(softened.joint_angles)[segment]
+        present = softened.bending_angles[segment]
         steps = max(1, ceil(abs(angle - present) / settings.angle_step))
         points, tension = [start], float(softened.tensions.max())
         bent = softened

@@ -147,7 +147,7 @@ def test_a_sequence_can_be_awaited_while_others_work(client):
 
     result, turns = alone(work())
     assert result.outcome == 'SUCCESSFUL'
-    assert turns > 3
+    assert turns > 1  # a wait that blocks the others leaves them one
 
 
 def test_a_task_that_no_longer_awaits_leaves_the_sequence_running(client):

@@ -55,7 +55,7 @@ def answer(run, monkeypatch):
 
         monkeypatch.setattr('builtins.input', typed)
         ended = run(*arguments)
-        assert not remaining
+        assert not remaining, ended
         return ended
 
     return call

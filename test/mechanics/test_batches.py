@@ -12,7 +12,7 @@ import pytest
 
 from soft_continuum.mechanics import SLACK, Statics, StaticsError
 from soft_continuum.mechanics.arm import Tendon
-from soft_continuum.mechanics.batch import solve_batch
+from soft_continuum.mechanics.batch import solve_batch, solve_path
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
 
 
@@ -177,17 +177,98 @@ def test_arms_and_pulls_that_do_not_go_together_are_refused():
         solve_batch(one, start, (0.01, SLACK), (True,))
     with pytest.raises(ValueError):
         solve_batch(one, short.chain.straight(), (0.01, SLACK), (True, True))
-    with pytest.raises(ValueError, match='stiff'):
-        solve_batch(one, start, (0.01, SLACK), (False, False))
+    with pytest.raises(ValueError, match='2 starts and 3 soft masks'):
+        solve_batch(one, [start] * 2, (0.01, SLACK), [(True, True)] * 3)
 
 
-@pytest.mark.parametrize('changes', [
-    {'soft_law': MomentCurvature((0.0, 1.0, 3.0), (0.0, 0.02, 0.05))},
-    {'jam': Jam(law=MomentCurvature((0.0, 1.0, 3.0), (0.0, 0.1, 0.3)))}])
-def test_tables_are_refused(changes):
-    statics = Statics(paper_like(1, **changes))
-    with pytest.raises(ValueError, match='linear'):
-        solve_batch(statics, statics.chain.straight(), (0.01, SLACK), (True,))
+LAWS = (MomentCurvature((0.0, 1.0, 3.0), (0.0, 0.02, 0.05)),
+        MomentCurvature((0.0, 1.0, 3.0), (0.0, 0.03, 0.05)))
+
+
+@pytest.mark.parametrize('kinds', [
+    [{'soft_law': LAWS[0]}],
+    [{'jam': Jam(law=MomentCurvature((0.0, 1.0, 3.0), (0.0, 0.1, 0.3)))}],
+    [{'soft_law': LAWS[0]}, {'soft_law': LAWS[1]}], [{}, {'soft_law': LAWS[0]}]])
+def test_measured_laws_of_each_arm(kinds):
+    models = [Statics(paper_like(1, **kind)) for kind in kinds]
+    start = models[0].chain.straight()
+    asked = np.array([(0.01, SLACK), (SLACK, 0.02)])
+    assert_as_one_by_one(solve_batch(models, start, asked, (True,)), models, start, asked, (True,))
+
+
+def test_every_problem_with_a_start_and_a_mask_of_its_own():
+    statics = Statics(paper_like(3, Jam(6.0), gravity=9.80665, mounting_angle=2.0))
+    masks = [(True, False, False), (False, True, True), (False, False, False), (True,) * 3]
+    starts = [statics.solve(statics.chain.straight(), (pull, SLACK), (True,) * 3)
+              for pull in (0.0, 0.01, 0.02, 0.03)]
+    asked = np.array([(0.02, SLACK), (SLACK, 0.01), (0.0, SLACK), (0.01, SLACK)])
+    batch = solve_batch(statics, starts, asked, masks)
+    assert batch.found.all()
+    for i, state in enumerate(batch):
+        alone = statics.solve(starts[i], asked[i], masks[i])
+        for name in ('joint_angles', 'tensions', 'pulls', 'slack', 'held_angles', 'stiff'):
+            assert getattr(state, name) == pytest.approx(getattr(alone, name), abs=1e-12)
+        assert batch.bending_angles[i] == pytest.approx(alone.bending_angles, abs=1e-12)
+        assert batch.tips[i] == pytest.approx(alone.tip, abs=1e-12)
+        assert batch.slack[i] == pytest.approx(alone.slack, abs=1e-12)
+
+
+def test_a_batch_goes_on_from_the_states_of_another():
+    statics = Statics(paper_like(2))
+    first = solve_batch(statics, statics.chain.straight(), [(0.01, SLACK), (0.02, SLACK)],
+                        (True, True))
+    second = solve_batch(statics, first, (0.025, SLACK), [(True, False), (False, True)])
+    held = [first[0].bending_angles[1], first[1].bending_angles[0]]
+    assert [second[0].bending_angles[1], second[1].bending_angles[0]] == pytest.approx(held)
+    assert not np.allclose(second.bending_angles, first.bending_angles, atol=0.01)
+
+
+def test_tendons_with_friction_slide_in_each_problem_their_own_way():
+    statics = Statics(paper_like(2, tendon=Tendon(friction=0.2)))
+    start, soft = statics.chain.straight(), (True, True)
+    asked, ways = [(0.02, SLACK)] * 3, [(1, 0), (0, 0), (-1, 0)]
+    batch = solve_batch(statics, start, asked, soft, sliding=ways)
+    for i, way in enumerate(ways):
+        assert batch.tensions[i] == pytest.approx(
+            statics.solve(start, asked[i], soft, sliding=way).tensions, rel=1e-12)
+    right = batch.tensions[:, 0]
+    assert right[0] > 1.05 * right[1] > 1.1 * right[2]
+    with pytest.raises(ValueError, match='without_friction'):
+        solve_batch(statics, start, asked, soft)
+
+
+def test_a_row_without_an_equilibrium_has_no_state():
+    statics = Statics(paper_like(2))
+    batch = solve_batch(statics, statics.chain.straight(), [(0.01, SLACK), (0.5, SLACK)],
+                        (True, True))
+    assert len(batch) == 2
+    assert batch[-2].joint_angles == pytest.approx(batch.joint_angles[0])
+    assert np.isnan(batch.slack[1]).all()
+    assert np.isnan(batch.tips[1]).all()
+    for index in (1, -1, slice(None)):
+        with pytest.raises(LookupError, match='problem 1'):
+            batch[index]
+    with pytest.raises(IndexError):
+        batch[2]
+
+
+def test_a_path_of_pulls_is_followed_from_row_to_row():
+    statics = Statics(paper_like(2, Jam(8.0)))
+    asked = [(0.01, SLACK), (0.02, SLACK), (0.02, SLACK), (SLACK, 0.02)]
+    masks = [(True, True), (True, True), (True, False), (False, True)]
+    path = solve_path(statics, statics.chain.straight(), asked, masks)
+    state = statics.chain.straight()
+    for i, (pulls, soft) in enumerate(zip(asked, masks, strict=True)):
+        state = statics.solve(state, pulls, soft)
+        assert path[i].joint_angles is path[i].joint_angles
+        assert path.joint_angles[i] == pytest.approx(state.joint_angles, abs=0.0)
+        assert path[i].stiff == state.stiff
+    assert path.tips[-1] == pytest.approx(state.tip, abs=1e-12)
+    with pytest.raises(StaticsError, match='row 1 of 2') as caught:
+        solve_path(statics, statics.chain.straight(), [(0.01, SLACK), (0.5, SLACK)], (True, True))
+    assert caught.value.state.joint_angles.shape == (statics.chain.joints,)
+    with pytest.raises(ValueError, match='4 pairs of pulls'):
+        solve_path(statics, statics.chain.straight(), asked, masks[:2])
 
 
 def test_a_batch_does_not_find_the_arm_straight_where_it_buckles():
@@ -196,9 +277,3 @@ def test_a_batch_does_not_find_the_arm_straight_where_it_buckles():
     batch = solve_batch(statics, statics.chain.straight(), asked, (True,) * 3)
     assert batch.jumped.tolist() == [True, False]  # pulled unlike it bends without a jump
     assert_as_one_by_one(batch, [statics], statics.chain.straight(), asked, (True,) * 3)
-
-
-def test_a_batch_of_tendons_with_friction_is_refused():
-    rough = Statics(paper_like(1, tendon=Tendon(friction=0.1)))
-    with pytest.raises(ValueError, match='without_friction'):
-        solve_batch(rough, rough.chain.straight(), (0.01, SLACK), (True,))

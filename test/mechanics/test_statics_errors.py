@@ -10,16 +10,25 @@ import paper_arm as paper
 import pytest
 
 from soft_continuum.mechanics import (
+    angles_for_tip,
     Arm,
     ArmError,
     Disc,
+    Jam,
+    LawError,
     LEFT,
+    MomentCurvature,
     OverconstrainedError,
+    PointForce,
+    pulls_for_angles,
     RIGHT,
     Segment,
+    set_shape,
     SLACK,
+    solve_path,
     Statics,
     StaticsError,
+    Tendon,
 )
 
 FIRST = paper.only(0)
@@ -42,7 +51,12 @@ def test_pulls_that_are_not_two_numbers_are_refused(statics, asked):
 def test_a_start_that_is_no_state_is_refused(statics, start):
     for call in (lambda: statics.solve(start, (0.0, SLACK), FIRST),
                  lambda: statics.solve_tensions(start, (0.0, 0.0), FIRST),
-                 lambda: statics.bend(start, 0, 0.1)):
+                 lambda: statics.bend(start, 0, 0.1),
+                 lambda: solve_path(statics, start, (0.0, SLACK), FIRST),
+                 lambda: pulls_for_angles(statics, start, [0.1] * len(FIRST), FIRST),
+                 *(() if start is None else (
+                     lambda: set_shape(statics, [0.1] * len(FIRST), start),
+                     lambda: angles_for_tip(statics, 0.0, 0.2, start=start)))):
         with pytest.raises(ValueError, match='Equilibrium'):
             call()
 
@@ -53,6 +67,33 @@ def test_a_segment_of_no_numbers_is_refused(changes):
     with pytest.raises(ArmError, match='number'):
         Segment(**({'length': 0.07, 'bending_stiffness': 0.02, 'guide_offsets': (0.02, 0.02)}
                    | changes))
+
+
+SEGMENTS, DISCS = (Segment(0.07, 0.02, (0.02, 0.02)),), (Disc(0.03), Disc(0.03))
+
+
+@pytest.mark.parametrize('make', [
+    lambda value: Arm(SEGMENTS, DISCS, forces=(PointForce(1, value, 0.0),)),
+    lambda value: Arm(SEGMENTS, DISCS, forces=(PointForce(value, 0.0, 0.0),)),
+    lambda value: Arm(SEGMENTS, DISCS, payload=value),
+    lambda value: Arm(SEGMENTS, DISCS, tendon=value),
+    lambda value: Arm(SEGMENTS, DISCS, forces=value),
+    lambda value: Arm(value, DISCS),
+    lambda value: Arm(SEGMENTS, value),
+    Jam,
+    lambda value: Jam(3.0, yield_moment=value),
+    lambda value: Jam(3.0, stiffness_exponent=value),
+    lambda value: MomentCurvature((0.0, value), (0.0, 1.0)),
+    lambda value: MomentCurvature(value, (0.0, 1.0)),
+    Tendon,
+    lambda value: Tendon(friction=value),
+    lambda value: Disc(0.03, value),
+    lambda value: Segment(0.07, 0.02, value),
+])
+@pytest.mark.parametrize('value', ['7', None, 1j, nan])
+def test_what_is_no_number_is_refused_by_every_part_of_an_arm(make, value):
+    with pytest.raises((ArmError, LawError), match='give|allowed|row|discs are|must be'):
+        make(value)
 
 
 def test_true_is_no_number_of_bodies(statics):
