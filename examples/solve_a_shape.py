@@ -7,12 +7,11 @@ from pathlib import Path
 
 from matplotlib import pyplot
 
-from soft_continuum.analysis.figures import draw_arm
 from soft_continuum.mechanics import set_shape, Statics
 from soft_continuum.parameters.files import load_arm
 
 statics = Statics(load_arm(Path(__file__).parents[1] / 'config' / 'manipulator.yaml'))
 c_form = set_shape(statics, [radians(36)] * 3)
 print('pulls (right, left):', c_form.pulls * 1e3, 'mm; tensions:', c_form.tensions, 'N')
-draw_arm(pyplot.gca(), statics.chain, c_form.joint_angles)
+c_form.plot()
 pyplot.savefig('c_form.png')

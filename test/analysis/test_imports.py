@@ -18,7 +18,7 @@ ALLOWED = {*sys.stdlib_module_names, 'numpy', 'scipy', 'numba', 'tqdm',
 
 
 def imported(path):
-    """Yield what the module imports, other than inside functions."""
+    """Yield what the module imports, other than inside functions and for types only."""
     pending = [ast.parse(path.read_text(encoding='utf-8'))]
     while pending:
         node = pending.pop()
@@ -26,7 +26,8 @@ def imported(path):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             yield node.module
-        elif not isinstance(node, ast.FunctionDef):
+        elif not (isinstance(node, ast.FunctionDef) or (
+                isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING')):
             pending += ast.iter_child_nodes(node)
 
 
