@@ -12,7 +12,7 @@ from processes import module_command, Processes
 import pytest
 from ros_rig import ALL, Rig
 
-from soft_continuum.nodes.up import description_file
+from soft_continuum.nodes.up import description_file, ros_arguments, start_parser
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum_interfaces.action import RunShapeSequence
 
@@ -55,26 +55,30 @@ def test_a_stop_of_one_arm_leaves_the_other_one_running(make_rig: Callable[..., 
     rigs['left'].assert_rests()
 
 
-@pytest.mark.parametrize(('namespace', 'in_file', 'frame'), [
-    ('left', '', 'left/base_link'), ('/lab/left/', '    frame_id: rail\n', 'rail')])
 def test_the_four_nodes_come_up_under_a_namespace(
-        make_rig: Callable[..., Rig], processes: Processes, tmp_path: Path,
-        namespace: str, in_file: str, frame: str) -> None:
+        make_rig: Callable[..., Rig], processes: Processes, tmp_path: Path) -> None:
     patient = tmp_path / 'patient.yaml'
-    patient.write_text('/**:\n  ros__parameters:\n    silence_timeout: 10.0\n' + in_file)
-    rig = make_rig(namespace='/' + namespace.strip('/'))
+    patient.write_text('/**:\n  ros__parameters:\n    silence_timeout: 10.0\n')
+    rig = make_rig(namespace='/lab/left')
     up = processes.start([
-        *module_command('up'), '--namespace', namespace,
+        *module_command('up'), '--namespace', '/lab/left/',
         '--params-file', str(description_file()), '--params-file', str(patient)])
     rig.wait_until_ready(*ALL)
     nodes = {f'{space.rstrip("/")}/{name}' for name, space
              in rig.observer.get_node_names_and_namespaces()}
     assert nodes == {f'{rig.namespace}/{name}' for name in (*ALL, 'observer')}
     assert rig.goal_when_heard((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'
-    assert rig.segment_poses.last.header.frame_id == frame  # two arms share one TF tree
+    # Two arms share one TF tree.
+    assert rig.segment_poses.last.header.frame_id == 'lab/left/base_link'
     up.send(signal.SIGINT)
     assert up.wait() == 0
     assert 'Traceback' not in up.output
+
+
+def test_a_frame_in_a_file_wins_over_that_of_the_namespace() -> None:
+    options = start_parser('up', '').parse_args(['--namespace', 'left', '--params-file', 'x'])
+    arguments = ros_arguments(options)
+    assert arguments.index('frame_id:=left/base_link') < arguments.index('x')
 
 
 def test_without_a_namespace_the_four_nodes_come_up_at_the_root(
