@@ -21,11 +21,11 @@ def printable(text: object, most: int = MAX_TEXT) -> str:
     ``most`` characters is cut.
     """
     whole = str(text)
-    shown = escaped(whole[:most])
+    shown = _escaped(whole[:most])
     return shown if len(whole) <= most else f'{shown}... ({len(whole)} characters)'
 
 
-def escaped(text: str) -> str:
+def _escaped(text: str) -> str:
     r"""Return a text with escapes such as \x1b or \n for what does not print."""
     if text.isprintable():
         return text

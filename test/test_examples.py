@@ -26,6 +26,7 @@ def test_every_cell_of_the_notebook_runs_and_says_what_the_notebook_says(monkeyp
     cells = json.loads((EXAMPLES / 'statics.ipynb').read_text(encoding='utf-8'))['cells']
     names: dict[str, object] = {}
     printed = []
+    pyplot.close('all')  # those of other tests
     for cell in cells:
         if cell['cell_type'] == 'code':
             exec(''.join(cell['source']), names)

@@ -93,7 +93,7 @@ def open_server(host: str, port: int, token: str = '', bar: Bar | None = None
     if not checked:
         server.stop()
         raise AccessError(f'viser {viser.__version__} does not let its connections be checked; '
-                        'install the version in requirements/python.txt')
+                        'install the version in requirements/lock.txt')
     return server
 
 

@@ -24,15 +24,23 @@ from soft_continuum.client.tasks import until
 from soft_continuum.ros.names import KINEMATICS, NODES
 from soft_continuum.text import printable
 
-DISCOVERY_TIMEOUT = 5.0  # s
+DISCOVERY_TIMEOUT = 5.0  # s until the first message
+BUSY_TIMEOUT = 15.0  # s, of nodes that are seen to run
 
 
 class Recorder:
-    """Writes every message of an observed arm into a recording; asks for nothing."""
+    """
+    Writes every message of an observed arm into a recording; asks for nothing.
+
+    interrupted: set it to end the recording.  failure: why nothing more could be written, such as
+    a full disk.
+    """
 
     def __init__(self, directory: Path, observed: ObservedArm, namespace: str) -> None:
         """Begin as soon as the tendons of the arm are known; ``directory`` exists."""
         self.goal_ended = False
+        self.interrupted = False
+        self.failure: OSError | None = None
         self.about = (f'soft_continuum {version()}, arm in namespace {namespace}, '
                       f'{datetime.now().astimezone().isoformat(timespec="seconds")}')
         self._directory = directory
@@ -45,6 +53,11 @@ class Recorder:
         observed.on_change(self._on_message)
 
     @property
+    def ending(self) -> bool:
+        """Whether nothing more is to be recorded."""
+        return self.interrupted or self.closed
+
+    @property
     def recording(self) -> bool:
         """Whether something has been written."""
         return self._writer is not None
@@ -53,11 +66,19 @@ class Recorder:
         """Close the files; what comes later is not recorded."""
         self.closed = True
         if self._writer is not None:
-            self._writer.__exit__(None, None, None)
+            with suppress(OSError):  # what could not be written before cannot be now
+                self._writer.__exit__(None, None, None)
 
     def _on_message(self, topic: str) -> None:
         if self.closed or not self._observed.tendons:
             return
+        try:
+            self._record(topic)
+        except OSError as error:
+            self.failure = error
+            self.close()
+
+    def _record(self, topic: str) -> None:
         if self._writer is None:
             self._writer = RecordingWriter(self._directory, self._observed.tendons)
             self._event(self._writer, 0.0, ABOUT, self.about)
@@ -112,18 +133,25 @@ async def _begin(requests: Requests, directory: Path) -> Recorder:
 async def _record(requests: Requests, recorder: Recorder, duration: float, goal: bool) -> None:
     """Record for ``duration`` s, or until a goal has ended; raises ClientError without nodes."""
     try:
-        if not await until(lambda: recorder.recording, min(duration, DISCOVERY_TIMEOUT)):
+        begun = await until(lambda: recorder.recording or recorder.ending,
+                            min(duration, DISCOVERY_TIMEOUT))
+        if not begun and any(requests.observed.running().values()):  # on a busy machine
+            begun = await until(lambda: recorder.recording or recorder.ending,
+                                min(duration, BUSY_TIMEOUT) - DISCOVERY_TIMEOUT)
+        if not begun:
             raise requests.not_found('the tendons', NODES, DISCOVERY_TIMEOUT)
-        await until(lambda: goal and recorder.goal_ended, duration)
+        await until(lambda: recorder.ending or (goal and recorder.goal_ended), duration)
     finally:
         recorder.close()
+    if recorder.failure is not None:
+        raise recorder.failure
 
 
 async def _description(requests: Requests, recorder: Recorder) -> dict[str, Any]:
     """Return the parameters of the arm that is recorded; none of an arm without kinematics."""
     observed = requests.observed
-    await until(lambda: observed.running()[KINEMATICS] or recorder.closed, inf)
-    if recorder.closed:
+    await until(lambda: observed.running()[KINEMATICS] or recorder.ending, inf)
+    if recorder.ending:
         return {}
     listed = await requests.call(ListParameters, f'{KINEMATICS}/list_parameters',
                                  prefixes=['arm'])
@@ -138,13 +166,20 @@ def record(directory: Path, *, namespace: str = '', duration: float = inf,
     directory: where the files are written.  duration: s.  goal: whether the end of the goal that
     runs, or begins next, is the end.
     """
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     begin = monotonic()
     connection: Connection | None = None
     try:
         connection = Connection('recorder', namespace)
         requests = connection.requests
         recorder = requests.start(_begin(requests, directory)).result()
+
+        def interrupt(number: int, _: Any) -> None:
+            # An exception would be lost in a callback, such as those of an import.
+            recorder.interrupted = True
+            signal.signal(number, signal.SIG_DFL)
+
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, interrupt)
         recording = requests.start(_record(requests, recorder, duration, goal))
         with suppress(ClientError):  # the rest is worth recording without it
             if values := requests.start(_description(requests, recorder)).result():
@@ -155,8 +190,10 @@ def record(directory: Path, *, namespace: str = '', duration: float = inf,
     except ClientError as error:
         print(f'record: {error}', file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        pass
+    except OSError as error:
+        print(f'record: cannot write to {directory} any more: {error.strerror}; what was recorded '
+              f'in {monotonic() - begin:.1f} s is kept', file=sys.stderr)
+        return 1
     finally:
         if connection is not None:
             connection.close()

@@ -164,7 +164,7 @@ class TendonController:
                 Reason.INVALID, 'time_from_start must increase from point to point')
         if times[-1] <= now - MAX_DELAY:  # it may be shorter than it took to arrive
             raise MotionRefusedError(
-                Reason.INVALID, f'the trajectory ended {now - times[-1]:.3f} s ago; check '
+                Reason.LATE, f'the trajectory ended {now - times[-1]:.3f} s ago; check '
                 'header.stamp (zero: start now) and the clocks')
         low, high = self.limits.pull_limits
         if pulls.min() < low or pulls.max() > high:

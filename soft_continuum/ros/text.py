@@ -2,15 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text of others, as far as it may be repeated."""
 
-from soft_continuum.text import escaped
+from soft_continuum.text import printable
 
 MAX_TEXT = 100
 
 
 def plain(text: str, limit: int = MAX_TEXT) -> str:
-    """Return ``text`` with at most ``limit`` characters, those that do not print as escapes."""
-    start = escaped(text[:limit])
-    return start if len(text) <= limit else f'{start}… ({len(text)} characters)'
+    """Return ``text`` as text.printable does, for what other nodes send."""
+    return printable(text, limit)
 
 
 def name_problem(name: str) -> str:

@@ -5,6 +5,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+import resource
 import signal
 import subprocess
 import sys
@@ -84,6 +85,16 @@ def test_what_was_recorded_before_it_was_ended_is_kept(
     status, _, err = recorder.end()
     assert status == (-signal.SIGKILL if number == signal.SIGKILL else 0)
     assert 'Traceback' not in err
+    assert len(read_recording(recorder.directory).tendons) > 2
+
+
+def test_a_disk_that_is_full_ends_it_and_keeps_what_there_is(recorder: RecordProcess) -> None:
+    sizes = [path.stat().st_size for path in recorder.directory.glob('*.csv')]
+    resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (max(sizes), max(sizes)))
+    status, _, err = recorder.end()
+    assert status == 1
+    assert err.startswith(f'record: cannot write to {recorder.directory} any more: ')
+    assert len(err.splitlines()) == 1
     assert len(read_recording(recorder.directory).tendons) > 2
 
 

@@ -94,7 +94,7 @@ def test_of_values_that_come_faster_than_they_are_taken_only_the_newest_counts()
 def test_text_of_others_is_cut_and_escaped() -> None:
     assert plain('c_form') == 'c_form'
     assert plain('\x1b[2J\n') == r'\x1b[2J\n'
-    assert plain('x' * 5_000_000) == 'x' * 100 + '… (5000000 characters)'
+    assert plain('x' * 5_000_000) == 'x' * 100 + '... (5000000 characters)'
 
 
 def test_while_one_subscription_replaces_another_the_old_one_can_only_stop() -> None:
