@@ -23,7 +23,7 @@ from soft_continuum.mechanics.stiffness import bending_stiffness_from_slope
 
 CONFIDENCE = 0.95
 NONLINEAR = 0.03  # of the largest force: a line this far off is not all there is
-BETTER = 0.8  # scatter about a table over that about a line, for the table to say more
+MAX_SCATTER = 0.8  # scatter about a table over that about a line, for the table to say more
 TABLE_ROWS = 5  # of a moment-curvature table, with (0, 0)
 QUADRATURE = 32  # points along the spring
 SOFT_OVER_LEAF = (0.6, 8.0)
@@ -227,7 +227,8 @@ def _fit_law(curves: Sequence[Curve], line: Regression, length: float, lever_arm
     error = np.abs(bent * line.slope + line.intercept - forces).max() / f.max()
     curvatures = np.concatenate([[0.0], np.cumsum(slopes * np.diff(nodes))])
     return _Law(MomentCurvature(tuple(curvatures.tolist()), tuple(nodes.tolist())), float(error),
-                bool(error > NONLINEAR and scatter < BETTER * of_line), np.array([bent, forces]))
+                bool(error > NONLINEAR and scatter < MAX_SCATTER * of_line),
+                np.array([bent, forces]))
 
 
 def question_soft(result: Characterisation, leaf_spring: float) -> str:

@@ -25,7 +25,7 @@ from soft_continuum.analysis.delimited import (
 )
 from soft_continuum.mechanics.chain import Array
 
-FEWEST_POINTS = 10  # on the way up, for a slope that means something
+MIN_POINTS = 10  # on the way up, for a slope that means something
 MAX_CURVES = 50
 MAX_POINTS = 100_000  # of all curves together
 
@@ -159,10 +159,10 @@ def _curve(name: str, column: Column, displacement: Array, force: Array) -> Curv
         displacement, force = -displacement, -force
     curve = Curve(name, displacement, force)
     up = curve.turn + 1 if displacement.size else 0
-    if up < FEWEST_POINTS:
+    if up < MIN_POINTS:
         raise MeasurementError(
             f'{where}: the repetition that starts here has {up} points up to its largest '
-            f'displacement; {FEWEST_POINTS} or more are needed: measure it in smaller steps')
+            f'displacement; {MIN_POINTS} or more are needed: measure it in smaller steps')
     if np.ptp(curve.loading[0]) == 0.0 or np.ptp(curve.loading[1]) == 0.0:
         raise MeasurementError(f'{where}: force or displacement does not change in the repetition '
                                'that starts here; check which columns were exported')

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from soft_continuum.analysis.measured_shapes import loaded, MeasuredShape, walk
+from soft_continuum.analysis.measured_shapes import loaded, MeasuredShape, simulate_steps
 from soft_continuum.analysis.path_sensitivity import points_and_derivatives
 from soft_continuum.analysis.unknowns import IdentificationError, Unknown, with_values
 from soft_continuum.mechanics.arm import Arm, SECOND_ORDER
@@ -22,7 +22,7 @@ from soft_continuum.mechanics.statics import Statics, StaticsError
 
 DETERMINED = 0.15  # standard deviation over scale, beyond which data do not determine an unknown
 BEST_MEASUREMENT = 5e-5  # m: points agree no better than this by merit of the model
-SHARE = 0.3  # of an unknown in what cannot be told, for it to be named
+MIN_SHARE = 0.3  # of an unknown in what cannot be told, for it to be named
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ class _Fit:
     def residuals(self, values: Array) -> Array:
         """Return predicted less measured coordinates, m."""
         statics = Statics(self._arm_at(values))
-        state = walk(statics, self._shape.steps, self._shape.name)[-1]
+        state = simulate_steps(statics, self._shape.steps, self._shape.name)[-1]
         points = state.points[self._rows, :2]
         rest: Array = (points - self._shape.positions[self._shape.moving]).ravel()
         return rest
@@ -148,7 +148,7 @@ def _judged(arm: Arm, unknowns: tuple[Unknown, ...], values: Array, residuals: A
 
 
 def _refuse(unknowns: tuple[Unknown, ...], direction: Array, spread: float) -> None:
-    involved = [u for u, share in zip(unknowns, direction, strict=True) if abs(share) > SHARE]
+    involved = [u for u, share in zip(unknowns, direction, strict=True) if abs(share) > MIN_SHARE]
     names = ', '.join(u.name for u in involved)
     remedies = '; or '.join(dict.fromkeys(u.remedy for u in involved))
     if len(involved) == 1:
@@ -165,7 +165,7 @@ def _refuse(unknowns: tuple[Unknown, ...], direction: Array, spread: float) -> N
 def shape_error(arm: Arm, shape: MeasuredShape) -> Array:
     """Return the distances (m) of the moving points of a shape from where the model has them."""
     statics = Statics(replace(loaded(arm, shape), discretisation=SECOND_ORDER))
-    state = walk(statics, shape.steps, shape.name)[-1]
+    state = simulate_steps(statics, shape.steps, shape.name)[-1]
     there = state.points[
         [shape.numbers[row] for row in shape.moving], :2]
     distances: Array = np.linalg.norm(there - shape.positions[shape.moving], axis=1)

@@ -215,7 +215,7 @@ def sliding(start: Equilibrium, step: Step) -> tuple[int, int]:
     return right, left
 
 
-def walk(statics: Statics, steps: Sequence[Step], name: str = '') -> list[Equilibrium]:
+def simulate_steps(statics: Statics, steps: Sequence[Step], name: str = '') -> list[Equilibrium]:
     """
     Return the equilibrium after each step, from the straight arm.
 

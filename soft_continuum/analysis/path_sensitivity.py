@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.analysis.measured_shapes import sliding, Step, walk
+from soft_continuum.analysis.measured_shapes import simulate_steps, sliding, Step
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium, RigidChain
 from soft_continuum.mechanics.joints import HELD, JAM, SOFT
@@ -120,10 +120,10 @@ def points_and_derivatives(
     small.  Returns points (2 * discs, 2), m; derivatives (2 * discs, 2, k), m per unit; and the
     equilibrium after each step.  A slack tendon is taken to stay slack and a taut one taut.
 
-    Raises StaticsError as ``walk`` does.
+    Raises StaticsError as ``simulate_steps`` does.
     """
     statics = Statics(arm_at(values))
-    states = walk(statics, steps, name)
+    states = simulate_steps(statics, steps, name)
     beside = [(Statics(arm_at(values + h)), Statics(arm_at(values - h)))
               for h in np.diag(DIFFERENCE * scales)]
     chain = statics.chain

@@ -33,7 +33,7 @@ MARKERS = 'o^sDvP*X'
 MODEL_STYLES = {CONSTANT_CURVATURE: ('s', 9.0, ''), WITHOUT_GRAVITY: ('+', 9.0, ''),
                 WITH_GRAVITY: ('^', 6.0, '--'), CORRECTED: ('D', 6.0, '')}
 """Marker, its size and the line of each model."""
-MOST_COLUMNS = 4
+MAX_PANELS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ def convergence_figure(path: str | Path, found: Convergence, tolerance: float) -
 def validation_figure(path: str | Path, predictions: Sequence[Prediction]) -> None:
     """Write a panel for each shape, measured and by each model, and the error of each; mm."""
     shapes = list(dict.fromkeys(p.shape for p in predictions))
-    columns = min(MOST_COLUMNS, len(shapes))
+    columns = min(MAX_PANELS, len(shapes))
     rows = -(-len(shapes) // columns)
     drawn = np.concatenate(
         [*(s.positions for s in shapes), *(p.points[:, :2] for p in predictions)])
@@ -146,7 +146,7 @@ def _draw_errors(axes: Axes, shapes: Sequence[MeasuredShape], predictions: Seque
                           marker=marker, color='0.35', markersize=size, markerfacecolor='none',
                           linewidth=0.5)
     axes.set_xticks(starts[:-1], [f'{s.name}, base' for s in shapes], parse_math=False,
-                    rotation=30 if len(shapes) > MOST_COLUMNS else 0, ha='left')
+                    rotation=30 if len(shapes) > MAX_PANELS else 0, ha='left')
     axes.set_ylabel('error of each point in mm')
     axes.grid(alpha=0.3)
 

@@ -21,7 +21,7 @@ class ResultError(RuntimeError):
     """A result cannot be written; the message says where and what to do."""
 
 
-def claim(directory: str | Path, names: Sequence[str], force: bool) -> tuple[Path, ...]:
+def reserve_outputs(directory: str | Path, names: Sequence[str], force: bool) -> tuple[Path, ...]:
     """
     Return the paths of results in a directory, which is made when it does not exist.
 

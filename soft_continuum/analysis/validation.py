@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from soft_continuum.analysis.measured_shapes import loaded, MeasuredShape, Step, walk
+from soft_continuum.analysis.measured_shapes import loaded, MeasuredShape, simulate_steps, Step
 from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics import constant_curvature, LEFT, RIGHT
 from soft_continuum.mechanics.arm import Arm, ArmError
@@ -114,7 +114,7 @@ def _arc_angle(arm: Arm, step: Step, others: tuple[float, float]) -> float:
 def _chain(model: str, shape: MeasuredShape, arm: Arm) -> Prediction:
     statics = Statics(loaded(arm, shape))
     try:
-        states = walk(statics, shape.steps, shape.name)
+        states = simulate_steps(statics, shape.steps, shape.name)
     except StaticsError as error:
         raise StaticsError(f'{model}: {error}', error.state) from None
     return Prediction(

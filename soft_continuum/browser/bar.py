@@ -21,16 +21,15 @@ from websockets.exceptions import ConnectionClosed
 from soft_continuum.browser.log import LOG
 from soft_continuum.browser.session import Notice
 from soft_continuum.browser.words import plain
+from soft_continuum.client.observed import STALE_AFTER
 from soft_continuum.client.state import ArmState
+from soft_continuum.client.tasks import HOW_TO_START
 from soft_continuum.ros.names import TENDON_ACTUATION
 
 PAGE = Path(__file__).with_name('page.html').read_text(encoding='utf-8')
 PATH = '/bar'
-LOOK_PERIOD = 0.1  # s between two looks at whether there is something new
+CHECK_PERIOD = 0.1  # s between two looks at whether there is something new
 SEND_PERIOD = 1.0  # s until it is sent again: the page knows from it that it is connected
-STALE_AFTER = 3.0  # s
-HOW_TO_START = ('Start them with ./run up or ros2 launch soft_continuum bringup.launch.py; '
-                'this page continues by itself.')
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class BarState:
     problem: bool = False
 
 
-LOST = BarState('lost', 'No news of the arm',
+LOST = BarState('lost', 'No data from the arm',
                 'The view has stopped following it. Press STOP, then start the view again.')
 
 
@@ -53,15 +52,20 @@ def bar_state(state: ArmState, notices: Iterable[Notice] = ()) -> BarState:
     kind, headline, text = _motion(state)
     missing = [node.name for node in state.nodes if node.stale]
     if len(missing) == len(state.nodes):
-        text = f'No node is running. {HOW_TO_START}'
+        text = f'No node is running. {_how_to_start()}'
     elif missing:
-        text = f'{text} Not running: {", ".join(missing)}. {HOW_TO_START}'.strip()
+        text = f'{text} Not running: {", ".join(missing)}. {_how_to_start()}'.strip()
     new = [notice for notice in notices if notice.is_new]
     if not new:
         return BarState(kind, headline, text)
     last, more = new[-1], sum(notice.count for notice in new[:-1])
     return BarState(kind, headline, text, f'{last.title}: {last.text}{last.times}'
                     + (f' (+{more} under Messages)' if more else ''), last.is_problem)
+
+
+def _how_to_start() -> str:
+    return f'{HOW_TO_START[0].upper()}{HOW_TO_START[1:]}; this page continues by itself.'.replace(
+        '`', '')
 
 
 def _motion(state: ArmState) -> tuple[str, str, str]:
@@ -116,4 +120,4 @@ class Bar:
             if shown != sent or monotonic() - when >= SEND_PERIOD:
                 sent, when = shown, monotonic()
                 await connection.send(json.dumps(asdict(shown)))
-            await asyncio.sleep(LOOK_PERIOD)
+            await asyncio.sleep(CHECK_PERIOD)

@@ -19,7 +19,6 @@ from soft_continuum.colours import (
     TENSIONS,
     UNKNOWN,
 )
-from soft_continuum.ros.names import SHAPE_SEQUENCER
 
 WARNING: Colour = (255, 222, 89)
 BAD: Colour = (214, 40, 40)
@@ -103,11 +102,11 @@ def sequence_html(state: ArmState) -> str:
     if progress is not None:
         where = f'segment {progress.segment}' if progress.segment else 'whole arm'
         return _small(f'<b>{_text(progress.shape)}</b>: {where}, {_text(progress.phase)}')
-    values = state.node(SHAPE_SEQUENCER).values
-    last, reason = values.get('last', ''), values.get('reason', '')
-    if not last:
+    last = state.last_result
+    if last is None:
         return _small('no sequence yet')
-    return _small(f'last: <b>{_text(last)}</b>{": " if reason else ""}{_text(reason)}')
+    return _small(f'last: <b>{_text(last.outcome)}</b>{": " if last.message else ""}'
+                  f'{_text(last.message)}')
 
 
 def notices_html(notices: Iterable[Notice]) -> str:

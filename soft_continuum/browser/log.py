@@ -11,7 +11,7 @@ SERVER_LOG = logging.getLogger('soft_continuum.browser.server')
 """For websockets; without the tracebacks that it writes about what browsers send."""
 
 
-class _Few(logging.Filter):
+class _RateLimit(logging.Filter):
     """Lets LINES pass in PERIOD, and counts the others."""
 
     def __init__(self) -> None:
@@ -35,4 +35,4 @@ class _Few(logging.Filter):
 
 
 for _log in (LOG, SERVER_LOG):
-    _log.addFilter(_Few())
+    _log.addFilter(_RateLimit())

@@ -14,15 +14,15 @@ import sys
 from time import monotonic, sleep
 from typing import Any
 
-from soft_continuum.analysis.results import claim, text_table
+from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, WRONG_USAGE
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number, one_of
 from soft_continuum.hardware.calibration import (
+    assess_vacuum,
     CalibrationError,
     corrected_steps,
     forget_reference,
-    judge,
     MARK_TIME,
     MAX_MOVE,
     measure_segment,
@@ -103,7 +103,7 @@ def _run(options: argparse.Namespace) -> None:
     name = f'calibration_{options.what}.yaml' if options.what != 'all' else 'calibration.yaml'
     path = Path(options.output, name)
     if options.what != 'zero':
-        path, = claim(options.output, [name], options.force)
+        path, = reserve_outputs(options.output, [name], options.force)
     job = Job(options, values)
     procedures = PROCEDURES if options.what == 'all' else {options.what: PROCEDURES[options.what]}
     for procedure in procedures.values():
@@ -186,8 +186,9 @@ def _one(tendon: int, distance: float) -> tuple[float, ...]:
     return tuple(distance / MM if i == tendon else 0.0 for i in range(len(NAMES)))
 
 
-UNHOOKED = ('The tendons move by up to {:g} mm, one after the other, and nothing may be strained: '
-            'unhook them from the arm, or pay out that much slack by hand.')
+UNHOOK_REQUEST = (
+    'The tendons move by up to {:g} mm, one after the other, and nothing may be strained: '
+    'unhook them from the arm, or pay out that much slack by hand.')
 
 
 def _must_ask(job: Job, why: str, option: str, note: str = '') -> None:
@@ -203,7 +204,7 @@ def _signs(job: Job) -> None:
     if seen is None:
         _must_ask(job, 'somebody must watch the tendons', '--seen')
         seen = []
-        with _bench(job, UNHOOKED.format(SIGN_MOVE)) as (bench, _):
+        with _bench(job, UNHOOK_REQUEST.format(SIGN_MOVE)) as (bench, _):
             for tendon, name in enumerate(NAMES):
                 answer = 'again'
                 while answer == 'again':
@@ -227,8 +228,8 @@ def _steps(job: Job) -> None:
     if travels is None:
         _must_ask(job, 'travel must be measured', '--measured')
         travels = []
-        with _bench(job, f'{UNHOOKED.format(distance)} Have a caliper or ruler ready and a mark '
-                    'on each tendon.') as (bench, _):
+        with _bench(job, f'{UNHOOK_REQUEST.format(distance)} Have a caliper or ruler ready and '
+                    'a mark on each tendon.') as (bench, _):
             for tendon, name in enumerate(NAMES):
                 confirm(f'The {name} tendon: note where its mark is.', job.options.yes)
                 print(f'The {name} tendon is pulled in by {distance:g} mm ...', flush=True)
@@ -335,7 +336,7 @@ def _vacuum(job: Job) -> None:
             print(f'segment {segment + 1} ...', flush=True)
             results.append(measure_segment(
                 jamming, segment, segments, settings, job.values['soft_vacuum'], leak_time))
-    problems = [judge(result, settings) for result in results]
+    problems = [assess_vacuum(result, settings) for result in results]
     print(text_table(
         ['segment', 'to stiff s', 'reaches kPa', 'evacuates s', 'loses Pa/s', 'vents s', 'is'],
         [[str(r.segment + 1), *map(_cell, (r.time_to_stiff, r.ultimate_vacuum / 1e3,

@@ -18,7 +18,7 @@ from soft_continuum.analysis.characterisation import (
 from soft_continuum.analysis.curves import read_curves
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.result_figures import MeasuredState, stiffness_figure
-from soft_continuum.analysis.results import claim, text_table
+from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser
 from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.mechanics.arm import Arm, ArmError, Segment
@@ -81,7 +81,7 @@ def _run(options: argparse.Namespace) -> None:
         _question(files, results, leaf.bending_stiffness, soft)
     parameters = _parameters(results, values, arm, index, soft)
     arm_from_parameters(values | parameters)  # what the nodes would refuse is not written
-    figure, layer = claim(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
+    figure, layer = reserve_outputs(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
 
     print(f'Segment {options.segment}, bending length {segment.length:g} m, lever arm '
           f'{options.lever_arm:g} m\n')

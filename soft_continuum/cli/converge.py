@@ -9,7 +9,7 @@ import numpy as np
 
 from soft_continuum.analysis.convergence import converge
 from soft_continuum.analysis.result_figures import convergence_figure
-from soft_continuum.analysis.results import claim, text_table
+from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, whole_number_in
 from soft_continuum.cli.common import described_arm, run_verb
 
@@ -33,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> None:
     _, arm = described_arm(options)
-    figure, = claim(options.output, [f'{NAME}.png'], options.force)
+    figure, = reserve_outputs(options.output, [f'{NAME}.png'], options.force)
     if not options.gravity:
         arm = arm.without_gravity()
     found = converge(arm, [np.radians(options.angle)] * len(arm.segments), options.tolerance,

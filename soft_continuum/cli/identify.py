@@ -17,7 +17,7 @@ from soft_continuum.analysis.identification import (
 )
 from soft_continuum.analysis.measured_shapes import MeasuredShape, read_shapes
 from soft_continuum.analysis.result_figures import identification_figure, ShapeResult
-from soft_continuum.analysis.results import claim, progress, text_table
+from soft_continuum.analysis.results import progress, reserve_outputs, text_table
 from soft_continuum.analysis.unknowns import find_unknowns, IdentificationError, parameters_of
 from soft_continuum.cli.common import described_arm, run_verb, shapes_parser
 from soft_continuum.mechanics.arm import Arm
@@ -47,7 +47,7 @@ def _run(options: argparse.Namespace) -> None:
         options.fit or [f'stiffness_{n + 1}' for n in range(len(arm.segments))], arm)
     shapes = read_shapes(options.points, options.pulls, arm)
     kept = without(shapes, options.hold_out)
-    figure, layer = claim(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
+    figure, layer = reserve_outputs(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
     found = identify(arm, unknowns, kept)
     print(f'{len(kept)} shapes, {sum(2 * len(s.moving) for s in kept)} measured coordinates; '
           f'noise of a coordinate, from the residuals: {1e3 * found.noise:.3g} mm\n')

@@ -7,7 +7,7 @@ from math import inf
 from pathlib import Path
 
 from soft_continuum.analysis.recording import DESCRIPTION, FILES
-from soft_continuum.analysis.results import claim, ResultError
+from soft_continuum.analysis.results import reserve_outputs, ResultError
 from soft_continuum.arguments import number_in, Parser, WRONG_USAGE
 
 
@@ -23,7 +23,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.set_defaults(output=Path('recording'))
     options = parser.parse_args(argv)
     try:
-        claim(options.output, [*FILES, DESCRIPTION], options.force)
+        reserve_outputs(options.output, [*FILES, DESCRIPTION], options.force)
     except ResultError as error:
         return parser.fail(error, WRONG_USAGE)
     from soft_continuum.client.recorder import record  # needs ROS

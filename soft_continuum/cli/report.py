@@ -9,12 +9,12 @@ from pathlib import Path
 
 from soft_continuum.analysis.recording import DESCRIPTION, read_recording
 from soft_continuum.analysis.report import MAX_SHAPES, report_html
-from soft_continuum.analysis.results import claim, text_table
+from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import Parser
 from soft_continuum.cli.common import run_verb
 from soft_continuum.parameters.files import load_description
 
-BESIDE = Path('RECORDING')
+IN_RECORDING = Path('RECORDING')
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -24,7 +24,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('recording', type=Path, metavar='RECORDING',
                         help='directory that record wrote')
     parser.add_argument('--title', default='', help='title of the page')
-    parser.set_defaults(output=BESIDE)
+    parser.set_defaults(output=IN_RECORDING)
     return run_verb(parser, _run, argv)
 
 
@@ -32,8 +32,8 @@ def _run(options: argparse.Namespace) -> None:
     recording = read_recording(options.recording)
     described = options.recording / DESCRIPTION
     values = load_description(described) if os.path.lexists(described) else {}
-    folder = options.recording if options.output is BESIDE else options.output
-    page, = claim(folder, ['report.html'], options.force)
+    folder = options.recording if options.output is IN_RECORDING else options.output
+    page, = reserve_outputs(folder, ['report.html'], options.force)
     title = options.title or f'Run in {options.recording.resolve().name}'
     page.write_text(report_html(recording, title, values), encoding='utf-8')
     print(text_table(

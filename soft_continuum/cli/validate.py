@@ -11,7 +11,7 @@ import numpy as np
 
 from soft_continuum.analysis.measured_shapes import read_shapes
 from soft_continuum.analysis.result_figures import validation_figure
-from soft_continuum.analysis.results import claim, text_table
+from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.analysis.validation import predict, Prediction
 from soft_continuum.cli.common import described_arm, run_verb, shapes_parser
 from soft_continuum.mechanics.arm import Arm, ArmError
@@ -44,7 +44,8 @@ def _run(options: argparse.Namespace) -> None:
                            f'{sizes[1][1]} m, --params-file one with {sizes[0][0]} and '
                            f'{sizes[0][1]}; they must be the same arm')
     shapes = read_shapes(options.points, options.pulls, arm)
-    figure, listing = claim(options.output, [f'{NAME}.png', f'{NAME}.csv'], options.force)
+    figure, listing = reserve_outputs(
+        options.output, [f'{NAME}.png', f'{NAME}.csv'], options.force)
     predictions = predict(shapes, arm, corrected)
     print('Position errors at the calculation points, without the two of the base disc. Percent: '
           'the largest\nerror over the distance of its point from the base, and over the length '

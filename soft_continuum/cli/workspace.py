@@ -8,7 +8,7 @@ import sys
 from time import monotonic
 
 from soft_continuum.analysis.result_figures import workspace_figure
-from soft_continuum.analysis.results import claim, text_table
+from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.analysis.workspace import furthest_apart, reach
 from soft_continuum.arguments import FOR_ANALYSIS, Parser, whole_number_in
 from soft_continuum.cli.common import described_arm, run_verb
@@ -40,7 +40,7 @@ def _run(options: argparse.Namespace) -> None:
         fitting = int(MAX_SHAPES**(1.0 / len(arm.segments)))
         raise ArmError(f'{angles} angles in each of {len(arm.segments)} segments are '
                        f'{count} shapes; --per-segment {fitting} is the most that is practical')
-    figure, = claim(options.output, [f'{NAME}.png'], options.force)
+    figure, = reserve_outputs(options.output, [f'{NAME}.png'], options.force)
     base_first = tuple(range(len(arm.segments)))
     cases = [('without gravity', arm.without_gravity(), base_first),
              ('gravity, base first', arm, base_first),

@@ -11,7 +11,15 @@ from geometry_msgs.msg import PoseArray
 from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, JointState
 
-from soft_continuum.client.state import ArmState, NodeReport, Pose, Progress, progress_of
+from soft_continuum.client.sequence import sequence_result
+from soft_continuum.client.state import (
+    ArmState,
+    NodeReport,
+    Pose,
+    Progress,
+    progress_of,
+    SequenceResult,
+)
 from soft_continuum.client.tasks import running_nodes
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.names import (
@@ -184,6 +192,12 @@ class ObservedArm:
         this = message is not None and message.goal_id == state.goal_id
         return progress_of(state, float(message.feedback.progress) if this else 0.0)
 
+    def _last_result(self) -> SequenceResult | None:
+        state = self.shape_sequencer
+        if state is None or state.running or not any(state.goal_id.uuid):
+            return None
+        return sequence_result(state)
+
     def running(self) -> dict[str, bool]:
         """Return which of the four nodes are in the ROS graph."""
         return running_nodes(self._node)
@@ -207,13 +221,14 @@ class ObservedArm:
             speeds=self._of_tendons('tendon_states', 'velocity'),
             tensions=self.tensions(),
             measured_tensions=self._of_tendons('tendon_states', 'effort'),
-            stopped=None if tendons is None else printable(tendons.stop_message),
+            stopped=None if tendons is None else _stopped(tendons),
             referenced=None if tendons is None else tendons.referenced,
             stiff=tuple(self.stiff(n) for n in numbers),
             pressures=tuple(self.pressure(n) for n in numbers),
             bending_angles=_bending_angles(angles, len(segment_poses or ())),
             joint_angles=angles, segment_poses=segment_poses, disc_poses=disc_poses,
             tip=disc_poses[-1] if disc_poses else None, progress=self.progress(),
+            last_result=self._last_result(),
             nodes=tuple(self._report(name, running[name]) for name in NODES))
 
     def _report(self, name: str, running: bool) -> NodeReport:
@@ -225,6 +240,13 @@ class ObservedArm:
             {printable(pair.key, MAX_NAME): printable(pair.value)
              for pair in status.values[:MAX_VALUES]} if status else {},
             seconds, seconds is None or seconds >= STALE_AFTER)
+
+
+def _stopped(state: TendonActuationState) -> str:
+    """Return why motion is stopped, empty when it is not."""
+    if state.stopped == TendonActuationState.NOT_STOPPED:
+        return ''
+    return printable(state.stop_message) or 'no reason given'
 
 
 def _bending_angles(joints: Sequence[float] | None, segments: int) -> tuple[float, ...] | None:

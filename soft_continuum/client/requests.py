@@ -190,9 +190,9 @@ class Requests(Tasks):
         Raises RefusedError with the reason of tendon_actuation; MotionEndedError when it was
         accepted but ended early, also when a newer trajectory took its place.
         """
-        from builtin_interfaces.msg import Duration
         from trajectory_msgs.msg import JointTrajectoryPoint
 
+        from soft_continuum.ros.ros_time import duration_to_ros
         from soft_continuum_interfaces.msg import MotionRequest
         observed = self.observed
         await self._refuse_during_sequence()
@@ -214,8 +214,8 @@ class Requests(Tasks):
         duration = max(JOG_MINIMUM, *(abs(target[n] - now[n]) / JOG_SPEED for n in names))
         message = self._trajectory()
         message.points.append(JointTrajectoryPoint(
-            positions=[target[name] for name in names], time_from_start=Duration(
-                sec=int(duration), nanosec=int(duration % 1.0 * 1e9))))
+            positions=[target[name] for name in names],
+            time_from_start=duration_to_ros(duration)))
         this = message.header.frame_id
         following = False
 

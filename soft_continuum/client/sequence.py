@@ -7,16 +7,15 @@ from concurrent.futures import Future
 import threading
 from typing import Any
 
-from builtin_interfaces.msg import Duration
-
 from soft_continuum.client.errors import NoAnswerError
 from soft_continuum.client.state import Progress, progress_of, SequenceResult
+from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.sequencing.progress import Code
 from soft_continuum.text import printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape
 
-LONGEST_HOLD = 86400.0  # s
+MAX_HOLD = 86400.0  # s
 
 
 def goal(shapes: Sequence[str | Sequence[float]], hold: float) -> RunShapeSequence.Goal:
@@ -25,9 +24,9 @@ def goal(shapes: Sequence[str | Sequence[float]], hold: float) -> RunShapeSequen
 
     Raises ValueError for a hold time that is none; shapes are for the shape_sequencer to judge.
     """
-    if not 0.0 <= hold <= LONGEST_HOLD:
-        raise ValueError(f'hold is {hold} s; allowed: 0 to {LONGEST_HOLD:g} s')
-    time = Duration(sec=int(hold), nanosec=int(hold % 1.0 * 1e9))
+    if not 0.0 <= hold <= MAX_HOLD:
+        raise ValueError(f'hold is {hold} s; allowed: 0 to {MAX_HOLD:g} s')
+    time = duration_to_ros(hold)
     return RunShapeSequence.Goal(shapes=[
         Shape(name=shape, hold_time=time) if isinstance(shape, str) else
         Shape(bending_angles=[float(angle) for angle in shape], hold_time=time)

@@ -68,8 +68,8 @@ class ArmState:
     stiff: of each segment, base first, as confirmed by its pressure.  pressures: Pa, absolute.
     bending_angles: rad, one per segment.  joint_angles: rad, all joints of the rigid chain.
     segment_poses: distal end of each segment.  disc_poses: bottom and top of each disc.  tip: top
-    of the last disc.  progress: of the sequence that runs, whoever started it.  nodes: the four
-    nodes.
+    of the last disc.  progress: of the sequence that runs, whoever started it.  last_result: of
+    the one that ended last.  nodes: the four nodes.
     """
 
     tendons: tuple[str, ...]
@@ -87,6 +87,7 @@ class ArmState:
     disc_poses: tuple[Pose, ...] | None
     tip: Pose | None
     progress: Progress | None
+    last_result: 'SequenceResult | None'
     nodes: tuple[NodeReport, ...]
 
     def __str__(self) -> str:

@@ -69,12 +69,13 @@ def execute(commands: Mapping[str, Command], ranges: Ranges, emulator: Any, line
 
 
 def serve(parser: Parser, make: Callable[[], AbstractContextManager[Emulator]],
-          introduce: Callable[[Emulator], str], obey: Callable[[Emulator, str], str]) -> int:
+          introduce: Callable[[Emulator], str],
+          execute_command: Callable[[Emulator, str], str]) -> int:
     """
     Serve an emulator until ``quit`` or Ctrl-C; return the exit status.
 
-    introduce: what to print first.  obey: carries out a typed line and returns what to print;
-    raises ValueError for one that is wrong.
+    introduce: what to print first.  execute_command: carries out a typed line and returns what to
+    print; raises ValueError for one that is wrong.
     """
     try:
         with make() as emulator:
@@ -83,7 +84,7 @@ def serve(parser: Parser, make: Callable[[], AbstractContextManager[Emulator]],
                 if line.strip() == 'quit':
                     return 0
                 try:
-                    print(obey(emulator, line) if line.strip() else '', flush=True)
+                    print(execute_command(emulator, line) if line.strip() else '', flush=True)
                 except ValueError as error:
                     print(error, flush=True)
             threading.Event().wait()  # no terminal: serve until Ctrl-C

@@ -60,7 +60,7 @@ COMMANDS = {
 }
 
 
-def obey(emulator: GrblEmulator, line: str) -> str:
+def execute_command(emulator: GrblEmulator, line: str) -> str:
     """Carry out a typed line; return what to print.  Raises ValueError for one that is wrong."""
     return console.execute(COMMANDS, RANGES, emulator, line)
 
@@ -90,4 +90,4 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments.link, Clock(arguments.time_factor), settings,
             [switch * STEPS_PER_MM for switch in arguments.switches]),
         lambda emulator: CONFIGURATION.format(
-            port=emulator.port, steps=STEPS_PER_MM, homing=homing), obey)
+            port=emulator.port, steps=STEPS_PER_MM, homing=homing), execute_command)

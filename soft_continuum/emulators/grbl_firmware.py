@@ -28,7 +28,8 @@ DEFAULTS = {
     100: 1, 101: 1, 102: 1, 110: 450000, 111: 450000, 112: 450000, 120: 100000, 121: 100000,
     122: 100000, 130: 40000, 131: 40000, 132: 40000,
 }
-WHOLE = frozenset((*range(11), *range(13, 24), 26, 30, 31, 32))  # settings without decimals
+# Settings without decimals.
+WHOLE_NUMBERS = frozenset((*range(11), *range(13, 24), 26, 30, 31, 32))
 OK, BAD_LETTER, BAD_NUMBER, BAD_STATEMENT, NO_HOMING, NOT_IDLE, LOCKED = 0, 1, 2, 3, 5, 8, 9
 NEEDS_HOMING, TOO_LONG, TRAVEL, BAD_JOG, UNSUPPORTED, NO_FEED = 10, 11, 15, 16, 20, 22
 REPEATED = 25
@@ -285,7 +286,7 @@ class GrblFirmware:
         if line == '$$':
             if self.state == 'Run':
                 return NOT_IDLE
-            self._say(*(f'${n}={v:.0f}' if n in WHOLE else f'${n}={v:.3f}'
+            self._say(*(f'${n}={v:.0f}' if n in WHOLE_NUMBERS else f'${n}={v:.3f}'
                         for n, v in sorted(self.settings.items())))
             return OK
         return self._do_at_rest(line) if self.state in ('Idle', 'Alarm') else NOT_IDLE

@@ -67,7 +67,7 @@ COMMANDS = {
 }
 
 
-def obey(emulator: ModbusEmulator, line: str) -> str:
+def execute_command(emulator: ModbusEmulator, line: str) -> str:
     """Carry out a typed line; return what to print.  Raises ValueError for one that is wrong."""
     segments = len(emulator.segments)
     return execute(COMMANDS, {
@@ -95,4 +95,4 @@ def main(argv: Sequence[str] | None = None) -> int:
         lambda emulator: CONFIGURATION.format(
             port=arguments.link or emulator.port, relay_unit=RELAY_UNIT,
             valves=[float(n + 1) for n in numbers], analog_unit=ANALOG_UNIT,
-            registers=[float(n) for n in numbers], full_scale=FULL_SCALE), obey)
+            registers=[float(n) for n in numbers], full_scale=FULL_SCALE), execute_command)

@@ -209,7 +209,7 @@ class SegmentVacuum:
     venting_time: float = nan
 
 
-def judge(result: SegmentVacuum, settings: JammingSettings) -> tuple[str, ...]:
+def assess_vacuum(result: SegmentVacuum, settings: JammingSettings) -> tuple[str, ...]:
     """Say what is wrong with a segment or the pump, and what to do; empty when nothing is."""
     if result.time_to_stiff == inf:
         return (f'never stiff: {result.ultimate_vacuum / 1e3:.1f} kPa of vacuum, stiff_vacuum is '

@@ -16,7 +16,7 @@ from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.grbl_link import GrblLink
 from soft_continuum.hardware.grbl_motion import Motors
-from soft_continuum.hardware.grbl_setup import find_controller, unfit_settings, UNLOCK
+from soft_continuum.hardware.grbl_setup import find_controller, invalid_settings, UNLOCK
 from soft_continuum.hardware.modbus_bus import MAX_PAUSE, ModbusBus
 from soft_continuum.hardware.modbus_jamming import registers_from_parameters
 from soft_continuum.hardware.protocols import HardwareError
@@ -111,7 +111,7 @@ def _check_grbl(values: Mapping[str, Any]) -> Iterator[Check]:
         yield Check('tendon firmware', FAIL, f'{found.firmware}, locked (Alarm); {UNLOCK}')
     else:
         yield Check('tendon firmware', OK, f'{found.firmware}, at rest')
-    if unfit := unfit_settings(found.settings, motors):
+    if unfit := invalid_settings(found.settings, motors):
         yield Check('tendon settings', FAIL, f'{"; ".join(unfit)}; type these lines in a terminal '
                     '(docs/how_to/set_up_a_rig.md), or change the parameter file')
     else:

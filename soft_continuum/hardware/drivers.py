@@ -5,7 +5,7 @@ The drivers that can be chosen by name: those of this package, and those of othe
 
 A driver is a class that implements TendonDriver or JammingDriver and also has
 ``PARAMETERS``, a tuple of Parameter, and ``from_parameters(values, clock)``, which returns one for
-the checked parameters of its node (its own, and all that the node has without it) and the node's
+the checked parameters of its node (its own, and all that the node has without it) and a steady
 clock in s.  Another package adds one by an entry point in the group TENDON_DRIVERS or
 JAMMING_DRIVERS; docs/how_to/write_a_driver.md shows how.
 """

@@ -114,7 +114,7 @@ def mark_reference(offset: Sequence[int]) -> list[str]:
     return [*clear, f'{MODES}G92{words(offset)}', f'G43.1Z{MARK:.3f}']
 
 
-def unfit_settings(settings: Mapping[int, float], motors: Motors) -> list[str]:
+def invalid_settings(settings: Mapping[int, float], motors: Motors) -> list[str]:
     """Return, for each setting (by number) that does not fit, what it is and how to set it."""
     axes = range(len(motors.tendons))
     feeds = [60.0 * motors.speed_limit * scale for scale in motors.steps_per_metre]

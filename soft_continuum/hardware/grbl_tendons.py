@@ -17,7 +17,7 @@ from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.grbl_link import GrblLink
 from soft_continuum.hardware.grbl_motion import JOG_TIME, Motors
 from soft_continuum.hardware.grbl_session import GrblSession, RESTING_QUERY_INTERVAL
-from soft_continuum.hardware.grbl_setup import find_controller, unfit_settings, UNLOCK
+from soft_continuum.hardware.grbl_setup import find_controller, invalid_settings, UNLOCK
 from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
 from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.parameters.parameter import Parameter
@@ -72,7 +72,7 @@ class GrblTendons:
             self._opening = link
         try:
             found = find_controller(link)
-            if unfit := unfit_settings(found.settings, self._motors):
+            if unfit := invalid_settings(found.settings, self._motors):
                 raise HardwareError(
                     'the settings of the GRBL controller contradict the configuration: '
                     + '; '.join(unfit))

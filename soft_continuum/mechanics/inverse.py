@@ -224,8 +224,8 @@ def angles_for_tip(statics: Statics, x: float, z: float, tangent: float | None =
     for count in range(statics.chain.segments + 1):
         for segments in combinations(range(statics.chain.segments), count):
             fit = _fit_tip(statics, begin, present, segments, (x, z, tangent))
-            if fit is not None and (
-                    best is None or _miss(fit, tangent) < _miss(best, tangent) - REACHED):
+            if fit is not None and (best is None or _tip_error(fit, tangent)
+                                    < _tip_error(best, tangent) - REACHED):
                 best = fit
         if best is not None and best.reached and _turned(best, tangent) < 1e-4:
             break
@@ -234,7 +234,7 @@ def angles_for_tip(statics: Statics, x: float, z: float, tangent: float | None =
     return best
 
 
-def _miss(fit: TipFit, tangent: float | None) -> float:
+def _tip_error(fit: TipFit, tangent: float | None) -> float:
     return float(np.hypot(fit.distance, METRES_PER_RADIAN * _turned(fit, tangent)))
 
 

@@ -4,7 +4,7 @@
 Stiffness laws of a segment: measured moment-curvature tables, and what jamming adds.
 
 The paper takes soft segments as linear and stiff ones as rigid, and asks for piecewise,
-deformation-dependent stiffness in both states as future work (VI); these are ours.
+deformation-dependent stiffness in both states as future work (VI); these are not from the paper.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics._checks import is_number
 
-GREATEST_RATIO = 1e12  # beyond it rounding hides the soft springs
+MAX_RATIO = 1e12  # beyond it rounding hides the soft springs
 
 
 class LawError(ValueError):
@@ -121,9 +121,9 @@ class Jam:
             raise LawError(f'law of a jam is {self.law!r}; give a MomentCurvature or none')
         if self.ratio != inf and self.law is not None:
             raise LawError(f'a jam has a ratio K ({self.ratio:g}) or a law, not both')
-        if not (1.0 < self.ratio <= GREATEST_RATIO or self.ratio == inf):
+        if not (1.0 < self.ratio <= MAX_RATIO or self.ratio == inf):
             raise LawError(f'stiffness ratio K is {self.ratio:g}; allowed: above 1 to '
-                           f'{GREATEST_RATIO:g}, or inf for a rigid segment')
+                           f'{MAX_RATIO:g}, or inf for a rigid segment')
         if not self.yield_moment > 0.0:
             raise LawError(f'yield moment is {self.yield_moment:g} N m; it must be above 0')
         if not 0.0 <= self.stiffness_exponent <= 5.0:

@@ -13,7 +13,7 @@ from soft_continuum.ros.names import NODES
 from soft_continuum.ros.qos import SENSOR, STREAM
 
 PERIOD = 0.2  # s between two signs of life, and two looks at the graph
-FORGOTTEN = 1.5  # s after its last sign of life for a node to count as ended
+ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended
 TOPICS = ('tendon_states', 'joint_states', *(f'{node}/state' for node in NODES))
 UNKNOWN = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node has not been discovered yet
 
@@ -23,7 +23,7 @@ class Conflicts:
     Notices whatever would make two nodes act as one.
 
     The graph alone would not do: a node that was killed stays in it for many seconds.  So every
-    node publishes on ~/instance that it lives, and hears another one that has its name.
+    node publishes on ~/instance that it runs, and receives this of another one with its name.
     """
 
     def __init__(self, node: Any, segments: int) -> None:
@@ -41,16 +41,16 @@ class Conflicts:
     def _on_instance(self, message: String) -> None:
         if message.data != self._own.data:
             self._other.refresh()
-            self._look()
+            self._check_now()
 
     def _live(self) -> None:
         # Only here: an answer to every sign of life would be answered by the other node in turn.
         self._publisher.publish(self._own)
-        self._look()
+        self._check_now()
 
-    def _look(self) -> None:
+    def _check_now(self) -> None:
         node, problems = self._node, []
-        if self._other.seconds <= FORGOTTEN:
+        if self._other.seconds <= ENDED_AFTER:
             problems.append(
                 f'another {node.get_fully_qualified_name()} is running; end one of the two, or '
                 'give one a namespace')

@@ -32,14 +32,14 @@ class EmergencyStop:
         self._topic = node.resolve_topic_name(TOPIC)
         self._old: Any = None
         self._begin(SENSOR)
-        repeat(node, PERIOD, self._look)
+        repeat(node, PERIOD, self._check_now)
 
     def _begin(self, profile: QoSProfile) -> None:
         self._profile = profile
         self._subscription = subscribe(
             self._node, Bool, TOPIC, partial(self._on_message, profile), profile)
 
-    def _look(self) -> None:
+    def _check_now(self) -> None:
         if self._old is not None:
             self._node.destroy_subscription(self._old)
             self._old = None

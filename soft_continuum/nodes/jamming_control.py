@@ -68,7 +68,7 @@ class JammingControl:
         self.report()
 
     def not_connected(self, error: str) -> None:
-        """Take note of why there is no answer of the device."""
+        """Note why there is no answer of the device."""
         self._fault = error
         self.report()
 
@@ -122,5 +122,5 @@ class JammingControl:
         return Report(state, pressures, self._time)
 
     def report(self) -> None:
-        """Let the other threads know how things are."""
+        """Publish a snapshot for the other threads."""
         self._report(self.snapshot())

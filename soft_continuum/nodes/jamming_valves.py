@@ -87,7 +87,7 @@ class JammingValves(ManagedNode):
         self._control.attach(device)
 
     def detach(self) -> JammingDriver | None:
-        """Stop to control the device."""
+        """Stop controlling the device."""
         return self._control.detach()
 
     def activate(self) -> None:
@@ -103,7 +103,7 @@ class JammingValves(ManagedNode):
         return False
 
     def not_connected(self, error: str) -> None:
-        """Take note of an attempt to connect that failed."""
+        """Note an attempt to connect that failed."""
         self._loop.post(self._control.not_connected, error)
 
     def publish_last(self) -> None:

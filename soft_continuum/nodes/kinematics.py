@@ -41,10 +41,11 @@ from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
 
 MARKER_PERIOD = 0.05  # s
 MIN_PERIOD = 0.005  # s between two shapes at least
-LOOK_PERIOD = 0.02  # s after which what came sooner than that is followed
+CHECK_PERIOD = 0.02  # s after which what came sooner than that is followed
 MIN_VACUUM = 0.01  # part of the full vacuum that a stiff segment has at least
 PULL_RESOLUTION = 1e-9  # m: a smaller change of pull changes nothing
-UNMOVED = 1e-5  # m: pulls of an arm that is still where it was referenced; opposite bends cancel
+# m: pulls of an arm that is still where it was referenced.  The pulls of opposite bends cancel.
+STRAIGHT_PULLS = 1e-5
 
 
 class Kinematics(Node):
@@ -104,7 +105,7 @@ class Kinematics(Node):
             subscribe(self, FluidPressure, f'segment_{i + 1}/pressure',
                       partial(self._on_pressure, i), SENSOR)
         self.conflicts = Conflicts(self, segments)
-        repeat(self, LOOK_PERIOD, self._follow)
+        repeat(self, CHECK_PERIOD, self._follow)
         serve(self, Trigger, '~/reset', self._on_reset)
         self.status.set(OK, loading())
 
@@ -174,7 +175,7 @@ class Kinematics(Node):
     def _publish(self) -> None:
         if not self._compiled or self._pulls is None or None in self._stiff:
             return
-        if self._state is None and np.abs(self._pulls).max() <= UNMOVED:
+        if self._state is None and np.abs(self._pulls).max() <= STRAIGHT_PULLS:
             self._state = self._statics.chain.straight()
         if self._state is None:
             self.status.set(

@@ -76,7 +76,7 @@ class ManagedNode(LifecycleNode):
 
     @abstractmethod
     def detach(self) -> Any:
-        """Stop to control the device and return it, None without one, on the thread of control."""
+        """Stop controlling the device; return it or None; on the thread of control."""
 
     @abstractmethod
     def activate(self) -> None:
@@ -92,7 +92,7 @@ class ManagedNode(LifecycleNode):
 
     @abstractmethod
     def not_connected(self, error: str) -> None:
-        """Take note of an attempt to connect that failed, on the thread of ROS."""
+        """Note an attempt to connect that failed, on the thread of ROS."""
 
     @abstractmethod
     def publish_last(self) -> None:

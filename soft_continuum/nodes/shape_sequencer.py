@@ -301,6 +301,7 @@ class ShapeSequencer(Node):
         self._last = {'last': outcome.code.name, 'reason': outcome.message}
         self._state.goal_id = handle.goal_id
         self._state.error_code, self._state.error_string = int(outcome.code), outcome.message
+        self._state.shapes_completed = outcome.shapes_completed
         self._report()
         self._server.finish(handle, outcome)
 

@@ -130,7 +130,7 @@ class TendonActuation(ManagedNode):
         self._control.attach(device)
 
     def detach(self) -> Device | None:
-        """Stop to control the device."""
+        """Stop controlling the device."""
         return self._control.detach()
 
     def activate(self) -> None:
@@ -146,7 +146,7 @@ class TendonActuation(ManagedNode):
         return self._control.lost
 
     def not_connected(self, error: str) -> None:
-        """Take note of an attempt to connect that failed."""
+        """Note an attempt to connect that failed."""
         self._loop.post(self._control.not_connected, error)
 
     def start(self) -> None:
@@ -206,7 +206,7 @@ class TendonActuation(ManagedNode):
         return Request(message.header.frame_id, times, pulls, start, revocations)
 
     def _judge(self, data: bytes, revocations: int) -> None:
-        """Follow a trajectory if nothing speaks against it; on a thread that may take long."""
+        """Follow a trajectory if nothing forbids it; on a thread that may take long."""
         control, stiff, request_id = self._control, self._arm.stiff, ''
         try:
             begin = STEADY()
@@ -277,7 +277,7 @@ class TendonActuation(ManagedNode):
             return WARN, loading()
         if state.homing:
             return WARN, 'homing'
-        if state.stop_message:
+        if state.stopped != TendonActuationState.NOT_STOPPED:
             return WARN, f'stopped: {state.stop_message}'
         if not state.referenced:
             return WARN, 'position not referenced'

@@ -115,7 +115,7 @@ class TendonControl:
         self.hold(Reason.INACTIVE, 'the node was deactivated')
 
     def not_connected(self, error: str) -> None:
-        """Take note of why the device cannot be connected to."""
+        """Note why the device cannot be connected to."""
         self._fault = error
         self.report()
 
@@ -283,7 +283,7 @@ class TendonControl:
     # The control cycle.
 
     def cycle(self, late: float) -> None:
-        """Send the driver on, unless something speaks against it; late: s."""
+        """Send the next set-points to the driver unless an interlock forbids it; late: s."""
         controller, jump = self._controller, self._jump()
         if controller is None:
             return
@@ -339,5 +339,5 @@ class TendonControl:
         return Report(state, self._ended, self._refused, reading, self._time)
 
     def report(self) -> None:
-        """Let the other threads know how things are."""
+        """Publish a snapshot for the other threads."""
         self._publish(self.snapshot())

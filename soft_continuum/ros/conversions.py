@@ -11,8 +11,8 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from soft_continuum.mechanics.arm import TENDONS
 from soft_continuum.mechanics.chain import Array, Equilibrium, orientation, RigidChain
+from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.ros.text import plain
 from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
 
@@ -104,16 +104,13 @@ def equilibrium_from_ros(message: KinematicsState, chain: RigidChain) -> Equilib
                    vacuum=tuple(vacuum.tolist()))
 
 
-def trajectory_to_ros(
-        times: Array, pulls: Array, tendons: Sequence[str] = TENDONS) -> JointTrajectory:
+def trajectory_to_ros(times: Sequence[float] | Array, pulls: Sequence[Sequence[float]] | Array,
+                      tendons: Sequence[str]) -> JointTrajectory:
     """Return times (k,) s and pulls (k, tendons) m as a JointTrajectory without stamp and id."""
-    message = JointTrajectory(joint_names=list(tendons))
-    for time, positions in zip(times, pulls, strict=True):
-        point = JointTrajectoryPoint(positions=[float(pull) for pull in positions])
-        point.time_from_start.sec = int(time)
-        point.time_from_start.nanosec = min(999_999_999, int((time % 1.0) * 1e9))
-        message.points.append(point)
-    return message
+    return JointTrajectory(joint_names=list(tendons), points=[
+        JointTrajectoryPoint(positions=[float(pull) for pull in positions],
+                             time_from_start=duration_to_ros(float(time)))
+        for time, positions in zip(times, pulls, strict=True)])
 
 
 def trajectory_from_ros(message: JointTrajectory, tendons: Sequence[str]) -> tuple[Array, Array]:

@@ -4,8 +4,13 @@
 
 from time import monotonic
 
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from rclpy.clock import Clock
+
+
+def duration_to_ros(seconds: float) -> Duration:
+    """Return s, not negative, as a message."""
+    return Duration(sec=int(seconds), nanosec=min(999_999_999, int(seconds % 1.0 * 1e9)))
 
 
 class RosTime:

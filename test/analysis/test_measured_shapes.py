@@ -7,7 +7,7 @@ import pytest
 import specimen_data as data
 
 from soft_continuum.analysis.delimited import MeasurementError
-from soft_continuum.analysis.measured_shapes import read_shapes, sliding, Step, walk
+from soft_continuum.analysis.measured_shapes import read_shapes, simulate_steps, sliding, Step
 from soft_continuum.mechanics import SLACK, Statics, StaticsError
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
@@ -112,4 +112,5 @@ def test_a_tendon_slides_to_the_base_where_it_is_pulled_and_back_where_it_is_let
 
 def test_steps_that_cannot_be_walked_are_named():
     with pytest.raises(StaticsError, match=r'shape bow, step 2 \(segment 1 soft\)'):
-        walk(Statics(data.DESCRIBED), [Step(0, (0.01, SLACK)), Step(0, (0.2, SLACK))], 'bow')
+        simulate_steps(
+            Statics(data.DESCRIBED), [Step(0, (0.01, SLACK)), Step(0, (0.2, SLACK))], 'bow')

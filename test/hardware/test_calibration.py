@@ -8,9 +8,9 @@ from math import inf, nan
 import pytest
 
 from soft_continuum.hardware.calibration import (
+    assess_vacuum,
     CalibrationError,
     corrected_steps,
-    judge,
     MAX_MOVE,
     measure_segment,
     SegmentVacuum,
@@ -94,15 +94,15 @@ def test_a_segment_that_never_stiffens_has_no_other_figures(time):
     weak = SimulatedJamming(time, 1, JammingPlant(ultimate_vacuum=30e3), False)
     found = measure_segment(weak, 0, 1, SETTINGS, SOFT, 1.0, time)
     assert found.time_to_stiff == inf
-    assert 'never stiff: 30' in judge(found, SETTINGS)[0]
+    assert 'never stiff: 30' in assess_vacuum(found, SETTINGS)[0]
 
 
 @pytest.mark.parametrize(('change', 'word'), [
     ({'time_to_stiff': 1.5}, 'slow'), ({'ultimate_vacuum': 75e3}, 'never rest'),
     ({'leak_rate': 4e3}, 'start every 5.0 s'), ({'time_to_stiff': inf}, 'never stiff')])
 def test_what_is_wrong_with_a_segment_is_said(change, word):
-    assert judge(GOOD, SETTINGS) == ()
-    problem, = judge(replace(GOOD, **change), SETTINGS)
+    assert assess_vacuum(GOOD, SETTINGS) == ()
+    problem, = assess_vacuum(replace(GOOD, **change), SETTINGS)
     assert word in problem
 
 

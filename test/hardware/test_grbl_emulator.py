@@ -10,7 +10,7 @@ from grbl_rig import board, driver, until
 import pytest
 import serial
 
-from soft_continuum.emulators.grbl import COMMANDS, main, obey
+from soft_continuum.emulators.grbl import COMMANDS, execute_command, main
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.grbl_firmware import RECEIVE_BUFFER
 from soft_continuum.hardware.clock import Clock, STEADY
@@ -269,15 +269,15 @@ def test_every_command_does_something():
     with board() as emulator:
         for name, command in COMMANDS.items():
             number = ' 1' if command.arguments else ''
-            assert obey(emulator, name + number)
-            assert name in obey(emulator, 'help')
+            assert execute_command(emulator, name + number)
+            assert name in execute_command(emulator, 'help')
 
 
 @pytest.mark.parametrize('line', ['dance', 'alarm', 'alarm 0', 'alarm 1.5', 'late-ok nan',
                                   'garble 2', 'reset 1', 'drop-ok -1', 'drop-ok 1 2'])
 def test_a_command_that_is_wrong_says_what_is_right(line):
     with board() as emulator, pytest.raises(ValueError, match='type help|takes|allowed'):
-        obey(emulator, line)
+        execute_command(emulator, line)
 
 
 def test_the_emulator_runs_as_a_program(tmp_path):

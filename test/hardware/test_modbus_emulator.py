@@ -10,7 +10,7 @@ import tty
 from modbus_line import emulated, eventually, receive
 import pytest
 
-from soft_continuum.emulators.modbus import COMMANDS, main, obey
+from soft_continuum.emulators.modbus import COMMANDS, execute_command, main
 from soft_continuum.emulators.modbus_rig import crc, ModbusEmulator
 from soft_continuum.hardware.serial_ports import open_serial
 
@@ -111,10 +111,10 @@ def test_the_rig_evacuates_and_vents_as_its_relays_say(emulator):
 
 def test_a_leak_keeps_a_segment_from_its_vacuum():
     with emulated(initially_stiff=True) as emulator:
-        obey(emulator, 'leak 2 100000')
+        execute_command(emulator, 'leak 2 100000')
         eventually(emulator, lambda: emulator.vacuum(1), lambda vacuum: vacuum < 60e3)
         assert emulator.vacuum(0) > 93e3
-        obey(emulator, 'repair')
+        execute_command(emulator, 'repair')
         eventually(emulator, lambda: emulator.vacuum(1), lambda vacuum: vacuum > 93e3)
 
 
@@ -122,9 +122,9 @@ def test_the_link_is_there_while_the_adapter_is_plugged_in(tmp_path):
     link = tmp_path / 'rig'
     with emulated(link=link) as emulator:
         assert os.path.realpath(link) == emulator.name
-        obey(emulator, 'unplug')
+        execute_command(emulator, 'unplug')
         assert not link.is_symlink()
-        obey(emulator, 'plug')
+        execute_command(emulator, 'plug')
         assert os.path.realpath(link) == emulator.name
         assert ask(emulator, '01 01 0000 0004', 6) == '01 01 01 00'
     assert not link.is_symlink()
@@ -151,37 +151,37 @@ FAULTS = {
 @pytest.mark.parametrize('line, present', FAULTS.items(), ids=FAULTS)
 def test_every_fault_is_there_when_typed_and_gone_when_repaired(emulator, line, present):
     assert not present(emulator)
-    assert obey(emulator, line) == 'done'
+    assert execute_command(emulator, line) == 'done'
     assert present(emulator)
-    obey(emulator, 'repair')
+    execute_command(emulator, 'repair')
     assert not present(emulator)
 
 
 def test_a_hung_board_says_nothing(emulator):
-    obey(emulator, 'hang')
+    execute_command(emulator, 'hang')
     assert ask(emulator, '01 01 0000 0004', 6, NO_ANSWER_TIME) == ''
 
 
 def test_noise_is_as_long_as_typed(emulator):
     with open_serial(emulator.port, 9600) as line:
-        obey(emulator, 'noise 5')
+        execute_command(emulator, 'noise 5')
         assert len(receive(emulator, line, 5)) == 5
 
 
 def test_a_relay_board_that_loses_power_drops_every_relay():
     with emulated(initially_stiff=True) as emulator:
-        obey(emulator, 'power-cycle')
+        execute_command(emulator, 'power-cycle')
         assert emulator.coils == (False,) * 4
 
 
 def test_the_state_says_all_there_is_to_see():
     with emulated(2, initially_stiff=True) as emulator:
-        state = obey(emulator, 'state')
+        state = execute_command(emulator, 'state')
     assert 'pump on' in state and 'segment 2: valve on, vacuum 94.0 kPa, 19040 uA' in state
 
 
 def test_help_lists_every_command(emulator):
-    words = obey(emulator, 'help')
+    words = execute_command(emulator, 'help')
     assert all(name in words for name in COMMANDS)
 
 
@@ -193,7 +193,7 @@ def test_help_lists_every_command(emulator):
     ('leak 1.5 10', 'whole numbers'), ('refuse 1e999', 'CODE is 1e999')])
 def test_a_line_that_is_wrong_is_explained_and_changes_nothing(emulator, line, words):
     with pytest.raises(ValueError, match=words):
-        obey(emulator, line)
+        execute_command(emulator, line)
     assert ask(emulator, '01 01 0000 0004', 6) == '01 01 01 00'
 
 
