@@ -9,7 +9,7 @@ import signal
 import sys
 from typing import NoReturn
 
-from soft_continuum.ros.network import choose_network
+from soft_continuum.ros.network import choose_own_network
 
 
 def run() -> NoReturn:
@@ -25,9 +25,7 @@ def ros2_run() -> NoReturn:
 def _run(words: list[str]) -> NoReturn:
     # Until there is something to shut down, Ctrl-C ends the process at once and quietly.
     signal.signal(signal.SIGINT, lambda *_: os._exit(130))
-    with suppress(ImportError, LookupError):  # without ROS, or not built
-        from ament_index_python.packages import get_package_share_directory
-        choose_network(os.environ, Path(get_package_share_directory('soft_continuum'), 'config'))
+    choose_own_network()
     from soft_continuum.cli.main import main
     try:
         status = main(words)

@@ -262,7 +262,7 @@ def _decimal(path: Path, rows: Sequence[tuple[int, Sequence[str]]], used: Sequen
     seen: dict[str, int] = {}
     for line, row in rows:
         for cell in (row[place] for place in used):
-            if re.fullmatch(r'[-+\d.,eE]*\d[-+\d.,eE]*', cell):
+            if re.fullmatch(r'[-+\d.,eE]+', cell) and any(c.isdigit() for c in cell):
                 marks = re.findall('[.,]', cell)
                 if marks and marks.count(marks[-1]) == 1:
                     seen.setdefault(marks[-1], line)

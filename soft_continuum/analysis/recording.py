@@ -39,6 +39,7 @@ DESCRIPTION = 'description.yaml'
 ABOUT = 'recording'  # source of the event that says when, what and by which version
 
 MAX_SIZE = 32_000_000  # bytes of a file, about an hour
+MAX_ROWS = 600_000  # of a file, in an hour there are 180,000 of the tendons
 MAX_COLUMNS = 100
 MAX_VALUE = 1e9
 HOLDING_DELAY = 0.2  # s, by which poses and pulls may come after the event that they belong to
@@ -189,25 +190,32 @@ def _points(path: Path) -> Array:
 def _rows(path: Path, *allowed: tuple[str, ...]
           ) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
     """Return the header, one of ``allowed`` if given, and the rows below it with their lines."""
+    header: tuple[str, ...] = ()
+    rows: list[tuple[int, list[str]]] = []
+    torn: tuple[int, int] | None = None  # the last line, which a killed recorder had not ended
     try:
         text = read_bytes(path, MAX_SIZE).decode('utf-8')
-        rows = list(enumerate(csv.reader(io.StringIO(text, newline='')), start=1))
+        for line, row in enumerate(csv.reader(io.StringIO(text, newline='')), start=1):
+            if line == 1:
+                header = tuple(row)
+            elif torn is not None:
+                raise MeasurementError(f'{path}: line {torn[0]} has {torn[1]} fields instead of '
+                                       f'{len(header)}; repair or remove it')
+            elif len(row) != len(header):
+                torn = line, len(row)
+            else:
+                rows.append((line, row))
+            if line > MAX_ROWS:
+                raise MeasurementError(f'{path}: more than {MAX_ROWS} lines; divide the recording')
     except OSError as error:
         raise MeasurementError(f'{path}: {error.strerror}; give the directory that the command '
                                'record has written') from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise MeasurementError(f'{path}: not a recording: {error}') from None
-    header = tuple(rows[0][1]) if rows else ()
     if not header or (allowed and header not in allowed):
         expected = ','.join(allowed[0]) if allowed else 'the names of the columns'
         raise MeasurementError(f'{path}: line 1 must be: {expected}')
-    for line, row in rows[1:]:
-        if len(row) != len(header):
-            if line == len(rows):  # what a killed recorder had not written to the end
-                return header, rows[1:-1]
-            raise MeasurementError(f'{path}: line {line} has {len(row)} fields instead of '
-                                   f'{len(header)}; repair or remove it')
-    return header, rows[1:]
+    return header, rows
 
 
 def _numbers(path: Path, *allowed: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:

@@ -29,7 +29,7 @@ from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.processes import NodeProcesses
-from soft_continuum.nodes.runtime import argument_error, ROS_ARGUMENT_ERRORS
+from soft_continuum.nodes.runtime import argument_error, limit_memory, ROS_ARGUMENT_ERRORS
 from soft_continuum.nodes.up import ros_arguments, start_parser
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import NODES
@@ -144,6 +144,7 @@ def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options:
             connection = Connection('browser', timeout=ANSWER_TIMEOUT, arguments=arguments,
                                     discovery_timeout=DISCOVERY_TIMEOUT)
             connection.requests.start(_show(server, connection.requests, bar)).result()
+            limit_memory()
             print(f'The arm is at {page_address(server, token)} (Ctrl-C ends it)', flush=True)
             threading.Event().wait()
     except (AccessError, ClientError, ParameterError) as error:

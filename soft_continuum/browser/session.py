@@ -34,7 +34,8 @@ T = TypeVar('T')
 SEQUENCE_HOLD = 1.0  # s
 MAX_NOTICES = 50
 MAX_TARGET_POINTS = 1000
-MAX_WAITING = 5  # requests of one title that wait for an answer
+MAX_WAITING = 5  # requests of one title, but of STOP, that wait for an answer
+STOP = 'Stop'
 NEW_PROBLEM, NEW_NOTICE = 20.0, 6.0  # s that a notice is shown in the bar
 EXPECTED_ENDS = (MotionRequest.REPLACED, MotionRequest.HELD, MotionRequest.STOPPED)
 
@@ -152,7 +153,7 @@ class Session:
 
     def stop(self) -> None:
         """Stop the tendons."""
-        self._trigger('Stop', self.requests.stop())
+        self._trigger(STOP, self.requests.stop())
 
     def resume(self) -> None:
         """Allow motion again."""
@@ -212,7 +213,7 @@ class Session:
 
     async def _limited(self, title: str, work: Coroutine[Any, None, T]) -> T:
         """Carry it out, unless too many like it wait already."""
-        if self._waiting[title] >= MAX_WAITING:
+        if self._waiting[title] >= MAX_WAITING and title != STOP:
             work.close()
             raise RefusedError('the ones before it have no answer yet')
         self._waiting[title] += 1

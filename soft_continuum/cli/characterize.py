@@ -69,6 +69,7 @@ def _run(options: argparse.Namespace) -> None:
     leaf = arm_from_parameters(values | {'arm.bending_stiffnesses': (0.0,)}).segments[index]
     files = {state: paths for state, paths in (('soft', options.soft), ('stiff', options.stiff))
              if paths}
+    _refuse_twice([path for paths in files.values() for path in paths])
     states = []
     for name, paths in files.items():
         curves = read_curves(paths, _given(options, 'column'), _given(options, 'unit'))
@@ -111,6 +112,14 @@ def _run(options: argparse.Namespace) -> None:
         *(f'E I {name}: {r.bending_stiffness:.4g} N m^2, +- {_cell(r.half_width)} (95 %)'
           for name, r in results.items())])
     print(f'\nFigure: {figure}\nParameters: {layer}')
+
+
+def _refuse_twice(paths: Sequence[Path]) -> None:
+    """Refuse a file that is given twice: it would count as two independent measurements."""
+    for i, path in enumerate(paths):
+        if path.resolve() in [other.resolve() for other in paths[:i]]:
+            raise MeasurementError(f'{path} is given twice; a repetition is a measurement of its '
+                                   'own')
 
 
 def _given(options: argparse.Namespace, what: str) -> dict[str, str]:

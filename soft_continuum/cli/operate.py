@@ -13,6 +13,7 @@ from time import sleep
 from typing import NoReturn, TYPE_CHECKING
 
 from soft_continuum.arguments import (
+    command_name,
     DONE,
     FAILED,
     FOR_NODES,
@@ -238,7 +239,7 @@ ACTIONS = {
     'watch': Action(_watch),
     'shapes': Action(_shapes),
     'run': Action(_run, _run_options, lambda options: '' if options.shapes or options.angles else
-                  'give a SHAPE or --angles; `soft_continuum shapes` lists the names'),
+                  f'give a SHAPE or --angles; `{command_name("shapes")}` lists the names'),
     'stiffen': Action(_stiffen, _stiffen_options),
     'soften': Action(_soften, _soften_options),
     'jog': Action(_jog, _jog_options, lambda options: '' if options.moves

@@ -15,6 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.ros.executor import BestExecutor
+from soft_continuum.ros.network import choose_own_network
 
 
 class Connection:
@@ -34,6 +35,7 @@ class Connection:
 
         Raises ClientError for a namespace that ROS does not take.
         """
+        choose_own_network()
         self._open = True
         self._context = Context()
         rclpy.init(args=list(arguments), context=self._context,

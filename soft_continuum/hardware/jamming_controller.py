@@ -82,8 +82,10 @@ class PressureWatch:
 
     def _follow(self, i: int, evacuated: bool, vacuum: float, elapsed: float) -> None:
         """Tell a sensor that shows its ventings from one that does not."""
+        if self._driven[i] is None:  # at the start: a vented segment must show that, too
+            self._vacuum[i] = vacuum
         open_, pump = self._driven[i] or (True, False)
-        if not evacuated and open_ and self._driven[i]:
+        if not evacuated and open_:
             self.vent(i)  # as by a relay that fell off
         ended = self._evacuated_at[i] - self._read_at
         self._vented[i] += 0.0 if open_ else min(elapsed, ended)

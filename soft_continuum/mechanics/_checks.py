@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 def soft_flags(soft: Sequence[bool], segments: int) -> tuple[bool, ...]:
     """Return one flag per segment; raise ValueError for anything else."""
-    given = _listed(soft)
+    given = listed(soft)
     if len(given) != segments or any(s not in (0, 1) for s in given):
         raise ValueError(f'soft must have a true or false for each of the {segments} segments; '
                          f'given: {soft!r}')
@@ -24,7 +24,7 @@ def vacuum_parts(vacuum: Sequence[float] | None, segments: int) -> tuple[float, 
     """Return one part of full vacuum per segment, or nothing for full; else raise ValueError."""
     if vacuum is None:
         return ()
-    given = _listed(vacuum)
+    given = listed(vacuum)
     if len(given) != segments or not all(finite(v) and 0.0 <= v <= 1.0 for v in given):
         raise ValueError(f'vacuum must be one number from 0 to 1 for each of the {segments} '
                          f'segments; given: {vacuum!r}')
@@ -33,7 +33,7 @@ def vacuum_parts(vacuum: Sequence[float] | None, segments: int) -> tuple[float, 
 
 def sliding_signs(sliding: Sequence[int]) -> tuple[int, int]:
     """Return the direction in which each tendon slides; raise ValueError for anything else."""
-    given = _listed(sliding)
+    given = listed(sliding)
     if len(given) != 2 or any(s not in (-1, 0, 1) for s in given):
         raise ValueError('sliding must be 1, 0 or -1 for each of the two tendons; '
                          f'given: {sliding!r}')
@@ -65,7 +65,10 @@ def real_array(values: ArrayLike, what: str) -> NDArray[np.float64]:
 
 def finite(value: object) -> bool:
     """Return whether a value is a finite number."""
-    return is_number(value) and isfinite(value)  # type: ignore[arg-type]
+    try:
+        return is_number(value) and isfinite(value)  # type: ignore[arg-type]
+    except OverflowError:  # a whole number beyond all floats
+        return False
 
 
 def is_number(value: object) -> bool:
@@ -73,7 +76,8 @@ def is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def _listed(values: Any) -> list[Any]:
+def listed(values: Any) -> list[Any]:
+    """Return values as a list, empty for what has none."""
     try:
         return list(values)
     except TypeError:

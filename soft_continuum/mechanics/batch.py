@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from soft_continuum.mechanics import _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._arrays import Drive, State, System
-from soft_continuum.mechanics._checks import real_array, refuse_friction
+from soft_continuum.mechanics._checks import listed, real_array, refuse_friction, sliding_signs
 from soft_continuum.mechanics._continuation import Point, Problem, TURN_LIMIT_BOTH_TAUT
 from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.statics import Statics, StaticsError
+from soft_continuum.mechanics.statics import check_start, Statics, StaticsError
 
 Kind = TypeVar('Kind')
+Parts = Sequence[float] | Sequence[Sequence[float]] | Array
 Masks = Sequence[bool] | Sequence[Sequence[bool]] | NDArray[np.bool_]
 
 
@@ -72,14 +73,14 @@ class Batch(Sequence[Equilibrium]):
 
 
 def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence[Equilibrium],
-                pulls: ArrayLike, soft: Masks, *,
+                pulls: ArrayLike, soft: Masks, *, vacuum: Parts | None = None,
                 sliding: Sequence[int] | Sequence[Sequence[int]] | None = None) -> Batch:
     """
     Solve many independent problems on all cores.
 
     Each of these is one for all problems or one for each: arms, with the same number of segments
     and bodies; start, the state that a problem is followed from; pulls, (2,) or (m, 2), m; soft,
-    a mask or m of them; sliding, for tendons with friction.  All are as in Statics.solve.
+    a mask or m of them; vacuum; sliding, for tendons with friction.  All are as in Statics.solve.
 
     What a full step does not reach is continued in small steps one by one, as Statics.solve does;
     so are all problems with friction, without a soft segment, or with arms whose moment-curvature
@@ -88,15 +89,21 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
     Raises ValueError when sizes do not fit together, or tendons have friction and ``sliding`` is
     not given.
     """
-    models = [arms] if isinstance(arms, Statics) else list(arms)
-    starts = [start] if isinstance(start, Equilibrium) else list(start)
+    models = [arms] if isinstance(arms, Statics) else listed(arms)
+    starts = [start] if isinstance(start, Equilibrium) else listed(start)
+    for one in starts or [start]:
+        check_start(one)
+    if not (models and all(isinstance(m, Statics) for m in models)):
+        raise ValueError(f'arms must be a Statics, or one for each problem; given: {arms!r}')
     wanted, masks = _pairs(pulls), _rows(soft)
-    slides = [(0, 0)] if sliding is None else _rows(sliding)
+    parts = [None] if vacuum is None else _rows(vacuum)
+    slides = [sliding_signs(pair) for pair in ([(0, 0)] if sliding is None else _rows(sliding))]
     friction = max((m.chain.arm.tendon.friction for m in models), default=0.0)
     if sliding is None:
         refuse_friction(friction, 'a batch without sliding')
     sizes = {'arms': len(models), 'starts': len(starts), 'pairs of pulls': len(wanted),
-             'soft masks': len(masks), 'pairs of sliding': len(slides)}
+             'soft masks': len(masks), 'rows of vacuum': len(parts),
+             'pairs of sliding': len(slides)}
     count = max(sizes.values())
     if any(size not in (1, count) for size in sizes.values()):
         raise ValueError(' and '.join(f'{n} {name}' for name, n in sizes.items() if n != 1)
@@ -104,9 +111,10 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
     if len({(m.chain.segments, m.chain.joints) for m in models}) != 1:
         raise ValueError('the arms of a batch need the same number of segments and bodies')
 
-    kinds = count if max(len(models), len(starts), len(masks)) > 1 else 1
+    kinds = count if max(len(models), len(starts), len(masks), len(parts)) > 1 else 1
     problems = [models[i % len(models)].problem(
-        starts[i % len(starts)], masks[i % len(masks)], np.zeros(2)) for i in range(kinds)]
+        starts[i % len(starts)], masks[i % len(masks)], np.zeros(2), parts[i % len(parts)])
+        for i in range(kinds)]
     wanted = np.broadcast_to(wanted, (count, 2))
     straight = np.array([m.chain.straight_length for m in models])[:, None]
     target = straight - wanted
@@ -142,7 +150,7 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
         try:
             alone[i] = models[i % len(models)].solve(
                 starts[i % len(starts)], wanted[i], masks[i % len(masks)],
-                sliding=slides[i % len(slides)])
+                vacuum=parts[i % len(parts)], sliding=slides[i % len(slides)])
             _write(batch, i, alone[i])
         except StaticsError:
             for array in (batch.joint_angles, tension, batch.pulls, batch.slack, residual):
@@ -151,23 +159,26 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
 
 
 def solve_path(statics: Statics, start: Equilibrium, pulls: ArrayLike, soft: Masks, *,
+               vacuum: Parts | None = None,
                sliding: Sequence[int] | Sequence[Sequence[int]] = (0, 0)) -> Batch:
     """
     Return the equilibria along a path of pulls, each followed from the one before it.
 
-    pulls: (m, 2) m.  soft: one mask, or m of them.  sliding: one pair, or m of them.  Otherwise as
+    pulls: (m, 2) m.  soft: one mask, or m of them; vacuum and sliding likewise.  Otherwise as
     Statics.solve.  Raises StaticsError, which names the row, where the path ends before its end;
     ValueError when sizes do not fit together.
     """
     wanted, masks, slides = _pairs(pulls), _rows(soft), _rows(sliding)
-    if any(len(rows) not in (1, len(wanted)) for rows in (masks, slides)):
-        raise ValueError(f'{len(wanted)} pairs of pulls need one soft mask and one pair of '
-                         f'sliding, or as many; given: {len(masks)} and {len(slides)}')
+    parts = [None] if vacuum is None else _rows(vacuum)
+    if any(len(rows) not in (1, len(wanted)) for rows in (masks, parts, slides)):
+        raise ValueError(
+            f'{len(wanted)} pairs of pulls need one soft mask, row of vacuum and pair of sliding, '
+            f'or as many; given: {len(masks)}, {len(parts)} and {len(slides)}')
     states: list[Equilibrium] = []
     for i, pair in enumerate(wanted):
         try:
             start = statics.solve(start, pair, masks[i % len(masks)],
-                                  sliding=slides[i % len(slides)])
+                                  vacuum=parts[i % len(parts)], sliding=slides[i % len(slides)])
         except StaticsError as error:
             raise type(error)(f'row {i} of {len(wanted)}: {error}', error.state) from None
         states.append(start)
@@ -187,8 +198,8 @@ def _pairs(pulls: ArrayLike) -> Array:
 
 def _rows(given: Any) -> list[Any]:
     """Return the rows of a list of lists, or one list as the only row."""
-    rows = list(given)
-    return rows if rows and isinstance(rows[0], Sequence | np.ndarray) else [rows]
+    rows = listed(given)
+    return rows if rows and isinstance(rows[0], Sequence | np.ndarray) else [given]
 
 
 def _chosen(values: Sequence[Kind], rows: NDArray[np.intp]) -> Sequence[Kind]:

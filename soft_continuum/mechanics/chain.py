@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soft_continuum.mechanics._checks import real_array
 from soft_continuum.mechanics.arm import Arm, PAPER
 
 if TYPE_CHECKING:
@@ -144,16 +145,17 @@ class RigidChain:
 
     def state(self, joint_angles: ArrayLike) -> Equilibrium:
         """Return joint angles (joints,) rad as a held state: tendons along it, no tension."""
-        angles = np.array(joint_angles, dtype=float)
+        wanted = (f'joint angles must be {self.joints} finite numbers (rad), '
+                  f'{self.joints_per_segment} for each segment')
+        angles = real_array(joint_angles, wanted)
         if angles.shape != (self.joints,) or not np.all(np.isfinite(angles)):
-            raise ValueError(f'joint angles must be {self.joints} finite numbers (rad), '
-                             f'{self.joints_per_segment} for each segment')
+            raise ValueError(wanted)
         return Equilibrium(angles, np.zeros(2), self.straight_length - self.tendon_lengths(angles),
                            np.zeros(2), 0.0, 0, (True,) * self.segments, angles, chain=self)
 
     def uniform(self, bending_angles: ArrayLike) -> Equilibrium:
         """Return the held state whose segments (rad each) bend evenly over their joints."""
-        angles = np.asarray(bending_angles, dtype=float)
+        angles = real_array(bending_angles, 'bending angles must be numbers (rad)')
         return self.state(np.repeat(angles / self.joints_per_segment, self.joints_per_segment))
 
     def bending_angles(self, joint_angles: Array) -> Array:

@@ -17,7 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from soft_continuum.mechanics import constant_curvature
-from soft_continuum.mechanics._checks import finite, refuse_friction, soft_flags, whole
+from soft_continuum.mechanics._checks import (
+    finite,
+    listed,
+    real_array,
+    refuse_friction,
+    soft_flags,
+    whole,
+)
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.statics import check_start, SLACK, Statics, StaticsError
@@ -57,7 +64,7 @@ def pulls_for_angles(statics: Statics, start: Equilibrium, bending_angles: Array
     """
     refuse_friction(statics.chain.arm.tendon.friction, 'pulls_for_angles')
     check_start(start)
-    wanted = np.asarray(bending_angles, dtype=float)
+    wanted = real_array(bending_angles, 'bending_angles must be numbers (rad), or nan')
     soft = soft_flags(soft, statics.chain.segments)
     chosen = np.flatnonzero(np.isfinite(wanted) & soft) if wanted.shape == (len(soft),) else None
     if chosen is None or not chosen.size:
@@ -148,8 +155,8 @@ def set_shape(statics: Statics, bending_angles: Sequence[float],
     """
     refuse_friction(statics.chain.arm.tendon.friction, 'set_shape')
     segments = statics.chain.segments
-    wanted = np.array(bending_angles, dtype=float)
-    turns = list(range(segments) if order is None else order)
+    wanted = real_array(bending_angles, 'bending_angles must be finite numbers (rad)')
+    turns = list(range(segments)) if order is None else listed(order)
     if (len(set(turns)) < len(turns)
             or not all(whole(turn) and 0 <= turn < segments for turn in turns)):
         raise ValueError(f'order must name segments, 0 to {segments - 1}, each once at most; '

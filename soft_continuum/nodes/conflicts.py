@@ -11,10 +11,12 @@ from soft_continuum.nodes.entries import repeat, subscribe
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.names import NODES
 from soft_continuum.ros.qos import SENSOR, STREAM
+from soft_continuum.ros.text import plain
 
 PERIOD = 0.2  # s between two signs of life, and two looks at the graph
 ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended
 TOPICS = ('tendon_states', 'joint_states', *(f'{node}/state' for node in NODES))
+MAX_NAMES = 5  # of publishers that are listed
 UNKNOWN = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node has not been discovered yet
 
 
@@ -55,9 +57,11 @@ class Conflicts:
                 f'another {node.get_fully_qualified_name()} is running; end one of the two, or '
                 'give one a namespace')
         for topic in self._topics:
-            names = {info.node_name for info in node.get_publishers_info_by_topic(topic)}
-            if len(names - {UNKNOWN}) > 1:
-                problems.append(f'{topic} is published by {" and ".join(sorted(names))}; end all '
-                                'but one')
+            names = sorted({f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+                            for info in node.get_publishers_info_by_topic(topic)
+                            if info.node_name != UNKNOWN})
+            if len(names) > 1:
+                some = ' and '.join(map(plain, names[:MAX_NAMES]))
+                problems.append(f'{topic} is published by {some}; end all but one')
         self.problem = '; '.join(problems)
         node.status.alarm('conflict', self.problem)

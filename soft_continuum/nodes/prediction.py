@@ -63,12 +63,13 @@ class TensionPrediction:
         try:
             for before, after, steps in zip(
                     pulls[:-1], pulls[1:], self.steps(pulls), strict=True):
+                sliding = np.sign(after - before).astype(int).tolist()
                 for part in np.arange(1, steps + 1) / steps:
                     if revoked():
                         return
                     wanted = before + part * (after - before)
                     state = self._statics.solve(
-                        state, wanted - SLACK_ALLOWANCE, soft, vacuum=vacuum)
+                        state, wanted - SLACK_ALLOWANCE, soft, vacuum=vacuum, sliding=sliding)
                     self._check(wanted, np.asarray(state.tensions), limits)
         except StaticsError as error:
             raise MotionRefusedError(Reason.TENSION, str(error)) from None

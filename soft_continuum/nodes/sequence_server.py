@@ -53,8 +53,12 @@ class SequenceServer(ActionServer):
     async def _execute_goal_request(self, request: Any) -> None:
         """Leave the answer to whoever takes the request."""
         message = request[1]
-        self._on_request(GoalRequest(
-            message.goal_id, message.goal, partial(self._send_answer, request)))
+        try:
+            self._on_request(GoalRequest(
+                message.goal_id, message.goal, partial(self._send_answer, request)))
+        except Exception:
+            self._send_answer(request, False)
+            raise
 
     def _send_answer(self, request: Any, accept: bool) -> None:
         self._answer = GoalResponse.ACCEPT if accept else GoalResponse.REJECT

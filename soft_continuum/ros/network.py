@@ -38,6 +38,13 @@ def choose_network(environment: MutableMapping[str, str], config: Path) -> None:
         environment.pop('ROS_LOCALHOST_ONLY', None)
 
 
+def choose_own_network() -> None:
+    """Choose the network of this process, before its first node; without ROS do nothing."""
+    with suppress(ImportError, LookupError):  # not built
+        from ament_index_python.packages import get_package_share_directory
+        choose_network(os.environ, Path(get_package_share_directory('soft_continuum'), 'config'))
+
+
 def reachable_addresses(process: int | str = 'self') -> list[str]:
     """Return the UDP addresses at which other computers reach a process; of Linux only."""
     folder, sockets = Path('/proc', str(process)), set()

@@ -132,14 +132,18 @@ class Planner:
         softened = self.statics.solve(state, start, soft, vacuum=vacuum)
         present = softened.bending_angles[segment]
         steps = max(1, ceil(abs(angle - present) / settings.angle_step))
+        # One tendon is pulled in, the other paid out: the side that the segment turns to.
+        turn = int(np.sign(angle - present))
+        sliding = (turn, -turn)
         points, tension = [start], float(softened.tensions.max())
         bent = softened
         for target in np.linspace(present, angle, steps + 1)[1:]:
             if self._abandoned():
                 raise PlanError('the plan was abandoned')
-            bent = self.statics.bend(bent, segment, float(target), vacuum=vacuum)
+            bent = self.statics.bend(
+                bent, segment, float(target), vacuum=vacuum, sliding=sliding)
             tension = max(tension, float(bent.tensions.max()))
-            points.append(self._with_slack(bent))
+            points.append(self._with_slack(bent, sliding))
         pulls = np.array(points)
         low, high = settings.pull_limits
         if pulls.min() < low or pulls.max() > high:
@@ -149,13 +153,13 @@ class Planner:
         if tension > settings.tension_limit:
             raise PlanError(f'needs a tendon tension of {tension:.1f} N; '
                             f'tension_limit: {settings.tension_limit:g} N')
-        end = self.statics.solve(bent, pulls[-1], soft, vacuum=vacuum)
+        end = self.statics.solve(bent, pulls[-1], soft, vacuum=vacuum, sliding=sliding)
         times, pulls = timed(pulls, settings.speed, settings.acceleration)
         return Move(segment, angle, times, pulls, tension), end
 
-    def _with_slack(self, bent: Equilibrium) -> Array:
+    def _with_slack(self, bent: Equilibrium, sliding: Sequence[int]) -> Array:
         """Return the pulls of a bent state with slack in the tendons that do not carry it."""
-        pulls = self.statics.commanded_pulls(bent)
+        pulls = self.statics.commanded_pulls(bent, sliding)
         if bent.tensions.max() > 0.0:  # where none carries, all hold the arm
             others = np.arange(len(pulls)) != np.argmax(bent.tensions)
             pulls[others] -= self.settings.antagonist_slack
