@@ -198,6 +198,8 @@ def _rows(path: Path, *allowed: tuple[str, ...]
         for line, row in enumerate(csv.reader(io.StringIO(text, newline='')), start=1):
             if line == 1:
                 header = tuple(row)
+                if not header or (allowed and header not in allowed):
+                    break
             elif torn is not None:
                 raise MeasurementError(f'{path}: line {torn[0]} has {torn[1]} fields instead of '
                                        f'{len(header)}; repair or remove it')

@@ -69,9 +69,9 @@ def _run(options: argparse.Namespace) -> None:
     leaf = arm_from_parameters(values | {'arm.bending_stiffnesses': (0.0,)}).segments[index]
     files = {state: paths for state, paths in (('soft', options.soft), ('stiff', options.stiff))
              if paths}
-    _refuse_twice([path for paths in files.values() for path in paths])
     states = []
     for name, paths in files.items():
+        _refuse_twice(paths)
         curves = read_curves(paths, _given(options, 'column'), _given(options, 'unit'))
         states.append(MeasuredState(
             name, curves, characterise(curves, segment.length, options.lever_arm)))

@@ -112,6 +112,21 @@ def test_a_bad_description_is_named(run, tmp_path, name):
 
 # characterize
 
+def test_a_file_that_is_given_twice_is_no_second_measurement(run):
+    status, _, error = run(characterize, CURVES, CURVES, *CHARACTERIZE)
+    assert status == 2
+    assert 'is given twice' in error
+
+
+def test_a_cell_of_countless_digits_is_refused(run, tmp_path):
+    path = tmp_path / 'digits.csv'
+    path.write_text('Force [N];Displacement [mm]\n' + '1;1\n' * 20 + '1' * 120_000 + 'x;1\n')
+    status, _, error = run(characterize, path, *CHARACTERIZE)
+    assert status == 2
+    assert 'digits.csv' in error
+    assert len(error) < 5000
+
+
 def test_the_papers_slope_is_reproduced_from_a_file(run, tmp_path):
     path = files.export(tmp_path / 'a.csv', [(files.ramp(), 72.0 * files.ramp())],
                         'Weg [mm];Kraft [N]', ';', ',')

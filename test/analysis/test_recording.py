@@ -90,3 +90,18 @@ def test_a_report_says_which_arm_was_recorded_when_and_by_which_version(tmp_path
     page = report_html(read_recording(tmp_path), 'one', values)
     assert 'soft_continuum 9.9, namespace /left, 2026-01-02' in page
     assert 'arm.segment_lengths</td><td>[0.07, 0.07, 0.07]</td><td>m<' in page
+
+
+@pytest.mark.parametrize('text', ['\n' * 4_000_000, 'time [s],a,b\n' + '0,0\n' * 2_000_000])
+def test_a_file_of_countless_wrong_lines_is_refused_at_the_first(tmp_path, text):
+    write(tmp_path)
+    (tmp_path / 'tendons.csv').write_text(text)
+    with pytest.raises(MeasurementError, match='line [12]'):
+        read_recording(tmp_path)
+
+
+def test_more_lines_than_a_recording_can_have_are_refused(tmp_path, monkeypatch):
+    write(tmp_path)
+    monkeypatch.setattr('soft_continuum.analysis.recording.MAX_ROWS', 2)
+    with pytest.raises(MeasurementError, match='more than 2 lines'):
+        read_recording(tmp_path)

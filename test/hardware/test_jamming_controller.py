@@ -505,3 +505,19 @@ def test_a_stuck_sensor_is_found_by_quick_toggles_as_by_one_slow_one():
     clock.now += 2 * REFILL_TIME
     controller.update()
     assert controller.stiff == [False]
+
+
+def test_a_sensor_that_was_stuck_before_the_start_is_not_believed():
+    driver, clock = ScriptedJamming(85e3), Clock()
+    driver.evacuated[0] = False  # it is vented, and shows nothing of it
+    controller = JammingController(driver, 1, SETTINGS, clock)
+    for _ in range(30):
+        clock.now += 0.1
+        controller.update()
+        assert controller.stiff == [False]
+    controller.set_stiff(0, True)
+    for _ in range(3):
+        clock.now += 0.05
+        controller.update()
+        assert controller.stiff == [False]
+    assert 'stuck' in controller.faults[0]

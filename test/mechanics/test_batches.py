@@ -277,3 +277,27 @@ def test_a_batch_does_not_find_the_arm_straight_where_it_buckles():
     batch = solve_batch(statics, statics.chain.straight(), asked, (True,) * 3)
     assert batch.jumped.tolist() == [True, False]  # pulled unlike it bends without a jump
     assert_as_one_by_one(batch, [statics], statics.chain.straight(), asked, (True,) * 3)
+
+
+def test_vacuum_of_each_problem():
+    statics = Statics(paper_like(2, Jam(6.0, stiffness_exponent=0.7)))
+    bent = statics.solve(statics.chain.straight(), (0.02, SLACK), (True, True))
+    asked, soft, parts = (SLACK, SLACK), (False, True), [(1.0, 0.0), (0.3, 0.0)]
+    batch = solve_batch(statics, bent, asked, soft, vacuum=parts)
+    path = solve_path(statics, bent, [asked], soft, vacuum=parts[1])
+    for state, part in ((batch[0], parts[0]), (batch[1], parts[1]), (path[0], parts[1])):
+        alone = statics.solve(bent, asked, soft, vacuum=part)
+        assert state.joint_angles == pytest.approx(alone.joint_angles, abs=1e-12)
+        assert state.vacuum == part
+    assert batch.bending_angles[0, 0] > 1.2 * batch.bending_angles[1, 0]
+
+
+@pytest.mark.parametrize('changes', [
+    {'start': None}, {'soft': None}, {'soft': True}, {'sliding': 1}, {'arms': None},
+    {'arms': paper_like(2)}, {'vacuum': 1.0}])
+def test_what_is_no_input_of_a_batch_is_refused(changes):
+    statics = Statics(paper_like(2))
+    given = {'arms': statics, 'start': statics.chain.straight(), 'pulls': (0.0, 0.0),
+             'soft': (True, True)} | changes
+    with pytest.raises(ValueError, match='given'):
+        solve_batch(**given)

@@ -4,6 +4,7 @@
 """Who reaches the nodes: processes of this computer, and others only where the user wants it."""
 
 from pathlib import Path
+import sys
 
 from processes import module_command, NodeProcess, Processes
 import pytest
@@ -70,3 +71,21 @@ def test_another_middleware_is_limited_as_far_as_ros_can() -> None:
     environment = {'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}
     choose_network(environment, CONFIG)
     assert environment == {'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp', RANGE: 'LOCALHOST'}
+
+
+CLIENT = """
+import sys
+from soft_continuum.client import Arm
+from soft_continuum.ros.network import reachable_addresses
+with Arm(sys.argv[1]):
+    print(reachable_addresses(), '/dev/shm/fastrtps' in open('/proc/self/maps').read())
+"""
+
+
+def test_a_program_with_the_python_client_listens_to_its_own_computer_only(
+        rig: Rig, processes: Processes) -> None:
+    rig.start('jamming_valves')
+    program = processes.start([sys.executable, '-c', CLIENT, rig.namespace],
+                              environment=dict.fromkeys((*PROFILES, RANGE), ''))
+    assert program.wait() == 0, program.output
+    assert '[] False' in program.output

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import LEFT, RIGHT, Statics
+from soft_continuum.mechanics import LEFT, RIGHT, Statics, Tendon
 from soft_continuum.parameters.files import load_arm, load_shapes
 from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, Shape, timed
 
@@ -372,3 +372,10 @@ def test_a_state_found_by_its_joint_angles_can_be_planned_from(library):
     received = Statics(ARM).chain.state(plans[0].state.joint_angles)
     plan, = planner.plan(received, plans[0].moves[-1].pulls[-1], [UPRIGHT])
     assert plan.moves[0].pulls == pytest.approx(plans[1].moves[0].pulls, abs=1e-7)
+
+
+def test_friction_at_the_guides_costs_tension():
+    bend = Shape('bend', (0.5, 0.0, 0.0))
+    smooth, rough = (moves_of(planned(bend, arm=replace(ARM, tendon=Tendon(friction=mu)))[0])[0]
+                     for mu in (0.0, 0.3))
+    assert rough.largest_tension > 1.02 * smooth.largest_tension
