@@ -59,7 +59,7 @@ if (os.environ.get('COLCON') == '1' and os.environ.get('SOFT_CONTINUUM_COMPILE')
         and {'install', 'develop'} & set(sys.argv) and '--uninstall' not in sys.argv):
     installed = (distribution.get_command_obj('install').install_lib
                  if 'install' in sys.argv else os.getcwd())
-    print('compiling the model, which takes about a minute ...', flush=True)
+    print('compiling the model, which takes about half a minute ...', flush=True)
     subprocess.run(
         [sys.executable, '-P', '-c',
          'from soft_continuum.mechanics.statics import warm_up; warm_up()'],

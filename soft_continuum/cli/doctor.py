@@ -77,7 +77,7 @@ def _check_model() -> Check:
         statics = import_module('soft_continuum.mechanics.statics')
         compiling = import_module('soft_continuum.mechanics._compile')
         if not compiling.is_compiled():
-            print('compiling the model, which takes about a minute once ...', file=sys.stderr)
+            print('compiling the model, which takes about half a minute once ...', file=sys.stderr)
         statics.warm_up()
     except Exception as error:  # numba and its compiler fail in many ways
         return Check(step, FAIL, f'does not compile: {type(error).__name__}: {_first(error)}; '
