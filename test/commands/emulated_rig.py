@@ -22,7 +22,7 @@ from soft_continuum.hardware.grbl_motion import Motors
 from soft_continuum.hardware.grbl_tendons import GrblTendons
 from soft_continuum.mechanics.arm import TENDONS
 
-TIMEOUT = 60.0  # s until a test gives up waiting; a loaded computer is slow
+DEADLINE = 60.0  # s until a test gives up waiting; a loaded computer is slow
 SPEED = 4.0
 """By which emulators, and the drivers and verbs in this process, live faster."""
 TIMEOUT = 1.0  # s that a Modbus reply may take on one
@@ -93,7 +93,7 @@ def is_referenced(rig):
 
 def until(condition, what):
     """Wait until something is true; fail if it never is."""
-    deadline = monotonic() + TIMEOUT
+    deadline = monotonic() + DEADLINE
     while not condition():
         assert monotonic() < deadline, f'never: {what}'
         sleep(0.01)
