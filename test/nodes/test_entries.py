@@ -103,7 +103,7 @@ def test_while_one_subscription_replaces_another_the_old_one_can_only_stop() -> 
     stop = EmergencyStop(node, changes.append)
     first = node.create_subscription.call_args.args[2]
     node.get_publishers_info_by_topic.return_value = [Mock(qos_profile=LATCHED)]
-    stop._look()
+    stop._check_now()
     second = node.create_subscription.call_args.args[2]
     assert node.create_subscription.call_args.args[3] is LATCHED
     for on_data, on in [(first, True), (second, True), (first, False), (first, True),
@@ -111,7 +111,7 @@ def test_while_one_subscription_replaces_another_the_old_one_can_only_stop() -> 
         on_data(serialize_message(Bool(data=on)))
     assert changes == [True, False]
     node.destroy_subscription.assert_not_called()
-    stop._look()
+    stop._check_now()
     node.destroy_subscription.assert_called_once()
     assert node.create_subscription.call_count == 2
 
