@@ -68,6 +68,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('doctor', 'check a rig step by step; nothing moves', 'cli.doctor:main'),
         Verb('calibrate', 'measure a rig: steps, signs, zero, vacuum', 'cli.calibrate:main'),
         Verb('emulate', 'emulate a device: grbl or modbus', 'cli.emulate:main'),
+        Verb('twin', 'simulate a rig: the arm in MuJoCo behind both devices', 'cli.twin:main'),
     ),
     'analyse measurements': (
         Verb('characterize', 'bending stiffness from force-displacement curves',

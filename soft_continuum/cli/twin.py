@@ -1,0 +1,69 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""``twin``: a simulated rig in MuJoCo behind the serial ports of the boards that a rig has."""
+
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+import threading
+
+from soft_continuum.arguments import DONE, Parser, WRONG_USAGE
+from soft_continuum.parameters.parameter import ParameterError
+
+PRESETS = ('ideal', 'typical', 'bad')
+CONFIGURATION = """\
+A simulated rig, preset {preset}. Put this into a parameter file of the nodes:
+/**:
+  ros__parameters:
+    tendon_driver: grbl
+    grbl: {{port: {grbl}, steps_per_mm: {steps}}}
+    jamming_driver: modbus
+    modbus: {{port: {modbus}}}
+Ctrl-C ends it.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Serve the twin until Ctrl-C; return the exit status."""
+    parser = Parser('twin', 'A simulated rig: the arm in MuJoCo, behind emulated GRBL and Modbus '
+                    'boards. Where it really is is published on twin/disc_poses and '
+                    'twin/joint_states, which no node of the suite reads.',
+                    '--params-file', '--namespace')
+    parser.add_argument('--preset', default='typical', metavar='NAME',
+                        help='in what it differs from the description: '
+                        f'{", ".join(PRESETS)}, or another one of the file (default: typical)')
+    parser.add_argument('--file', type=Path, metavar='FILE',
+                        help='where the presets are (default: config/twin.yaml)')
+    parser.add_argument('--grbl-link', type=Path, metavar='PATH',
+                        help='a symbolic link to make to the port of the tendons')
+    parser.add_argument('--modbus-link', type=Path, metavar='PATH',
+                        help='the same for valves and sensors')
+    options = parser.parse_args(argv)
+    try:
+        import_module('mujoco')
+    except ImportError:
+        return parser.fail("MuJoCo is not installed; install it with: pip install "
+                           "'soft_continuum[twin]'")
+    from soft_continuum.nodes.up import description_file
+    from soft_continuum.parameters.files import load_arm
+    from soft_continuum.twin.differences import read_differences, TwinError
+    from soft_continuum.twin.rig import TwinRig
+    from soft_continuum.twin.truth import Truth
+    presets = options.file or description_file().with_name('twin.yaml')
+    try:
+        arm = load_arm(*options.params_file or [description_file()])
+        differences = read_differences(presets, options.preset)
+        with TwinRig(arm, differences, options.grbl_link or '', options.modbus_link or ''
+                     ) as rig, Truth(rig, options.namespace):
+            given = rig.parameters()
+            print(CONFIGURATION.format(
+                preset=options.preset, grbl=given['grbl.port'],
+                steps=given['grbl.steps_per_mm'], modbus=given['modbus.port']), flush=True)
+            threading.Event().wait()
+    except (ParameterError, TwinError) as error:
+        return parser.fail(error, WRONG_USAGE)
+    except OSError as error:
+        return parser.fail(error)
+    except KeyboardInterrupt:
+        pass
+    return DONE

@@ -1,0 +1,89 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""In what the twin differs from the description of the arm: config/twin.yaml."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from soft_continuum.text import read_bytes
+
+MAX_BYTES = 100_000
+
+
+class TwinError(ValueError):
+    """A file of differences, or an arm, that no twin can be made of."""
+
+
+@dataclass(frozen=True)
+class Differences:
+    """
+    One preset; see config/twin.yaml for what each means.
+
+    stiffness_factors: one per segment, or one for all.  mass_factor: of all masses.  stiff_ratio:
+    K at full vacuum.  soft_below: part of full vacuum without any jam.  yield_moment: N m of each
+    joint's jam at full vacuum.  lock_in_shift: rad by which a segment bends at most when it is
+    stiffened.  damping_time: s, of the springs.  guide_friction: coefficient at every guide.
+    tendon_compliance: m/N.  backlash: m between motor and tendon when it turns back.  zero_offset:
+    m by which each tendon is pulled in at zero.  tension_noise: N, standard deviation of the load
+    cells.  seed: of everything random.
+    """
+
+    stiffness_factors: tuple[float, ...]
+    mass_factor: float
+    stiff_ratio: float
+    soft_below: float
+    yield_moment: float
+    lock_in_shift: float
+    damping_time: float
+    guide_friction: float
+    tendon_compliance: float
+    backlash: float
+    zero_offset: float
+    tension_noise: float
+    seed: int
+
+
+RANGES = {
+    'stiffness_factors': (0.2, 5.0), 'mass_factor': (0.0, 5.0), 'stiff_ratio': (1.1, 1e5),
+    'soft_below': (0.0, 0.9), 'yield_moment': (1e-6, 1e6), 'lock_in_shift': (0.0, 0.2),
+    'damping_time': (0.005, 1.0), 'guide_friction': (0.0, 1.0),
+    'tendon_compliance': (0.0, 0.01), 'backlash': (0.0, 0.01), 'zero_offset': (-0.01, 0.01),
+    'tension_noise': (0.0, 100.0), 'seed': (0, 2**31)}
+"""Smallest and largest value of each."""
+
+
+def read_differences(path: str | Path, preset: str) -> Differences:
+    """
+    Return a preset of a file.
+
+    Raises OSError for a file that cannot be read, TwinError for one that holds something else.
+    """
+    try:
+        presets = yaml.safe_load(read_bytes(path, MAX_BYTES))
+    except yaml.YAMLError as error:
+        raise TwinError(f'{path}: {error}') from None
+    if not isinstance(presets, dict):
+        raise TwinError(f'{path}: it must hold presets by name')
+    if preset not in presets:
+        raise TwinError(f'{path} has no preset {preset}; it has: {", ".join(map(str, presets))}')
+    values = presets[preset]
+    names = [field.name for field in fields(Differences)]
+    if not isinstance(values, dict) or sorted(map(str, values)) != sorted(names):
+        raise TwinError(f'{path}: preset {preset} must hold these and nothing else: '
+                        f'{", ".join(names)}')
+    return Differences(**{name: _checked(path, name, values) for name in names})
+
+
+def _checked(path: str | Path, name: str, values: Mapping[str, Any]) -> Any:
+    """Return a value within its range."""
+    value, (low, high) = values[name], RANGES[name]
+    several = name == 'stiffness_factors' and isinstance(value, list) and value
+    for one in value if several else [value]:
+        if isinstance(one, bool) or not isinstance(one, int | float) or not low <= one <= high or (
+                isinstance(low, int) and not isinstance(one, int)):
+            raise TwinError(f'{path}: {name} is {one!r}; allowed: {low:g} to {high:g}')
+    return tuple(value if several else [value]) if name == 'stiffness_factors' else value

@@ -1,0 +1,84 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The plant in real time, driven by the motors and the vacuum of the emulated boards."""
+
+from contextlib import ExitStack
+from pathlib import Path
+import threading
+from typing import Self
+
+import numpy as np
+
+from soft_continuum.emulators.grbl import STEPS_PER_MM
+from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.simulated_jamming import JammingPlant
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.twin.differences import Differences
+from soft_continuum.twin.plant import Plant, TIME_STEP
+
+PERIOD = 0.005  # s between two looks at the boards
+MAX_LATENESS = 0.2  # s that are made up for; the plant stands still for what is beyond
+FULL_VACUUM = JammingPlant().ultimate_vacuum  # Pa
+
+
+class TwinRig:
+    """
+    The emulated boards and the plant behind them; runs while this context manager is open.
+
+    It begins stiff, as a rig whose pump runs.  While ``lock`` is held no time passes for the
+    plant.  lost: s of real time for which the plant stood still since the computer was too slow.
+    """
+
+    def __init__(self, arm: Arm, differences: Differences, grbl_link: str | Path = '',
+                 modbus_link: str | Path = '', clock: Clock = STEADY) -> None:
+        """Make the rig; links: paths at which the ports can always be found."""
+        self.plant = Plant(arm, differences)
+        self.grbl = GrblEmulator(str(grbl_link), clock)
+        self.modbus = ModbusEmulator(
+            len(arm.segments), initially_stiff=True, link=modbus_link or None, baud_rate=9600,
+            clock=clock)
+        self.lock = threading.Lock()
+        self.lost = 0.0
+        self._clock = clock
+        self._closing = False
+        self._thread = threading.Thread(target=self._run, name='twin', daemon=True)
+        self._devices = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Plug in the boards and let time pass; raises OSError for a link that cannot be."""
+        with ExitStack() as devices:
+            devices.enter_context(self.grbl)
+            devices.enter_context(self.modbus)
+            self._devices = devices.pop_all()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End."""
+        self._closing = True
+        while self._thread.is_alive():
+            self._clock.sleep(PERIOD)
+        self._devices.close()
+
+    def parameters(self) -> dict[str, object]:
+        """Return the parameters of nodes that are to drive this rig."""
+        return {'tendon_driver': 'grbl', 'grbl.port': self.grbl.port,
+                'grbl.steps_per_mm': [float(STEPS_PER_MM)] * 2,
+                'jamming_driver': 'modbus', 'modbus.port': self.modbus.port}
+
+    def _run(self) -> None:
+        begin = self._clock()
+        while not self._closing:
+            self._clock.sleep(PERIOD)
+            pulls = np.array(self.grbl.motors[:2]) / (STEPS_PER_MM * 1e3)
+            vacuum = np.array([self.modbus.vacuum(s) for s in range(len(self.modbus.segments))])
+            late = self._clock() - begin - self.plant.time
+            if late > MAX_LATENESS:
+                begin += late - MAX_LATENESS
+                self.lost += late - MAX_LATENESS
+                late = MAX_LATENESS
+            with self.lock:
+                for _ in range(int(late / TIME_STEP)):
+                    self.plant.step(pulls, vacuum / FULL_VACUUM)
