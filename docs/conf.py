@@ -26,9 +26,9 @@ suppress_warnings = ['myst.xref_missing', 'ref.python']
 apidoc_modules = [{
     'path': '../soft_continuum',
     'destination': 'docs/reference/api',
-    'exclude_patterns': [f'../soft_continuum/{room}' for room in (
-        'browser', 'cli', 'emulators', 'nodes', 'ros', '__main__.py', 'arguments.py',
-        'colours.py', 'urdf.py')],
+    'exclude_patterns': [f'../soft_continuum/{part}' for part in (
+        'browser', 'cli', 'emulators', 'nodes', 'ros', 'twin', '__main__.py', 'arguments.py',
+        'colours.py', 'text.py', 'urdf.py')],
     'separate_modules': True,
     'module_first': True,
     'automodule_options': {'members', 'show-inheritance', 'ignore-module-all'},

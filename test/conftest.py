@@ -1,16 +1,18 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which tests run: all, or with ``--quick`` those that start neither processes nor a browser."""
+"""Which tests run: all, or with ``--quick`` those that take little time."""
 
 from pathlib import Path
 
-PROCESSES = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation.py')
-"""Tests below these start nodes, devices or programs."""
+SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation.py',
+        'test_examples.py', 'analysis/test_commands.py', 'analysis/test_identification.py',
+        'mechanics/test_elastica.py', 'mechanics/test_mujoco.py', 'twin')
+"""Tests below these start nodes, devices, programs or other solvers, or run whole analyses."""
 
 
 def pytest_addoption(parser):
     parser.addoption('--quick', action='store_true',
-                     help='leave out the tests that start nodes, devices or programs')
+                     help='leave out tests of nodes, devices, programs and whole analyses')
 
 
 def pytest_collection_modifyitems(config, items):
@@ -18,6 +20,6 @@ def pytest_collection_modifyitems(config, items):
         return
     here = Path(__file__).parent
     left_out = [item for item in items
-                if item.path.relative_to(here).as_posix().startswith(PROCESSES)]
+                if item.path.relative_to(here).as_posix().startswith(SLOW)]
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if item not in left_out]
