@@ -29,6 +29,8 @@ from soft_continuum.ros.names import TENDON_ACTUATION
 PAGE = Path(__file__).with_name('page.html').read_text(encoding='utf-8')
 PATH = '/bar'
 CHECK_PERIOD = 0.1  # s between two looks at whether there is something new
+REMEDY = (f'{HOW_TO_START[0].upper()}{HOW_TO_START[1:]}; this page continues by itself.'
+          .replace('`', ''))
 SEND_PERIOD = 1.0  # s until it is sent again: the page knows from it that it is connected
 
 
@@ -52,20 +54,15 @@ def bar_state(state: ArmState, notices: Iterable[Notice] = ()) -> BarState:
     kind, headline, text = _motion(state)
     missing = [node.name for node in state.nodes if node.stale]
     if len(missing) == len(state.nodes):
-        text = f'No node is running. {_how_to_start()}'
+        text = f'No node is running. {REMEDY}'
     elif missing:
-        text = f'{text} Not running: {", ".join(missing)}. {_how_to_start()}'.strip()
+        text = f'{text} Not running: {", ".join(missing)}. {REMEDY}'.strip()
     new = [notice for notice in notices if notice.is_new]
     if not new:
         return BarState(kind, headline, text)
     last, more = new[-1], sum(notice.count for notice in new[:-1])
     return BarState(kind, headline, text, f'{last.title}: {last.text}{last.times}'
                     + (f' (+{more} under Messages)' if more else ''), last.is_problem)
-
-
-def _how_to_start() -> str:
-    return f'{HOW_TO_START[0].upper()}{HOW_TO_START[1:]}; this page continues by itself.'.replace(
-        '`', '')
 
 
 def _motion(state: ArmState) -> tuple[str, str, str]:

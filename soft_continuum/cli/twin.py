@@ -44,6 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ImportError:
         return parser.fail("MuJoCo is not installed; install it with: pip install "
                            "'soft_continuum[twin]'")
+    from soft_continuum.client.errors import ClientError
     from soft_continuum.nodes.up import description_file
     from soft_continuum.parameters.files import load_arm
     from soft_continuum.twin.differences import read_differences, TwinError
@@ -60,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 preset=options.preset, grbl=given['grbl.port'],
                 steps=given['grbl.steps_per_mm'], modbus=given['modbus.port']), flush=True)
             threading.Event().wait()
-    except (ParameterError, TwinError) as error:
+    except (ClientError, ParameterError, TwinError) as error:
         return parser.fail(error, WRONG_USAGE)
     except OSError as error:
         return parser.fail(error)

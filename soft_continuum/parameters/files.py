@@ -28,7 +28,7 @@ from soft_continuum.parameters.shapes import SHAPE_PREFIX, shapes_from_parameter
 from soft_continuum.text import printable, read_bytes
 
 MAX_DEPTH = 20  # keys below one another in a parameter file
-MAX_SIZE = 100_000  # bytes of a parameter file
+MAX_SIZE = 100_000  # bytes of such a file
 
 UNCHECKED = (SHAPE_PREFIX, 'use_sim_time', 'qos_overrides.', 'start_type_description_service')
 """Names, or how they begin, that are allowed without being in a table; ROS nodes have the rest."""
@@ -142,16 +142,15 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
         return super().compose_node(parent, index)
 
 
-def read_parameter_file(path: str | Path, node: str = '') -> dict[str, Any]:
+def read_yaml(path: str | Path) -> Any:
     """
-    Return all that a ROS 2 parameter file sets for ``node`` (its name without namespace).
+    Return what a small YAML file without aliases holds.
 
-    Raises ParameterError naming the file, and the line or key, when it cannot be read.
+    Raises OSError for a file that cannot be read, ParameterError, naming the file and the line,
+    for one that is not YAML.
     """
     try:
-        document = yaml.load(read_bytes(path, MAX_SIZE).decode('utf-8'), _Loader)
-    except OSError as error:
-        raise ParameterError(f'{path}: cannot be read: {error.strerror}') from None
+        return yaml.load(read_bytes(path, MAX_SIZE).decode('utf-8'), _Loader)
     except UnicodeDecodeError as error:
         raise ParameterError(f'{path}: is not UTF-8 text: {error.reason}') from None
     except yaml.YAMLError as error:
@@ -162,6 +161,18 @@ def read_parameter_file(path: str | Path, node: str = '') -> dict[str, Any]:
     except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
         # Of PyYAML for values that it cannot construct, of Path for paths that it cannot open.
         raise ParameterError(f'{path}: not valid YAML: {type(error).__name__} {error}') from None
+
+
+def read_parameter_file(path: str | Path, node: str = '') -> dict[str, Any]:
+    """
+    Return all that a ROS 2 parameter file sets for ``node`` (its name without namespace).
+
+    Raises ParameterError naming the file, and the line or key, when it cannot be read.
+    """
+    try:
+        document = read_yaml(path)
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be read: {error.strerror}') from None
     if not isinstance(document, Mapping):
         raise ParameterError(
             f'{path}: a parameter file starts with a node name, or /** for all nodes')

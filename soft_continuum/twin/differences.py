@@ -7,11 +7,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from soft_continuum.text import read_bytes
-
-MAX_BYTES = 100_000
+from soft_continuum.parameters.files import read_yaml
 
 
 class TwinError(ValueError):
@@ -60,12 +56,10 @@ def read_differences(path: str | Path, preset: str) -> Differences:
     """
     Return a preset of a file.
 
-    Raises OSError for a file that cannot be read, TwinError for one that holds something else.
+    Raises OSError for a file that cannot be read, ParameterError for one that is not YAML,
+    TwinError for one that holds something else.
     """
-    try:
-        presets = yaml.safe_load(read_bytes(path, MAX_BYTES))
-    except yaml.YAMLError as error:
-        raise TwinError(f'{path}: {error}') from None
+    presets = read_yaml(path)
     if not isinstance(presets, dict):
         raise TwinError(f'{path}: it must hold presets by name')
     if preset not in presets:

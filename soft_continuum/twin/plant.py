@@ -238,7 +238,7 @@ def _model(arm: Arm, mass_factor: float) -> str:
     return (
         '<mujoco><compiler angle="radian" autolimits="false"/>'
         f'<option timestep="{TIME_STEP!r}" integrator="implicitfast" '
-        f'gravity="{gravity[0]!r} 0 {gravity[1]!r}"><flag energy="disable"/></option>'
+        f'gravity="{gravity[0]!r} 0 {gravity[1]!r}"/>'
         '<worldbody>' + ''.join(lines) + '</body>' * joint + '</worldbody>'
         f'<tendon>{tendons}</tendon></mujoco>')
 

@@ -2,16 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the twin really is, published for tests and benchmarks; no node of the suite reads it."""
 
-import threading
-from types import TracebackType
 from typing import Self
 
 from geometry_msgs.msg import PoseArray
-import rclpy
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 
+from soft_continuum.client.connection import Connection
 from soft_continuum.ros.conversions import full_poses, poses_to_ros
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.twin.rig import TwinRig
@@ -23,32 +19,27 @@ class Truth:
     """Publishes the joints, tendons and discs of a twin while this context manager is open."""
 
     def __init__(self, rig: TwinRig, namespace: str = '') -> None:
-        """Make the node ``twin`` in ``namespace``."""
+        """Make the node ``twin``; raises ClientError for a namespace that ROS does not take."""
         self._rig = rig
-        self._context = Context()
-        rclpy.init(context=self._context)
-        self._node = rclpy.create_node('twin', namespace=namespace, context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._joints = self._node.create_publisher(JointState, 'twin/joint_states', STREAM)
-        self._tendons = self._node.create_publisher(JointState, 'twin/tendon_states', STREAM)
-        self._discs = self._node.create_publisher(PoseArray, 'twin/disc_poses', STREAM)
         self._names = [f'joint_{n}' for n in range(1, len(rig.plant.joint_angles) + 1)]
-        self._node.create_timer(PERIOD, self._publish)
-        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
+        self._connection = Connection('twin', namespace)
+        self._node = self._connection.node
 
     def __enter__(self) -> Self:
         """Begin to publish."""
-        self._thread.start()
+        self._connection.requests.start(self._begin()).result()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,
-                 traceback: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         """End."""
-        self._executor.shutdown()
-        self._thread.join()
-        self._node.destroy_node()
-        self._context.shutdown()
+        self._connection.close()
+
+    async def _begin(self) -> None:
+        node = self._node
+        self._joints = node.create_publisher(JointState, 'twin/joint_states', STREAM)
+        self._tendons = node.create_publisher(JointState, 'twin/tendon_states', STREAM)
+        self._discs = node.create_publisher(PoseArray, 'twin/disc_poses', STREAM)
+        node.create_timer(PERIOD, self._publish)
 
     def _publish(self) -> None:
         with self._rig.lock:
