@@ -101,8 +101,10 @@ class TendonController:
 
         Raises MotionRefusedError; then the present trajectory continues unchanged.
         """
-        self._times, self._pulls = self.plan(times, pulls, now, begin)
-        self._busy = True
+        times, pulls = self.plan(times, pulls, now, begin)
+        if not self.following:
+            self._setpoint_time = now
+        self._times, self._pulls, self._busy = times, pulls, True
 
     def plan(self, times: Array, pulls: Array, now: float, begin: float | None = None
              ) -> tuple[Array, Array]:
@@ -208,10 +210,17 @@ class TendonController:
         self.update(0.0, 0.0)
 
     def update(self, now: float, interval: float) -> TendonReading:
-        """Send the driver where it must be ``interval`` s from now; return where it is."""
+        """
+        Send the driver where it must be ``interval`` s from now; return where it is.
+
+        What a call came late is not caught up: the rest of the trajectory is as much later.
+        """
         self._interval = interval or self._interval
         rested = not self.following
         if self.following:
+            late = now - self._setpoint_time
+            if late > interval:
+                self._times = self._times + late
             ahead = self._setpoint_time = now + interval
             self._setpoint = self._planned(ahead)
             try:

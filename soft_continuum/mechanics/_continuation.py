@@ -133,10 +133,7 @@ class Continuation:
 
     def result(self, point: Point, problem: Problem, jumped: bool = False) -> Equilibrium:
         """Return a solved point as an Equilibrium."""
-        slack = np.zeros(2)
-        for t in (RIGHT, LEFT):
-            if problem.drive.mode[t] == LENGTH and point.tension[t] <= 0.0:
-                slack[t] = max(0.0, problem.drive.target[t] - point.lengths[t])
+        slack = _slack(point, problem.drive)
         angles = point.theta.copy()
         angles[1:] -= point.theta[:-1]
         if problem.groups < self.chain.joints:  # locked joints keep theirs to the last bit
@@ -176,6 +173,10 @@ class Continuation:
             try:
                 for target in way:
                     there = replace(there, drive=drive._replace(target=target))
+                    direct = self.newton(end, there)
+                    if there.reached_by(direct):
+                        end = replace(direct, slack=_slack(direct, there.drive))
+                        continue
                     end, there, also = self.follow(end, there)
                     jumped = jumped or also
             except StaticsError as error:
@@ -240,7 +241,7 @@ class Continuation:
                                    self.result(point, problem))
             crept = self.laws.crept(np.diff(point.theta, prepend=0.0), problem.system.joints)
             problem = replace(problem, system=problem.system._replace(joints=crept))
-        return replace(point, iterations=iterations), problem, jumped
+        return replace(point, iterations=iterations, slack=_slack(point, drive)), problem, jumped
 
     def _gap(self, point: Point, problem: Problem) -> Array:
         """Return how far each driven tendon (or angle) is from its target at the start."""
@@ -362,6 +363,12 @@ class Continuation:
         return ', '.join(
             f'{name} slack' if pull == SLACK else f'{name} {pull * 1e3:.2f} mm'
             for name, pull in zip(self.chain.arm.tendon_names, pulls, strict=True))
+
+
+def _slack(point: Point, drive: Drive) -> Array:
+    """Return how much longer than its way each tendon that carries nothing is, (2,) m."""
+    free = (drive.mode == LENGTH) & (point.tension <= 0.0)
+    return np.where(free, np.maximum(drive.target - point.lengths, 0.0), 0.0)
 
 
 def _side(point: Point, target: Array) -> float:

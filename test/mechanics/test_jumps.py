@@ -298,6 +298,23 @@ def test_a_hand_over_between_the_tendons_is_no_jump():
         assert over.joint_angles == pytest.approx(direct.joint_angles, abs=1e-7)
 
 
+def test_a_hand_over_between_segments_is_no_jump_where_small_steps_make_none(
+        paper_arm):
+    # What the stiff segments carried cannot fade slowly here; let go at once, it comes to rest.
+    statics = Statics(replace(paper_arm, mounting_angle=np.pi))
+    pulls, later = np.array([0.0194, -0.0291]), np.array([-0.0014, 0.0012])
+    for order in (slice(None), slice(None, None, -1)):
+        start = statics.solve(statics.chain.straight(), pulls[order], (True, False, False))
+        at_once = statics.solve(start, later[order], (False, True, True))
+        state = start
+        for part in np.linspace(0.0, 1.0, 201):
+            state = statics.solve(
+                state, (pulls + part * (later - pulls))[order], (False, True, True))
+            assert not state.jumped
+        assert not at_once.jumped
+        assert at_once.joint_angles == pytest.approx(state.joint_angles, abs=1e-7)
+
+
 # Failure is no proof
 
 def test_tendons_are_called_too_short_only_where_they_are():
