@@ -43,6 +43,7 @@ class BarState:
     text: str = ''
     notice: str = ''
     problem: bool = False
+    may_resume: bool = False
 
 
 LOST = BarState('lost', 'No data from the arm',
@@ -52,6 +53,7 @@ LOST = BarState('lost', 'No data from the arm',
 def bar_state(state: ArmState, notices: Iterable[Notice] = ()) -> BarState:
     """Return what the bar shows of an arm, with the last of the notices that are still new."""
     kind, headline, text = _motion(state)
+    may_resume = kind == 'stopped' and not state.emergency_stop
     missing = [node.name for node in state.nodes if node.stale]
     if len(missing) == len(state.nodes):
         text = f'No node is running. {REMEDY}'
@@ -59,10 +61,10 @@ def bar_state(state: ArmState, notices: Iterable[Notice] = ()) -> BarState:
         text = f'{text} Not running: {", ".join(missing)}. {REMEDY}'.strip()
     new = [notice for notice in notices if notice.is_new]
     if not new:
-        return BarState(kind, headline, text)
+        return BarState(kind, headline, text, may_resume=may_resume)
     last, more = new[-1], sum(notice.count for notice in new[:-1])
     return BarState(kind, headline, text, f'{last.title}: {last.text}{last.times}'
-                    + (f' (+{more} under Messages)' if more else ''), last.is_problem)
+                    + (f' (+{more} under Messages)' if more else ''), last.is_problem, may_resume)
 
 
 def _motion(state: ArmState) -> tuple[str, str, str]:
@@ -70,8 +72,9 @@ def _motion(state: ArmState) -> tuple[str, str, str]:
     if state.stopped is None or state.node(TENDON_ACTUATION).stale:
         return 'lost', 'The arm is not known', ''
     if state.stopped:
-        return ('stopped', 'STOPPED',
-                f'{plain(state.stopped)}. Nothing moves before you press Resume.')
+        remedy = ('whoever turned it on turns it off and you press Resume' if state.emergency_stop
+                  else 'you press Resume')
+        return 'stopped', 'STOPPED', f'{plain(state.stopped)}. Nothing moves before {remedy}.'
     if state.progress is not None:
         segment, phase = state.progress.segment, plain(state.progress.phase)
         where = f'segment {segment}, ' if segment else ''

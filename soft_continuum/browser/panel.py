@@ -130,10 +130,11 @@ class Panel:
             round(100 * min(1.0, max(0.0, fraction))) if isfinite(fraction) else 0.0)
         # What would do nothing now is grey.
         may_move = state.stopped == ''
+        may_switch = not (runs or state.emergency_stop or state.node(JAMMING_VALVES).stale)
         for control, works in (
                 *((c, may_move and not state.node(SHAPE_SEQUENCER).stale) for c in self._motions),
                 (self._cancel, runs),
-                *((c, not runs and not state.node(JAMMING_VALVES).stale) for c in self._switches),
+                *((c, may_switch) for c in self._switches),
                 *((c, may_move and not runs and False in state.stiff) for c in self._jogs),
                 *((c, not runs) for c in self._rests)):
             _enable(control, works)

@@ -25,6 +25,7 @@ from soft_continuum.client.observed import TENDON_STATE
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.state import SequenceResult
 from soft_continuum.mechanics.arm import Arm
+from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.ros.qos import LATCHED
 from soft_continuum_interfaces.msg import MotionRequest
@@ -100,7 +101,7 @@ class Session:
         self._describing: Future[None] | None = None
         self._motion: MotionRequest | None = None  # the last that was reported
         self.observed.on_change(self._on_change)
-        requests.node.create_subscription(MarkerArray, 'target_markers', self._on_target, LATCHED)
+        subscribe(requests.node, MarkerArray, 'target_markers', self._on_target, LATCHED)
 
     def notify(self, title: str, text: str, *, is_problem: bool = False) -> None:
         """Add a notice; one that says the same as the last takes its place."""

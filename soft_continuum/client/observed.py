@@ -22,6 +22,7 @@ from soft_continuum.client.state import (
 )
 from soft_continuum.client.tasks import running_nodes
 from soft_continuum.ros.age import Age
+from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
     KINEMATICS,
@@ -76,10 +77,10 @@ class ObservedArm:
         self._segments = 0
         for topic, (kind, qos, source) in TOPICS.items():
             self._subscribe(topic, kind, qos, source)
-        node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+        subscribe(node, DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
 
     def _subscribe(self, topic: str, kind: Any, qos: Any, source: str) -> None:
-        self._node.create_subscription(kind, topic, partial(self._on_message, topic, source), qos)
+        subscribe(self._node, kind, topic, partial(self._on_message, topic, source), qos)
 
     def on_change(self, listener: Callable[[str], object]) -> None:
         """Call ``listener`` with the name of the topic after every message."""
@@ -222,6 +223,7 @@ class ObservedArm:
             tensions=self.tensions(),
             measured_tensions=self._of_tendons('tendon_states', 'effort'),
             stopped=None if tendons is None else _stopped(tendons),
+            emergency_stop=None if tendons is None else tendons.emergency_stop,
             referenced=None if tendons is None else tendons.referenced,
             stiff=tuple(self.stiff(n) for n in numbers),
             pressures=tuple(self.pressure(n) for n in numbers),

@@ -63,8 +63,9 @@ class ArmState:
 
     tendons: names, in the order of pulls (m), speeds (m/s), tensions (N, by the model, nan where
     nothing determines them) and measured_tensions (N, only of a driver that measures).  stopped:
-    why nothing moves before a resume, '' when motion is allowed.  referenced: whether pulls are
-    known relative to the straight arm.
+    why nothing moves before a resume, '' when motion is allowed.  emergency_stop: whether it is
+    on, so that resuming and switching are refused.  referenced: whether pulls are known relative
+    to the straight arm.
     stiff: of each segment, base first, as confirmed by its pressure.  pressures: Pa, absolute.
     bending_angles: rad, one per segment.  joint_angles: rad, all joints of the rigid chain.
     segment_poses: distal end of each segment.  disc_poses: bottom and top of each disc.  tip: top
@@ -78,6 +79,7 @@ class ArmState:
     tensions: tuple[float, ...] | None
     measured_tensions: tuple[float, ...] | None
     stopped: str | None
+    emergency_stop: bool | None
     referenced: bool | None
     stiff: tuple[bool | None, ...]
     pressures: tuple[float | None, ...]

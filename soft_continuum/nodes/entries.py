@@ -10,12 +10,10 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
 from rclpy.timer import Timer
 
-MAX_BYTES = 65536
-"""Of a message; to convert one holds up every thread of a process, for up to 0.1 s."""
-LOG_PERIOD = 1.0  # s between two log lines of one kind
+from soft_continuum.ros import entry
+from soft_continuum.ros.entry import LOG_PERIOD
 
 
 def guarded(node: Any, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -39,21 +37,8 @@ def guarded(node: Any, function: Callable[..., Any]) -> Callable[..., Any]:
 
 def subscribe(node: Any, kind: Any, topic: str, callback: Callable[[Any], None],
               qos: QoSProfile) -> Any:
-    """Return a subscription; messages that are too long, or none of that type, are left out."""
-    def on_data(data: bytes) -> None:
-        problem = f'{len(data)} bytes; allowed: {MAX_BYTES}'
-        if len(data) <= MAX_BYTES:
-            try:
-                message = deserialize_message(data, kind)
-            except Exception as error:  # whatever the conversion finds wrong
-                problem = str(error)
-            else:
-                callback(message)
-                return
-        node.get_logger().warning(f'a message on {topic} is left out: {problem}',
-                                  throttle_duration_sec=LOG_PERIOD)
-
-    return node.create_subscription(kind, topic, guarded(node, on_data), qos, raw=True)
+    """Return a subscription, guarded; messages that are too long are left out."""
+    return entry.subscribe(node, kind, topic, guarded(node, callback), qos)
 
 
 def serve(node: Any, kind: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:

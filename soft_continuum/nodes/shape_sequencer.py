@@ -16,7 +16,7 @@ from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.chain import RigidChain
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
-from soft_continuum.nodes.entries import guarded, LOG_PERIOD, repeat
+from soft_continuum.nodes.entries import guarded, repeat
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
@@ -26,6 +26,7 @@ from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.shapes import angles_problem, SHAPE_PREFIX, shapes_from_parameters
 from soft_continuum.ros.conversions import seconds
+from soft_continuum.ros.entry import LOG_PERIOD
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.ros.qos import LATCHED
 from soft_continuum.ros.text import name_problem

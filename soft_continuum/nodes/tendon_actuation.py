@@ -21,7 +21,7 @@ from soft_continuum.hardware.tendon_controller import (
     TendonLimits,
 )
 from soft_continuum.nodes.emergency_stop import EmergencyStop
-from soft_continuum.nodes.entries import guarded, LOG_PERIOD, MAX_BYTES, serve
+from soft_continuum.nodes.entries import guarded, serve
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.motion_requests import Request
@@ -34,6 +34,7 @@ from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import trajectory_from_ros
+from soft_continuum.ros.entry import LOG_PERIOD, MAX_BYTES
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.text import name_problem, plain
 from soft_continuum_interfaces.msg import TendonActuationState
@@ -300,16 +301,11 @@ class TendonActuation(ManagedNode):
                             TendonActuationState.STOPPED_BY_SERVICE, '~/stop was called')
 
     def _on_emergency(self, on: bool) -> None:
-        if on:
-            self._loop.post(self._control.stop, TendonActuationState.STOPPED_BY_EMERGENCY,
-                            'emergency_stop is on')
-        else:
+        self._loop.post(self._control.emergency, on)
+        if not on:
             self.get_logger().warning('emergency_stop is off; nothing moves before ~/resume')
 
     def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._emergency.on:
-            response.message = 'emergency_stop is on; it has to be published as false first'
-            return response
         return self._answer(response, self._control.resume)
 
     def _on_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

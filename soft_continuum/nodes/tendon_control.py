@@ -71,6 +71,7 @@ class TendonControl:
         self._requests = MotionRequests()
         self._stiff_at_start: tuple[bool | None, ...] = ()
         self._stopped, self._stop_message = TendonActuationState.NOT_STOPPED, ''
+        self._emergency = False  # whether emergency_stop is on
         self._fault = ''  # why there is no device
         self._ended = self._refused = ''  # why the last motion was, for people
         self._revoked: tuple[int, Reason, str] = (0, Reason.NO_REASON, '')
@@ -250,8 +251,17 @@ class TendonControl:
         self.report()
         return answer
 
+    def emergency(self, on: bool) -> None:
+        """Stop while emergency_stop is on; when it goes off, wait for ``resume``."""
+        self._emergency = on
+        if on:
+            self.stop(TendonActuationState.STOPPED_BY_EMERGENCY, 'emergency_stop is on')
+        self.report()
+
     def resume(self) -> tuple[bool, str]:
         """Accept motion again, from where the tendons are; return success and the answer."""
+        if self._emergency:
+            return False, 'emergency_stop is on; it has to be published as false first'
         if not self._active or self._controller is None:
             return False, self._fault or 'the node is not active'
         self._controller.resume()
@@ -329,6 +339,7 @@ class TendonControl:
         state = TendonActuationState(
             tendons=list(self._tendons), connected=controller is not None, fault=self._fault,
             stopped=self._stopped, stop_message=self._stop_message, stops=self._stops,
+            emergency_stop=self._emergency,
             accepted=self._requests.accepted, refused=self._requests.refused)
         reading = None
         if controller is not None:

@@ -30,7 +30,8 @@ from soft_continuum.sequencing.progress import Phase
 
 READY = ArmState(
     tendons=('right_tendon', 'left_tendon'), pulls=(0.0, 0.0), speeds=None, tensions=(0.0, 5.0),
-    measured_tensions=None, stopped='', referenced=True, stiff=(True, True, False),
+    measured_tensions=None, stopped='', emergency_stop=False,
+    referenced=True, stiff=(True, True, False),
     pressures=(3e4, 3e4, 1e5), bending_angles=(0.0, 0.1, 0.2), joint_angles=None,
     segment_poses=None, disc_poses=None, tip=None, progress=None, last_result=None,
     nodes=tuple(NodeReport(name, True, 'ok', 'fine', {}, 0.1, False) for name in NODES))
@@ -91,6 +92,9 @@ def test_a_stopped_arm_is_called_so_in_the_words_of_the_page() -> None:
     half = replace(STOPPED, nodes=(*STOPPED.nodes[:-1], ABSENT.nodes[-1]))
     shown = bar_state(half)
     assert shown.kind == 'stopped' and f'Not running: {NODES[-1]}' in shown.text
+    assert bar_state(STOPPED).may_resume and not bar_state(READY).may_resume
+    shown = bar_state(replace(STOPPED, emergency_stop=True))
+    assert not shown.may_resume and 'turns it off' in shown.text
     assert bar_state(ABSENT).kind == 'lost'
     assert './run up' in bar_state(ABSENT).text
 

@@ -14,6 +14,9 @@ from page import dark, DEADLINE, green, orange, Page
 from playwright.sync_api import expect
 import pytest
 from ros_rig import Rig
+from std_msgs.msg import Bool
+
+from soft_continuum.ros.qos import LATCHED
 
 pytestmark = pytest.mark.timeout(600)
 ARTEFACT = Path(__file__).resolve().parents[2] / 'log' / 'browser' / 'view.png'
@@ -72,6 +75,20 @@ def test_stop_stops_a_sequence_and_resume_is_needed_to_go_on(page: Page, rig: Ri
     expect(page.page).to_have_title('soft_continuum')
     expect(page.button('c_form')).to_be_enabled(timeout=DEADLINE * 1e3)
     rig.assert_rests(5)
+
+
+def test_an_emergency_stop_greys_what_it_refuses_until_it_is_off(page: Page, rig: Rig) -> None:
+    button = rig.publisher(Bool, 'emergency_stop', LATCHED)
+    refused = [page.button('soften', 2), page.button('Stiffen all'), page.button('Resume')]
+    button.publish(Bool(data=True))
+    page.wait_for_bar('turns it off and you press Resume')
+    for control in (*refused, page.button('c_form')):
+        expect(control).to_be_disabled(timeout=DEADLINE * 1e3)
+    button.publish(Bool(data=False))
+    for control in refused:
+        expect(control).to_be_enabled(timeout=DEADLINE * 1e3)
+    page.click('Resume')
+    page.wait_for_bar('Ready')
 
 
 def test_nothing_covers_stop_and_no_panel_covers_the_arm_at_any_size(

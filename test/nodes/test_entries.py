@@ -14,14 +14,16 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
+from soft_continuum.client.observed import ObservedArm, TOPICS
 from soft_continuum.mechanics.arm import Arm, Disc, Segment
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.emergency_stop import EmergencyStop
-from soft_continuum.nodes.entries import MAX_BYTES, serve, subscribe
+from soft_continuum.nodes.entries import serve, subscribe
 from soft_continuum.nodes.shape_sequencer import ShapeSequencer
 from soft_continuum.nodes.threads import Newest
 from soft_continuum.ros.conversions import equilibrium_from_ros, equilibrium_to_ros
+from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.qos import LATCHED, SENSOR
 from soft_continuum.ros.text import plain
 
@@ -37,6 +39,14 @@ def test_a_message_that_is_too_long_or_none_at_all_is_left_out_and_logged() -> N
     node.callback_failed.assert_not_called()
     on_data(serialize_message(JointState(position=[1.0])))
     assert list(received[0].position) == [1.0]
+
+
+def test_an_observer_takes_no_message_that_is_too_long() -> None:
+    node = Mock()
+    ObservedArm(node)
+    assert node.create_subscription.call_count == len(TOPICS) + 1
+    for call in node.create_subscription.call_args_list:
+        assert call.kwargs == {'raw': True}  # so that its size is seen before it is converted
 
 
 def test_a_callback_that_fails_is_reported_to_its_node_and_answered() -> None:

@@ -1,0 +1,33 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where messages from outside enter a process: bounded before they cost anything."""
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+
+MAX_BYTES = 65536
+"""Of a message; to convert one holds up every thread of a process, for up to 0.1 s."""
+LOG_PERIOD = 1.0  # s between two log lines of one kind
+
+
+def subscribe(node: Node, kind: Any, topic: str, callback: Callable[[Any], object],
+              qos: QoSProfile | int) -> Any:
+    """Return a subscription; messages that are too long, or none of that type, are left out."""
+    def on_data(data: bytes) -> None:
+        problem = f'{len(data)} bytes; allowed: {MAX_BYTES}'
+        if len(data) <= MAX_BYTES:
+            try:
+                message = deserialize_message(data, kind)
+            except Exception as error:  # whatever the conversion finds wrong
+                problem = str(error)
+            else:
+                callback(message)
+                return
+        node.get_logger().warning(f'a message on {topic} is left out: {problem}',
+                                  throttle_duration_sec=LOG_PERIOD)
+
+    return node.create_subscription(kind, topic, on_data, qos, raw=True)
