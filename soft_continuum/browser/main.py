@@ -30,7 +30,7 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import argument_error, limit_memory, ROS_ARGUMENT_ERRORS
-from soft_continuum.nodes.up import ros_arguments, start_parser
+from soft_continuum.nodes.up import ros_arguments, start_parser, twin_of
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import NODES
 
@@ -120,7 +120,16 @@ def ui() -> int:
     parser.add_argument('--view-only', action='store_true',
                         help='start no nodes; show those that run')
     options = parser.parse_args()
-    return run(parser, () if options.view_only else NODES, ros_arguments(options), options)
+    if options.view_only and options.twin:
+        parser.error('--view-only starts nothing; leave out --twin')
+    try:
+        with twin_of(options) as driving:
+            return run(parser, () if options.view_only else NODES,
+                       ros_arguments(options) + driving, options)
+    except ParameterError as error:
+        return parser.fail(error, WRONG_USAGE)
+    except KeyboardInterrupt:
+        return DONE
 
 
 def browser() -> int:

@@ -38,8 +38,10 @@ def _run(options: argparse.Namespace) -> None:
     count = angles**len(arm.segments)
     if count > MAX_SHAPES:
         fitting = int(MAX_SHAPES**(1.0 / len(arm.segments)))
+        remedy = (f'--per-segment {fitting} is the most that is practical' if fitting > 1 else
+                  f'an arm of so many segments has too many for any; allowed: {MAX_SHAPES}')
         raise ArmError(f'{angles} angles in each of {len(arm.segments)} segments are '
-                       f'{count} shapes; --per-segment {fitting} is the most that is practical')
+                       f'{count} shapes; {remedy}')
     figure, = reserve_outputs(options.output, [f'{NAME}.png'], options.force)
     base_first = tuple(range(len(arm.segments)))
     cases = [('without gravity', arm.without_gravity(), base_first),

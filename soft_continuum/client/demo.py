@@ -15,7 +15,7 @@ import sys
 import numpy as np
 
 from soft_continuum.analysis.figures import shapes_figure
-from soft_continuum.arguments import Parser
+from soft_continuum.arguments import Parser, WRONG_USAGE
 from soft_continuum.client.arm import Arm
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.sequence import RunningSequence
@@ -23,7 +23,9 @@ from soft_continuum.client.state import ArmState, Progress
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.chain import RigidChain
 from soft_continuum.nodes.processes import NodeProcesses
+from soft_continuum.nodes.twin_process import add_twin_option, twin_process
 from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import NODES
 from soft_continuum.sequencing.progress import Phase
 
@@ -36,28 +38,42 @@ def main() -> int:
     parser = Parser('demo', 'Set the three shapes of the paper on a simulated rig.')
     parser.add_argument('--picture', type=Path, default=Path('demo_shapes.png'),
                         help='where to write the picture (default: %(default)s)')
+    add_twin_option(parser)
     options = parser.parse_args()
     if not options.picture.resolve().parent.is_dir():
         parser.error(f'--picture {options.picture}: there is no such directory')
     if options.picture.is_symlink():
         parser.error(f'--picture {options.picture} is a link; name the file that it leads to')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    print('Starting the four nodes on a simulated rig ...', flush=True)
+    rig = f'the twin, preset {options.twin}' if options.twin else 'a simulated rig'
+    print(f'Starting the four nodes on {rig} ...', flush=True)
     # A namespace of its own keeps it apart from an arm that may be running.
     namespace = f'demo_{os.getpid()}'
     arguments = ['demo', '--ros-args', '-r', f'__ns:=/{namespace}',
                  '--params-file', str(description_file()), '--log-level', 'error']
     try:
-        with (NodeProcesses(NODES, arguments),
+        with (twin_process(options.twin, namespace=namespace) as driving,
+              NodeProcesses(NODES, arguments + driving),
               Arm(namespace, timeout=STARTING_TIMEOUT) as arm):
+            if driving:
+                _take_as_straight(arm)
             _run(arm, options.picture)
     except KeyboardInterrupt:
         print('\ninterrupted; everything that was started has ended')
         return 130
+    except ParameterError as error:
+        return parser.fail(error, WRONG_USAGE)
     except ClientError as error:
         print(f'\nthe sequence failed: {error}', file=sys.stderr)
         return 1
     return 0
+
+
+def _take_as_straight(arm: Arm) -> None:
+    """Do what comes first on a rig: stiffen the arm, and say that it is straight."""
+    arm.wait_for(lambda state: state.pulls and None not in state.stiff)
+    arm.stiffen()
+    arm.reference()
 
 
 def _run(arm: Arm, picture: Path) -> None:

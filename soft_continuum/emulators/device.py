@@ -62,7 +62,11 @@ class EmulatedDevice:
             self.name = os.ttyname(self._slave)
             if self.link is not None:
                 self._remove_link()
-                self.link.symlink_to(self.name)
+                try:
+                    self.link.symlink_to(self.name)
+                except FileExistsError:
+                    raise FileExistsError(
+                        f'{self.link} is there and no symbolic link; give another path') from None
 
     def unplug(self) -> None:
         """Pull out the cable: the port is gone; motors, pump and valves go on as they are."""

@@ -20,6 +20,7 @@ from soft_continuum.nodes.runtime import check_parameter_files, run
 
 END_TIMEOUT = 5.0  # s that nodes are given to hold and end; they need a fraction of one
 SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
+TWIN = 'twin'
 CHILD = 'from soft_continuum.nodes.processes import child; child()'
 
 
@@ -49,10 +50,7 @@ class NodeProcesses:
     def __enter__(self) -> Self:
         """Start the nodes; to be called on the main thread, with which they end."""
         for name in self._names:
-            # Out of the terminal's process group: Ctrl-C comes to them through this process.
-            process = self._processes[name] = subprocess.Popen(
-                [sys.executable, '-c', CHILD, str(os.getpid()), name, *self._arguments],
-                stdin=subprocess.DEVNULL, start_new_session=True)
+            process = self._processes[name] = start_child(name, self._arguments)
             threading.Thread(target=self._report_end, args=(name, process), daemon=True).start()
         return self
 
@@ -85,14 +83,27 @@ class NodeProcesses:
                 process.wait()
 
 
+def start_child(name: str, arguments: Sequence[str], stdout: int | None = None
+                ) -> 'subprocess.Popen[bytes]':
+    """Start a node, or the twin, in a process that ends with this one; stdout: as of Popen."""
+    # Out of the terminal's process group: Ctrl-C comes to it through this process.
+    return subprocess.Popen(
+        [sys.executable, '-c', CHILD, str(os.getpid()), name, *arguments],
+        stdin=subprocess.DEVNULL, stdout=stdout, start_new_session=True)
+
+
 def child() -> None:
-    """Run one node in a process that NodeProcesses started."""
+    """Run what start_child started."""
     parent, name, *arguments = sys.argv[1:]
     ctypes.CDLL(None).prctl(SET_PARENT_DEATH_SIGNAL, signal.SIGTERM)
     if os.getppid() != int(parent):  # it died before
         os._exit(1)
     try:
-        status = run(name, [name, *arguments])
+        if name == TWIN:
+            from soft_continuum.cli.twin import main
+            status = main(arguments)
+        else:
+            status = run(name, [name, *arguments])
     except KeyboardInterrupt:  # before the node takes over the signals
         status = 130
     sys.stdout.flush()

@@ -9,6 +9,7 @@ It takes the arguments of launch/bringup.launch.py.
 
 from argparse import Namespace
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from time import sleep
 
@@ -24,6 +25,7 @@ from soft_continuum.nodes.runtime import (
     ROS_ARGUMENT_ERRORS,
     Signals,
 )
+from soft_continuum.nodes.twin_process import add_twin_option, twin_process
 from soft_continuum.parameters.nodes import ALL_PARAMETERS, FRAME
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import NODES
@@ -44,6 +46,7 @@ def start_parser(verb: str, description: str) -> Parser:
     for name in DRIVERS:
         parser.add_argument('--' + name.replace('_', '-'), choices=table[name].choices,
                             help=table[name].description)
+    add_twin_option(parser)
     return parser
 
 
@@ -73,7 +76,7 @@ def check_start(namespace: str, files: Sequence[str | Path], packages: Sequence[
 
 
 def ros_arguments(options: Namespace) -> list[str]:
-    """Return the options of start_parser as ROS arguments."""
+    """Return the options of start_parser as ROS arguments; raises ParameterError."""
     arguments = ['up', '--ros-args']
     namespace = (options.namespace or '').strip('/')
     if namespace:  # what stands in a file comes later and wins
@@ -81,17 +84,26 @@ def ros_arguments(options: Namespace) -> list[str]:
     for path in options.params_file or [description_file()]:
         arguments += ['--params-file', str(path)]
     for name in DRIVERS:
+        if getattr(options, name) and options.twin:
+            raise ParameterError('--twin brings its own boards; leave out --'
+                                 + name.replace('_', '-'))
         if getattr(options, name):
             arguments += ['-p', f'{name}:={getattr(options, name)}']
     return arguments
 
 
+def twin_of(options: Namespace) -> AbstractContextManager[list[str]]:
+    """Return what runs the twin while it is open, if the options of start_parser ask for one."""
+    return twin_process(options.twin, options.params_file, (options.namespace or '').strip('/'))
+
+
 def main() -> int:
     """Run until Ctrl-C, or until no node is left; return the exit status."""
     signals, parser = Signals(), start_parser('up', 'Start the four nodes.')
-    arguments = ros_arguments(parser.parse_args())
+    options = parser.parse_args()
     try:
-        with NodeProcesses(NODES, arguments) as nodes:
+        arguments = ros_arguments(options)
+        with twin_of(options) as driving, NodeProcesses(NODES, arguments + driving) as nodes:
             signals.starting = False
             while not signals.received and nodes.running:
                 sleep(PERIOD)

@@ -9,6 +9,7 @@ from typing import Self
 
 import numpy as np
 
+from soft_continuum.emulators.driving import driving_parameters
 from soft_continuum.emulators.grbl import STEPS_PER_MM
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
@@ -64,9 +65,7 @@ class TwinRig:
 
     def parameters(self) -> dict[str, object]:
         """Return the parameters of nodes that are to drive this rig."""
-        return {'tendon_driver': 'grbl', 'grbl.port': self.grbl.port,
-                'grbl.steps_per_mm': [float(STEPS_PER_MM)] * 2,
-                'jamming_driver': 'modbus', 'modbus.port': self.modbus.port}
+        return driving_parameters(self.grbl.port, self.modbus.port)
 
     def _run(self) -> None:
         begin = self._clock()

@@ -4,9 +4,11 @@
 """The four nodes drive the twin as they drive a rig, and see no more of it."""
 
 from pathlib import Path
+import signal
 
 from geometry_msgs.msg import PoseArray
 import numpy as np
+from processes import module_command, Processes
 import pytest
 from ros_rig import Rig, STREAM
 from sensor_msgs.msg import JointState
@@ -32,8 +34,7 @@ def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
         discs = rig.record(PoseArray, 'twin/disc_poses', STREAM)
         joints = rig.record(JointState, 'twin/joint_states', STREAM)
         rig.start_arm(**twin.parameters(), tendon_speed=0.01, tendon_acceleration=0.1,
-                      speed_limit=0.03, acceleration_limit=0.3, silence_timeout=2.0,
-                      **{'modbus.timeout': 0.5})
+                      speed_limit=0.03, acceleration_limit=0.3, silence_timeout=2.0)
         assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
         rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
         assert rig.trigger('tendon_actuation/reference').success
@@ -53,3 +54,28 @@ def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
         for topic in of_twin:
             assert {info.node_name for info in
                     rig.observer.get_subscriptions_info_by_topic(topic)} <= {'observer'}
+
+
+def test_up_starts_the_twin_too_and_ends_it(
+        rig: Rig, processes: Processes, tmp_path: Path) -> None:
+    up = processes.start([*module_command('up'), '--twin', 'ideal'],
+                         environment={'TMPDIR': str(tmp_path)})
+    rig.wait_for(lambda: 'position not referenced' in up.output, 'the answer of a board')
+    boards = list(tmp_path.rglob('grbl'))
+    assert len(boards) == 1
+    up.send(signal.SIGINT)
+    assert up.wait() == 0, up.output
+    assert 'Traceback' not in up.output, up.output
+    assert not list(tmp_path.glob('soft_continuum_*'))
+
+
+@pytest.mark.parametrize(('arguments', 'named'), [
+    (['--twin', 'perfect'], 'ideal, typical, bad'),
+    (['--twin', '--tendon-driver', 'grbl'], 'leave out --tendon-driver'),
+])
+def test_a_twin_that_cannot_be_is_refused_before_anything_starts(
+        processes: Processes, arguments: list[str], named: str) -> None:
+    up = processes.start([*module_command('up'), *arguments])
+    assert up.wait() == 2
+    assert named in up.output
+    assert 'Traceback' not in up.output, up.output
