@@ -46,9 +46,9 @@ distribution = setup(
         'console_scripts': [
             f'{name} = {PACKAGE}.__main__:ros2_run'
             for name in (
-                'browser', 'calibrate', 'characterize', 'converge', 'doctor', 'grbl_emulator',
-                'identify', 'jamming_valves', 'kinematics', 'modbus_emulator', 'record', 'report',
-                'shape_sequencer', 'tendon_actuation', 'validate', 'workspace')
+                'browser', 'calibrate', 'camera', 'characterize', 'converge', 'doctor',
+                'grbl_emulator', 'identify', 'jamming_valves', 'kinematics', 'modbus_emulator',
+                'record', 'report', 'shape_sequencer', 'tendon_actuation', 'validate', 'workspace')
         ],
     },
 )

@@ -69,6 +69,8 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('calibrate', 'measure a rig: steps, signs, zero, vacuum', 'cli.calibrate:main'),
         Verb('emulate', 'emulate a device: grbl or modbus', 'cli.emulate:main'),
         Verb('twin', 'simulate a rig: the arm in MuJoCo behind both devices', 'cli.twin:main'),
+        Verb('twin_camera', 'simulate a camera before that rig', 'cli.twin_camera:main'),
+        Verb('tags', 'write the tags for discs and board, to print', 'cli.tags:main'),
     ),
     'analyse measurements': (
         Verb('characterize', 'bending stiffness from force-displacement curves',
@@ -85,6 +87,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         _node('jamming_valves', 'owns pump, valves and pressure sensors'),
         _node('kinematics', 'computes the shape of the arm'),
         _node('shape_sequencer', 'executes shape sequences'),
+        _node('camera', 'looks at the arm: poses of the discs from printed tags'),
         Verb('grbl_emulator', 'the same as emulate grbl', 'emulators.grbl:main'),
         Verb('modbus_emulator', 'the same as emulate modbus', 'emulators.modbus:main'),
     ),

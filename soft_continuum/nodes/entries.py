@@ -36,9 +36,9 @@ def guarded(node: Any, function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def subscribe(node: Any, kind: Any, topic: str, callback: Callable[[Any], None],
-              qos: QoSProfile) -> Any:
+              qos: QoSProfile, max_bytes: int = entry.MAX_BYTES) -> Any:
     """Return a subscription, guarded; messages that are too long are left out."""
-    return entry.subscribe(node, kind, topic, guarded(node, callback), qos)
+    return entry.subscribe(node, kind, topic, guarded(node, callback), qos, max_bytes)
 
 
 def serve(node: Any, kind: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:

@@ -18,6 +18,7 @@ from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 from soft_continuum.parameters.shapes import SHAPE_NAMES
 from soft_continuum.ros.names import (
+    CAMERA,
     JAMMING_VALVES,
     KINEMATICS,
     SHAPE_SEQUENCER,
@@ -83,6 +84,25 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('straight_tolerance', 0.0005,
                   'largest pull at which ~/reset accepts a stiff arm as straight, and by which '
                   'the tendons may be too short for a stiff arm', 0.0, 0.1, unit='m'),
+    ),
+    CAMERA: (
+        *ARM_PARAMETERS, FRAME,
+        Parameter('camera.source', '', 'path of a video device or file, or of a folder of '
+                  'pictures; empty: the topics camera/image_raw and camera/camera_info'),
+        Parameter('camera.calibration', '', 'YAML file with the calibration of the lens, as '
+                  'camera drivers of ROS keep it; empty: from camera/camera_info'),
+        Parameter('camera.rate', 15.0, 'pictures that are looked at per second, at most',
+                  0.1, 200.0, unit='Hz'),
+        Parameter('tags.disc_size', 0.024, 'edge of the black square of the tags of the discs',
+                  0.002, 1.0, unit='m'),
+        Parameter('tags.fixed_size', 0.06, 'the same of the fixed tags', 0.002, 1.0, unit='m'),
+        Parameter('tags.fixed_positions', (-0.3, -0.02, 0.3, -0.02, 0.3, 0.4, -0.3, 0.4),
+                  'x and z of the centre of each fixed tag, in the order of their numbers from '
+                  '100 on', -10.0, 10.0, unit='m'),
+        Parameter('tags.depth', 0.03, 'by how much the tags of the discs are nearer to the camera '
+                  'than the fixed ones', -0.5, 0.5, unit='m'),
+        Parameter('tags.deviation', 0.0003, 'standard deviation of where the tags are stuck on '
+                  'the discs', 0.0, 0.05, unit='m'),
     ),
     SHAPE_SEQUENCER: (
         *ARM_PARAMETERS, SHAPE_NAMES, FRAME, PULL_LIMITS, TENSION_LIMIT, STALE_AFTER, AMBIENT,

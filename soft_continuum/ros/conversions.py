@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import pi
 
-from geometry_msgs.msg import Pose, PoseArray
+from geometry_msgs.msg import Pose, PoseArray, PoseWithCovarianceStamped
 import numpy as np
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -18,6 +18,8 @@ from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
 
 MAX_PULL = 1.0  # m, the most that pull_limits can be
 MAX_JOINT_ANGLE = pi  # rad
+UNKNOWN = 1e6
+"""Variance, m^2 or rad^2, of a coordinate that is not measured."""
 
 
 def seconds(stamp: object) -> float:
@@ -52,6 +54,42 @@ def poses_from_ros(message: PoseArray) -> Array:
     """Return the poses (k, 7) of a PoseArray: position in m and quaternion x, y, z, w."""
     return np.array([(p.position.x, p.position.y, p.position.z, p.orientation.x, p.orientation.y,
                       p.orientation.z, p.orientation.w) for p in message.poses]).reshape(-1, 7)
+
+
+def measured_pose_to_ros(pose: Array, covariance: Array) -> PoseWithCovarianceStamped:
+    """
+    Return a measured pose (x, z, angle) and its covariance (3, 3), in m and rad, without header.
+
+    The coordinates that a planar arm does not have get a large variance.
+    """
+    message = PoseWithCovarianceStamped()
+    row, = full_poses(np.reshape(pose, (1, 3))).tolist()
+    p, q = message.pose.pose.position, message.pose.pose.orientation
+    p.x, p.y, p.z, q.x, q.y, q.z, q.w = row
+    full = UNKNOWN * np.eye(6)
+    measured = [0, 2, 4]  # x, z, and the rotation about y
+    full[np.ix_(measured, measured)] = covariance
+    message.pose.covariance = full.ravel()
+    return message
+
+
+def measured_pose_from_ros(message: PoseWithCovarianceStamped) -> tuple[Array, Array]:
+    """
+    Return a measured pose (x, z, angle) and its covariance (3, 3), in m and rad.
+
+    Raises ValueError for numbers that are not finite and for a covariance that is none.
+    """
+    p, q = message.pose.pose.position, message.pose.pose.orientation
+    pose = np.array([p.x, p.z, 2.0 * np.arctan2(q.y, q.w)])
+    pose[2] = (pose[2] + pi) % (2.0 * pi) - pi
+    measured = [0, 2, 4]
+    covariance = np.reshape(message.pose.covariance, (6, 6))[np.ix_(measured, measured)]
+    if not (np.isfinite(pose).all() and np.isfinite(covariance).all()
+            and abs(q.x) + abs(q.y) + abs(q.z) + abs(q.w) > 0.5):
+        raise ValueError('a pose that is not of finite numbers')
+    if np.linalg.eigvalsh((covariance + covariance.T) / 2.0)[0] <= 0.0:
+        raise ValueError('a covariance that is not positive definite')
+    return pose, covariance
 
 
 def pulls_from_ros(message: JointState, tendons: Sequence[str]) -> Array:

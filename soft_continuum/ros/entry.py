@@ -15,11 +15,11 @@ LOG_PERIOD = 1.0  # s between two log lines of one kind
 
 
 def subscribe(node: Node, kind: Any, topic: str, callback: Callable[[Any], object],
-              qos: QoSProfile | int) -> Any:
+              qos: QoSProfile | int, max_bytes: int = MAX_BYTES) -> Any:
     """Return a subscription; messages that are too long, or none of that type, are left out."""
     def on_data(data: bytes) -> None:
-        problem = f'{len(data)} bytes; allowed: {MAX_BYTES}'
-        if len(data) <= MAX_BYTES:
+        problem = f'{len(data)} bytes; allowed: {max_bytes}'
+        if len(data) <= max_bytes:
             try:
                 message = deserialize_message(data, kind)
             except Exception as error:  # whatever the conversion finds wrong

@@ -6,5 +6,6 @@ TENDON_ACTUATION = 'tendon_actuation'
 JAMMING_VALVES = 'jamming_valves'
 KINEMATICS = 'kinematics'
 SHAPE_SEQUENCER = 'shape_sequencer'
+CAMERA = 'camera'
 NODES = (TENDON_ACTUATION, JAMMING_VALVES, KINEMATICS, SHAPE_SEQUENCER)
-"""The nodes of the suite, in the order in which they start."""
+"""The nodes that drive an arm, in the order in which they start; sensors come besides."""

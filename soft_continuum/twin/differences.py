@@ -25,7 +25,12 @@ class Differences:
     stiffened.  damping_time: s, of the springs.  guide_friction: coefficient at every guide.
     tendon_compliance: m/N.  backlash: m between motor and tendon when it turns back.  zero_offset:
     m by which each tendon is pulled in at zero.  tension_noise: N, standard deviation of the load
-    cells.  seed: of everything random.
+    cells.  picture_noise: grey values of 255, standard deviation.  picture_blur: px, standard
+    deviation.  shade: 0 to 1, how dark a corner is.  lens_distortion: k1.  calibration_error: of
+    focal length and distortion, relative.  camera_shift, camera_tilt: m and rad by which the
+    camera stands and looks off the middle at most.  tag_offset: m, standard deviation of where the
+    tags of the discs are stuck; over their size, rad, of how they are turned.  seed: of everything
+    random.
     """
 
     stiffness_factors: tuple[float, ...]
@@ -40,6 +45,14 @@ class Differences:
     backlash: float
     zero_offset: float
     tension_noise: float
+    picture_noise: float
+    picture_blur: float
+    shade: float
+    lens_distortion: float
+    calibration_error: float
+    camera_shift: float
+    camera_tilt: float
+    tag_offset: float
     seed: int
 
 
@@ -48,7 +61,10 @@ RANGES = {
     'soft_below': (0.0, 0.9), 'yield_moment': (1e-6, 1e6), 'lock_in_shift': (0.0, 0.2),
     'damping_time': (0.005, 1.0), 'guide_friction': (0.0, 1.0),
     'tendon_compliance': (0.0, 0.01), 'backlash': (0.0, 0.01), 'zero_offset': (-0.01, 0.01),
-    'tension_noise': (0.0, 100.0), 'seed': (0, 2**31)}
+    'tension_noise': (0.0, 100.0), 'picture_noise': (0.0, 100.0), 'picture_blur': (0.0, 20.0),
+    'shade': (0.0, 1.0), 'lens_distortion': (-0.25, 0.25), 'calibration_error': (-0.2, 0.2),
+    'camera_shift': (0.0, 1.0), 'camera_tilt': (0.0, 0.5), 'tag_offset': (0.0, 0.01),
+    'seed': (0, 2**31)}
 """Smallest and largest value of each."""
 
 

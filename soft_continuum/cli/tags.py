@@ -1,0 +1,34 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""``tags``: the printed tags of the discs and of the board behind the arm, as a PDF."""
+
+import argparse
+from collections.abc import Sequence
+
+from soft_continuum.analysis.results import reserve_outputs
+from soft_continuum.arguments import FOR_ANALYSIS, Parser
+from soft_continuum.cli.common import run_verb
+
+NAME = 'tags'
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Write the PDF; return the exit status."""
+    parser = Parser(NAME, 'The tags to print for the described arm (36h11): one for each disc, '
+                    'fixed ones for the board behind it, a drawing of where they go, and rulers. '
+                    'Their sizes and places are the parameters tags.* of the node camera.',
+                    *FOR_ANALYSIS)
+    return run_verb(parser, _run, argv)
+
+
+def _run(options: argparse.Namespace) -> None:
+    from soft_continuum.parameters.arm import arm_from_parameters
+    from soft_continuum.parameters.files import load_description
+    from soft_continuum.ros.names import CAMERA
+    from soft_continuum.sensing.layout import TagLayout
+    values = load_description(*options.params_file, node=CAMERA)
+    layout = TagLayout.of(arm_from_parameters(values), values)
+    path, = reserve_outputs(options.output, [f'{NAME}.pdf'], options.force)
+    from soft_continuum.sensing.printing import write_tags
+    write_tags(path, layout)
+    print(f'{len(layout.heights)} tags for discs and {len(layout.fixed)} fixed ones: {path}')

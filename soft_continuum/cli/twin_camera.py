@@ -1,0 +1,58 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""``twin_camera``: a simulated camera before the twin, on the topics of any camera driver."""
+
+from collections.abc import Sequence
+import threading
+
+from soft_continuum.arguments import DONE, number_in, Parser, WRONG_USAGE
+from soft_continuum.cli.twin import add_preset_options, chosen_differences
+from soft_continuum.parameters.parameter import ParameterError
+
+RATE = 10.0  # Hz
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Publish pictures until Ctrl-C; return the exit status."""
+    parser = Parser('twin_camera', 'A simulated camera before the twin: draws the arm and its '
+                    'tags, and publishes camera/image_raw and camera/camera_info.',
+                    '--params-file', '--namespace')
+    add_preset_options(parser)
+    parser.add_argument('--rate', type=number_in(0.1, 60.0, 'Hz'), default=RATE, metavar='HZ',
+                        help=f'pictures per second (default: {RATE:g}); to draw one takes '
+                        'about 0.05 s of a core')
+    options = parser.parse_args(argv)
+    try:
+        import cv2  # noqa: F401
+    except ImportError:
+        return parser.fail("OpenCV is not installed; install it with: pip install "
+                           "'soft_continuum[camera]'")
+    from soft_continuum.client.connection import Connection
+    from soft_continuum.client.errors import ClientError
+    from soft_continuum.nodes.up import description_file
+    from soft_continuum.parameters.arm import arm_from_parameters
+    from soft_continuum.parameters.files import load_description
+    from soft_continuum.ros.names import CAMERA
+    from soft_continuum.sensing.layout import TagLayout
+    from soft_continuum.twin.camera import TwinCamera
+    from soft_continuum.twin.differences import TwinError
+    from soft_continuum.twin.pictures import Pictures
+    connection = None
+    try:
+        values = load_description(*options.params_file or [description_file()], node=CAMERA)
+        layout = TagLayout.of(arm_from_parameters(values), values)
+        camera = TwinCamera(layout, chosen_differences(options))
+        connection = Connection('twin_camera', options.namespace)
+        Pictures(connection, camera, options.rate).start()
+        print('Simulated pictures on camera/image_raw. Ctrl-C ends it.', flush=True)
+        threading.Event().wait()
+    except (ClientError, ParameterError, TwinError) as error:
+        return parser.fail(error, WRONG_USAGE)
+    except OSError as error:
+        return parser.fail(error)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if connection is not None:
+            connection.close()
+    return DONE

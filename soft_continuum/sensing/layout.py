@@ -1,0 +1,88 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which tag is where: one on every disc, and fixed ones that carry the base frame."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.parameters.parameter import ParameterError
+
+Array = NDArray[np.float64]
+
+FIRST_FIXED = 100
+"""Number of the first fixed tag; the tag of disc N has the number N, the base disc being 0."""
+MIN_FIXED = 4
+QUIET = 1 / 8
+"""Of a tag's size: the white margin that it needs on every side, one of its modules."""
+CORNERS = np.array([(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]) / 2.0
+"""Of a tag of size 1, to the right and up: in the order in which they are detected."""
+
+
+@dataclass(frozen=True)
+class TagLayout:
+    """
+    Tags of the family 36h11 in the plane of the arm, seen from -y: x to the right, z up.
+
+    disc_size, fixed_size: edge of the black square, m.  fixed: (fixed, 2) m, centres (x, z) in
+    base_link, numbered from FIRST_FIXED.  depth: m by which the tags of the discs are nearer to
+    the camera than the fixed ones.  deviation: m, standard, of where they are stuck on the discs.
+    heights: (discs,) m, from the bottom of each disc to the centre of its tag.  disc_heights:
+    (discs,) m, of the discs.  segment_lengths: (segments,) m, between the discs.
+    """
+
+    disc_size: float
+    fixed_size: float
+    fixed: Array
+    depth: float
+    deviation: float
+    heights: tuple[float, ...]
+    disc_heights: tuple[float, ...]
+    segment_lengths: tuple[float, ...]
+
+    @classmethod
+    def of(cls, arm: Arm, values: Mapping[str, Any]) -> Self:
+        """Return the layout that parameters describe; raises ParameterError."""
+        positions: Sequence[float] = values['tags.fixed_positions']
+        if len(positions) % 2 or len(positions) < 2 * MIN_FIXED:
+            raise ParameterError(
+                f'parameter tags.fixed_positions has {len(positions)} numbers; needed: x and z of '
+                f'at least {MIN_FIXED} tags')
+        fixed = np.reshape(np.array(positions, dtype=float), (-1, 2))
+        _check_spread(fixed)
+        heights = tuple(disc.height for disc in arm.discs)
+        return cls(values['tags.disc_size'], values['tags.fixed_size'], fixed,
+                   values['tags.depth'], values['tags.deviation'],
+                   tuple(h / 2.0 for h in heights), heights, tuple(s.length for s in arm.segments))
+
+    @property
+    def fixed_numbers(self) -> tuple[int, ...]:
+        """Numbers of the fixed tags."""
+        return tuple(range(FIRST_FIXED, FIRST_FIXED + len(self.fixed)))
+
+    def fixed_corners(self, number: int) -> Array:
+        """Return the corners of a fixed tag, (4, 2) m, x and z in base_link."""
+        corners: Array = self.fixed[number - FIRST_FIXED] + self.fixed_size * CORNERS
+        return corners
+
+    def disc_corners(self, disc: int, pose: Array) -> Array:
+        """Return the corners of the tag of a disc whose bottom is at ``pose`` (x, z, angle)."""
+        x, z, angle = pose
+        right = np.array([np.cos(angle), -np.sin(angle)])
+        up = np.array([np.sin(angle), np.cos(angle)])
+        local = self.disc_size * CORNERS
+        corners: Array = (np.array([x, z]) + local[:, :1] * right
+                          + (local[:, 1:] + self.heights[disc]) * up)
+        return corners
+
+
+def _check_spread(fixed: Array) -> None:
+    """Refuse fixed tags that are all near one line: they say nothing about the plane."""
+    spread = np.linalg.svd(fixed - fixed.mean(axis=0), compute_uv=False)
+    if spread[1] <= 0.1 * spread[0]:
+        raise ParameterError('parameter tags.fixed_positions: the tags stand almost in one line; '
+                             'put them around the arm, such as at the corners of a rectangle')

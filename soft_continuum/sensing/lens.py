@@ -1,0 +1,91 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a camera does with light: focal length, centre, distortion; as ROS keeps them in YAML."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soft_continuum.parameters.files import read_yaml
+from soft_continuum.text import printable
+
+Array = NDArray[np.float64]
+
+MODELS = {'plumb_bob': (5,), 'rational_polynomial': (8,), '': (0, 4, 5, 8)}
+"""Distortion models of sensor_msgs/CameraInfo that are understood, and their coefficients."""
+
+
+class LensError(ValueError):
+    """A calibration that is none, or of another camera."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """
+    A calibrated camera.
+
+    size: (width, height) px.  matrix: (3, 3), focal lengths and centre, px.  distortion: the
+    coefficients of OpenCV, as in sensor_msgs/CameraInfo.
+    """
+
+    size: tuple[int, int]
+    matrix: Array
+    distortion: Array
+
+    @classmethod
+    def of(cls, size: tuple[int, int], matrix: Any, distortion: Any, model: str = '') -> Self:
+        """Check and return a calibration; raises LensError."""
+        k = np.asarray(matrix, dtype=float).reshape(-1)
+        d = np.asarray(distortion, dtype=float).reshape(-1)
+        if k.size != 9 or not (np.isfinite(k).all() and k[0] > 0.0 and k[4] > 0.0):
+            raise LensError('the camera is not calibrated: its focal length is missing; '
+                            'call: soft_continuum calibrate camera')
+        if model not in MODELS or d.size not in MODELS[model] or not np.isfinite(d).all():
+            raise LensError(
+                f'distortion model {printable(model, 40)!r} with {d.size} coefficients is not '
+                'known; known: plumb_bob with 5, rational_polynomial with 8')
+        return cls(size, k.reshape(3, 3), d)
+
+    @classmethod
+    def from_info(cls, message: Any) -> Self:
+        """Return the calibration in a sensor_msgs/CameraInfo; raises LensError."""
+        return cls.of((message.width, message.height), message.k, message.d,
+                      message.distortion_model)
+
+    @classmethod
+    def read(cls, path: str | Path) -> Self:
+        """
+        Return the calibration in a YAML file as the camera drivers of ROS keep it.
+
+        Raises OSError, ParameterError for a file that is not YAML, LensError.
+        """
+        values = read_yaml(path)
+        try:
+            return cls.of((int(values['image_width']), int(values['image_height'])),
+                          values['camera_matrix']['data'],
+                          values['distortion_coefficients']['data'],
+                          str(values.get('distortion_model', '')))
+        except (KeyError, TypeError, ValueError) as error:
+            if isinstance(error, LensError):
+                raise LensError(f'{path}: {error}') from None
+            raise LensError(f'{path} is no calibration of a camera; needed: image_width, '
+                            'image_height, camera_matrix and distortion_coefficients') from None
+
+    def text(self, name: str) -> str:
+        """Return the calibration as a YAML file of the camera drivers of ROS."""
+        def matrix(rows: int, values: Array) -> str:
+            numbers = ', '.join(repr(float(v)) for v in values.reshape(-1))
+            return (f'\n  rows: {rows}\n  cols: {values.size // rows}\n  data: [{numbers}]')
+
+        model = {5: 'plumb_bob', 8: 'rational_polynomial'}[self.distortion.size]
+        projection = np.hstack([self.matrix, np.zeros((3, 1))])
+        return (f'image_width: {self.size[0]}\nimage_height: {self.size[1]}\n'
+                f'camera_name: {name}\n'
+                f'camera_matrix:{matrix(3, self.matrix)}\n'
+                f'distortion_model: {model}\n'
+                f'distortion_coefficients:{matrix(1, self.distortion)}\n'
+                f'rectification_matrix:{matrix(3, np.eye(3))}\n'
+                f'projection_matrix:{matrix(3, projection)}\n')

@@ -1,0 +1,298 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Poses of the discs of a planar arm from one picture of its tags.
+
+Corners are undistorted; those of the fixed tags give the homography from the plane of the arm to
+the picture.  The pose of a disc is the one at which its tag's corners are where they are seen, in
+the least-squares sense.  One tag's depth and tilt, which a single tag tells badly, are not used.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from soft_continuum.sensing.corners import Picture, TagDetector
+from soft_continuum.sensing.layout import MIN_FIXED, TagLayout
+from soft_continuum.sensing.lens import Lens
+
+Array = NDArray[np.float64]
+
+SHARED_DEVIATION = 0.05  # px that all corners of a tag are off alike: residuals do not show it
+FOCAL_DEVIATION = 0.005  # relative, of a good calibration
+MAX_RESIDUAL = 2.0  # px, RMS: tags beyond it are not where they were said to be
+MAX_SCALE_ERROR = 0.03  # relative, of the edge of a printed tag
+MIN_CHORD, MAX_CHORD = 0.5, 1.05  # of a segment's length, between the discs at its ends
+BLACK = 8  # grey value that the brightest part of a picture exceeds
+ITERATIONS = 5
+
+
+@dataclass(frozen=True)
+class DiscPose:
+    """
+    Where a disc was seen: pose (x, z, angle) of its bottom in base_link, m and rad.
+
+    covariance: (3, 3) of it.  residual: px, RMS of the corners of its tag.
+    """
+
+    pose: Array
+    covariance: Array
+    residual: float
+
+
+@dataclass(frozen=True)
+class Sight:
+    """
+    What one picture shows.
+
+    discs: by number, base first.  numbers: of all tags that were seen.  deviation: px, of the
+    corners by their residuals; nan where nothing was measured.  problems: for people.
+    corners: by number of the tag, (4, 2) px.
+    """
+
+    discs: Mapping[int, DiscPose]
+    numbers: tuple[int, ...]
+    deviation: float
+    problems: tuple[str, ...]
+    corners: Mapping[int, Array]
+
+
+class TagCamera:
+    """Measures the discs in the pictures of one camera."""
+
+    def __init__(self, layout: TagLayout, lens: Lens) -> None:
+        """Take where the tags are, and the calibration of the camera."""
+        self.layout, self.lens = layout, lens
+        self._detector = TagDetector(lens)
+
+    def measure(self, picture: Picture) -> Sight:
+        """Return what a grey picture (height, width) shows."""
+        if picture.shape[::-1] != self.lens.size:
+            return _nothing(f'the picture has {picture.shape[1]} x {picture.shape[0]} px, the '
+                            f'calibration {self.lens.size[0]} x {self.lens.size[1]}; calibrate '
+                            'the camera at the resolution that is used')
+        corners, problems = self._detect(picture)
+        seen = {n: c for n, c in corners.items() if n in self.layout.fixed_numbers}
+        if len(seen) < MIN_FIXED:
+            problem = (f'{len(seen)} of {len(self.layout.fixed)} fixed tags are seen; needed: '
+                       f'{MIN_FIXED}{self._why_so_few(picture, corners)}')
+            return Sight({}, tuple(corners), np.nan, (*problems, problem), corners)
+        plane = _Plane(self.layout, self.lens, seen)
+        if problem := plane.problem():
+            return Sight({}, tuple(corners), np.nan, (*problems, problem), corners)
+        fits = {n: plane.fit(n, corners[n]) for n in sorted(corners)
+                if n < len(self.layout.heights)}
+        for n, fit in list(fits.items()):
+            if fit.residual > MAX_RESIDUAL:
+                del fits[n]
+                problems.append(f'the tag of disc {n} does not fit by {fit.residual:.1f} px; is '
+                                'it flat, and of the size tags.disc_size?')
+        fits, exchanged = self._plausible(fits)
+        squares = plane.squares + sum(8.0 * fit.residual**2 for fit in fits.values())
+        deviation = np.sqrt(squares / (plane.freedom + 5 * len(fits)))
+        variance = deviation**2 + SHARED_DEVIATION**2
+        discs = {n: DiscPose(fit.pose, variance * fit.covariance + self._fixed_covariance(n, fit),
+                             fit.residual) for n, fit in fits.items()}
+        return Sight(discs, tuple(corners), float(deviation), (*problems, *exchanged), corners)
+
+    def _fixed_covariance(self, disc: int, fit: '_Fit') -> Array:
+        """Return the covariance of what is off in every picture alike: tags, and the lens."""
+        stuck, angle = self.layout.deviation, fit.pose[2]
+        of_tag = np.diag([stuck, stuck, stuck / self.layout.disc_size])**2
+        lever = np.eye(3)  # a tag that is turned shifts the bottom of the disc
+        lever[:2, 2] = self.layout.heights[disc] * np.array([-np.cos(angle), np.sin(angle)])
+        covariance: Array = lever @ of_tag @ lever.T
+        parallax = FOCAL_DEVIATION * fit.parallax
+        covariance[:2, :2] += np.outer(parallax, parallax)
+        return covariance
+
+    def _detect(self, picture: Picture) -> tuple[dict[int, Array], list[str]]:
+        """Return the undistorted corners of the tags of this layout, px, and what is wrong."""
+        found = self._detector.detect(picture)
+        count = Counter(n for n, _ in found)
+        known = {*self.layout.fixed_numbers, *range(len(self.layout.heights))}
+        problems = [f'{times} tags with the number {n} are seen; take the wrong one away'
+                    for n, times in sorted(count.items()) if times > 1 and n in known]
+        corners = {n: c for n, c in found if n in known and count[n] == 1}
+        return corners, problems
+
+    def _why_so_few(self, picture: Picture, corners: Mapping[int, Array]) -> str:
+        """Return a remedy for a picture without enough tags."""
+        if picture.max() <= BLACK:
+            return '; the picture is black: is the lens covered, is there light?'
+        if not corners and self._detector.numbers(cv2.flip(picture, 1)):
+            return '; the picture is mirrored: turn that off in the driver of the camera'
+        return '; is something before them, are they in the picture, sharp and lit?'
+
+    def _plausible(self, fits: dict[int, '_Fit']) -> tuple[dict[int, '_Fit'], list[str]]:
+        """Leave out neighbours that are nearer or farther than the segment between them lets."""
+        wrong: set[int] = set()
+        problems = []
+        for n, length in enumerate(self.layout.segment_lengths):
+            if n not in fits or n + 1 not in fits:
+                continue
+            x, z, angle = fits[n].pose
+            top = np.array([x, z]) + self.layout.disc_heights[n] * np.array(
+                [np.sin(angle), np.cos(angle)])
+            chord = float(np.linalg.norm(fits[n + 1].pose[:2] - top))
+            if not MIN_CHORD * length <= chord <= MAX_CHORD * length:
+                wrong |= {n, n + 1}
+                problems.append(
+                    f'discs {n} and {n + 1} are seen {chord * 1e3:.0f} mm apart, though segment '
+                    f'{n + 1} between them has {length * 1e3:.0f} mm; are the tags on the right '
+                    'discs?')
+        return {n: fit for n, fit in fits.items() if n not in wrong}, problems
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """
+    A disc's pose, its covariance for corners that are off by 1 px, and its residual, px.
+
+    parallax: (2,) m by which the disc seems farther out for being nearer to the camera.
+    """
+
+    pose: Array
+    covariance: Array
+    residual: float
+    parallax: Array
+
+
+class _Plane:
+    """The homography from the plane of the fixed tags to the picture."""
+
+    def __init__(self, layout: TagLayout, lens: Lens, seen: Mapping[int, Array]) -> None:
+        self._layout = layout
+        self._points = np.vstack([layout.fixed_corners(n) for n in seen])
+        self._pixels = np.vstack([*seen.values()])
+        matrix, _ = cv2.findHomography(self._points, self._pixels, 0)
+        self._matrix = matrix / matrix[2, 2]
+        self._foot, self._distance, self._foot_covariance = _viewpoint(
+            self._points, self._pixels, lens)
+        errors = self.project(self._points) - self._pixels
+        self.squares = float((errors**2).sum())
+        self.freedom = max(1, errors.size - 8)
+        self._covariance = np.linalg.inv(_normal(self._slopes(self._points)))
+
+    def project(self, points: Array, depth: float = 0.0) -> Array:
+        """Return where points (k, 2) m, nearer to the camera by ``depth``, are seen, (k, 2) px."""
+        shifted = points + (points - self._foot) * depth / (self._distance - depth)
+        return _mapped(self._matrix, shifted)
+
+    def _slopes(self, points: Array, depth: float = 0.0) -> Array:
+        """Return how the projections change with the homography, (k, 2, 8)."""
+        slopes = np.empty((len(points), 2, 8))
+        for i in range(8):
+            size = 1e-6 * max(1.0, abs(self._matrix.flat[i]))
+            there, back = self._matrix.copy(), self._matrix.copy()
+            there.flat[i] += size
+            back.flat[i] -= size
+            shifted = points + (points - self._foot) * depth / (self._distance - depth)
+            slopes[:, :, i] = (_mapped(there, shifted) - _mapped(back, shifted)) / (2.0 * size)
+        return slopes
+
+    def problem(self) -> str:
+        """Return what is wrong with the fixed tags, empty for nothing."""
+        count = len(self._pixels) // 4
+        inverse = np.linalg.inv(cv2.findHomography(
+            self._points.reshape(count, 4, 2).mean(axis=1), np.array([
+                _centre_of(c) for c in self._pixels.reshape(count, 4, 2)]), 0)[0])
+        edges = _mapped(inverse, self._pixels).reshape(count, 4, 2)
+        size = float(np.median(np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2)))
+        scale = size / self._layout.fixed_size
+        if abs(scale - 1.0) > MAX_SCALE_ERROR:
+            return (f'the fixed tags are {size * 1e3:.1f} mm large, measured by their distances, '
+                    f'not {self._layout.fixed_size * 1e3:.1f} mm: print at 100 %, or correct '
+                    'tags.fixed_positions')
+        residual = np.sqrt(self.squares / len(self._pixels))
+        if residual > MAX_RESIDUAL:
+            return (f'the fixed tags do not fit by {residual:.1f} px; are they where '
+                    'tags.fixed_positions says, in one plane, and is this calibration of this '
+                    'camera?')
+        return ''
+
+    def fit(self, disc: int, pixels: Array) -> _Fit:
+        """Return the pose at which the tag of a disc is seen at ``pixels`` (4, 2)."""
+        layout, depth = self._layout, self._layout.depth
+        flat = _mapped(np.linalg.inv(self._matrix), pixels)
+        flat -= (flat - self._foot) * depth / self._distance
+        up = flat[:2].mean(axis=0) - flat[2:].mean(axis=0)
+        angle = float(np.arctan2(up[0], up[1]))
+        pose = np.array([0.0, 0.0, angle])
+        pose[:2] = flat.mean(axis=0) - layout.disc_corners(disc, pose).mean(axis=0)
+        slopes = np.empty((8, 3))
+        for _ in range(ITERATIONS):
+            errors = (pixels - self.project(layout.disc_corners(disc, pose), depth)).ravel()
+            for i, size in enumerate((1e-6, 1e-6, 1e-5)):
+                step = np.zeros(3)
+                step[i] = size
+                slopes[:, i] = (
+                    self.project(layout.disc_corners(disc, pose + step), depth)
+                    - self.project(layout.disc_corners(disc, pose - step), depth)
+                ).ravel() / (2.0 * size)
+            change = np.linalg.lstsq(slopes, errors, rcond=None)[0]
+            pose = pose + change
+            if np.abs(change).max() < 1e-9:
+                break
+        own = np.linalg.inv(slopes.T @ slopes)
+        gain = own @ slopes.T @ self._slopes(
+            layout.disc_corners(disc, pose), depth).reshape(8, 8)
+        residual = pixels - self.project(layout.disc_corners(disc, pose), depth)
+        covariance = own + gain @ self._covariance @ gain.T
+        covariance[:2, :2] += (depth / self._distance)**2 * self._foot_covariance
+        return _Fit(pose, covariance,
+                    float(np.sqrt((residual**2).sum() / 8.0)),
+                    (pose[:2] - self._foot) * depth / self._distance)
+
+
+def _viewpoint(points: Array, pixels: Array, lens: Lens) -> tuple[Array, float, Array]:
+    """
+    Return where the camera is: foot (x, z) on the plane of the fixed tags, and distance, m.
+
+    Besides, the covariance (2, 2) of the foot for corners that are off by 1 px.
+    """
+    solid = np.column_stack([points, np.zeros(len(points))])
+    _, turn, shift = cv2.solvePnP(solid, pixels, lens.matrix, None, flags=cv2.SOLVEPNP_IPPE)
+    turn, shift = cv2.solvePnPRefineLM(solid, pixels, lens.matrix, None, turn, shift)
+    pose = np.concatenate([turn.ravel(), shift.ravel()])
+    slopes = cv2.projectPoints(solid, turn, shift, lens.matrix, None)[1][:, :6]
+    of_pose = np.column_stack([
+        (_camera(pose + step) - _camera(pose - step)) / 2e-6 for step in 1e-6 * np.eye(6)])[:2]
+    covariance = of_pose @ np.linalg.inv(slopes.T @ slopes) @ of_pose.T
+    camera = _camera(pose)
+    return camera[:2], abs(float(camera[2])), covariance
+
+
+def _camera(pose: Array) -> Array:
+    """Return where the camera is for a rotation vector and a shift, (6,), of the plane."""
+    camera: Array = -cv2.Rodrigues(pose[:3])[0].T @ pose[3:]
+    return camera
+
+
+def _centre_of(corners: Array) -> Array:
+    """Return where the diagonals of a tag (4, 2) cross: its centre in any perspective."""
+    a, b, c, d = corners
+    sides = np.column_stack([c - a, b - d])
+    centre: Array = a + (c - a) * np.linalg.solve(sides, b - a)[0]
+    return centre
+
+
+def _mapped(matrix: Array, points: Array) -> Array:
+    """Return points (k, 2) through a homography."""
+    w = points @ matrix[:, :2].T + matrix[:, 2]
+    mapped: Array = w[:, :2] / w[:, 2:]
+    return mapped
+
+
+def _normal(slopes: Array) -> Array:
+    rows = slopes.reshape(-1, slopes.shape[-1])
+    normal: Array = rows.T @ rows
+    return normal
+
+
+def _nothing(problem: str) -> Sight:
+    return Sight({}, (), float('nan'), (problem,), {})

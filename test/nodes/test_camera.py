@@ -1,0 +1,175 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The camera node on real topics, and on folders of pictures: what it publishes and refuses."""
+
+from collections.abc import Callable
+from pathlib import Path
+import sys
+from typing import Any
+
+import cv2
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped
+import numpy as np
+import pytest
+from rclpy.qos import QoSProfile
+from ros_rig import Rig, STREAM
+from sensor_msgs.msg import CameraInfo, Image
+
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.conversions import measured_pose_from_ros
+from soft_continuum.ros.pictures import CHANNELS, grey_message, grey_picture
+from soft_continuum.ros.qos import LATCHED, SENSOR
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / 'sensing'))
+import views  # noqa: E402
+
+TRUTH = views.discs(0.3, -0.2, 0.4)
+
+
+@pytest.fixture(scope='module')
+def drawn() -> Any:
+    return views.camera()
+
+
+@pytest.fixture(scope='module')
+def picture(drawn: Any) -> Any:
+    return drawn.picture(TRUTH)
+
+
+def statuses(rig: Rig) -> Any:
+    return rig.record(DiagnosticStatus, 'camera/status', LATCHED)
+
+
+def wait_for(rig: Rig, heard: Any, text: str) -> None:
+    rig.wait_for(lambda: any(text in message.message for message in heard), text)
+
+
+class Driver:
+    """A driver of a camera: publishes pictures and their calibration."""
+
+    def __init__(self, rig: Rig, drawn: Any, profile: QoSProfile = STREAM) -> None:
+        self.rig, self.lens, self.statuses = rig, drawn.lens, statuses(rig)
+        self.poses = [rig.record(PoseWithCovarianceStamped, f'disc_{n}/measured_pose', STREAM)
+                      for n in range(4)]
+        rig.start('camera', ready=False)
+        self._images = rig.publisher(Image, 'camera/image_raw', profile)
+        self._infos = rig.publisher(CameraInfo, 'camera/camera_info', profile)
+        self._number = 0
+
+    @property
+    def status(self) -> str:
+        return str(self.statuses.last.message) if len(self.statuses) else ''
+
+    def send(self, picture: Any, late: float = 0.0, encoding: str = 'mono8') -> None:
+        message, lens = grey_message(picture), self.lens
+        message.encoding = encoding
+        info = CameraInfo(width=lens.size[0], height=lens.size[1], distortion_model='plumb_bob',
+                          d=lens.distortion.tolist(), k=lens.matrix.ravel())
+        now = self.rig.observer.get_clock().now().nanoseconds - int(late * 1e9)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(now, 10**9)
+        self._infos.publish(info)
+        self._images.publish(message)
+
+    def send_until(self, condition: Callable[[], bool], what: str, picture: Any, **how: Any
+                   ) -> None:
+        """Send a picture again and again, each with other noise, as a camera does."""
+        def sent() -> bool:
+            self._number += 1
+            other = picture.copy()
+            other[0, 0] = self._number % 200
+            self.send(other, **how)
+            return condition()
+
+        self.rig.wait_for(sent, what)
+
+
+@pytest.mark.parametrize('profile', [STREAM, SENSOR], ids=['reliable', 'best effort'])
+def test_every_disc_is_published_where_it_is_with_its_covariance(
+        rig: Rig, drawn: Any, picture: Any, profile: QoSProfile) -> None:
+    driver = Driver(rig, drawn, profile)
+    driver.send_until(lambda: all(len(p) > 0 for p in driver.poses), 'all discs', picture)
+    for truth, recorded in zip(TRUTH, driver.poses, strict=True):
+        message = recorded.last
+        pose, covariance = measured_pose_from_ros(message)
+        assert pose == pytest.approx(truth, abs=2e-3)
+        assert pose[:2] == pytest.approx(truth[:2], abs=2e-4)
+        assert 1e-4 < np.sqrt(covariance[0, 0]) < 1e-3
+        assert message.header.frame_id == 'base_link'
+        full = np.reshape(message.pose.covariance, (6, 6))
+        assert np.diag(full)[[1, 3, 5]] == pytest.approx(1e6)  # not measured
+        assert np.linalg.eigvalsh(full)[0] > 0.0
+
+
+def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
+        rig: Rig, drawn: Any, picture: Any) -> None:
+    driver = Driver(rig, drawn)
+    wait_for(rig, driver.statuses, 'no picture on camera/image_raw')
+    for words, how in (
+            ('stamped 3600', {'late': 3600.2}), ('stamped -3', {'late': -3600.2}),
+            ("encoding 'bayer", {'encoding': 'bayer_rggb8'})):
+        driver.send_until(lambda w=words: w in driver.status,  # type: ignore[misc]
+                          words, picture, **how)
+    driver.send_until(lambda: 'black' in driver.status, 'black',
+                      np.zeros_like(picture))
+    assert not any(len(p) for p in driver.poses)
+    rig.wait_for(lambda: driver.send(picture) or 'frozen' in driver.status, 'frozen')
+    driver.send_until(lambda: 'all discs' in driver.status, 'it goes on', picture)
+    assert all(len(p) for p in driver.poses)
+
+
+def test_a_folder_of_pictures_is_measured(rig: Rig, drawn: Any, picture: Any, tmp_path: Path
+                                          ) -> None:
+    calibration, folder = tmp_path / 'camera.yaml', tmp_path / 'pictures'
+    calibration.write_text(drawn.lens.text('drawn'), encoding='utf-8')
+    folder.mkdir()
+    for n in range(3):
+        cv2.imwrite(str(folder / f'{n}.png'), picture)
+    tip = rig.record(PoseWithCovarianceStamped, 'disc_3/measured_pose', STREAM)
+    heard = statuses(rig)
+    rig.start('camera', ready=False, **{'camera.source': str(folder), 'camera.calibration': str(calibration),
+                           'camera.rate': 5.0})
+    rig.wait_for(lambda: len(tip) >= 1, 'a pose')
+    wait_for(rig, heard, 'no more pictures')
+
+
+@pytest.mark.parametrize(('parameters', 'named'), [
+    ({'camera.source': '/dev/video9'}, 'camera.calibration is needed'),
+    ({'camera.calibration': '/nowhere.yaml'}, '/nowhere.yaml'),
+    ({'tags.fixed_positions': [0.0] * 8}, 'in one line')])
+def test_parameters_that_cannot_be_are_refused(
+        rig: Rig, parameters: dict[str, Any], named: str) -> None:
+    with pytest.raises(ParameterError, match=named):
+        rig.start('camera', ready=False, **parameters)
+
+
+def test_a_camera_that_is_not_there_is_waited_for(rig: Rig, drawn: Any, tmp_path: Path) -> None:
+    calibration = tmp_path / 'camera.yaml'
+    calibration.write_text(drawn.lens.text('drawn'), encoding='utf-8')
+    heard = statuses(rig)
+    rig.start('camera', ready=False, **{'camera.source': '/dev/video99',
+                           'camera.calibration': str(calibration)})
+    wait_for(rig, heard, 'cannot be opened')
+
+
+@pytest.mark.parametrize('encoding', CHANNELS)
+def test_pictures_of_every_known_encoding_are_read(encoding: str) -> None:
+    channels, grey = CHANNELS[encoding], np.arange(12, dtype=np.uint8).reshape(3, 4)
+    rows = np.zeros((3, 4 * channels + 5), dtype=np.uint8)  # padded
+    rows[:, :4 * channels] = np.repeat(grey, channels, axis=1)
+    message = Image(width=4, height=3, encoding=encoding, step=rows.shape[1])
+    message.data = rows.tobytes()
+    assert np.array_equal(grey_picture(message), grey)
+
+
+@pytest.mark.parametrize('change', [
+    {'width': 0}, {'height': 10}, {'step': 2}, {'encoding': 'mono16'}, {'width': 2**31}])
+def test_a_picture_that_is_none_is_refused(change: dict[str, Any]) -> None:
+    message = grey_message(np.zeros((3, 4), dtype=np.uint8))
+    for name, value in change.items():
+        setattr(message, name, value)
+    with pytest.raises(ValueError, match='picture'):
+        grey_picture(message)
+
+

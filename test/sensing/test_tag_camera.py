@@ -1,0 +1,179 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Discs are measured where they are; a picture that tells something else is refused."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+import views
+
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.sensing.lens import Lens, LensError
+from soft_continuum.sensing.tag_camera import TagCamera
+
+STRAIGHT = views.discs(0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope='module')
+def ideal():
+    """Return a drawn camera, what measures in its pictures, and one of them."""
+    drawn = views.camera()
+    return drawn, TagCamera(views.layout(), drawn.lens), drawn.picture(STRAIGHT)
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+@pytest.mark.parametrize(('preset', 'position', 'angle'), [
+    ('ideal', 0.1e-3, np.radians(0.1)), ('typical', 0.15e-3, np.radians(0.15))])
+def test_discs_are_measured_to_a_tenth_of_a_millimetre(preset, position, angle):
+    random, found = np.random.default_rng(1), []
+    drawn = views.camera(preset, tag_offset=0.0)
+    measuring = TagCamera(views.layout(), drawn.lens)
+    for _ in range(8):
+        truth = views.random_discs(random)
+        sight = measuring.measure(drawn.picture(truth))
+        assert list(sight.discs) == [0, 1, 2, 3] and not sight.problems
+        found.append(views.errors(sight, truth))
+    found = np.vstack(found)
+    assert rms(np.linalg.norm(found[:, :2], axis=1)) < position
+    assert rms(found[:, 2]) < angle
+
+
+def test_the_covariance_is_as_large_as_the_errors_are():
+    random, inside = np.random.default_rng(2), []
+    for seed in range(6):  # each has other tags, another place and another calibration
+        drawn = views.camera('typical', seed=seed, calibration_error=random.normal(0.0, 0.005))
+        measuring = TagCamera(views.layout(), drawn.lens)
+        for _ in range(3):
+            truth = views.random_discs(random)
+            sight = measuring.measure(drawn.picture(truth))
+            for (n, disc), error in zip(
+                    sight.discs.items(), views.errors(sight, truth), strict=True):
+                assert n in range(4)
+                inside.append(error @ np.linalg.solve(disc.covariance, error) < 7.81)  # 95 %
+    assert len(inside) == 72
+    assert 0.85 <= np.mean(inside) <= 1.0  # 24 tags were stuck: 95 % within 2 standard errors
+
+
+def test_no_tag_is_seen_in_clutter(ideal):
+    random, (_, measuring, _) = np.random.default_rng(3), ideal
+    for _ in range(20):
+        cells = random.integers(0, 2, (96, 128), dtype=np.uint8) * 255
+        clutter = cv2.resize(cells, (1280, 960), interpolation=cv2.INTER_NEAREST)
+        assert measuring.measure(clutter).numbers == ()
+
+
+# Bad pictures: each names what to do, and measures nothing that is wrong.
+
+def without_pose(sight, *words):
+    assert not sight.discs
+    assert len(sight.problems) == 1
+    for word in words:
+        assert word in sight.problems[0]
+
+
+def test_a_black_picture(ideal):
+    without_pose(ideal[1].measure(np.zeros((960, 1280), np.uint8)), 'black', 'lens covered')
+
+
+def test_a_mirrored_picture(ideal):
+    without_pose(ideal[1].measure(cv2.flip(ideal[2], 1)), 'mirrored', 'driver')
+
+
+def test_a_picture_of_another_size(ideal):
+    without_pose(ideal[1].measure(cv2.resize(ideal[2], (640, 480))), '640 x 480', '1280 x 960')
+
+
+def test_a_fixed_tag_that_is_hidden(ideal):
+    covered = ideal[2].copy()
+    covered[:400, :400] = 0
+    without_pose(ideal[1].measure(covered), '3 of 4', 'before them')
+
+
+@pytest.mark.parametrize('scale', [0.94, 1.06])
+def test_fixed_tags_that_were_printed_at_another_scale(ideal, scale):
+    wrong = TagCamera(views.layout(fixed_size=0.06 * scale), ideal[0].lens)
+    without_pose(wrong.measure(ideal[2]), '60.0 mm', 'print at 100 %')
+
+
+def test_a_calibration_of_another_camera(ideal):
+    lens = ideal[0].lens
+    bent = Lens.of(lens.size, lens.matrix, [-0.6, 0.0, 0.0, 0.0, 0.0])
+    sight = TagCamera(views.layout(), bent).measure(ideal[2])
+    assert not sight.discs
+    assert 'do not fit' in sight.problems[0] or '100 %' in sight.problems[0]
+
+
+def test_disc_tags_that_were_printed_at_another_scale(ideal):
+    sight = TagCamera(views.layout(disc_size=0.0275), ideal[0].lens).measure(ideal[2])
+    assert not sight.discs
+    assert 'tags.disc_size' in sight.problems[0]
+
+
+def test_a_number_that_is_seen_twice(ideal):
+    twice = ideal[2].copy()
+    (row, column), size = np.argwhere(np.ones(1)).repeat(2, axis=1)[0] + (600, 100), 60
+    middle = ideal[0].seen_at(STRAIGHT[1:2, :2] + [[0.0, 0.015]], 0.03)[0].astype(int)
+    twice[row:row + size, column:column + size] = ideal[2][
+        middle[1] - size // 2:middle[1] + size // 2, middle[0] - size // 2:middle[0] + size // 2]
+    sight = ideal[1].measure(twice)
+    assert list(sight.discs) == [0, 2, 3]
+    assert 'number 1' in sight.problems[0]
+
+
+def test_tags_on_the_wrong_discs():
+    drawn = views.camera()
+    drawn._modules[1], drawn._modules[3] = drawn._modules[3], drawn._modules[1]
+    sight = TagCamera(views.layout(), drawn.lens).measure(drawn.picture(STRAIGHT))
+    assert not {1, 3} & set(sight.discs)
+    assert 'right discs' in sight.problems[0]
+
+
+def test_a_disc_that_is_hidden_is_left_out_and_nothing_else(ideal):
+    covered = ideal[2].copy()
+    u, v = ideal[0].seen_at(STRAIGHT[2:3, :2] + [[0.0, 0.015]], 0.03)[0].astype(int)
+    covered[v - 10:v + 10, u - 50:u + 50] = 90
+    sight = ideal[1].measure(covered)
+    assert list(sight.discs) == [0, 1, 3] and not sight.problems
+
+
+# Layouts and calibrations.
+
+@pytest.mark.parametrize(('positions', 'named'), [
+    ((0.0, 0.0, 0.1, 0.1), 'at least 4'), ((0.0,) * 9, '9 numbers'),
+    ((-0.3, 0.0, -0.1, 0.0, 0.1, 0.0, 0.3, 0.001), 'in one line')])
+def test_fixed_tags_that_do_not_carry_a_plane_are_refused(positions, named):
+    with pytest.raises(ParameterError, match=named):
+        views.layout(fixed_positions=positions)
+
+
+def test_a_calibration_is_read_as_it_was_written(ideal, tmp_path):
+    lens = replace(ideal[0].lens, distortion=np.array([0.1, -0.2, 0.003, -0.004, 0.5]))
+    path = tmp_path / 'camera.yaml'
+    path.write_text(lens.text('webcam'), encoding='utf-8')
+    again = Lens.read(path)
+    assert again.size == lens.size
+    assert np.array_equal(again.matrix, lens.matrix)
+    assert np.array_equal(again.distortion, lens.distortion)
+
+
+@pytest.mark.parametrize('text', ['', '3', 'image_width: wide', '[1, 2]',
+                                  'image_width: 640\nimage_height: 480'])
+def test_a_file_that_is_no_calibration_is_refused(tmp_path, text):
+    path = tmp_path / 'camera.yaml'
+    path.write_text(text, encoding='utf-8')
+    with pytest.raises(LensError, match='no calibration'):
+        Lens.read(path)
+
+
+@pytest.mark.parametrize(('matrix', 'distortion', 'model'), [
+    (np.zeros(9), np.zeros(5), 'plumb_bob'), (np.eye(3), np.zeros(5), 'equidistant'),
+    (np.eye(3), np.zeros(4), 'plumb_bob'), (np.eye(3), [np.nan] * 5, 'plumb_bob'),
+    (np.full(9, np.inf), np.zeros(5), 'plumb_bob'), ([1.0], np.zeros(5), '')])
+def test_an_uncalibrated_camera_is_refused(matrix, distortion, model):
+    with pytest.raises(LensError):
+        Lens.of((640, 480), matrix, distortion, model)

@@ -1,0 +1,50 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Drawn pictures of the paper's arm with its tags, and where its discs are in them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from soft_continuum.mechanics import RigidChain
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_description
+from soft_continuum.sensing.layout import TagLayout
+from soft_continuum.twin.camera import TwinCamera
+from soft_continuum.twin.differences import read_differences
+
+VALUES = load_description(description_file(), node='camera')
+ARM = arm_from_parameters(VALUES)
+CHAIN = RigidChain(ARM)
+
+
+def layout(**changes):
+    """Return the tags of the paper's arm with other parameters tags.*."""
+    return TagLayout.of(ARM, VALUES | {f'tags.{k}': v for k, v in changes.items()})
+
+
+def differences(preset, **changes):
+    """Return a preset of the twin with other values."""
+    path = description_file().with_name('twin.yaml')
+    return replace(read_differences(path, preset), **changes)
+
+
+def camera(preset='ideal', tags=None, **changes):
+    """Return a drawn camera."""
+    return TwinCamera(tags or layout(), differences(preset, **changes))
+
+
+def discs(*bending_angles):
+    """Return x, z and angle of the bottom of every disc of an arm bent in circles."""
+    return CHAIN.uniform(bending_angles).points[::2]
+
+
+def random_discs(random):
+    """Return the discs of an arm with random bending angles."""
+    return discs(*random.uniform(-0.6, 0.6, len(ARM.segments)))
+
+
+def errors(sight, truth):
+    """Return the errors of all discs that are seen, (discs, 3), m and rad."""
+    return np.array([found.pose - truth[n] for n, found in sight.discs.items()]).reshape(-1, 3)
