@@ -9,14 +9,14 @@ from importlib import import_module
 from benchmarks.tables import Section, write
 from benchmarks.timing import progress
 
-NAMES = ('startup', 'solve', 'batch', 'joints', 'accuracy', 'nodes', 'loops')
+NAMES = ('startup', 'solve', 'batch', 'joints', 'accuracy', 'nodes', 'loops', 'camera')
 
 
 def main() -> None:
     """Run what the command line asks for, print it, and write it into the documents."""
     parser = argparse.ArgumentParser(
-        prog='./run bench', description='Measure; write performance.md and accuracy.md in '
-        'docs/explanation.')
+        prog='./run bench', description='Measure; write performance.md, accuracy.md and '
+        'sensing.md in docs/explanation.')
     parser.add_argument('--only', metavar='NAME', action='append', choices=NAMES,
                         help=f'one of {", ".join(NAMES)}; may be given more than once')
     parser.add_argument('--quick', action='store_true',

@@ -39,7 +39,7 @@ def number(value: float, digits: int = 3) -> str:
 
 def machine() -> str:
     """Return a line that says where, when and with what the numbers were made."""
-    packages = ('numpy', 'numba', 'scipy', 'mujoco')
+    packages = ('numpy', 'numba', 'scipy', 'mujoco', 'opencv-python-headless')
     installed = [f'{name} {found}' for name in packages if (found := _version(name))]
     load = ', '.join(f'{value:.1f}' for value in os.getloadavg())
     return (f'{_processor()}, {len(os.sched_getaffinity(0))} cores; Python '

@@ -63,6 +63,8 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         _operate('reference', 'take the present pulls as those of the straight arm'),
         _operate('reset', 'tell kinematics that the arm is straight'),
         Verb('record', 'record a run of the arm into CSV files', 'cli.record:main'),
+        Verb('measure', 'set shapes and measure the discs, for identify and validate',
+             'cli.measure:main'),
     ),
     'set up a rig, while no nodes run': (
         Verb('doctor', 'check a rig step by step; nothing moves', 'cli.doctor:main'),

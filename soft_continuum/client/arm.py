@@ -18,6 +18,7 @@ from soft_continuum.client.tasks import until
 if TYPE_CHECKING:  # stop must not wait for any of these
     from matplotlib.axes import Axes
 
+    from soft_continuum.client.measured import MeasuredArm, MeasuredDisc
     from soft_continuum.client.observed import ObservedArm
     from soft_continuum.client.sequence import RunningSequence
     from soft_continuum.client.state import ArmState, Progress, SequenceResult
@@ -54,6 +55,7 @@ class Arm:
         self._observed: ObservedArm | None = None
         self._sequences: list[RunningSequence] = []
         self._description: Description | None = None
+        self._measured: MeasuredArm | None = None
 
     def __enter__(self) -> 'Arm':
         """Return this arm."""
@@ -161,6 +163,26 @@ class Arm:
         draw_arm(axes, chain, np.array(state.joint_angles), soft)
         axes.set_ylabel('z in mm')
         return axes
+
+    def measure(self, duration: float = 1.0) -> 'dict[int, MeasuredDisc]':
+        """
+        Return where sensors see the discs, by number from the base disc, 0.
+
+        Means over ``duration`` s.  Raises ClientError when no disc is measured.
+        """
+        return self._do(self._measure(len(self.description.discs), duration))
+
+    async def _measure(self, discs: int, duration: float) -> 'dict[int, MeasuredDisc]':
+        from soft_continuum.client.measured import MeasuredArm
+        if self._measured is None:
+            self._measured = MeasuredArm(self._connection.node, discs)
+        return await self._measured.measure(duration)
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether a twin publishes beside the nodes."""
+        node = self._connection.node
+        return ('twin', node.get_namespace()) in node.get_node_names_and_namespaces()
 
     # Sequences of shapes.
 

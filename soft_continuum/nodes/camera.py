@@ -93,6 +93,7 @@ class Camera(Node):
 
     def start(self) -> None:
         """Begin to look."""
+        self._age.refresh()
         self.status.set(WARN, 'no picture yet')
         if self._source:
             self._thread = threading.Thread(target=self._read, name='source', daemon=True)

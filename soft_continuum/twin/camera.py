@@ -90,6 +90,17 @@ class TwinCamera:
         flat = flat * (1.0 + self._bent * (flat**2).sum(axis=1, keepdims=True))
         return np.asarray(flat * self._focal + self._middle)
 
+    def stuck(self, disc: int, pose: Array) -> Array:
+        """Return where a disc at ``pose`` would be if its tag were stuck where it should be."""
+        right, up, turned = self._offsets[disc]
+        height = self._layout.heights[disc]
+        angle, seen = pose[2], pose[2] + turned
+        across, along = np.array([np.cos(angle), -np.sin(angle)]), np.array(
+            [np.sin(angle), np.cos(angle)])
+        middle = pose[:2] + (height + up) * along + right * across
+        bottom = middle - height * np.array([np.sin(seen), np.cos(seen)])
+        return np.array([*bottom, seen])
+
     def _rays(self) -> Array:
         """Return the direction of every pixel, right, down and forward, (height, width, 3)."""
         v, u = np.mgrid[:HEIGHT, :WIDTH]

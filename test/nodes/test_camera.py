@@ -128,8 +128,8 @@ def test_a_folder_of_pictures_is_measured(rig: Rig, drawn: Any, picture: Any, tm
         cv2.imwrite(str(folder / f'{n}.png'), picture)
     tip = rig.record(PoseWithCovarianceStamped, 'disc_3/measured_pose', STREAM)
     heard = statuses(rig)
-    rig.start('camera', ready=False, **{'camera.source': str(folder), 'camera.calibration': str(calibration),
-                           'camera.rate': 5.0})
+    rig.start('camera', ready=False, **{
+        'camera.source': str(folder), 'camera.calibration': str(calibration), 'camera.rate': 5.0})
     rig.wait_for(lambda: len(tip) >= 1, 'a pose')
     wait_for(rig, heard, 'no more pictures')
 

@@ -1,0 +1,109 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""How well and how fast discs are measured in drawn pictures, of which the truth is known."""
+
+from dataclasses import replace
+import time
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.tables import machine, number, Section, table
+from benchmarks.timing import progress
+from soft_continuum.mechanics import RigidChain
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_description
+from soft_continuum.sensing.layout import TagLayout
+from soft_continuum.sensing.tag_camera import TagCamera
+from soft_continuum.twin.camera import TwinCamera
+from soft_continuum.twin.differences import Differences, read_differences
+
+PRESETS = ('ideal', 'typical', 'bad')
+CAMERAS, PICTURES = 50, 6  # each camera has other tags, another place and another calibration
+CALIBRATION = 0.005  # relative, standard deviation of the focal length
+ANGLE = 0.6  # rad, largest bending angle of a segment
+INSIDE = 7.815  # chi squared of three that 95 % are below
+CLUTTER = 10_000
+HEAD = ('preset', 'discs seen', 'position, mm RMS', '95 %', 'angle, degrees RMS',
+        'without the errors of sticking, mm', 'degrees', 'inside the 95 % ellipsoid',
+        'ms per picture')
+
+
+def run(quick: bool) -> Section:
+    """Measure; the section is of sensing.md."""
+    cv2.setNumThreads(1)
+    random = np.random.default_rng(1)
+    values = load_description(description_file(), node='camera')
+    arm = arm_from_parameters(values)
+    chain = RigidChain(arm)
+    layout = TagLayout.of(arm, values)
+    rows = []
+    for preset in PRESETS:
+        given = read_differences(description_file().with_name('twin.yaml'), preset)
+        layout = TagLayout.of(arm, values | {'tags.deviation': given.tag_offset})
+        count = 2 if quick else CAMERAS
+        measured = [_measure(chain, layout, _camera(given, seed, random), random)
+                    for seed in range(count)]
+        errors, exact, inside = (np.concatenate([m[k] for m in measured]) for k in range(3))
+        distance = np.linalg.norm(errors[:, :2], axis=1) * 1e3
+        rows.append((
+            f'`{preset}`', f'{len(errors)} of {count * PICTURES * len(arm.discs)}',
+            number(_rms(distance)), number(float(np.quantile(distance, 0.95))),
+            number(np.degrees(_rms(errors[:, 2]))),
+            number(_rms(np.linalg.norm(exact[:, :2], axis=1)) * 1e3),
+            number(np.degrees(_rms(exact[:, 2]))), f'{np.mean(inside):.1%}',
+            number(float(np.median([m[3] for m in measured])) * 1e3)))
+        progress(f'camera: {preset} done')
+    found = _false_detections(layout, random, 20 if quick else CLUTTER)
+    body = '\n\n'.join([
+        f'Simulated: {CAMERAS} cameras, {PICTURES} pictures of 1280 x 960 each, on one core. '
+        + machine(), table(HEAD, rows),
+        f'Tags seen in {20 if quick else CLUTTER} pictures of 640 x 480 of random black and white '
+        f'cells of 2 to 24 px: {found}.'])
+    return Section('sensing.md', 'camera', body)
+
+
+def _camera(given: Differences, seed: int, random: np.random.Generator) -> Differences:
+    wrong = random.normal(0.0, CALIBRATION) if given.calibration_error else 0.0
+    return replace(given, seed=seed, calibration_error=float(wrong))
+
+
+def _measure(chain: RigidChain, layout: TagLayout, given: Differences,
+             random: np.random.Generator) -> tuple[NDArray[np.float64], ...]:
+    """Return errors (k, 3), those against where the tags were stuck, which are inside, and s."""
+    drawn = TwinCamera(layout, given)
+    camera = TagCamera(layout, drawn.lens)
+    errors, exact, inside, times = [], [], [], []
+    for _ in range(PICTURES):
+        discs = chain.uniform(random.uniform(-ANGLE, ANGLE, chain.segments)).points[::2]
+        picture = drawn.picture(discs)
+        begin = time.perf_counter()
+        sight = camera.measure(picture)
+        times.append(time.perf_counter() - begin)
+        for n, disc in sight.discs.items():
+            error = disc.pose - discs[n]
+            errors.append(error)
+            exact.append(disc.pose - drawn.stuck(n, discs[n]))
+            inside.append(error @ np.linalg.solve(disc.covariance, error) < INSIDE)
+    return (np.reshape(errors, (-1, 3)), np.reshape(exact, (-1, 3)), np.array(inside),
+            np.median(times))
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _false_detections(layout: TagLayout, random: np.random.Generator, count: int) -> int:
+    """Return how many tags are seen where there is none."""
+    lens = TwinCamera(layout, read_differences(
+        description_file().with_name('twin.yaml'), 'ideal')).lens
+    small = replace(lens, size=(640, 480))
+    camera, found = TagCamera(layout, small), 0
+    for _ in range(count):
+        size = int(random.integers(2, 25))
+        cells = random.integers(0, 2, (480 // size + 1, 640 // size + 1), dtype=np.uint8) * 255
+        clutter = np.kron(cells, np.ones((size, size), dtype=np.uint8))[:480, :640]
+        found += len(camera.measure(np.ascontiguousarray(clutter)).numbers)
+    return found

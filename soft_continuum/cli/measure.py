@@ -1,0 +1,107 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""``measure``: sets shapes, measures the discs, and writes what identify and validate read."""
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from soft_continuum import version
+from soft_continuum.analysis.results import reserve_outputs, ResultError
+from soft_continuum.arguments import DONE, number_in, Parser, WRONG_USAGE
+
+if TYPE_CHECKING:
+    from soft_continuum.client.arm import Arm
+    from soft_continuum.client.measured import MeasuredDisc
+    from soft_continuum.mechanics.arm import Arm as Description
+
+FILES = 'points.csv', 'pulls.csv'
+SETTLING = 1.0  # s of holding before it is measured
+Pulls = tuple[float, ...]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the verb; return the exit status."""
+    parser = Parser('measure', 'Set shapes one after the other, each from the straight arm, and '
+                    'measure the discs by disc_N/measured_pose (the node camera). Writes '
+                    f'{" and ".join(FILES)} for identify and validate.', '--namespace',
+                    '--timeout', '--output', '--force')
+    parser.add_argument('shapes', nargs='*', metavar='SHAPE',
+                        help='names in the shape library (default: all)')
+    parser.add_argument('--duration', type=number_in(0.2, 60.0, 's'), default=2.0, metavar='S',
+                        help='how long each shape is measured (default: 2 s)')
+    options = parser.parse_args(argv)
+    try:
+        paths = reserve_outputs(options.output, FILES, options.force)
+    except ResultError as error:
+        return parser.fail(error, WRONG_USAGE)
+    from soft_continuum.client.arm import Arm
+    from soft_continuum.client.errors import ClientError
+    points = ['shape,point,x [mm],z [mm],deviation [mm]']
+    pulls: list[str] = []
+    try:
+        with Arm(options.namespace, timeout=options.timeout) as arm:
+            known = arm.shapes
+            for name in options.shapes or known:
+                if name not in known:
+                    return parser.fail(f'no shape is called {name!r}; known: {", ".join(known)}',
+                                       WRONG_USAGE)
+            arm.measure(options.duration)  # before anything moves
+            title = _title(arm.is_simulated)
+            tendons = [t.removesuffix('_tendon') for t in arm.description.tendon_names]
+            pulls.append(','.join(['shape,segment', *(f'{t} [mm]' for t in tendons)]))
+            for name in options.shapes or known:
+                print(f'{name} ...', flush=True)
+                steps, discs = _set_and_measure(arm, name, options.duration)
+                pulls += [','.join([name, str(segment), *(f'{p * 1e3:.4f}' for p in pulled)])
+                          for segment, pulled in steps.items()]
+                points += _rows(name, discs, arm.description)
+                print(f'  {len(discs)} discs, each seen {min(d.samples for d in discs.values())} '
+                      'times or more', flush=True)
+    except ClientError as error:
+        return parser.fail(error)
+    for path, rows in zip(paths, (points, pulls), strict=True):
+        path.write_text('\n'.join([title, *rows]) + '\n', encoding='utf-8')
+    print(f'written: {", ".join(map(str, paths))}')
+    return DONE
+
+
+def _title(simulated: bool) -> str:
+    what = 'SIMULATED arm (twin), not a measurement' if simulated else 'Measured'
+    return (f'{what}; soft_continuum measure {version()} on '
+            f'{datetime.now().astimezone().isoformat(timespec="seconds")}')
+
+
+def _set_and_measure(arm: 'Arm', name: str, duration: float
+                     ) -> tuple[dict[int, Pulls], 'dict[int, MeasuredDisc]']:
+    """Return the pulls at which each segment was stiffened, in order, and the measured discs."""
+    from soft_continuum.client.errors import ClientError
+    from soft_continuum.sequencing.progress import Phase
+    arm.run([0.0] * len(arm.description.segments))
+    steps: dict[int, Pulls] = {}
+    discs: dict[int, MeasuredDisc] = {}
+    running = arm.start(name, hold=SETTLING + duration + 0.5)
+    for now in running.updates():
+        if now.phase == Phase.STIFFENING and now.segment not in steps:
+            steps[now.segment] = arm.state.pulls or ()
+        if now.phase == Phase.HOLDING and not discs:
+            discs = arm.measure(SETTLING + duration)
+    running.result()
+    if not discs or not steps or not all(steps.values()):
+        raise ClientError(f'{name} was set too quickly to be followed; measure it again')
+    return steps, discs
+
+
+def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'Description') -> list[str]:
+    """Return the bottom and the top of each disc as rows."""
+    rows = []
+    for n, disc in discs.items():
+        x, z, angle = disc.pose
+        up = arm.discs[n].height * np.array([np.sin(angle), np.cos(angle)])
+        deviation = float(np.hypot(*disc.deviation[:2])) * 1e3
+        for point, place in ((2 * n + 1, (x, z)), (2 * n + 2, (x + up[0], z + up[1]))):
+            rows.append(f'{name},{point},{place[0] * 1e3:.4f},{place[1] * 1e3:.4f},'
+                        f'{deviation:.4f}')
+    return rows

@@ -1,0 +1,114 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Shapes are measured by whatever publishes disc_N/measured_pose, and written for identify."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from command import Command
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
+import numpy as np
+import pytest
+from ros_rig import Rig, STREAM
+
+from soft_continuum.analysis.measured_shapes import read_shapes
+from soft_continuum.client import Arm, ClientError
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.conversions import measured_pose_to_ros, poses_from_ros
+
+OFFSET = np.array([0.001, -0.002, 0.0])  # m, m, rad: by which the tracker is off
+DEVIATION = 0.0005
+
+
+class Tracker:
+    """Measures every disc where kinematics says it is, off by something known."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.spoil: Callable[[Any], None] | None = None  # None: it sees nothing
+        self._rig = rig
+        self._publishers = [rig.observer.create_publisher(
+            PoseWithCovarianceStamped, f'disc_{n}/measured_pose', STREAM) for n in range(4)]
+        rig.observer.create_subscription(PoseArray, 'disc_poses', self._on_discs, STREAM)
+
+    def _on_discs(self, message: PoseArray) -> None:
+        spoil, poses = self.spoil, poses_from_ros(message)[::2]
+        if spoil is None:
+            return
+        for publisher, pose in zip(self._publishers, poses, strict=True):
+            angle = 2.0 * np.arctan2(pose[4], pose[6])
+            measured = measured_pose_to_ros(
+                np.array([pose[0], pose[2], angle]) + OFFSET, DEVIATION**2 * np.eye(3))
+            measured.header.stamp = self._rig.observer.get_clock().now().to_msg()
+            spoil(measured)
+            publisher.publish(measured)
+
+
+@pytest.fixture(scope='module')
+def tracker_of_module(arm_of_module: Any) -> Tracker:
+    return Tracker(arm_of_module)
+
+
+@pytest.fixture
+def tracker(arm: Any, tracker_of_module: Tracker) -> Iterator[Tracker]:
+    tracker_of_module.spoil = lambda message: None
+    yield tracker_of_module
+    tracker_of_module.spoil = None
+
+
+def test_discs_are_measured_where_the_tracker_sees_them(
+        client: Arm, tracker: Tracker, arm: Any) -> None:
+    discs = client.measure(0.5)
+    assert sorted(discs) == [0, 1, 2, 3]
+    poses = client.state.disc_poses
+    assert poses is not None
+    for n, disc in discs.items():
+        pose = poses[2 * n]
+        assert disc.pose == pytest.approx(np.array([pose.x, pose.z, pose.angle]) + OFFSET,
+                                          abs=1e-6)
+        assert disc.deviation == pytest.approx(DEVIATION)
+        assert disc.samples >= 3
+
+
+def _nan(message: Any) -> None:
+    message.pose.pose.position.x = float('nan')
+
+
+def _indefinite(message: Any) -> None:
+    message.pose.covariance[0] = -1.0
+
+
+@pytest.mark.parametrize(('spoil', 'named'), [
+    (_nan, 'finite'), (_indefinite, 'not positive definite')])
+def test_measurements_that_are_none_are_refused_by_their_reason(
+        client: Arm, tracker: Tracker, spoil: Callable[[Any], None], named: str) -> None:
+    tracker.spoil = spoil
+    with pytest.raises(ClientError, match=named):
+        client.measure(0.5)
+
+
+def test_without_a_sensor_nothing_moves_and_the_remedy_is_said(
+        command: Callable[..., Command], arm: Any, tmp_path: Path) -> None:
+    done = command('measure', 's_form', '--output', str(tmp_path))
+    status, _, error = done.end()
+    assert status == 1
+    assert 'does the node camera run' in error
+    arm.assert_rests()
+    assert not list(tmp_path.iterdir())
+
+
+def test_measured_shapes_are_read_by_identify_as_they_were(
+        command: Callable[..., Command], arm: Any, tracker: Tracker, tmp_path: Path) -> None:
+    done = command('measure', 's_form', '--output', str(tmp_path), '--duration', '0.5')
+    status, _, error = done.end()
+    assert status == 0, error
+    description = load_arm(description_file())
+    shape, = read_shapes(tmp_path / 'points.csv', tmp_path / 'pulls.csv', description)
+    assert shape.name == 's_form'
+    assert [step.segment for step in shape.steps] == [0, 1, 2]
+    poses = poses_from_ros(arm.disc_poses.last)
+    assert shape.positions[::2] == pytest.approx(poses[::2][:, [0, 2]] + OFFSET[:2], abs=1e-4)
+    assert shape.steps[-1].pulls == pytest.approx(arm.pulls, abs=1e-4)
+    assert 'SIMULATED' not in (tmp_path / 'points.csv').read_text(encoding='utf-8')
