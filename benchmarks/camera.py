@@ -15,6 +15,7 @@ from soft_continuum.mechanics import RigidChain
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
+from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.tag_camera import TagCamera
 from soft_continuum.twin.camera import TwinCamera
@@ -26,6 +27,7 @@ CALIBRATION = 0.005  # relative, standard deviation of the focal length
 ANGLE = 0.6  # rad, largest bending angle of a segment
 INSIDE = 7.815  # chi squared of three that 95 % are below
 CLUTTER = 10_000
+SMALL = 320, 240  # px
 HEAD = ('preset', 'discs seen', 'position, mm RMS', '95 %', 'angle, degrees RMS',
         'without the errors of sticking, mm', 'degrees', 'inside the 95 % ellipsoid',
         'ms per picture')
@@ -60,8 +62,8 @@ def run(quick: bool) -> Section:
     body = '\n\n'.join([
         f'Simulated: {CAMERAS} cameras, {PICTURES} pictures of 1280 x 960 each, on one core. '
         + machine(), table(HEAD, rows),
-        f'Tags seen in {20 if quick else CLUTTER} pictures of 640 x 480 of random black and white '
-        f'cells of 2 to 24 px: {found}.'])
+        f'Tags seen in {20 if quick else CLUTTER} pictures of {SMALL[0]} x {SMALL[1]} of random black and '
+        f'white cells of 4 to 24 px: {found}.'])
     return Section('sensing.md', 'camera', body)
 
 
@@ -99,11 +101,12 @@ def _false_detections(layout: TagLayout, random: np.random.Generator, count: int
     """Return how many tags are seen where there is none."""
     lens = TwinCamera(layout, read_differences(
         description_file().with_name('twin.yaml'), 'ideal')).lens
-    small = replace(lens, size=(640, 480))
-    camera, found = TagCamera(layout, small), 0
+    small = replace(lens, size=SMALL)
+    detector, found = TagDetector(small), 0
     for _ in range(count):
-        size = int(random.integers(2, 25))
-        cells = random.integers(0, 2, (480 // size + 1, 640 // size + 1), dtype=np.uint8) * 255
-        clutter = np.kron(cells, np.ones((size, size), dtype=np.uint8))[:480, :640]
-        found += len(camera.measure(np.ascontiguousarray(clutter)).numbers)
+        size = int(random.integers(4, 25))
+        cells = random.integers(
+            0, 2, (SMALL[1] // size + 1, SMALL[0] // size + 1), dtype=np.uint8) * 255
+        clutter = np.kron(cells, np.ones((size, size), dtype=np.uint8))[:SMALL[1], :SMALL[0]]
+        found += len(detector.numbers(np.ascontiguousarray(clutter)))
     return found

@@ -63,6 +63,8 @@ def command_lines(text: str) -> list[str]:
     return [line.strip() for line in lines if line.strip()]
 
 
+SUBSCRIBED = ('camera/image_raw', 'camera/camera_info')  # that a user may remap
+
 PAGES = {page.relative_to(ROOT).as_posix(): page for page in (
     *ROOT.glob('*.md'), *ROOT.glob('docs/**/*.md'), *ROOT.glob('msg_docs/*.md'))}
 LINES = {name: lines for name, page in PAGES.items() if (lines := [
@@ -159,7 +161,9 @@ class Checker:
                 assert name in parameters, f'{node} has no parameter {name}'
                 parameters[name].check(yaml.safe_load(text))
             else:
-                assert flag == '-p' or (flag == '-r' and value.startswith('__ns:=/')), flag
+                topic = value.partition(':=')[0] in SUBSCRIBED
+                assert flag == '-p' or (
+                    flag == '-r' and (topic or value.startswith('__ns:=/'))), f'{flag} {value}'
 
     def _read(self, name: str | Path) -> None:
         path = Path(name)

@@ -16,6 +16,7 @@ from typing import Any
 
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, WRONG_USAGE
+from soft_continuum.cli import calibrate_camera
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number, one_of
 from soft_continuum.hardware.calibration import (
@@ -37,6 +38,7 @@ from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_rig, write_parameters
 from soft_continuum.parameters.nodes import jamming_settings
 from soft_continuum.parameters.parameter import as_yaml
+from soft_continuum.ros.names import CAMERA
 
 NAME = 'calibrate'
 GUIDE = 'docs/how_to/set_up_a_rig.md'
@@ -64,13 +66,17 @@ class Job:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status, FAILED if the rig failed."""
+    words = sys.argv[1:] if argv is None else argv
+    if words[:1] == [CAMERA]:  # of which the other procedures know nothing
+        return calibrate_camera.main(words[1:])
     parser = Parser(NAME, 'Measure a rig: steps/mm and signs of the steppers, the zero of the '
                     'tendons, pump and segments. Results are a parameter file to give to the '
                     'nodes after the others.', *FOR_ANALYSIS)
     per_tendon: dict[str, Any] = {
         'nargs': len(NAMES), 'metavar': tuple(name.upper() for name in NAMES)}
-    parser.add_argument('what', choices=[*PROCEDURES, 'all'],
-                        help='what to measure; all: vacuum, signs, steps, zero')
+    parser.add_argument('what', choices=[*PROCEDURES, 'all', CAMERA],
+                        help='what to measure; all: vacuum, signs, steps, zero; '
+                        f'{CAMERA}: see {NAME} {CAMERA} --help')
     parser.add_argument('--yes', action='store_true',
                         help='everything is safe and prepared: ask nothing')
     parser.add_argument('--measured', type=number_in(0.01, 1000.0, 'mm'), **per_tendon,

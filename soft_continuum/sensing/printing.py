@@ -12,6 +12,7 @@ from matplotlib.patches import Circle, Rectangle
 import numpy as np
 
 from soft_continuum.sensing.layout import QUIET, TagLayout
+from soft_continuum.sensing.lens_calibration import board, COLUMNS, ROWS, SQUARE
 
 A4 = 0.210, 0.297  # m
 INCH = 0.0254  # m
@@ -74,6 +75,7 @@ def write_tags(path: Path, layout: TagLayout) -> None:
             layout.fixed_numbers, layout.fixed, strict=True)]
         for page in _pages('Fixed tags', layout.fixed_numbers, layout.fixed_size, labels):
             _save(pdf, page)
+        _save(pdf, _board())
 
 
 def _save(pdf: PdfPages, page: Figure) -> None:
@@ -98,6 +100,19 @@ def _pages(title: str, numbers: Sequence[int], size: float, labels: Sequence[str
     return pages
 
 
+def _board() -> _Page:
+    """Return the board for `calibrate camera`."""
+    page = _Page('For `soft_continuum calibrate camera`: glue it onto something stiff and flat.')
+    width, height = COLUMNS * SQUARE, ROWS * SQUARE
+    dots = 40  # per square, a multiple of what its tags are drawn with
+    picture = board().generateImage((COLUMNS * dots, ROWS * dots), marginSize=0)
+    left, below = (A4[0] - width) / 2.0, (A4[1] - height) / 2.0
+    page.axes_.imshow(picture, cmap='gray', extent=(left, left + width, below, below + height),
+                      interpolation='nearest', zorder=0)
+    page.axes_.set(xlim=(0.0, A4[0]), ylim=(0.0, A4[1]))
+    return page
+
+
 def _drawing(layout: TagLayout) -> _Page:
     """Return the page that says where the tags go."""
     page = _Page('Where the tags go, seen from the camera (from -y): x to the right, z along the '
@@ -106,8 +121,8 @@ def _drawing(layout: TagLayout) -> _Page:
     half = layout.fixed_size / 2.0
     for number, (x, z) in zip(layout.fixed_numbers, layout.fixed, strict=True):
         axes.add_patch(Rectangle((x - half, z - half), 2 * half, 2 * half, color='0.3'))
-        axes.annotate(f'{number}\n({x * 1e3:.0f}, {z * 1e3:.0f})', (x, z - half), va='top',
-                      ha='center', fontsize=8)
+        axes.text(x, z - half - 0.005, f'{number}\n({x * 1e3:.0f}, {z * 1e3:.0f})', va='top',
+                  ha='center', fontsize=8)
     below = 0.0
     for n, (height, middle) in enumerate(zip(layout.disc_heights, layout.heights, strict=True)):
         axes.add_patch(Rectangle((-0.02, below), 0.04, height, color='0.8'))

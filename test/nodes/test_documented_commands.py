@@ -70,6 +70,7 @@ def arm(module_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterato
         processes.start([*module_command('up'), '--params-file', str(quick_file(directory))])
         rig.wait_for(lambda: all(map(len, rig.statuses.values())), 'four nodes', START_TIMEOUT)
         rig.wait_until_ready(*NODES)
+        rig.start('camera', ready=False)
         yield rig
     finally:
         processes.close()
