@@ -62,8 +62,8 @@ def run(quick: bool) -> Section:
     body = '\n\n'.join([
         f'Simulated: {CAMERAS} cameras, {PICTURES} pictures of 1280 x 960 each, on one core. '
         + machine(), table(HEAD, rows),
-        f'Tags seen in {20 if quick else CLUTTER} pictures of {SMALL[0]} x {SMALL[1]} of random black and '
-        f'white cells of 4 to 24 px: {found}.'])
+        f'Tags seen in {20 if quick else CLUTTER} pictures of {SMALL[0]} x {SMALL[1]} of random '
+        f'black and white cells of 4 to 24 px: {found}.'])
     return Section('sensing.md', 'camera', body)
 
 

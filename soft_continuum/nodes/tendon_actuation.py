@@ -76,6 +76,7 @@ class TendonActuation(ManagedNode):
         rate = self.parameters['tendon_rate']
         self._control = TendonControl(
             self._tendons, self._arm, 1.0 / rate, self.ros_time.jump,
+            lambda: self.parameters['tension_limit'],
             Newest(self.on_ros_thread, self._publish).put, self._release_driver)
         self._loop = self.control(rate, self._control.cycle, self._on_control_failure)
         self._unread_age = Age()  # since a trajectory that nobody read was reported as refused

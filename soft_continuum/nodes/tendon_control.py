@@ -13,6 +13,7 @@ from soft_continuum.hardware.tendon_controller import (
     Reason,
     TendonController,
 )
+from soft_continuum.hardware.tension_guard import TensionGuard
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.motion_requests import MotionRequests, Request
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm
@@ -51,17 +52,19 @@ class TendonControl:
     """
 
     def __init__(self, tendons: tuple[str, ...], arm: ReportedArm, period: float,
-                 jump: Callable[[], float], report: Callable[[Report], None],
+                 jump: Callable[[], float], tension_limit: Callable[[], float],
+                 report: Callable[[Report], None],
                  release: Callable[[TendonDriver], None]) -> None:
         """
         Start without a device.
 
         period: of the control cycle, s.  jump: by how much ROS time went ahead since it was
-        called before, s.  release: is given the driver of a device that failed, to close it
-        elsewhere.
+        called before, s.  tension_limit: N, of measured tensions.  release: is given the driver of
+        a device that failed, to close it elsewhere.
         """
         self._tendons, self._arm, self._period, self._jump = tendons, arm, period, jump
-        self._publish, self._release = report, release
+        self._tension_limit, self._publish, self._release = tension_limit, report, release
+        self._guard = TensionGuard(tendons)
         self._stops = 0
         self._stamped = False  # whether the trajectory that is followed was to begin by ROS time
         self._time = STEADY()  # of the last reading, s
@@ -158,7 +161,10 @@ class TendonControl:
             self._refuse_because(Interlock(
                 Reason.STIFFNESS_CHANGED,
                 'a segment changed between soft and stiff before the motion began'))
+        begins = not controller.busy
         controller.accept(*self._trajectory(request))
+        if begins:
+            self._guard.begin(controller.reading)
         if request.id != self._requests.accepted.id and self._requests.following:
             self._requests.end(Reason.REPLACED, 'a newer trajectory took its place')
             self.report()
@@ -278,6 +284,7 @@ class TendonControl:
         if homes and (interlock := self._arm.homing_interlock()):
             return False, interlock.message
         self._ended = ''
+        self._guard.begin(self._controller.reading)
         try:
             self._controller.reference()
         except MotionRefusedError as error:
@@ -300,17 +307,24 @@ class TendonControl:
         try:
             if not self._ended and (
                     interlock := self._cycle_interlock(controller, late, jump)):
-                controller.hold()
-                self._revoke(interlock.reason, interlock.message)
-                self._ended = f'motion ended: {interlock.message}'
+                self._end(controller, interlock)
             self._time = STEADY()
-            controller.update(self._time, self._period)
+            reading = controller.update(self._time, self._period)
+            if controller.busy and not self._ended and (
+                    problem := self._guard.problem(reading, self._tension_limit())):
+                self._end(controller, Interlock(Reason.TENSION, problem))
         except HardwareError as error:
             self._lose(error)
             return
         if not controller.busy:
             self._requests.done()
         self.report()
+
+    def _end(self, controller: TendonController, interlock: Interlock) -> None:
+        """Brake and hold, for a reason that nobody asked for."""
+        controller.hold()
+        self._revoke(interlock.reason, interlock.message)
+        self._ended = f'motion ended: {interlock.message}'
 
     def _cycle_interlock(self, controller: TendonController, late: float, jump: float
                          ) -> Interlock | None:

@@ -4,7 +4,9 @@
 """What moves the tendons, what does not, and what stops them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 import threading
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -13,6 +15,7 @@ import pytest
 from ros_rig import RELIABLE, Rig, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
+from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum_interfaces.msg import MotionRequest
 
@@ -435,3 +438,30 @@ def test_diagnostics_name_the_driver(rig: Rig) -> None:
     prefix = rig.namespace.lstrip('/')
     assert named()[f'{prefix}/tendon_actuation'] == 'simulated tendon steppers'
     assert named()[f'{prefix}/jamming_valves'] == 'simulated jamming valves'
+
+
+@pytest.mark.parametrize('tendon', [0, 1])
+def test_a_measured_tension_beyond_the_limit_ends_the_motion_and_letting_go_is_allowed(
+        tendons: Rig, monkeypatch: pytest.MonkeyPatch, tendon: int) -> None:
+    read = SimulatedTendons.read
+
+    def measured(driver: SimulatedTendons) -> Any:
+        """Return what load cells show of a tendon that is caught at 4 mm."""
+        found = read(driver)
+        tensions = [5.0, 5.0]
+        tensions[tendon] += 2e4 * max(0.0, found.pulls[tendon] - 0.004)
+        return replace(found, tensions=tuple(tensions))
+
+    monkeypatch.setattr(SimulatedTendons, 'read', measured)
+    goal = [-0.008, -0.008]
+    goal[tendon] = 0.008
+    send(tendons, trajectory([(2.0, tuple(goal))]))
+    name = ('right_tendon', 'left_tendon')[tendon]
+    text = tendons.wait_for_status('tendon_actuation', 'ended', f'measured tension of {name}')
+    assert 'tension_limit: 60 N' in text
+    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    assert 0.0066 < tendons.pulls[tendon] < 0.0078  # 60 N at 6.75 mm
+    goal[tendon] = 0.0
+    send(tendons, trajectory([(1.0, tuple(goal))]))
+    arrives(tendons, (goal[0], goal[1]))
+    assert list(tendons.tendons.last.effort) == pytest.approx([5.0, 5.0])

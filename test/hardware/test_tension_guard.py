@@ -1,0 +1,44 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""A measured tension beyond the limit ends a motion, whichever tendon it is."""
+
+from math import inf, nan
+
+import pytest
+
+from soft_continuum.hardware.protocols import TendonReading
+from soft_continuum.hardware.tension_guard import TensionGuard
+
+NAMES = ('right_tendon', 'left_tendon')
+LIMIT = 60.0
+
+
+def reading(*tensions):
+    return TendonReading((0.0, 0.0), (0.0, 0.0), referenced=True, tensions=tensions or None)
+
+
+def after(begin, now):
+    guard = TensionGuard(NAMES)
+    guard.begin(begin)
+    return guard.problem(now, LIMIT)
+
+
+@pytest.mark.parametrize('order', [(0, 1), (1, 0)])
+@pytest.mark.parametrize(('begin', 'now', 'ends'), [
+    (0.0, 59.9, False), (0.0, 61.0, False), (0.0, 61.3, True), (0.0, 1e6, True), (0.0, inf, True),
+    (80.0, 79.0, False), (80.0, 80.0, False), (80.0, 80.1, True), (0.0, nan, True),
+    (nan, 10.0, False), (nan, 70.0, True)])
+def test_more_than_the_limit_and_more_than_it_began_with_ends_it(begin, now, ends, order):
+    first, second = ([(value, 5.0)[i] for i in order] for value in (begin, now))
+    problem = after(reading(*first), reading(*second))
+    assert bool(problem) is ends
+    if ends:
+        assert NAMES[order[0]] in problem
+
+
+def test_without_load_cells_there_is_nothing_to_guard():
+    assert after(reading(), reading()) == ''
+
+
+def test_a_cell_that_appears_in_motion_counts():
+    assert after(reading(), reading(70.0, 0.0))
