@@ -67,8 +67,9 @@ class Job:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status, FAILED if the rig failed."""
     words = sys.argv[1:] if argv is None else argv
-    if words[:1] == [CAMERA]:  # of which the other procedures know nothing
-        return calibrate_camera.main(words[1:])
+    if CAMERA in words:  # of which the other procedures know nothing
+        at = list(words).index(CAMERA)
+        return calibrate_camera.main([*words[:at], *words[at + 1:]])
     parser = Parser(NAME, 'Measure a rig: steps/mm and signs of the steppers, the zero of the '
                     'tendons, pump and segments. Results are a parameter file to give to the '
                     'nodes after the others.', *FOR_ANALYSIS)

@@ -3,21 +3,20 @@
 """``calibrate camera``: the lens of a camera, from pictures of the printed board."""
 
 import argparse
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
-from math import ceil
-from typing import TYPE_CHECKING
+from pathlib import Path
+from time import monotonic
 
 from soft_continuum.analysis.results import reserve_outputs
-from soft_continuum.arguments import FOR_ANALYSIS, Parser, WRONG_USAGE
+from soft_continuum.arguments import FOR_ANALYSIS, Parser
 from soft_continuum.cli.common import run_verb
-
-if TYPE_CHECKING:
-    from soft_continuum.sensing.corners import Picture
+from soft_continuum.sensing.opencv import require_opencv
+from soft_continuum.sensing.sources import is_device, Picture, pictures
 
 FILE = 'camera.yaml'
-FRAMES = 600  # that are taken from a device, 20 s at 30 Hz
-EVERY = 15  # of them is looked at
+SECONDS, PERIOD = 30.0, 0.5  # s for which a device is looked at, and between two pictures
+EVERY = 15  # picture of a video is looked at
 SIZE = 1280, 960  # px that a device is asked for
 
 
@@ -28,32 +27,36 @@ def main(argv: Sequence[str] | None = None) -> int:
                     f'all corners. Writes {FILE}, which camera.calibration names.',
                     *FOR_ANALYSIS)
     parser.add_argument('source', help='a folder of pictures, a video file, or a device such as '
-                        '/dev/video0, of which 20 s are taken')
-    from soft_continuum.sensing.lens import LensError
-    try:
-        return run_verb(parser, _run, argv)
-    except LensError as error:
-        return parser.fail(error, WRONG_USAGE)
-    except ImportError:
-        return parser.fail("OpenCV is not installed; install it with: pip install "
-                           "'soft_continuum[camera]'")
+                        '/dev/video0, which is looked at for 30 s')
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:
-    from soft_continuum.sensing.lens import LensError
+    require_opencv()
     from soft_continuum.sensing.lens_calibration import calibrate
-    from soft_continuum.sensing.sources import is_live, pictures, SourceError
     path, = reserve_outputs(options.output, [FILE], options.force)
-    found: Iterable[Picture] = pictures(options.source, SIZE)
-    if is_live(options.source):
-        print(f'{ceil(FRAMES / 30)} s of {options.source}: turn the board slowly to all sides, '
-              'hold it into all corners ...', flush=True)
-        found = islice(found, 0, FRAMES, EVERY)
-    try:
-        made = calibrate(found)
-    except SourceError as error:
-        raise LensError(str(error)) from None
+    if is_device(options.source):
+        print(f'{SECONDS:g} s of {options.source}: turn the board slowly to all sides, hold it '
+              'into all corners ...', flush=True)
+    made = calibrate(_spread(pictures(options.source, SIZE), options.source))
     path.write_text(made.lens.text('camera'), encoding='utf-8')
     focal = (made.lens.matrix[0, 0] + made.lens.matrix[1, 1]) / 2.0
     print(f'focal length {focal:.1f} px, corners off by {made.residual:.3f} px RMS in '
           f'{made.pictures} pictures of {made.lens.size[0]} x {made.lens.size[1]}: {path}')
+
+
+def _spread(found: Iterator[Picture], source: str) -> Iterator[Picture]:
+    """Yield all pictures of a folder, two per second of a device, every fifteenth of a video."""
+    if Path(source).is_dir():
+        yield from found
+    elif not is_device(source):
+        yield from islice(found, 0, None, EVERY)
+    else:
+        begin = shown = monotonic()
+        for picture in found:
+            now = monotonic()
+            if now - begin > SECONDS:
+                return
+            if now - shown >= PERIOD:
+                shown = now
+                yield picture

@@ -17,9 +17,12 @@ from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError, Value
+from soft_continuum.sensing.lens import LensError
+from soft_continuum.sensing.opencv import OpenCVError
+from soft_continuum.sensing.sources import SourceError
 
 BAD_INPUT = (MeasurementError, IdentificationError, ResultError, ParameterError, ArmError,
-             LawError, StaticsError)
+             LawError, StaticsError, LensError, SourceError)
 
 
 def shapes_parser(name: str, description: str, known: str) -> Parser:
@@ -43,6 +46,8 @@ def run_verb(parser: Parser, run: Callable[[argparse.Namespace], int | None],
     options = parser.parse_args(argv)
     try:
         return run(options) or DONE
+    except OpenCVError as error:
+        return parser.fail(error)
     except BAD_INPUT as error:
         return parser.fail(error, WRONG_USAGE)
     except BrokenPipeError:

@@ -2,15 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """``measure``: sets shapes, measures the discs, and writes what identify and validate read."""
 
+import argparse
+from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
+from pathlib import Path
+from time import sleep
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from soft_continuum import version
 from soft_continuum.analysis.results import reserve_outputs, ResultError
-from soft_continuum.arguments import DONE, number_in, Parser, WRONG_USAGE
+from soft_continuum.arguments import FAILED, NO_NODES, number_in, Parser
+from soft_continuum.cli.common import run_verb
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
@@ -19,6 +24,7 @@ if TYPE_CHECKING:
 
 FILES = 'points.csv', 'pulls.csv'
 SETTLING = 1.0  # s of holding before it is measured
+CHECK = 1.5  # s in which something must be measured before anything moves
 Pulls = tuple[float, ...]
 
 
@@ -30,42 +36,47 @@ def main(argv: Sequence[str] | None = None) -> int:
                     '--timeout', '--output', '--force')
     parser.add_argument('shapes', nargs='*', metavar='SHAPE',
                         help='names in the shape library (default: all)')
-    parser.add_argument('--duration', type=number_in(0.2, 60.0, 's'), default=2.0, metavar='S',
+    parser.add_argument('--duration', type=number_in(0.5, 60.0, 's'), default=2.0, metavar='S',
                         help='how long each shape is measured (default: 2 s)')
-    options = parser.parse_args(argv)
+    from soft_continuum.client.errors import ClientError, NodesMissingError
     try:
-        paths = reserve_outputs(options.output, FILES, options.force)
-    except ResultError as error:
-        return parser.fail(error, WRONG_USAGE)
-    from soft_continuum.client.arm import Arm
-    from soft_continuum.client.errors import ClientError
-    points = ['shape,point,x [mm],z [mm],deviation [mm]']
-    pulls: list[str] = []
-    try:
-        with Arm(options.namespace, timeout=options.timeout) as arm:
-            known = arm.shapes
-            for name in options.shapes or known:
-                if name not in known:
-                    return parser.fail(f'no shape is called {name!r}; known: {", ".join(known)}',
-                                       WRONG_USAGE)
-            arm.measure(options.duration)  # before anything moves
-            title = _title(arm.is_simulated)
-            tendons = [t.removesuffix('_tendon') for t in arm.description.tendon_names]
-            pulls.append(','.join(['shape,segment', *(f'{t} [mm]' for t in tendons)]))
-            for name in options.shapes or known:
-                print(f'{name} ...', flush=True)
-                steps, discs = _set_and_measure(arm, name, options.duration)
-                pulls += [','.join([name, str(segment), *(f'{p * 1e3:.4f}' for p in pulled)])
-                          for segment, pulled in steps.items()]
-                points += _rows(name, discs, arm.description)
-                print(f'  {len(discs)} discs, each seen {min(d.samples for d in discs.values())} '
-                      'times or more', flush=True)
+        return run_verb(parser, _run, argv)
     except ClientError as error:
-        return parser.fail(error)
-    for path, rows in zip(paths, (points, pulls), strict=True):
-        path.write_text('\n'.join([title, *rows]) + '\n', encoding='utf-8')
+        return parser.fail(error, NO_NODES if isinstance(error, NodesMissingError) else FAILED)
+
+
+def _run(options: argparse.Namespace) -> None:
+    if twice := [name for name, times in Counter(options.shapes).items() if times > 1]:
+        raise ResultError(f'{twice[0]} is given twice; each shape is measured once')
+    paths = reserve_outputs(options.output, FILES, options.force)
+    from soft_continuum.client.arm import Arm
+    with Arm(options.namespace, timeout=options.timeout) as arm:
+        known = arm.shapes
+        for name in options.shapes:
+            if name not in known:
+                raise ResultError(f'no shape is called {name!r}; known: {", ".join(known)}')
+        arm.measure(max(CHECK, options.duration))  # before anything moves
+        _measure_all(arm, options.shapes or [n for n in known if any(known[n])], options, paths)
     print(f'written: {", ".join(map(str, paths))}')
-    return DONE
+
+
+def _measure_all(arm: 'Arm', names: Sequence[str], options: argparse.Namespace,
+                 paths: Sequence[Path]) -> None:
+    """Set and measure one shape after the other; write all of them after each."""
+    title = _title(arm.is_simulated)
+    tendons = [t.removesuffix('_tendon') for t in arm.description.tendon_names]
+    points = [title, 'shape,point,x [mm],z [mm],deviation [mm]']
+    pulls = [title, ','.join(['shape,segment', *(f'{t} [mm]' for t in tendons)])]
+    for name in names:
+        print(f'{name} ...', flush=True)
+        steps, discs = _set_and_measure(arm, name, options.duration)
+        pulls += [','.join([name, str(segment), *(f'{p * 1e3:.4f}' for p in pulled)])
+                  for segment, pulled in steps.items()]
+        points += _rows(name, discs, arm.description)
+        print(f'  {len(discs)} discs, each seen {min(d.samples for d in discs.values())} '
+              'times or more', flush=True)
+        for path, rows in zip(paths, (points, pulls), strict=True):
+            path.write_text('\n'.join(rows) + '\n', encoding='utf-8')
 
 
 def _title(simulated: bool) -> str:
@@ -87,7 +98,8 @@ def _set_and_measure(arm: 'Arm', name: str, duration: float
         if now.phase == Phase.STIFFENING and now.segment not in steps:
             steps[now.segment] = arm.state.pulls or ()
         if now.phase == Phase.HOLDING and not discs:
-            discs = arm.measure(SETTLING + duration)
+            sleep(SETTLING)
+            discs = arm.measure(duration)
     running.result()
     if not discs or not steps or not all(steps.values()):
         raise ClientError(f'{name} was set too quickly to be followed; measure it again')

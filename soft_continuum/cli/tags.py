@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from soft_continuum.analysis.results import reserve_outputs
 from soft_continuum.arguments import FOR_ANALYSIS, Parser
 from soft_continuum.cli.common import run_verb
+from soft_continuum.sensing.opencv import require_opencv
 
 NAME = 'tags'
 
@@ -22,6 +23,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
+    require_opencv()
     from soft_continuum.parameters.arm import arm_from_parameters
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA

@@ -23,7 +23,7 @@ A simulated rig, preset {preset}. Put this into a parameter file of the nodes:
     tendon_driver: grbl
     grbl: {{port: {grbl}, steps_per_mm: {steps}}}
     jamming_driver: modbus
-    modbus: {{port: {modbus}}}
+    modbus: {{port: {modbus}, timeout: {timeout}}}
 Ctrl-C ends it.
 """
 
@@ -76,7 +76,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             given = rig.parameters()
             print(CONFIGURATION.format(
                 preset=options.preset, grbl=given['grbl.port'],
-                steps=given['grbl.steps_per_mm'], modbus=given['modbus.port']), flush=True)
+                steps=given['grbl.steps_per_mm'], modbus=given['modbus.port'],
+                timeout=given['modbus.timeout']), flush=True)
             threading.Event().wait()
     except (ClientError, ParameterError, TwinError) as error:
         return parser.fail(error, WRONG_USAGE)

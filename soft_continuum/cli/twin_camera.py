@@ -8,6 +8,7 @@ import threading
 from soft_continuum.arguments import DONE, number_in, Parser, WRONG_USAGE
 from soft_continuum.cli.twin import add_preset_options, chosen_differences
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.sensing.opencv import OpenCVError, require_opencv
 
 RATE = 10.0  # Hz
 
@@ -23,10 +24,9 @@ def main(argv: Sequence[str] | None = None) -> int:
                         'about 0.05 s of a core')
     options = parser.parse_args(argv)
     try:
-        import cv2  # noqa: F401
-    except ImportError:
-        return parser.fail("OpenCV is not installed; install it with: pip install "
-                           "'soft_continuum[camera]'")
+        require_opencv()
+    except OpenCVError as error:
+        return parser.fail(error)
     from soft_continuum.client.connection import Connection
     from soft_continuum.client.errors import ClientError
     from soft_continuum.nodes.up import description_file

@@ -176,7 +176,9 @@ class Arm:
         from soft_continuum.client.measured import MeasuredArm
         if self._measured is None:
             self._measured = MeasuredArm(self._connection.node, discs)
-        return await self._measured.measure(duration)
+        discs_message = (await self._requests.observe()).message('disc_poses')
+        frame = discs_message.header.frame_id if discs_message is not None else ''
+        return await self._measured.measure(duration, frame)
 
     @property
     def is_simulated(self) -> bool:

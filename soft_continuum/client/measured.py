@@ -40,7 +40,7 @@ class MeasuredArm:
 
     def __init__(self, node: Node, discs: int) -> None:
         """Subscribe to disc_N/measured_pose, N from 0 to discs - 1."""
-        self._node, self._begin = node, 0.0
+        self._node, self._begin, self._frame = node, 0.0, ''
         self._samples: list[list[tuple[Array, Array]]] = [[] for _ in range(discs)]
         self._refused = ''
         for n in range(discs):
@@ -52,18 +52,18 @@ class MeasuredArm:
         if seconds(message.header.stamp) < self._begin or len(samples) >= MAX_SAMPLES:
             return
         try:
-            samples.append(measured_pose_from_ros(message))
+            samples.append(measured_pose_from_ros(message, self._frame))
         except ValueError as error:
             self._refused = f'; disc_{disc}/measured_pose has {error}'
 
-    async def measure(self, duration: float) -> dict[int, MeasuredDisc]:
+    async def measure(self, duration: float, frame: str = '') -> dict[int, MeasuredDisc]:
         """
         Return the discs that are measured in the next ``duration`` s, at least three times.
 
-        Raises ClientError when there is none.
+        frame: in which poses have to be; empty for any.  Raises ClientError when there is none.
         """
         self._begin = seconds(self._node.get_clock().now().to_msg())
-        self._refused = ''
+        self._refused, self._frame = '', frame
         for samples in self._samples:
             samples.clear()
         await until(lambda: False, duration)
@@ -79,5 +79,6 @@ class MeasuredArm:
 
 def _mean(samples: list[tuple[Array, Array]]) -> MeasuredDisc:
     poses = np.array([pose for pose, _ in samples])
+    poses[:, 2] = np.unwrap(poses[:, 2])
     own = np.sqrt(np.mean([np.diag(covariance) for _, covariance in samples], axis=0))
     return MeasuredDisc(poses.mean(axis=0), np.maximum(own, poses.std(axis=0)), len(samples))

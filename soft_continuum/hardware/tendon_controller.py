@@ -77,6 +77,7 @@ class TendonController:
         self.reading = driver.read()
         self.stopped = False
         self.stopped_because = ''
+        self.delay = 0.0  # s by which the present motion is later than it was sent
         self.homing = False  # searching for the switches, or pulling from them to zero
         self._busy = False  # until the driver has come to rest after a trajectory
         self._interval = 0.02
@@ -213,7 +214,8 @@ class TendonController:
         """
         Send the driver where it must be ``interval`` s from now; return where it is.
 
-        What a call came late is not caught up: the rest of the trajectory is as much later.
+        What a call came late by more than one interval is not caught up: the rest of the
+        trajectory is as much later.
         """
         self._interval = interval or self._interval
         rested = not self.following
@@ -221,6 +223,7 @@ class TendonController:
             late = now - self._setpoint_time
             if late > interval:
                 self._times = self._times + late
+                self.delay += late
             ahead = self._setpoint_time = now + interval
             self._setpoint = self._planned(ahead)
             try:

@@ -28,8 +28,11 @@ from soft_continuum.ros.pictures import grey_picture, MAX_PICTURE_BYTES
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.lens import Lens, LensError
+from soft_continuum.sensing.opencv import OpenCVError, require_opencv
+from soft_continuum.sensing.sources import is_device
 
 MAX_AGE = 1.0  # s between a picture's stamp and now
+DARK = 8  # grey value of a picture that is called black, not frozen
 FROZEN_AFTER = 2.0  # s of one and the same picture, of a camera
 STALE_AFTER = 2.0  # s without a picture
 IMAGES = 'camera/image_raw'
@@ -54,10 +57,10 @@ class Camera(Node):
         """Declare parameters and topics; raises ParameterError."""
         super().__init__('camera', **options)
         try:
-            from soft_continuum.sensing.tag_camera import TagCamera
-        except ImportError as error:
-            raise ParameterError(f'{error}; the camera needs OpenCV: pip install '
-                                 "'soft_continuum[camera]'") from None
+            require_opencv()
+        except OpenCVError as error:
+            raise ParameterError(str(error)) from None
+        from soft_continuum.sensing.tag_camera import TagCamera
         self.parameters = NodeParameters(self, NODE_PARAMETERS['camera'])
         self.status = Status(self, 'camera and printed tags')
         self._layout = TagLayout.of(arm_from_parameters(self.parameters), self.parameters)
@@ -98,6 +101,8 @@ class Camera(Node):
         if self._source:
             self._thread = threading.Thread(target=self._read, name='source', daemon=True)
             self._thread.start()
+            if is_device(self._source):
+                repeat(self, 0.5, self._check_age)
             return
         repeat(self, 0.5, self._check_age)
         if self._camera is None:
@@ -155,9 +160,11 @@ class Camera(Node):
 
     def _read(self) -> None:
         """Take pictures from a device, a file or a folder, on a thread of its own."""
-        from soft_continuum.sensing.sources import is_live, pictures, SourceError
+        import cv2
+
+        from soft_continuum.sensing.sources import pictures, SourceError
         assert self._camera is not None
-        live, period = is_live(self._source), 1.0 / self.parameters['camera.rate']
+        live, period = is_device(self._source), 1.0 / self.parameters['camera.rate']
         while not self._ending.is_set():
             next_time = monotonic()
             try:
@@ -170,10 +177,11 @@ class Camera(Node):
                     next_time = max(monotonic(), next_time + period)
                     self._age.refresh()
                     self._newest.put((self.get_clock().now().to_msg(), picture, live))
-            except SourceError as error:
-                self._reports.put((ERROR, str(error), {}))
-            else:
-                self._reports.put((WARN, f'{self._source} has no more pictures', {}))
+                end = WARN, f'{self._source} has no more pictures'
+            except (SourceError, OSError, cv2.error) as error:
+                end = ERROR, str(error)
+            self._worker.call(lambda end=end: self._reports.put((*end, {})))  # after the last one
+            if not live:
                 return
             self._ending.wait(RETRY)
 
@@ -186,7 +194,7 @@ class Camera(Node):
         if camera is None:
             self._reports.put((ERROR, self._info_problem, {}))
             return
-        if live and self._is_frozen(picture):
+        if live and self._is_frozen(picture) and picture.max() > DARK:
             self._reports.put((ERROR, 'the camera has sent the same picture for '
                                f'{FROZEN_AFTER:g} s: it is frozen; restart its driver', {}))
             return
@@ -218,7 +226,9 @@ class Camera(Node):
         self.status.set(level, text, **values)
 
     def _check_age(self) -> None:
-        self._choose_profile()
+        if not self._source:
+            self._choose_profile()
         if self._age.seconds > STALE_AFTER:
-            self.status.set(ERROR, f'no picture on camera/image_raw for {STALE_AFTER:g} s; does '
-                            'the driver of the camera run?')
+            source = self._source or self.resolve_topic_name(IMAGES)
+            self.status.set(ERROR, f'no picture from {source} for {STALE_AFTER:g} s; is the '
+                            'camera plugged in, does its driver run?')

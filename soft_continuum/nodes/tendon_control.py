@@ -161,7 +161,12 @@ class TendonControl:
             self._refuse_because(Interlock(
                 Reason.STIFFNESS_CHANGED,
                 'a segment changed between soft and stiff before the motion began'))
+        if problem := self._guard.refusal(
+                controller.reading, request.pulls, self._tension_limit()):
+            raise MotionRefusedError(Reason.TENSION, problem)
         begins = not controller.busy
+        if request.id != self._requests.accepted.id:
+            controller.delay = 0.0
         controller.accept(*self._trajectory(request))
         if begins:
             self._guard.begin(controller.reading)
@@ -194,8 +199,15 @@ class TendonControl:
     def _trajectory(self, request: Request) -> tuple[Array, Array, float, float]:
         """Return times, pulls, the present and the start on one clock."""
         now = STEADY()
-        start = now if request.start is None else request.start
+        start = now
+        if request.start is not None:  # what came late before is not caught up
+            start = request.start + self._delay(request)
         return start + request.times, request.pulls, now, start
+
+    def _delay(self, request: Request) -> float:
+        """Return by how much earlier parts of the same motion were late, s."""
+        same = request.id and request.id == self._requests.accepted.id
+        return self._controller.delay if same and self._controller is not None else 0.0
 
     @staticmethod
     def _refuse_because(interlock: Interlock) -> NoReturn:

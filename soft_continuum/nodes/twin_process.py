@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from tempfile import TemporaryDirectory
+import threading
 from time import sleep
 
 from soft_continuum.arguments import Parser
@@ -47,15 +48,18 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
         for name, path in ports.items():
             arguments.append(f'--{name}-link={path}')
         process = start_child(TWIN, arguments, subprocess.DEVNULL)
+        ending = threading.Event()
+        threading.Thread(target=_report_end, args=(process, ending), daemon=True).start()
         try:
             while not all(path.is_symlink() for path in ports.values()):
                 if process.poll() is not None:
-                    raise ParameterError('the twin did not start; the line before says why')
+                    raise ParameterError('the twin did not start; the lines before say why')
                 sleep(PERIOD)
             parameters = driving_parameters(ports['grbl'], ports['modbus'])
             yield [word for name, value in parameters.items()
                    for word in ('-p', f'{name}:={value}')]
         finally:
+            ending.set()
             process.send_signal(signal.SIGINT)
             try:
                 process.wait(END_TIMEOUT)
@@ -64,3 +68,11 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
                       file=sys.stderr, flush=True)
                 process.kill()
                 process.wait()
+
+
+def _report_end(process: 'subprocess.Popen[bytes]', ending: threading.Event) -> None:
+    """Say so when the twin ends by itself."""
+    status = process.wait()
+    if not ending.is_set():
+        print(f'the twin ended by itself (status {status}); the nodes have no boards any more',
+              file=sys.stderr, flush=True)

@@ -103,6 +103,10 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
                   'than the fixed ones', -0.5, 0.5, unit='m'),
         Parameter('tags.deviation', 0.0003, 'standard deviation of where the tags are stuck on '
                   'the discs', 0.0, 0.05, unit='m'),
+        Parameter('tags.fixed_deviation', 0.0005, 'standard deviation of where the fixed tags are',
+                  0.0, 0.05, unit='m'),
+        Parameter('tags.depth_deviation', 0.001, 'standard deviation of tags.depth', 0.0, 0.05,
+                  unit='m'),
     ),
     SHAPE_SEQUENCER: (
         *ARM_PARAMETERS, SHAPE_NAMES, FRAME, PULL_LIMITS, TENSION_LIMIT, STALE_AFTER, AMBIENT,

@@ -18,6 +18,8 @@ from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
 
 MAX_PULL = 1.0  # m, the most that pull_limits can be
 MAX_JOINT_ANGLE = pi  # rad
+MAX_TILT = 0.1
+"""Tangent of half the angle by which a disc may be seen to be out of the plane of the arm."""
 UNKNOWN = 1e6
 """Variance, m^2 or rad^2, of a coordinate that is not measured."""
 
@@ -73,20 +75,25 @@ def measured_pose_to_ros(pose: Array, covariance: Array) -> PoseWithCovarianceSt
     return message
 
 
-def measured_pose_from_ros(message: PoseWithCovarianceStamped) -> tuple[Array, Array]:
+def measured_pose_from_ros(message: PoseWithCovarianceStamped, frame: str = ''
+                           ) -> tuple[Array, Array]:
     """
     Return a measured pose (x, z, angle) and its covariance (3, 3), in m and rad.
 
-    Raises ValueError for numbers that are not finite and for a covariance that is none.
+    frame: in which it has to be.  Raises ValueError for another one, for numbers that are not
+    finite, an orientation out of the plane, and a covariance that is none.
     """
     p, q = message.pose.pose.position, message.pose.pose.orientation
     pose = np.array([p.x, p.z, 2.0 * np.arctan2(q.y, q.w)])
     pose[2] = (pose[2] + pi) % (2.0 * pi) - pi
     measured = [0, 2, 4]
     covariance = np.reshape(message.pose.covariance, (6, 6))[np.ix_(measured, measured)]
-    if not (np.isfinite(pose).all() and np.isfinite(covariance).all()
-            and abs(q.x) + abs(q.y) + abs(q.z) + abs(q.w) > 0.5):
+    if not (np.isfinite(pose).all() and np.isfinite(covariance).all()):
         raise ValueError('a pose that is not of finite numbers')
+    if not np.hypot(q.x, q.z) < MAX_TILT * np.hypot(q.y, q.w):
+        raise ValueError('an orientation that is not about y; is z of its frame along the arm?')
+    if frame and message.header.frame_id != frame:
+        raise ValueError(f'poses in {plain(message.header.frame_id)!r}; needed: {frame!r}')
     if np.linalg.eigvalsh((covariance + covariance.T) / 2.0)[0] <= 0.0:
         raise ValueError('a covariance that is not positive definite')
     return pose, covariance

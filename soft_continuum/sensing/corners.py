@@ -8,6 +8,9 @@ a second per picture; here a line is fitted along each edge of the black square,
 are where these cross.
 """
 
+from collections.abc import Collection
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +22,8 @@ Picture = NDArray[np.uint8]
 
 MODULES = 8
 """Modules along the edge of the black square: each is a square of one colour."""
+QUICK, THOROUGH = (13, 13, 10), (3, 23, 10)
+"""Windows, px, in which a pixel is darker or lighter than others: smallest, largest, step."""
 ALONG = np.linspace(0.1, 0.9, 24)  # of an edge, from corner to corner: where it is looked for
 REACH, STEP = 0.8, 0.25  # of a module to either side of the edge, and px between two samples
 MIN_REACH, MAX_REACH = 1.5, 6.0  # px
@@ -27,19 +32,14 @@ MIN_REACH, MAX_REACH = 1.5, 6.0  # px
 class TagDetector:
     """Finds tags in pictures of one camera."""
 
-    def __init__(self, lens: Lens) -> None:
-        """Take the calibration of the camera."""
-        self._lens = lens
-        parameters = cv2.aruco.DetectorParameters()
-        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        parameters.errorCorrectionRate = 0.2  # of what the code allows: clutter is no tag
-        self._detector = cv2.aruco.ArucoDetector(
-            cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), parameters)
+    def __init__(self, lens: Lens, expected: Collection[int]) -> None:
+        """Take the calibration of the camera, and the numbers that are looked for thoroughly."""
+        self._lens, self._expected = lens, set(expected)
+        self._quick, self._thorough = _detector(QUICK), _detector(THOROUGH)
 
     def numbers(self, picture: Picture) -> tuple[int, ...]:
         """Return the numbers of the tags in a grey picture; what is seen twice stands twice."""
-        numbers = self._detector.detectMarkers(picture)[1]
-        return () if numbers is None else tuple(int(n) for n in numbers.ravel())
+        return self._find(picture)[0]
 
     def detect(self, picture: Picture) -> list[tuple[int, Array]]:
         """
@@ -47,15 +47,31 @@ class TagDetector:
 
         corners: (4, 2) px without the distortion of the lens, in the order of OpenCV.
         """
-        found, numbers, _ = self._detector.detectMarkers(picture)
-        if numbers is None:
+        numbers, quads = self._find(picture)
+        if not numbers:
             return []
-        quads = np.asarray(found, dtype=np.float64).reshape(-1, 4, 2)
         edges = _edge_points(picture, quads)
-        flat = cv2.undistortPoints(
-            edges.reshape(-1, 1, 2), self._lens.matrix, self._lens.distortion,
-            P=self._lens.matrix).reshape(edges.shape)
-        return [(int(n), _corners(sides)) for n, sides in zip(numbers.ravel(), flat, strict=True)]
+        flat = self._lens.undistorted(edges).reshape(edges.shape)
+        return [(n, _corners(sides)) for n, sides in zip(numbers, flat, strict=True)]
+
+    def _find(self, picture: Picture) -> tuple[tuple[int, ...], Array]:
+        """Return the numbers and corners (tags, 4, 2) px of the tags."""
+        for detector in (self._quick, self._thorough):
+            found, seen, _ = detector.detectMarkers(picture)
+            numbers = () if seen is None else tuple(int(n) for n in seen.ravel())
+            if self._expected <= set(numbers):
+                break
+        return numbers, np.asarray(found, dtype=np.float64).reshape(-1, 4, 2)
+
+
+def _detector(windows: tuple[int, int, int]) -> Any:
+    parameters = cv2.aruco.DetectorParameters()
+    (parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax,
+     parameters.adaptiveThreshWinSizeStep) = windows
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    parameters.errorCorrectionRate = 0.2  # of what the code allows: clutter is no tag
+    return cv2.aruco.ArucoDetector(
+        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), parameters)
 
 
 def _edge_points(picture: Picture, quads: Array) -> Array:

@@ -4,6 +4,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any, Self
 
 import numpy as np
@@ -17,6 +18,8 @@ Array = NDArray[np.float64]
 FIRST_FIXED = 100
 """Number of the first fixed tag; the tag of disc N has the number N, the base disc being 0."""
 MIN_FIXED = 4
+MIN_HEIGHT = 0.1
+"""Of the size of the board: how far each of four fixed tags is off the line of two others."""
 QUIET = 1 / 8
 """Of a tag's size: the white margin that it needs on every side, one of its modules."""
 CORNERS = np.array([(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]) / 2.0
@@ -30,7 +33,8 @@ class TagLayout:
 
     disc_size, fixed_size: edge of the black square, m.  fixed: (fixed, 2) m, centres (x, z) in
     base_link, numbered from FIRST_FIXED.  depth: m by which the tags of the discs are nearer to
-    the camera than the fixed ones.  deviation: m, standard, of where they are stuck on the discs.
+    the camera than the fixed ones.  deviation, fixed_deviation, depth_deviation: m, standard, of
+    where they are stuck on the discs, where the fixed ones are, and of the depth.
     heights: (discs,) m, from the bottom of each disc to the centre of its tag.  disc_heights:
     (discs,) m, of the discs.  segment_lengths: (segments,) m, between the discs.
     """
@@ -40,6 +44,8 @@ class TagLayout:
     fixed: Array
     depth: float
     deviation: float
+    fixed_deviation: float
+    depth_deviation: float
     heights: tuple[float, ...]
     disc_heights: tuple[float, ...]
     segment_lengths: tuple[float, ...]
@@ -53,10 +59,14 @@ class TagLayout:
                 f'parameter tags.fixed_positions has {len(positions)} numbers; needed: x and z of '
                 f'at least {MIN_FIXED} tags')
         fixed = np.reshape(np.array(positions, dtype=float), (-1, 2))
-        _check_spread(fixed)
+        if not carry_a_plane(fixed):
+            raise ParameterError(
+                'parameter tags.fixed_positions: the tags stand almost in a line, but for one at '
+                'most; put them around the arm, such as at the corners of a rectangle')
         heights = tuple(disc.height for disc in arm.discs)
         return cls(values['tags.disc_size'], values['tags.fixed_size'], fixed,
                    values['tags.depth'], values['tags.deviation'],
+                   values['tags.fixed_deviation'], values['tags.depth_deviation'],
                    tuple(h / 2.0 for h in heights), heights, tuple(s.length for s in arm.segments))
 
     @property
@@ -80,9 +90,16 @@ class TagLayout:
         return corners
 
 
-def _check_spread(fixed: Array) -> None:
-    """Refuse fixed tags that are all near one line: they say nothing about the plane."""
-    spread = np.linalg.svd(fixed - fixed.mean(axis=0), compute_uv=False)
-    if spread[1] <= 0.1 * spread[0]:
-        raise ParameterError('parameter tags.fixed_positions: the tags stand almost in one line; '
-                             'put them around the arm, such as at the corners of a rectangle')
+def carry_a_plane(centres: Array) -> bool:
+    """Return whether four of these points (k, 2) m have no three of them almost in a line."""
+    size = float(np.ptp(centres, axis=0).max())
+    return any(min(_height(*three) for three in combinations(four, 3)) > MIN_HEIGHT * size
+               for four in combinations(centres, 4))
+
+
+def _height(a: Array, b: Array, c: Array) -> float:
+    """Return the smallest height of a triangle, m."""
+    sides = np.stack([b - a, c - b, a - c])
+    longest = float(np.linalg.norm(sides, axis=1).max())
+    area = abs(float(sides[0, 0] * sides[1, 1] - sides[0, 1] * sides[1, 0]))
+    return area / longest if longest > 0.0 else 0.0

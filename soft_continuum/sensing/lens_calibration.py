@@ -56,10 +56,11 @@ def calibrate(pictures: Iterable[Picture]) -> LensCalibration:
                             'are mixed; take all at the resolution that will be used')
         size = shape
         corners, numbers, _, _ = detector.detectBoard(picture)
-        if numbers is not None and len(numbers) >= MIN_CORNERS and len(solid) < MAX_PICTURES:
+        if numbers is not None and len(numbers) >= MIN_CORNERS:
             points, places = printed.matchImagePoints(corners, numbers)
             solid.append(points)
             flat.append(places)
+    solid, flat = ([kept[i] for i in _evenly(len(kept))] for kept in (solid, flat))
     if len(solid) < MIN_PICTURES:
         raise LensError(f'the board is seen in {len(solid)} of {seen} pictures; needed: '
                         f'{MIN_PICTURES}, each with a quarter of the board or more, sharp and lit')
@@ -77,3 +78,10 @@ def calibrate(pictures: Iterable[Picture]) -> LensCalibration:
                         'camera with a fixed focus?')
     return LensCalibration(Lens.of(size, matrix, distortion.ravel()[:5], 'plumb_bob'),
                            len(solid), float(residual))
+
+
+def _evenly(count: int) -> list[int]:
+    """Return which of so many pictures are used: MAX_PICTURES at most, from first to last."""
+    chosen: list[int] = np.unique(
+        np.linspace(0, max(0, count - 1), min(count, MAX_PICTURES)).astype(int)).tolist()
+    return chosen

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 import numpy as np
 
+from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.layout import QUIET, TagLayout
 from soft_continuum.sensing.lens_calibration import board, COLUMNS, ROWS, SQUARE
 
@@ -19,6 +20,7 @@ INCH = 0.0254  # m
 BORDER = 0.015  # m that printers leave white
 GAP = 0.010  # m between two tags on a page
 RULER = 0.100  # m
+MAX_SIZE = (A4[0] - 2.0 * BORDER - GAP) / (1.0 + 2.0 * QUIET)  # m, of a tag
 
 
 class _Page(Figure):
@@ -66,8 +68,8 @@ def write_tags(path: Path, layout: TagLayout) -> None:
     with PdfPages(path) as pdf:
         _save(pdf, _drawing(layout))
         numbers = range(len(layout.heights))
-        labels = [f'{n}: disc {n}' + (', the base' if n == 0 else ', top' if n == numbers[-1]
-                                      else '') for n in numbers]
+        labels = [f'disc {n}{" (base)" if n == 0 else ""}, {height * 1e3:g} mm up'
+                  for n, height in enumerate(layout.heights)]
         for page in _pages('Tags of the discs: number 0 at the base', numbers,
                            layout.disc_size, labels):
             _save(pdf, page)
@@ -86,6 +88,9 @@ def _pages(title: str, numbers: Sequence[int], size: float, labels: Sequence[str
            ) -> list[_Page]:
     """Return as many pages as these tags need."""
     frame = size * (1.0 + 2.0 * QUIET) + GAP
+    if frame > A4[0] - 2.0 * BORDER:
+        raise ParameterError(f'a tag of {size * 1e3:g} mm does not fit on A4; tags.disc_size and '
+                             f'tags.fixed_size: {MAX_SIZE * 1e3:.0f} mm at most, to print them')
     columns = max(1, int((A4[0] - 2.0 * BORDER) / frame))
     rows = max(1, int((A4[1] - 2.0 * BORDER - 0.03) / frame))
     pages = []
@@ -137,7 +142,7 @@ def _drawing(layout: TagLayout) -> _Page:
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel='x [m]', ylabel='z [m]')
     axes.set_aspect('equal')
     page.axes_.text(BORDER, 0.095, _INSTRUCTIONS.format(
-        depth=layout.depth * 1e3, height=layout.heights[0] * 1e3), fontsize=8.5, va='top',
+        depth=layout.depth * 1e3), fontsize=8.5, va='top',
         linespacing=1.5)
     return page
 
@@ -146,9 +151,9 @@ _INSTRUCTIONS = """\
 1. Print at 100 %, check the ruler on every page, cut along the frames. The paper must stay flat.
 2. Stick the fixed tags on one stiff plane behind the arm, upright, their middles where the drawing
    says (mm).
-3. Stick a tag on each disc, upright on the straight arm, its middle on the axis of the arm and
-   {height:g} mm above the bottom of the disc; {depth:g} mm nearer to the camera than the fixed
-   ones (tags.depth).
+3. Stick a tag on each disc, upright on the straight arm, its middle on the axis of the arm and as
+   far above the bottom of the disc as stands below it; {depth:g} mm nearer to the camera than the
+   fixed ones (tags.depth).
 4. The camera looks from the side at which x is to the right when z is up; all fixed tags in the
    picture.
 """

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 import re
 
-import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from soft_continuum.sensing.corners import Picture
 from soft_continuum.text import printable
+
+Picture = NDArray[np.uint8]
 
 SUFFIXES = ('.png', '.jpg', '.jpeg', '.bmp', '.pgm', '.tif', '.tiff')
 DEVICE = re.compile(r'/dev/video\d+|/dev/v4l/.+')
@@ -20,7 +21,7 @@ class SourceError(ValueError):
     """There are no pictures to be had, or no more; the message says why."""
 
 
-def is_live(source: str) -> bool:
+def is_device(source: str) -> bool:
     """Return whether a source is a device, which goes on for ever at its own rate."""
     return DEVICE.fullmatch(source) is not None
 
@@ -34,7 +35,7 @@ def pictures(source: str, size: tuple[int, int]) -> Iterator[Picture]:
     path = Path(source)
     if path.is_dir():
         yield from _of_folder(path)
-    elif is_live(source) or path.is_file():
+    elif is_device(source) or path.is_file():
         yield from _of_video(source, size)
     else:
         raise SourceError(f'camera.source {printable(source)!r} is not there; give a video device '
@@ -42,7 +43,11 @@ def pictures(source: str, size: tuple[int, int]) -> Iterator[Picture]:
 
 
 def _of_folder(folder: Path) -> Iterator[Picture]:
-    paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)
+    import cv2
+    try:
+        paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)
+    except OSError as error:
+        raise SourceError(f'{folder} cannot be read: {error.strerror}') from None
     if not paths:
         raise SourceError(f'{folder} holds no pictures; known: {", ".join(SUFFIXES)}')
     for path in paths:
@@ -53,19 +58,20 @@ def _of_folder(folder: Path) -> Iterator[Picture]:
 
 
 def _of_video(source: str, size: tuple[int, int]) -> Iterator[Picture]:
+    import cv2
     video = cv2.VideoCapture(source)
     try:
         if not video.isOpened():
             raise SourceError(f'{source} cannot be opened; is it a video, is the camera plugged '
                               'in, free, and may you use it (group video)?')
-        if is_live(source):
+        if is_device(source):
             video.set(cv2.CAP_PROP_FRAME_WIDTH, size[0])
             video.set(cv2.CAP_PROP_FRAME_HEIGHT, size[1])
             video.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         while True:
             read, picture = video.read()
             if not read:
-                if is_live(source):
+                if is_device(source):
                     raise SourceError(f'{source} gives no more pictures; is it still plugged in?')
                 return
             yield np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

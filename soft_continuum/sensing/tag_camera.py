@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.sensing.corners import Picture, TagDetector
-from soft_continuum.sensing.layout import MIN_FIXED, TagLayout
+from soft_continuum.sensing.layout import carry_a_plane, MIN_FIXED, TagLayout
 from soft_continuum.sensing.lens import Lens
 
 Array = NDArray[np.float64]
@@ -49,8 +49,8 @@ class Sight:
     """
     What one picture shows.
 
-    discs: by number, base first.  numbers: of all tags that were seen.  deviation: px, of the
-    corners by their residuals; nan where nothing was measured.  problems: for people.
+    discs: by number, base first.  numbers: of all tags that were seen, others too.  deviation: px,
+    of the corners by their residuals; nan where nothing was measured.  problems: for people.
     corners: by number of the tag, (4, 2) px.
     """
 
@@ -67,7 +67,8 @@ class TagCamera:
     def __init__(self, layout: TagLayout, lens: Lens) -> None:
         """Take where the tags are, and the calibration of the camera."""
         self.layout, self.lens = layout, lens
-        self._detector = TagDetector(lens)
+        self._known = {*layout.fixed_numbers, *range(len(layout.heights))}
+        self._detector = TagDetector(lens, self._known)
 
     def measure(self, picture: Picture) -> Sight:
         """Return what a grey picture (height, width) shows."""
@@ -75,15 +76,19 @@ class TagCamera:
             return _nothing(f'the picture has {picture.shape[1]} x {picture.shape[0]} px, the '
                             f'calibration {self.lens.size[0]} x {self.lens.size[1]}; calibrate '
                             'the camera at the resolution that is used')
-        corners, problems = self._detect(picture)
+        numbers, corners, problems = self._detect(picture)
         seen = {n: c for n, c in corners.items() if n in self.layout.fixed_numbers}
         if len(seen) < MIN_FIXED:
             problem = (f'{len(seen)} of {len(self.layout.fixed)} fixed tags are seen; needed: '
                        f'{MIN_FIXED}{self._why_so_few(picture, corners)}')
-            return Sight({}, tuple(corners), np.nan, (*problems, problem), corners)
+            return Sight({}, numbers, np.nan, (*problems, problem), corners)
+        if not carry_a_plane(np.array([self.layout.fixed_corners(n).mean(axis=0) for n in seen])):
+            problem = ('the fixed tags that are seen stand in a line, but for one; uncover the '
+                       'others')
+            return Sight({}, numbers, np.nan, (*problems, problem), corners)
         plane = _Plane(self.layout, self.lens, seen)
         if problem := plane.problem():
-            return Sight({}, tuple(corners), np.nan, (*problems, problem), corners)
+            return Sight({}, numbers, np.nan, (*problems, problem), corners)
         fits = {n: plane.fit(n, corners[n]) for n in sorted(corners)
                 if n < len(self.layout.heights)}
         for n, fit in list(fits.items()):
@@ -97,7 +102,7 @@ class TagCamera:
         variance = deviation**2 + SHARED_DEVIATION**2
         discs = {n: DiscPose(fit.pose, variance * fit.covariance + self._fixed_covariance(n, fit),
                              fit.residual) for n, fit in fits.items()}
-        return Sight(discs, tuple(corners), float(deviation), (*problems, *exchanged), corners)
+        return Sight(discs, numbers, float(deviation), (*problems, *exchanged), corners)
 
     def _fixed_covariance(self, disc: int, fit: '_Fit') -> Array:
         """Return the covariance of what is off in every picture alike: tags, and the lens."""
@@ -106,19 +111,21 @@ class TagCamera:
         lever = np.eye(3)  # a tag that is turned shifts the bottom of the disc
         lever[:2, 2] = self.layout.heights[disc] * np.array([-np.cos(angle), np.sin(angle)])
         covariance: Array = lever @ of_tag @ lever.T
-        parallax = FOCAL_DEVIATION * fit.parallax
-        covariance[:2, :2] += np.outer(parallax, parallax)
+        covariance += self.layout.fixed_deviation**2 * fit.placement
+        across = np.outer(fit.outwards, fit.outwards)
+        covariance[:2, :2] += across * (
+            (FOCAL_DEVIATION * self.layout.depth)**2 + self.layout.depth_deviation**2)
         return covariance
 
-    def _detect(self, picture: Picture) -> tuple[dict[int, Array], list[str]]:
-        """Return the undistorted corners of the tags of this layout, px, and what is wrong."""
+    def _detect(self, picture: Picture
+                ) -> tuple[tuple[int, ...], dict[int, Array], list[str]]:
+        """Return all numbers, the corners of the tags of this layout, px, and what is wrong."""
         found = self._detector.detect(picture)
         count = Counter(n for n, _ in found)
-        known = {*self.layout.fixed_numbers, *range(len(self.layout.heights))}
         problems = [f'{times} tags with the number {n} are seen; take the wrong one away'
-                    for n, times in sorted(count.items()) if times > 1 and n in known]
-        corners = {n: c for n, c in found if n in known and count[n] == 1}
-        return corners, problems
+                    for n, times in sorted(count.items()) if times > 1 and n in self._known]
+        corners = {n: c for n, c in found if n in self._known and count[n] == 1}
+        return tuple(sorted(count)), corners, problems
 
     def _why_so_few(self, picture: Picture, corners: Mapping[int, Array]) -> str:
         """Return a remedy for a picture without enough tags."""
@@ -153,13 +160,15 @@ class _Fit:
     """
     A disc's pose, its covariance for corners that are off by 1 px, and its residual, px.
 
-    parallax: (2,) m by which the disc seems farther out for being nearer to the camera.
+    placement: (3, 3), covariance for fixed tags that are off by 1 m.  outwards: (2,), by how much
+    the disc seems farther out, over how much nearer it is to the camera.
     """
 
     pose: Array
     covariance: Array
     residual: float
-    parallax: Array
+    placement: Array
+    outwards: Array
 
 
 class _Plane:
@@ -176,7 +185,15 @@ class _Plane:
         errors = self.project(self._points) - self._pixels
         self.squares = float((errors**2).sum())
         self.freedom = max(1, errors.size - 8)
-        self._covariance = np.linalg.inv(_normal(self._slopes(self._points)))
+        slopes = self._slopes(self._points).reshape(-1, 8)
+        self._covariance = np.linalg.inv(slopes.T @ slopes)
+        shifts = np.zeros((len(slopes), 2 * len(seen)))  # of the pixels with that of each tag
+        for i, step in enumerate(1e-6 * np.eye(2)):
+            moved = (self.project(self._points + step) - self.project(self._points - step)) / 2e-6
+            for k in range(len(seen)):
+                shifts[8 * k:8 * k + 8, 2 * k + i] = moved[4 * k:4 * k + 4].ravel()
+        of_tags = self._covariance @ slopes.T @ shifts
+        self._placement = of_tags @ of_tags.T
 
     def project(self, points: Array, depth: float = 0.0) -> Array:
         """Return where points (k, 2) m, nearer to the camera by ``depth``, are seen, (k, 2) px."""
@@ -208,7 +225,7 @@ class _Plane:
             return (f'the fixed tags are {size * 1e3:.1f} mm large, measured by their distances, '
                     f'not {self._layout.fixed_size * 1e3:.1f} mm: print at 100 %, or correct '
                     'tags.fixed_positions')
-        residual = np.sqrt(self.squares / len(self._pixels))
+        residual = np.sqrt(self.squares / self._pixels.size)
         if residual > MAX_RESIDUAL:
             return (f'the fixed tags do not fit by {residual:.1f} px; are they where '
                     'tags.fixed_positions says, in one plane, and is this calibration of this '
@@ -246,7 +263,7 @@ class _Plane:
         covariance[:2, :2] += (depth / self._distance)**2 * self._foot_covariance
         return _Fit(pose, covariance,
                     float(np.sqrt((residual**2).sum() / 8.0)),
-                    (pose[:2] - self._foot) * depth / self._distance)
+                    gain @ self._placement @ gain.T, (pose[:2] - self._foot) / self._distance)
 
 
 def _viewpoint(points: Array, pixels: Array, lens: Lens) -> tuple[Array, float, Array]:
@@ -286,12 +303,6 @@ def _mapped(matrix: Array, points: Array) -> Array:
     w = points @ matrix[:, :2].T + matrix[:, 2]
     mapped: Array = w[:, :2] / w[:, 2:]
     return mapped
-
-
-def _normal(slopes: Array) -> Array:
-    rows = slopes.reshape(-1, slopes.shape[-1])
-    normal: Array = rows.T @ rows
-    return normal
 
 
 def _nothing(problem: str) -> Sight:

@@ -46,13 +46,16 @@ class TwinCamera:
         self._bent, self._blur = given.lens_distortion, given.picture_blur
         tilt = self._random.uniform(-1.0, 1.0, 3) * given.camera_tilt
         self._turn = cv2.Rodrigues(tilt)[0]
-        wrong = 1.0 + given.calibration_error
+        wrong = 1.0 + self._random.normal(0.0, given.calibration_error)
         self.lens = Lens.of(
             (WIDTH, HEIGHT),
             [focal * wrong, 0, self._middle[0], 0, focal * wrong, self._middle[1], 0, 0, 1],
             [self._bent * wrong, 0, 0, 0, 0], 'plumb_bob')
         rays = self._rays()
-        self._board, self._front = (self._on_plane(rays, depth) for depth in (0.0, layout.depth))
+        self._depth = layout.depth + self._random.normal(0.0, given.depth_offset)
+        self._fixed = layout.fixed + self._random.normal(
+            0.0, given.fixed_offset, layout.fixed.shape)
+        self._board, self._front = (self._on_plane(rays, depth) for depth in (0.0, self._depth))
         self._slopes = np.stack([np.gradient(self._front, axis=1),
                                  np.gradient(self._front, axis=0)])
         v, u = np.mgrid[:HEIGHT, :WIDTH]
@@ -74,7 +77,7 @@ class TwinCamera:
         for below, above, height in zip(
                 discs, discs[1:], self._layout.disc_heights, strict=False):
             top = below[:2] + height * np.array([np.sin(below[2]), np.cos(below[2])])
-            ends = np.round(self.seen_at(np.array([top, above[:2]]), self._layout.depth)
+            ends = np.round(self.seen_at(np.array([top, above[:2]]), self._depth)
                             * 16).astype(int)
             cv2.line(grey, ends[0].tolist(), ends[1].tolist(), SKIN, 24, cv2.LINE_AA, 4)
         for n, pose in enumerate(discs):
@@ -125,7 +128,7 @@ class TwinCamera:
         marker = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
         slopes = np.stack([np.gradient(self._board, axis=1), np.gradient(self._board, axis=0)])
         size = self._layout.fixed_size
-        for n, centre in zip(self._layout.fixed_numbers, self._layout.fixed, strict=True):
+        for n, centre in zip(self._layout.fixed_numbers, self._fixed, strict=True):
             modules = cv2.aruco.generateImageMarker(marker, n, 8) > 127
             box = self._box(centre + size * np.array([(-0.8, -0.8), (0.8, 0.8), (-0.8, 0.8),
                                                       (0.8, -0.8)]), 0.0)
@@ -147,7 +150,7 @@ class TwinCamera:
         middle = pose[:2] + up * height / 2.0
         reach = np.hypot(width, height) / 2.0
         box = self._box(middle + reach * np.array([(-1, -1), (1, 1), (-1, 1), (1, -1)]),
-                        layout.depth)
+                        self._depth)
         if not grey[box].size:
             return
         centre = pose[:2] + up * (layout.heights[n] + self._offsets[n, 1]) + right * (

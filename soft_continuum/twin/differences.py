@@ -27,10 +27,11 @@ class Differences:
     m by which each tendon is pulled in at zero.  tension_noise: N, standard deviation of the load
     cells.  picture_noise: grey values of 255, standard deviation.  picture_blur: px, standard
     deviation.  shade: 0 to 1, how dark a corner is.  lens_distortion: k1.  calibration_error: of
-    focal length and distortion, relative.  camera_shift, camera_tilt: m and rad by which the
-    camera stands and looks off the middle at most.  tag_offset: m, standard deviation of where the
-    tags of the discs are stuck; over their size, rad, of how they are turned.  seed: of everything
-    random.
+    focal length and distortion, relative, standard deviation.  camera_shift, camera_tilt: m and
+    rad by which the camera stands and looks off the middle at most.  tag_offset: m, standard
+    deviation of where the tags of the discs are stuck; over their size, rad, of how they are
+    turned.  fixed_offset, depth_offset: m, standard deviations of where the fixed tags are, and of
+    the depth.  seed: of everything random.
     """
 
     stiffness_factors: tuple[float, ...]
@@ -53,6 +54,8 @@ class Differences:
     camera_shift: float
     camera_tilt: float
     tag_offset: float
+    fixed_offset: float
+    depth_offset: float
     seed: int
 
 
@@ -62,8 +65,9 @@ RANGES = {
     'damping_time': (0.005, 1.0), 'guide_friction': (0.0, 1.0),
     'tendon_compliance': (0.0, 0.01), 'backlash': (0.0, 0.01), 'zero_offset': (-0.01, 0.01),
     'tension_noise': (0.0, 100.0), 'picture_noise': (0.0, 100.0), 'picture_blur': (0.0, 20.0),
-    'shade': (0.0, 1.0), 'lens_distortion': (-0.25, 0.25), 'calibration_error': (-0.2, 0.2),
+    'shade': (0.0, 1.0), 'lens_distortion': (-0.25, 0.25), 'calibration_error': (0.0, 0.2),
     'camera_shift': (0.0, 1.0), 'camera_tilt': (0.0, 0.5), 'tag_offset': (0.0, 0.01),
+    'fixed_offset': (0.0, 0.05), 'depth_offset': (0.0, 0.05),
     'seed': (0, 2**31)}
 """Smallest and largest value of each."""
 

@@ -41,6 +41,7 @@ class Tracker:
             angle = 2.0 * np.arctan2(pose[4], pose[6])
             measured = measured_pose_to_ros(
                 np.array([pose[0], pose[2], angle]) + OFFSET, DEVIATION**2 * np.eye(3))
+            measured.header.frame_id = 'base_link'
             measured.header.stamp = self._rig.observer.get_clock().now().to_msg()
             spoil(measured)
             publisher.publish(measured)
@@ -80,7 +81,16 @@ def _indefinite(message: Any) -> None:
     message.pose.covariance[0] = -1.0
 
 
+def _elsewhere(message: Any) -> None:
+    message.header.frame_id = 'world'
+
+
+def _out_of_the_plane(message: Any) -> None:
+    message.pose.pose.orientation.z = 0.7
+
+
 @pytest.mark.parametrize(('spoil', 'named'), [
+    (_elsewhere, "'world'; needed: 'base_link'"), (_out_of_the_plane, 'not about y'),
     (_nan, 'finite'), (_indefinite, 'not positive definite')])
 def test_measurements_that_are_none_are_refused_by_their_reason(
         client: Arm, tracker: Tracker, spoil: Callable[[Any], None], named: str) -> None:

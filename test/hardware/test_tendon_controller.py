@@ -196,6 +196,7 @@ def test_what_an_update_came_late_is_not_caught_up_but_added_to_the_rest(rig, up
     for n in range(updates + 1, 50):
         rig.update()
         assert rig.driver.sent[-1] == pytest.approx((0.02 * n / 50, -0.01 * n / 50), abs=1e-9)
+        assert rig.controller.delay == pytest.approx(0.3)
     assert rig.rest().pulls == pytest.approx((0.02, -0.01), abs=STEP)
 
 

@@ -4,6 +4,7 @@
 
 from math import inf, nan
 
+import numpy as np
 import pytest
 
 from soft_continuum.hardware.protocols import TendonReading
@@ -26,7 +27,7 @@ def after(begin, now):
 @pytest.mark.parametrize('order', [(0, 1), (1, 0)])
 @pytest.mark.parametrize(('begin', 'now', 'ends'), [
     (0.0, 59.9, False), (0.0, 61.0, False), (0.0, 61.3, True), (0.0, 1e6, True), (0.0, inf, True),
-    (80.0, 79.0, False), (80.0, 80.0, False), (80.0, 80.1, True), (0.0, nan, True),
+    (80.0, 79.0, False), (80.0, 81.0, False), (80.0, 81.3, True), (0.0, nan, True),
     (nan, 10.0, False), (nan, 70.0, True)])
 def test_more_than_the_limit_and_more_than_it_began_with_ends_it(begin, now, ends, order):
     first, second = ([(value, 5.0)[i] for i in order] for value in (begin, now))
@@ -34,6 +35,27 @@ def test_more_than_the_limit_and_more_than_it_began_with_ends_it(begin, now, end
     assert bool(problem) is ends
     if ends:
         assert NAMES[order[0]] in problem
+
+
+def test_what_was_let_go_is_not_pulled_again_beyond_the_limit():
+    guard = TensionGuard(NAMES)
+    guard.begin(reading(80.0, 0.0))
+    assert not guard.problem(reading(10.0, 0.0), LIMIT)
+    assert guard.problem(reading(70.0, 0.0), LIMIT)
+
+
+@pytest.mark.parametrize('t', [0, 1])
+def test_a_tendon_beyond_the_limit_may_only_be_paid_out(t):
+    guard, tensions, pulls = TensionGuard(NAMES), [5.0, 5.0], np.zeros((2, 2))
+    tensions[t] = 70.0
+    pulls[:, 1 - t] = 0.01
+    assert not guard.refusal(reading(*tensions), pulls, LIMIT)
+    pulls[1, t] = -0.01
+    assert not guard.refusal(reading(*tensions), pulls, LIMIT)
+    pulls[1, t] = 0.001
+    assert NAMES[t] in guard.refusal(reading(*tensions), pulls, LIMIT)
+    tensions[t] = nan
+    assert 'not a number' in guard.refusal(reading(*tensions), pulls, LIMIT)
 
 
 def test_without_load_cells_there_is_nothing_to_guard():

@@ -105,7 +105,7 @@ def test_every_disc_is_published_where_it_is_with_its_covariance(
 def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
         rig: Rig, drawn: Any, picture: Any) -> None:
     driver = Driver(rig, drawn)
-    wait_for(rig, driver.statuses, 'no picture on camera/image_raw')
+    wait_for(rig, driver.statuses, 'no picture from /arm_under_test/camera/image_raw')
     for words, how in (
             ('stamped 3600', {'late': 3600.2}), ('stamped -3', {'late': -3600.2}),
             ("encoding 'bayer", {'encoding': 'bayer_rggb8'})):
@@ -137,7 +137,7 @@ def test_a_folder_of_pictures_is_measured(rig: Rig, drawn: Any, picture: Any, tm
 @pytest.mark.parametrize(('parameters', 'named'), [
     ({'camera.source': '/dev/video9'}, 'camera.calibration is needed'),
     ({'camera.calibration': '/nowhere.yaml'}, '/nowhere.yaml'),
-    ({'tags.fixed_positions': [0.0] * 8}, 'in one line')])
+    ({'tags.fixed_positions': [0.0] * 8}, 'in a line')])
 def test_parameters_that_cannot_be_are_refused(
         rig: Rig, parameters: dict[str, Any], named: str) -> None:
     with pytest.raises(ParameterError, match=named):
