@@ -18,6 +18,8 @@ UNKNOWN: Colour = (170, 170, 170)
 DISC: Colour = (206, 211, 217)
 GHOST: Colour = (39, 174, 96)
 GHOST_OPACITY = 0.3
+MEASURED: Colour = (0, 150, 150)
+"""Of where a sensor sees a disc."""
 LOCKED: Colour = (142, 68, 173)
 """Of a tendon that stiff segments hold: nothing determines its tension."""
 TENSIONS: tuple[Colour, ...] = ((130, 196, 240), (30, 120, 220), (10, 40, 150))

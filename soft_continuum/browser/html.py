@@ -9,7 +9,7 @@ from math import degrees, isfinite, isnan
 from soft_continuum.browser.charts import axis_end, chart, History
 from soft_continuum.browser.session import Description, Notice
 from soft_continuum.browser.words import plain
-from soft_continuum.client.state import ArmState, NodeReport
+from soft_continuum.client.state import ArmState, NodeReport, Pose
 from soft_continuum.colours import (
     Colour,
     LOCKED,
@@ -82,6 +82,24 @@ def tendons_html(state: ArmState, description: Description, history: History) ->
         rows += [(f'<b>{_text(name)}</b>', chip, pull),
                  (chart(history.tensions[t], end, TENSIONS[1]),)]
     return _table(rows) + _caption(f'tension of the last minute, 0 to {end:g} N')
+
+
+def positions_html(state: ArmState) -> str:
+    """Return the tip by the model, and a row per disc that is measured: how far it is off."""
+    rows = [('<b>tip</b>', *_position(state.tip), 'by the model')]
+    for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
+        off = '' if error is None else (_number(error[0] * 1e3, '.1f', '&nbsp;mm, ')
+                                        + _number(degrees(error[1]), '+.1f', '°'))
+        rows.append((f'disc&nbsp;{n}', *_position(seen), off or 'not seen'))
+    return _table(rows) + _caption(
+        'x and z in mm; discs as they are seen, and how far from the model'
+        if state.measured_discs else 'x and z in mm; no sensor measures the discs')
+
+
+def _position(pose: Pose | None) -> tuple[str, str]:
+    return ('?', '?') if pose is None else (
+        f'x&nbsp;{_number(pose.x * 1e3, "+.1f", "")}',
+        f'z&nbsp;{_number(pose.z * 1e3, "+.1f", "")}')
 
 
 def jog_hint_html(state: ArmState) -> str:

@@ -60,6 +60,8 @@ class Panel:
                             partial(self._switch, segment))
                 for segment in range(1, len(arm.segments) + 1)]
             self._switches.append(self._button('Stiffen all', session.stiffen_all))
+        with gui.add_folder('Tip and sensors'):
+            self._positions = gui.add_html('')
         with gui.add_folder('Tendons'):
             self._tendons = gui.add_html('')
             self._jogs = [self._group(
@@ -121,6 +123,7 @@ class Panel:
         if self._description is None:
             return
         self._segments.content = html.segments_html(state, self._description, self._history)
+        self._positions.content = html.positions_html(state)
         self._tendons.content = html.tendons_html(state, self._description, self._history)
         self._sequence.content = html.sequence_html(state)
         self._hint.content = html.jog_hint_html(state)

@@ -12,12 +12,13 @@ import numpy as np
 import viser
 
 from soft_continuum.browser.session import Description
-from soft_continuum.client.state import ArmState
+from soft_continuum.client.state import ArmState, Pose
 from soft_continuum.colours import (
     DISC,
     GHOST,
     GHOST_OPACITY,
     LOCKED,
+    MEASURED,
     segment_colour,
     tension_colour,
     UNKNOWN,
@@ -30,6 +31,9 @@ PLEAT = 0.03  # of the radius: a skin is seen to bend by its pleats
 SKIN = 0.88  # of the outer diameter, so that discs stand out
 DISC_RADII = np.array([0.0, 1.0, 1.0, 1.0, 1.0, 0.0])  # rings twice, for sharp edges
 DASHES = 9  # in each span of a slack tendon
+SIDE = np.array([0.1, -1.5, 0.1])
+"""From where it is looked at first, over its length: the plane in which it bends is seen."""
+OUTLINE = 1.1  # of the radius of the thickest disc
 ROPE = 0.0009  # m, radius of a taut tendon as drawn
 
 
@@ -61,7 +65,7 @@ class Scene:
         target = 0.5 * length * axis
         server.initial_camera.look_at = tuple(target)
         server.initial_camera.position = tuple(
-            target + length * np.array([0.4, -1.45, 0.3]))
+            target + length * SIDE)
         server.initial_camera.up = (0.0, 0.0, 1.0)
 
         n = self._chain.joints_per_segment
@@ -85,6 +89,8 @@ class Scene:
         self._labels = [
             scene.add_label(f'/arm/label_{s + 1}', str(s + 1), anchor='center-center')
             for s in range(self._chain.segments)]
+        self._seen = scene.add_line_segments(
+            '/arm/seen', np.zeros((1, 2, 3)), MEASURED, thickness=2 * ROPE, visible=False)
         self._ghost = scene.add_mesh_simple(
             '/arm/ghost', np.zeros((2 * SIDES, 3)), _faces(2), color=GHOST, opacity=GHOST_OPACITY,
             visible=False, cast_shadow=False, side='double')
@@ -108,6 +114,7 @@ class Scene:
             self._move(np.array(self._joint_angles))
             self._colour(stiff, self._tensions)
         self._show_ghost(target if state.progress else ())
+        self._show_seen(state.measured_discs)
 
     def _move(self, joint_angles: Array) -> None:
         self._discs.vertices = self._disc_vertices(joint_angles).astype(np.float32)
@@ -143,6 +150,27 @@ class Scene:
             self._ghost_line = line
             self._ghost.vertices = self._ghost_vertices(np.array(line)).astype(np.float32)
         self._ghost.visible = len(line) > 1
+
+    def _show_seen(self, discs: Sequence[Pose | None]) -> None:
+        """Draw an outline around every disc where a sensor sees it, on the side of the camera."""
+        outlines = [self._outline(n, disc) for n, disc in enumerate(discs)
+                    if disc is not None and n < len(self._chain.arm.discs)]
+        if outlines:
+            self._seen.points = np.concatenate(outlines).astype(np.float32)
+        self._seen.visible = bool(outlines)
+
+    def _outline(self, n: int, pose: Pose) -> Array:
+        """Return the four edges of a disc, (4, 2, 3) m."""
+        arm = self._chain.arm
+        half = max(s.outer_diameter for s in arm.segments) / 2.0 * OUTLINE
+        up = np.array([np.sin(pose.angle), 0.0, np.cos(pose.angle)])
+        right = np.array([np.cos(pose.angle), 0.0, -np.sin(pose.angle)])
+        bottom = np.array([pose.x, -half, pose.z])
+        corners = bottom + np.array([-half * right, half * right,
+                                     half * right + arm.discs[n].height * up,
+                                     -half * right + arm.discs[n].height * up])
+        edges: Array = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+        return edges
 
     # Shapes of meshes.
 

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, JointState
 
@@ -24,6 +24,7 @@ from soft_continuum.client.tasks import running_nodes
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import (
+    CAMERA,
     JAMMING_VALVES,
     KINEMATICS,
     NODES,
@@ -74,7 +75,7 @@ class ObservedArm:
         self._messages: dict[str, Any] = {}
         self._ages: dict[str, Age] = {}  # by topic and by node
         self._listeners: list[Callable[[str], object]] = []
-        self._segments = 0
+        self._segments = self._discs = 0
         for topic, (kind, qos, source) in TOPICS.items():
             self._subscribe(topic, kind, qos, source)
         subscribe(node, DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
@@ -95,6 +96,10 @@ class ObservedArm:
                 self._segments += 1
                 self._subscribe(f'segment_{self._segments}/pressure', FluidPressure, SENSOR,
                                 JAMMING_VALVES)
+            while self._discs < self._segments + 1:
+                self._subscribe(f'disc_{self._discs}/measured_pose', PoseWithCovarianceStamped,
+                                SENSOR, CAMERA)
+                self._discs += 1
         for listener in self._listeners:
             listener(topic)
 
@@ -171,10 +176,13 @@ class ObservedArm:
     def poses(self, topic: str) -> tuple[Pose, ...] | None:
         """Return the poses of segment_poses or disc_poses."""
         message = self._fresh(topic)
-        return None if message is None else tuple(
-            Pose((p.position.x, p.position.y, p.position.z),
-                 (p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w))
-            for p in message.poses)
+        return None if message is None else tuple(map(_pose, message.poses))
+
+    def _measured_discs(self) -> tuple[Pose | None, ...]:
+        """Return where each disc is measured to be; empty while none is."""
+        found = [self._fresh(f'disc_{n}/measured_pose') for n in range(self._discs)]
+        return tuple(None if message is None else _pose(message.pose.pose)
+                     for message in found) if any(found) else ()
 
     def _of_tendons(self, topic: str, field: str) -> tuple[float, ...] | None:
         """Return a field of a JointState in the order of ``tendons``."""
@@ -230,6 +238,7 @@ class ObservedArm:
             bending_angles=_bending_angles(angles, len(segment_poses or ())),
             joint_angles=angles, segment_poses=segment_poses, disc_poses=disc_poses,
             tip=disc_poses[-1] if disc_poses else None, progress=self.progress(),
+            measured_discs=self._measured_discs(),
             last_result=self._last_result(),
             nodes=tuple(self._report(name, running[name]) for name in NODES))
 
@@ -242,6 +251,11 @@ class ObservedArm:
             {printable(pair.key, MAX_NAME): printable(pair.value)
              for pair in status.values[:MAX_VALUES]} if status else {},
             seconds, seconds is None or seconds >= STALE_AFTER)
+
+
+def _pose(message: Any) -> Pose:
+    p, q = message.position, message.orientation
+    return Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
 
 def _stopped(state: TendonActuationState) -> str:

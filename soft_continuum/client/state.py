@@ -5,7 +5,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
-from math import atan2
+from math import atan2, hypot, pi
 from typing import Any
 
 from soft_continuum.sequencing.progress import Phase, Progress
@@ -69,7 +69,8 @@ class ArmState:
     stiff: of each segment, base first, as confirmed by its pressure.  pressures: Pa, absolute.
     bending_angles: rad, one per segment.  joint_angles: rad, all joints of the rigid chain.
     segment_poses: distal end of each segment.  disc_poses: bottom and top of each disc.  tip: top
-    of the last disc.  progress: of the sequence that runs, whoever started it.  last_result: of
+    of the last disc.  measured_discs: bottom of each disc as a sensor sees it, empty while none
+    does.  progress: of the sequence that runs, whoever started it.  last_result: of
     the one that ended last.  nodes: the four nodes.
     """
 
@@ -91,6 +92,15 @@ class ArmState:
     progress: Progress | None
     last_result: 'SequenceResult | None'
     nodes: tuple[NodeReport, ...]
+    measured_discs: tuple[Pose | None, ...] = ()
+
+    @property
+    def disc_errors(self) -> tuple[tuple[float, float] | None, ...]:
+        """How far each disc is seen from where the model has it, m and rad; None if unknown."""
+        return tuple(
+            None if seen is None or not self.disc_poses or 2 * n >= len(self.disc_poses)
+            else _apart(seen, self.disc_poses[2 * n])
+            for n, seen in enumerate(self.measured_discs))
 
     def __str__(self) -> str:
         """Return the state in full, for people."""
@@ -107,6 +117,12 @@ class ArmState:
             if report.name == name:
                 return report
         raise KeyError(f'{name}; the nodes are {", ".join(n.name for n in self.nodes)}')
+
+
+def _apart(one: Pose, other: Pose) -> tuple[float, float]:
+    """Return distance and angle between two poses in the bending plane, m and rad."""
+    turned = (one.angle - other.angle + pi) % (2.0 * pi) - pi
+    return hypot(one.x - other.x, one.z - other.z), turned
 
 
 def progress_of(report: Any, fraction: float) -> Progress:

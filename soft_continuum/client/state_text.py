@@ -57,6 +57,9 @@ def state_page(state: ArmState) -> str:
         lines.append(f'segment {i + 1}  {_stiffness_text(stiff):<6}{kilopascals:>6} kPa  '
                      f'end at {_pose_text(pose)}')
     lines.append(f'tip        {_pose_text(state.tip)}')
+    for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
+        apart = '' if error is None else f', {error[0] * 1e3:.1f} mm from the model'
+        lines.append(f'disc {n}     seen at {_pose_text(seen)}{apart}')
     for node in state.nodes:
         age = '' if node.age is None else f' ({node.age:.1f} s ago)'
         status = (f'{node.level or UNKNOWN}: {node.message}{age}' if node.running

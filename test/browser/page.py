@@ -102,3 +102,9 @@ def orange(colours: Any) -> Any:
 def green(colours: Any) -> Any:
     """Whether pixels are as green as the ghost of a target, which is seen through."""
     return (colours[..., 1] > colours[..., 0] + 15) & (colours[..., 1] > colours[..., 2] + 10)
+
+
+def teal(colours: Any) -> Any:
+    """Whether pixels are as teal as the outline of a measured disc."""
+    red, greens, blue = (colours[..., c].astype(int) for c in range(3))
+    return (greens > red + 60) & (blue > red + 60) & (abs(greens - blue) < 40)

@@ -7,16 +7,19 @@ What a person sees and does in a real browser, and what the arm does then.
 One arm and one page, used by one test after the other.
 """
 
+from copy import deepcopy
 from pathlib import Path
+import re
 
 from conftest import OpenPage, SLOW
-from page import dark, DEADLINE, green, orange, Page
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from page import dark, DEADLINE, green, orange, Page, teal
 from playwright.sync_api import expect
 import pytest
 from ros_rig import Rig
 from std_msgs.msg import Bool
 
-from soft_continuum.ros.qos import LATCHED
+from soft_continuum.ros.qos import LATCHED, STREAM
 
 pytestmark = pytest.mark.timeout(600)
 ARTEFACT = Path(__file__).resolve().parents[2] / 'log' / 'browser' / 'view.png'
@@ -75,6 +78,27 @@ def test_stop_stops_a_sequence_and_resume_is_needed_to_go_on(page: Page, rig: Ri
     expect(page.page).to_have_title('soft_continuum')
     expect(page.button('c_form')).to_be_enabled(timeout=DEADLINE * 1e3)
     rig.assert_rests(5)
+
+
+def test_what_sensors_see_is_drawn_beside_the_model_and_its_distance_is_said(
+        page: Page, rig: Rig) -> None:
+    page.wait_for_text('no sensor measures the discs')
+    page.wait_for_pixels(teal, 0, 0, 'teal, though nothing is measured')
+    sender = rig.publisher(PoseWithCovarianceStamped, 'disc_3/measured_pose', STREAM)
+    tip = rig.disc_poses.last.poses[6]
+    message = PoseWithCovarianceStamped()
+    message.pose.pose = deepcopy(tip)
+    message.pose.pose.position.x += 0.0123
+
+    def said() -> bool:
+        sender.publish(message)
+        return page.view.get_by_text(re.compile('12.3.mm')).count() > 0
+
+    rig.wait_for(said, 'the distance of disc 3')
+    sender.publish(message)
+    page.picture(ARTEFACT.with_name('measured.png'))
+    page.wait_for_pixels(teal, 40, MANY, 'teal, as what is measured is')
+    page.wait_for_text('no sensor measures the discs')  # a sensor that says nothing any more
 
 
 def test_an_emergency_stop_greys_what_it_refuses_until_it_is_off(page: Page, rig: Rig) -> None:
