@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which tests run, and in which order: all, or with ``--quick`` those that take little time."""
+"""Which tests run: all, or with ``--quick`` those that take little time."""
 
 from pathlib import Path
 
@@ -16,11 +16,10 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
+    if not config.getoption('--quick'):
+        return
     here = Path(__file__).parent
-    slow, fast = [], []
-    for item in items:
-        (slow if item.path.relative_to(here).as_posix().startswith(SLOW) else fast).append(item)
-    if config.getoption('--quick'):
-        config.hook.pytest_deselected(items=slow)
-        slow = []
-    items[:] = slow + fast  # what takes long comes first: so both processes end together
+    left_out = [item for item in items
+                if item.path.relative_to(here).as_posix().startswith(SLOW)]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if item not in left_out]

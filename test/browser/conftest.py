@@ -42,7 +42,7 @@ SLOW = {'tendon_speed': 0.001, 'tendon_rate': 5.0, 'silence_timeout': 10.0}
 OpenPage = Callable[[str], Page]
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def open_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenPage]:
     """Return an opener of pages, each in a profile of its own."""
     from playwright.sync_api import sync_playwright
