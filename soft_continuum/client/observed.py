@@ -213,9 +213,11 @@ class ObservedArm:
 
     @property
     def complete(self) -> bool:
-        """Whether a message came on every topic of an active arm."""
+        """Whether a message came on every topic of an active arm, and of its sensors."""
+        measured = {f'disc_{n}/measured_pose' for n in range(self._discs)}
         expected = TOPICS.keys() - {FEEDBACK} | {
-            f'segment_{n}/pressure' for n in range(1, self._segments + 1)}
+            f'segment_{n}/pressure' for n in range(1, self._segments + 1)} | {
+            topic for topic in measured if self._node.count_publishers(topic)}
         return self._segments > 0 and self._messages.keys() >= expected
 
     def snapshot(self) -> ArmState:

@@ -122,3 +122,11 @@ def test_measured_shapes_are_read_by_identify_as_they_were(
     assert shape.positions[::2] == pytest.approx(poses[::2][:, [0, 2]] + OFFSET[:2], abs=1e-4)
     assert shape.steps[-1].pulls == pytest.approx(arm.pulls, abs=1e-4)
     assert 'SIMULATED' not in (tmp_path / 'points.csv').read_text(encoding='utf-8')
+
+
+def test_status_says_what_is_seen_and_how_far_from_the_model(
+        command: Callable[..., Command], tracker: Tracker) -> None:
+    status, output, _ = command('status').end()
+    assert status == 0
+    assert output.count('seen at') == 4
+    assert f'{1e3 * np.hypot(*OFFSET[:2]):.1f} mm from the model' in output
