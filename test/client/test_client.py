@@ -134,20 +134,20 @@ def alone(work):
 
 def test_a_sequence_can_be_awaited_while_others_work(client):
     async def work():
-        running = client.start(LEAN)
-        turns = 0
-        waiting = asyncio.ensure_future(wait(running))
-        while not waiting.done():
-            turns += 1
+        running = client.start(LEAN, hold=600.0)
+        waiting = asyncio.ensure_future(_awaited(running))
+        for _ in range(3):  # a wait that blocks the others leaves them none
             await asyncio.sleep(0.01)
-        return waiting.result(), turns
+        assert not waiting.done()
+        running.cancel()
+        with pytest.raises(SequenceError, match='CANCELED'):
+            await waiting
+        return await client.start(LEAN)
 
-    async def wait(running):
+    async def _awaited(running):
         return await running
 
-    result, turns = alone(work())
-    assert result.outcome == 'SUCCESSFUL'
-    assert turns > 1  # a wait that blocks the others leaves them one
+    assert alone(work()).outcome == 'SUCCESSFUL'
 
 
 def test_a_task_that_no_longer_awaits_leaves_the_sequence_running(client):
