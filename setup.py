@@ -46,21 +46,23 @@ distribution = setup(
         'console_scripts': [
             f'{name} = {PACKAGE}.__main__:ros2_run'
             for name in (
-                'browser', 'calibrate', 'camera', 'characterize', 'converge', 'doctor',
-                'grbl_emulator', 'identify', 'jamming_valves', 'kinematics', 'modbus_emulator',
-                'record', 'report', 'shape_sequencer', 'tendon_actuation', 'validate', 'workspace')
+                'browser', 'calibrate', 'camera', 'characterize', 'converge', 'disc_sensors',
+                'doctor', 'grbl_emulator', 'identify', 'jamming_valves', 'kinematics',
+                'modbus_emulator', 'record', 'recorder', 'report', 'servo', 'shape_sequencer',
+                'tendon_actuation', 'validate', 'workspace')
         ],
     },
 )
 
-# With colcon the model is compiled now, into the cache of the user, rather than in the first
-# start.  ./run does that itself.
+# With colcon the solver is compiled now, rather than in the first start: beside its source, or,
+# where that stays in the workspace, into the cache of the user.  ./run does that itself.
 if (os.environ.get('COLCON') == '1' and os.environ.get('SOFT_CONTINUUM_COMPILE') != '0'
         and {'install', 'develop'} & set(sys.argv) and '--uninstall' not in sys.argv):
-    installed = (distribution.get_command_obj('install').install_lib
-                 if 'install' in sys.argv else os.getcwd())
-    print('compiling the model, which takes about half a minute ...', flush=True)
+    installing = 'install' in sys.argv
+    directory = distribution.get_command_obj('install').install_lib if installing else os.getcwd()
+    print('compiling the model, which takes up to a minute ...', flush=True)
     subprocess.run(
         [sys.executable, '-P', '-c',
-         'from soft_continuum.mechanics.statics import warm_up; warm_up()'],
-        env={**os.environ, 'PYTHONPATH': f'{installed}:{os.environ.get("PYTHONPATH", "")}'})
+         'from soft_continuum.mechanics import _kernel as k; '
+         + ('print(k.why_not_built() or k.build(k.HERE))' if installing else 'k.functions()')],
+        env={**os.environ, 'PYTHONPATH': f'{directory}:{os.environ.get("PYTHONPATH", "")}'})

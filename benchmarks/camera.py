@@ -19,9 +19,8 @@ from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.tag_camera import TagCamera
 from soft_continuum.twin.camera import TwinCamera
-from soft_continuum.twin.differences import Differences, read_differences
+from soft_continuum.twin.differences import Differences, PRESETS, read_differences
 
-PRESETS = ('ideal', 'typical', 'bad')
 CAMERAS, PICTURES = 50, 6  # each camera has other tags, another place and another calibration
 ANGLE = 0.6  # rad, largest bending angle of a segment
 INSIDE = 7.815  # chi squared of three that 95 % are below
@@ -39,7 +38,7 @@ def run(quick: bool) -> Section:
     values = load_description(description_file(), node='camera')
     arm = arm_from_parameters(values)
     chain = RigidChain(arm)
-    layout = TagLayout.of(arm, values)
+    layout = TagLayout.of(values)
     rows = []
     for preset in PRESETS:
         given = read_differences(description_file().with_name('twin.yaml'), preset)
@@ -83,7 +82,7 @@ def _measure(chain: RigidChain, layout: TagLayout, given: Differences,
             exact.append(disc.pose - drawn.stuck(n, discs[n]))
             inside.append(error @ np.linalg.solve(disc.covariance, error) < INSIDE)
     return (np.reshape(errors, (-1, 3)), np.reshape(exact, (-1, 3)), np.array(inside),
-            np.median(times))
+            np.array(np.median(times)))
 
 
 def _rms(values: NDArray[np.float64]) -> float:

@@ -8,7 +8,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from soft_continuum.mechanics import _newton, Equilibrium, Statics
+from soft_continuum.mechanics import _kernel, _newton, Equilibrium, Statics
 from soft_continuum.mechanics._arrays import State
 from soft_continuum.mechanics.chain import Array
 
@@ -29,8 +29,9 @@ class Kernel:
             calls.append((tuple(a.copy() for a in state), *arguments))
             return compiled(state, *arguments)
 
-        compiled = _newton.newton
-        with patch.object(_newton, 'newton', record):
+        functions = _kernel.functions()
+        self._newton = compiled = functions.newton
+        with patch.object(_kernel, 'functions', lambda: functions._replace(newton=record)):
             Statics(statics.chain.arm).solve(start, pulls, soft)
         self._state, *self._rest = calls[0]
         self._begin = self._state[0].copy(), self._state[1].copy()
@@ -42,7 +43,7 @@ class Kernel:
     def run(self) -> tuple[int, ...]:
         """Solve from the start; return what ``_newton.newton`` does."""
         self._state[0][:], self._state[1][:] = self._begin
-        result: tuple[int, ...] = _newton.newton(self._state, *self._rest)
+        result: tuple[int, ...] = self._newton(self._state, *self._rest)
         return result
 
 

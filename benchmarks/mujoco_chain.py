@@ -10,7 +10,7 @@ the stiffness of each joint, which gives all joints the same time constants.
 from dataclasses import dataclass
 import time
 
-import mujoco  # type: ignore[import-untyped]
+import mujoco
 import numpy as np
 
 from benchmarks.paper import apart, Task

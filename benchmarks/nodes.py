@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the kinematics node costs at 100 Hz, beside processes that only publish."""
+"""What the kinematics node costs, with and without a camera, beside bare publishers."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 import rclpy
 from rclpy.node import Node
@@ -23,10 +23,14 @@ from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
 
 RATE = 100.0  # Hz
+PICTURES = 3  # tendon_states for one picture
+DISCS = 1, 2, 3  # that it shows
+NOISE = 3e-4  # m
 STIFF = True, True, False
 PULLS = 0.004, -0.0045  # m, the largest; the soft segment follows a sine
 PERIOD = 4.0  # s of that sine
 START, WARM = 30.0, 2.0  # s
+KINEMATICS = ['-m', 'soft_continuum', 'kinematics']
 
 PUBLISHER = """
 import sys
@@ -75,7 +79,13 @@ class Probe(Node):
         self._valves.publish(JammingValvesState(stiffness=[
             JammingValvesState.STIFF if stiff else JammingValvesState.NOT_STIFF
             for stiff in STIFF]))
+        self._measured = {n: self.create_publisher(
+            PoseWithCovarianceStamped, f'disc_{n}/measured_pose', STREAM) for n in DISCS}
+        self._random = np.random.default_rng(1)
         self.create_subscription(PoseArray, 'segment_poses', self._on_poses, SENSOR)
+        self._discs, self._predicted = PoseArray(), False
+        self.create_subscription(PoseArray, 'disc_poses', self._on_discs, SENSOR)
+        self.create_subscription(PoseArray, 'predicted_disc_poses', self._on_predicted, SENSOR)
 
     def _on_poses(self, _: PoseArray) -> None:
         self.messages += 1
@@ -83,8 +93,28 @@ class Probe(Node):
             self.latencies.append(time.perf_counter() - self._sent)
             self._sent = inf
 
-    def drive(self, seconds: float, speak: bool) -> None:
-        """Publish tendon_states at RATE for a time, or only listen."""
+    def _on_discs(self, poses: PoseArray) -> None:
+        if not self._predicted:
+            self._discs = poses
+
+    def _on_predicted(self, poses: PoseArray) -> None:
+        self._predicted, self._discs = True, poses
+
+    def _picture(self) -> None:
+        """Publish the discs as the model predicts them, with noise: only the cost is measured."""
+        for n, publisher in self._measured.items():
+            seen = PoseWithCovarianceStamped(header=self._discs.header)
+            seen.pose.pose = self._discs.poses[2 * n]
+            seen.pose.pose.position.x += float(self._random.normal(0.0, NOISE))
+            seen.pose.covariance = (NOISE**2 * np.eye(6)).ravel()
+            publisher.publish(seen)
+
+    def drive(self, seconds: float, speak: bool, see: bool = False) -> None:
+        """
+        Publish tendon_states at RATE for a time, or only listen.
+
+        see: publish every PICTURES of them what a camera would measure, too.
+        """
         begin = time.perf_counter()
         for k in range(int(seconds * RATE)):
             if speak:
@@ -94,6 +124,8 @@ class Probe(Node):
                     self.latencies.append(inf)
                 self._sent = time.perf_counter()
                 self._tendons.publish(self._message)
+                if see and self._discs.poses and k % PICTURES == 0:
+                    self._picture()
             while (left := begin + (k + 1) / RATE - time.perf_counter()) > 0.0:
                 rclpy.spin_once(self, timeout_sec=left)
 
@@ -105,9 +137,10 @@ def run(quick: bool) -> Section:
     commands = {
         'a bare publisher of segment_poses': ['-c', PUBLISHER],
         'a bare publisher of all four messages': ['-c', PUBLISHER, 'all'],
-        'kinematics': ['-m', 'soft_continuum', 'kinematics'],
+        'kinematics': KINEMATICS,
+        f'kinematics, {len(DISCS)} discs measured at {RATE / PICTURES:.0f} Hz': KINEMATICS,
     }
-    rows = [[name, *_measure(probe, command, seconds, speak=name == 'kinematics')]
+    rows = [[name, *_measure(probe, command, seconds, command is KINEMATICS, 'discs' in name)]
             for name, command in commands.items()]
     rclpy.shutdown()
     head = ['100 Hz', 'messages/s', 'CPU, % of a core', 'tendon_states to segment_poses, ms: '
@@ -127,7 +160,8 @@ def _probe_alone() -> Probe:
         rclpy.shutdown()
 
 
-def _measure(probe: Probe, command: Sequence[str], seconds: float, speak: bool) -> list[str]:
+def _measure(probe: Probe, command: Sequence[str], seconds: float, speak: bool, see: bool
+             ) -> list[str]:
     with _process(command) as pid:
         deadline = time.monotonic() + START
         probe.messages = 0
@@ -135,11 +169,11 @@ def _measure(probe: Probe, command: Sequence[str], seconds: float, speak: bool) 
             if time.monotonic() > deadline:
                 raise RuntimeError(f'{command}: no segment_poses')
             probe.drive(0.1, speak)
-        probe.drive(WARM, speak)
+        probe.drive(WARM, speak, see)
         probe.latencies.clear()
         probe.messages = 0
         before = _cpu_time(pid)
-        probe.drive(seconds, speak)
+        probe.drive(seconds, speak, see)
         share = (_cpu_time(pid) - before) / seconds
     times = ['', '']
     if speak:

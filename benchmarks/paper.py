@@ -88,7 +88,7 @@ def pulls_of(step: Step, state: Equilibrium) -> tuple[float, float]:
     return pulls[RIGHT], pulls[LEFT]
 
 
-def simulate_steps(statics: Statics, steps: list[Step], straight: Equilibrium | None = None
+def walk(statics: Statics, steps: list[Step], straight: Equilibrium | None = None
          ) -> list[Equilibrium]:
     """Return the state after each step, from straight."""
     state, states = straight or statics.chain.straight(), []

@@ -3,16 +3,16 @@
 """One equilibrium of the paper's arm, found in every way there is."""
 
 from dataclasses import dataclass, replace
+from unittest.mock import patch
 
 import numpy as np
 
 from benchmarks import paper, slsqp
 from benchmarks.kernel import Kernel, repeated
-from benchmarks.plain import mechanics_without_numba
 from benchmarks.reference import FLAGS, MissingCompilerError, Reference
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import interleave, progress, Sampler, sampler, Timing
-from soft_continuum.mechanics import Arm, RigidChain, SLACK, Statics
+from soft_continuum.mechanics import _kernel, Arm, Equilibrium, RigidChain, SLACK, Statics
 from soft_continuum.mechanics.chain import Array
 
 C = 'C, called in a loop in C'
@@ -119,10 +119,11 @@ def _contenders(statics: Statics, task: paper.Task, residuals: list[float],
     found['Statics.solve'] = Contender(
         sampler(lambda: statics.solve(start, task.pulls, paper.ALL_SOFT)), 0.0)
     found |= _in_mujoco(statics, task, notes)
-    plain = mechanics_without_numba().Statics(chain.arm)
-    found['Statics.solve without numba'] = Contender(
-        sampler(lambda: plain.solve(start, task.pulls, paper.ALL_SOFT)),
-        off(plain.solve(start, task.pulls, paper.ALL_SOFT).joint_angles))
+    def plain() -> Equilibrium:
+        with patch.object(_kernel, 'functions', lambda: _kernel.SOURCE):
+            return statics.solve(start, task.pulls, paper.ALL_SOFT)
+
+    found['Statics.solve without numba'] = Contender(sampler(plain), off(plain().joint_angles))
     for gradient in (True, False):
         minimum = slsqp.solver(chain, start.joint_angles, task.pull, gradient)
         name = f'scipy SLSQP {"with" if gradient else "without"} gradient'

@@ -15,3 +15,4 @@ sys.path += [str(_TEST / 'nodes'), str(_TEST / 'hardware')]
 # Read when the first participant of a process is made.
 for _name in ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE'):
     os.environ[_name] = str(_TEST / 'nodes' / 'fastdds.xml')
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'  # LOCALHOST would replace it

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The processes of the command line: ``python -m soft_continuum VERB`` and ``ros2 run``."""
 
-from contextlib import suppress
 import os
 from pathlib import Path
 import signal
 import sys
+import threading
 from typing import NoReturn
 
 from soft_continuum.ros.network import choose_own_network
@@ -25,18 +25,24 @@ def ros2_run() -> NoReturn:
 def _run(words: list[str]) -> NoReturn:
     # Until there is something to shut down, Ctrl-C ends the process at once and quietly.
     signal.signal(signal.SIGINT, lambda *_: os._exit(130))
+    # The matrices of an arm are small: more threads only wait for each other, and hold up control.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     choose_own_network()
     from soft_continuum.cli.main import main
     try:
         status = main(words)
     except SystemExit as end:  # of argparse
         status = end.code if isinstance(end.code, int) else 1
-    with suppress(BrokenPipeError):  # such as into head: what was printed so far was enough
+    try:
         sys.stdout.flush()
+    except BrokenPipeError:  # such as into head: what was printed so far was enough
+        os._exit(status)
     sys.stderr.flush()
-    # All is shut down by now; what the interpreter would still do for numba takes 0.7 s, and a
-    # verb that was interrupted while it connected may have left a thread.
-    os._exit(status)
+    if threading.active_count() > 1:  # such as of a verb that was interrupted while it connected
+        os._exit(status)
+    # With all that DDS still has: a thread of it that ends inside a lock in shared memory would
+    # hold up every other process that uses it.
+    sys.exit(status)
 
 
 if __name__ == '__main__':

@@ -20,6 +20,10 @@ GHOST: Colour = (39, 174, 96)
 GHOST_OPACITY = 0.3
 MEASURED: Colour = (0, 150, 150)
 """Of where a sensor sees a disc."""
+MODEL: Colour = (235, 60, 200)
+"""Of the arm as the model has it, over a picture of it."""
+PREDICTED: Colour = (150, 92, 44)
+"""Of the arm as the model alone has it, beside the one that is measured."""
 LOCKED: Colour = (142, 68, 173)
 """Of a tendon that stiff segments hold: nothing determines its tension."""
 TENSIONS: tuple[Colour, ...] = ((130, 196, 240), (30, 120, 220), (10, 40, 150))

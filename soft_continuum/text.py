@@ -11,6 +11,8 @@ MAX_TEXT = 1000
 """Characters of a message that are shown."""
 MAX_NAME = 60
 """Characters of a name that are shown."""
+MAX_ITEMS = 100
+"""Items of a list that are kept, whatever is published."""
 
 
 def printable(text: object, most: int = MAX_TEXT) -> str:

@@ -63,7 +63,8 @@ def command_lines(text: str) -> list[str]:
     return [line.strip() for line in lines if line.strip()]
 
 
-SUBSCRIBED = ('camera/image_raw', 'camera/camera_info')  # that a user may remap
+SUBSCRIBED = ('camera/image_raw', 'camera/camera_info', 'tracker/disc_poses', 'disc_0/pose',
+              'disc_3/pose', 'disc_3/imu')  # that a user may remap
 
 PAGES = {page.relative_to(ROOT).as_posix(): page for page in (
     *ROOT.glob('*.md'), *ROOT.glob('docs/**/*.md'), *ROOT.glob('msg_docs/*.md'))}

@@ -1,14 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A recorded run: one CSV file per kind of message, written line by line, so that nothing is lost.
+A recorded run as tables: one per kind of message, which CSV files keep.
 
 Times count from the start of the recording.  Lengths are in mm, tensions in N, pressures in kPa
-absolute, orientations quaternions: files are for people and spreadsheets.
+absolute, orientations quaternions: tables are for people and spreadsheets.
 """
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 import csv
 from dataclasses import dataclass, field
 import io
@@ -31,54 +30,23 @@ COLUMNS = {
 }
 """Columns by file, without its ending, of the files that are the same for every arm."""
 
-FILES = tuple(f'{name}.csv' for name in ('tendons', 'tensions', *COLUMNS))
+TABLES = ('tendons', 'tensions', *COLUMNS)
 """The tables of a recording."""
+FILES = tuple(f'{name}.csv' for name in TABLES)
 
 DESCRIPTION = 'description.yaml'
 """The arm that was recorded, as a parameter file beside them."""
 ABOUT = 'recording'  # source of the event that says when, what and by which version
 
+BAG = 'recording.mcap'
+"""The file that ``record`` writes into its directory."""
+
 MAX_SIZE = 32_000_000  # bytes of a file, about an hour
 MAX_ROWS = 600_000  # of a file, in an hour there are 180,000 of the tendons
 MAX_COLUMNS = 100
 MAX_VALUE = 1e9
+COUNTED = (('segment',), ('point',))  # second columns of whole numbers
 HOLDING_DELAY = 0.2  # s, by which poses and pulls may come after the event that they belong to
-
-
-class RecordingWriter(ExitStack):
-    """Writes a recording into a directory; use it in a ``with`` statement."""
-
-    def __init__(self, directory: Path, tendons: Sequence[str]) -> None:
-        """
-        Begin all files anew in ``directory``, which exists.
-
-        tendons: names of the arm's tendons, in the order of the values that are written.
-        """
-        super().__init__()
-        columns = {
-            'tendons': ('time [s]', *(f'{name}{PULL}' for name in tendons)),
-            'tensions': ('time [s]', *(f'{name}{TENSION}' for name in tendons)),
-            **COLUMNS}
-        self._width = {name: len(header) - 1 for name, header in columns.items()}
-        self._writers = {}
-        for name, header in columns.items():
-            file = self.enter_context(
-                (directory / f'{name}.csv').open('w', encoding='utf-8', newline='', buffering=1))
-            self._writers[name] = csv.writer(file, lineterminator='\n')
-            self._writers[name].writerow(header)
-
-    def write(self, name: str, time: float, *values: float | str) -> None:
-        """
-        Add a row to a file.
-
-        name: of the file, without its ending.  time: s.  values: those of the other columns, in
-        the units of the header.  Raises ValueError when their number is not that of the columns.
-        """
-        if len(values) != self._width[name]:
-            raise ValueError(f'{name}.csv has {self._width[name]} columns after the time; '
-                             f'given: {len(values)} values')
-        self._writers[name].writerow(
-            [f'{time:.4f}', *(v if isinstance(v, str) else f'{v:.6g}' for v in values)])
 
 
 @dataclass(frozen=True)
@@ -111,7 +79,8 @@ class Recording:
     tendon_names: in the order of the columns.  tendons, tensions: (rows, 1 + tendons), time in s
     and mm or N.  points: (rows, 9), time, number of the point, and pose as in Held.  pressures,
     stiff: (rows, 3), time, number of the segment, and kPa, or 1 for stiff.  events: (time, source,
-    text).
+    text).  description: the arm as a parameter file, empty if it is not known.  damage: why there
+    may have been more; empty if there was not.
     """
 
     tendon_names: tuple[str, ...]
@@ -121,6 +90,8 @@ class Recording:
     pressures: Array
     stiff: Array
     events: list[tuple[float, str, str]] = field(default_factory=list)
+    description: str = ''
+    damage: str = ''
 
     def held_shapes(self) -> list[Held]:
         """Return every shape that was held, as it was when its holding began."""
@@ -143,9 +114,35 @@ class Recording:
         return next((text for _, source, text in self.events if source == ABOUT), '')
 
 
-def read_recording(directory: Path) -> Recording:
+def tables(recording: Recording) -> dict[str, tuple[tuple[str, ...], list[Sequence[object]]]]:
+    """Return the columns and the rows of every table by name, as CSV files have them."""
+    named = {'tendons': ('time [s]', *(name + PULL for name in recording.tendon_names)),
+             'tensions': ('time [s]', *(name + TENSION for name in recording.tendon_names)),
+             **COLUMNS}
+    return {name: (header, [_counted(row) for row in getattr(recording, name).tolist()]
+                   if header[1:2] in COUNTED else list(getattr(recording, name)))
+            for name, header in named.items()}
+
+
+def _counted(row: list[float]) -> list[object]:
+    """Return a row whose second number, that of a point or segment, is a whole one."""
+    return [row[0], int(row[1]), *row[2:]]
+
+
+def write_tables(recording: Recording, paths: Sequence[Path]) -> None:
+    """Write the tables into CSV files of the names in FILES; raises OSError."""
+    for path, (header, rows) in zip(paths, tables(recording).values(), strict=True):
+        with path.open('w', encoding='utf-8', newline='') as file:
+            writer = csv.writer(file, lineterminator='\n')
+            writer.writerow(header)
+            for time, *values in rows:
+                writer.writerow([f'{time:.4f}', *(
+                    f'{v:.6g}' if isinstance(v, float) else v for v in values)])
+
+
+def read_tables(directory: Path) -> Recording:
     """
-    Read what RecordingWriter wrote, of version 0.1 as well.
+    Read what write_tables wrote, and ``record`` of version 0.1.
 
     Raises MeasurementError naming file and line.
     """
@@ -160,7 +157,17 @@ def read_recording(directory: Path) -> Recording:
     return Recording(
         names, tendons, tensions, _points(directory / 'points.csv'),
         _numbers(directory / 'pressures.csv', COLUMNS['pressures'])[1],
-        _numbers(directory / 'stiff.csv', COLUMNS['stiff'])[1], events)
+        _numbers(directory / 'stiff.csv', COLUMNS['stiff'])[1], events,
+        _description(directory / DESCRIPTION))
+
+
+def _description(path: Path) -> str:
+    try:
+        return read_bytes(path, MAX_SIZE).decode('utf-8', 'replace')
+    except FileNotFoundError:
+        return ''
+    except OSError as error:
+        raise MeasurementError(f'{path}: {error.strerror}') from None
 
 
 def _tendons(path: Path, ending: str) -> tuple[tuple[str, ...], Array]:
@@ -222,7 +229,7 @@ def _rows(path: Path, *allowed: tuple[str, ...]
 
 def _numbers(path: Path, *allowed: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:
     header, rows = _rows(path, *allowed)
-    counted = header[1:2] in (('segment',), ('point',))
+    counted = header[1:2] in COUNTED
     numbers = [[_number(path, line, row[0]), *(
         _number(path, line, text, counts=counted and column == 0, gap=True)
         for column, text in enumerate(row[1:]))] for line, row in rows]

@@ -21,13 +21,16 @@ from websockets.exceptions import ConnectionClosed
 from soft_continuum.browser.log import LOG
 from soft_continuum.browser.session import Notice
 from soft_continuum.browser.words import plain
+from soft_continuum.client.estimate import anomaly_text
 from soft_continuum.client.observed import STALE_AFTER
 from soft_continuum.client.state import ArmState
+from soft_continuum.client.state_text import error_text
 from soft_continuum.client.tasks import HOW_TO_START
 from soft_continuum.ros.names import TENDON_ACTUATION
 
 PAGE = Path(__file__).with_name('page.html').read_text(encoding='utf-8')
 PATH = '/bar'
+MAX_ALARMS, ALARM_LENGTH = 3, 160  # that are shown below the bar, characters of each
 CHECK_PERIOD = 0.1  # s between two looks at whether there is something new
 REMEDY = (f'{HOW_TO_START[0].upper()}{HOW_TO_START[1:]}; this page continues by itself.'
           .replace('`', ''))
@@ -36,7 +39,11 @@ SEND_PERIOD = 1.0  # s until it is sent again: the page knows from it that it is
 
 @dataclass(frozen=True)
 class BarState:
-    """What the bar shows; kind: 'ready', 'moving', 'stopped' or 'lost'."""
+    """
+    What the bar shows; kind: 'ready', 'moving', 'stopped', 'lost' or 'replay'.
+
+    alarm: what is wrong with the arm by the measurements, a line each, below the bar.
+    """
 
     kind: str
     headline: str
@@ -44,6 +51,7 @@ class BarState:
     notice: str = ''
     problem: bool = False
     may_resume: bool = False
+    alarm: str = ''
 
 
 LOST = BarState('lost', 'No data from the arm',
@@ -59,12 +67,27 @@ def bar_state(state: ArmState, notices: Iterable[Notice] = ()) -> BarState:
         text = f'No node is running. {REMEDY}'
     elif missing:
         text = f'{text} Not running: {", ".join(missing)}. {REMEDY}'.strip()
+    alarm = alarm_text(state)
     new = [notice for notice in notices if notice.is_new]
     if not new:
-        return BarState(kind, headline, text, may_resume=may_resume)
+        return BarState(kind, headline, text, may_resume=may_resume, alarm=alarm)
     last, more = new[-1], sum(notice.count for notice in new[:-1])
     return BarState(kind, headline, text, f'{last.title}: {last.text}{last.times}'
-                    + (f' (+{more} under Messages)' if more else ''), last.is_problem, may_resume)
+                    + (f' (+{more} under Messages)' if more else ''), last.is_problem,
+                    may_resume, alarm)
+
+
+def alarm_text(state: ArmState) -> str:
+    """Return what is wrong with the arm by the measurements, a line each, empty for nothing."""
+    anomalies = state.estimate.anomalies if state.estimate else ()
+    lines = [_cut(plain(anomaly_text(anomaly))) for anomaly in anomalies]
+    if len(lines) > MAX_ALARMS:
+        lines[MAX_ALARMS:] = [f'{len(lines) - MAX_ALARMS} more under Measured shape']
+    return '\n'.join(f'{line[:1].upper()}{line[1:]}' for line in lines)
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= ALARM_LENGTH else f'{text[:ALARM_LENGTH - 1]}…'
 
 
 def _motion(state: ArmState) -> tuple[str, str, str]:
@@ -76,9 +99,11 @@ def _motion(state: ArmState) -> tuple[str, str, str]:
                   else 'you press Resume')
         return 'stopped', 'STOPPED', f'{plain(state.stopped)}. Nothing moves before {remedy}.'
     if state.progress is not None:
-        segment, phase = state.progress.segment, plain(state.progress.phase)
-        where = f'segment {segment}, ' if segment else ''
-        return 'moving', f'Setting {plain(state.progress.shape)}', f'{where}{phase}'
+        now = state.progress
+        parts = (f'segment {now.segment}' if now.segment else '', plain(now.phase),
+                 f'correction {now.correction}' if now.correction else '',
+                 '' if now.error is None else f'{error_text(now.error, now.aim)} off')
+        return 'moving', f'Setting {plain(now.shape)}', ', '.join(filter(None, parts))
     return 'ready', 'Ready', ''
 
 

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Vacuum and tensions of the last minute: a small chart for each segment and tendon."""
+"""The last minute of vacuum, tensions and measured errors: a small chart for each."""
 
 from collections import deque
 from collections.abc import Iterable, Sequence
 from itertools import groupby
-from math import isfinite, nan
+from math import degrees, isfinite, nan
 
 from soft_continuum.client.state import ArmState
 from soft_continuum.colours import Colour, UNKNOWN
@@ -13,11 +13,17 @@ from soft_continuum.colours import Colour, UNKNOWN
 INTERVAL = 0.2  # s between two samples
 LENGTH = 301  # samples: a minute
 HEIGHT = 24  # px
+ERROR_ENDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)  # mm or degrees
 AXIS_ENDS = (10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # where an axis may end
 
 
 class History:
-    """Samples of vacuum (kPa) and tensions (N), the oldest first; nan where one is missing."""
+    """
+    Samples of a minute, the oldest first; nan where one is missing.
+
+    vacuum: kPa.  tensions: N.  prediction: mm between the measured tip and where the model alone
+    has it.  error: of the shape that is being set, mm, or degrees while error_is_angle.
+    """
 
     def __init__(self, segments: int, tendons: int, ambient_pressure: float) -> None:
         """Start without any; ambient_pressure: Pa."""
@@ -25,12 +31,24 @@ class History:
         self.vacuum, self.tensions = (
             tuple(deque([nan] * LENGTH, maxlen=LENGTH) for _ in range(count))
             for count in (segments, tendons))
+        self.prediction, self.error = (deque([nan] * LENGTH, maxlen=LENGTH) for _ in range(2))
+        self.error_is_angle = True
 
     def sample(self, state: ArmState) -> None:
         """Take a sample, once every INTERVAL."""
         vacuum = [None if p is None else (self._ambient - p) * 1e-3 for p in state.pressures]
         _append(self.vacuum, vacuum)
         _append(self.tensions, state.tensions or ())
+        estimate, progress = state.estimate, state.progress
+        off = estimate.predicted_tip_error if estimate and estimate.measured else None
+        error = progress.error if progress and progress.aim else None
+        if error is not None and progress is not None:
+            is_angle = progress.aim != 'tip'
+            if is_angle is not self.error_is_angle:  # one axis has one unit
+                self.error.extend([nan] * LENGTH)
+                self.error_is_angle = is_angle
+            error = degrees(error) if is_angle else 1e3 * error
+        _append((self.prediction, self.error), (None if off is None else 1e3 * off, error))
 
 
 def _append(series: Sequence[deque[float]], values: Sequence[float | None]) -> None:
@@ -40,10 +58,10 @@ def _append(series: Sequence[deque[float]], values: Sequence[float | None]) -> N
         one.append(nan if value is None or not isfinite(value) else value)
 
 
-def axis_end(series: Iterable[Iterable[float]]) -> float:
-    """Return where an axis from 0 up ends that all of the samples fit on."""
+def axis_end(series: Iterable[Iterable[float]], ends: Sequence[float] = AXIS_ENDS) -> float:
+    """Return which of ``ends`` an axis from 0 up has that all of the samples fit on."""
     largest = max((v for one in series for v in one if isfinite(v)), default=0.0)
-    return next((end for end in AXIS_ENDS if end >= largest), AXIS_ENDS[-1])
+    return next((end for end in ends if end >= largest), ends[-1])
 
 
 def chart(samples: Sequence[float], top: float, colour: Colour) -> str:

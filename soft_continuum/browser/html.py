@@ -2,35 +2,50 @@
 # SPDX-License-Identifier: Apache-2.0
 """The readings of the panel, as small pieces of HTML."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from math import degrees, isfinite, isnan
 
-from soft_continuum.browser.charts import axis_end, chart, History
+from soft_continuum.browser.charts import axis_end, chart, ERROR_ENDS, History
 from soft_continuum.browser.session import Description, Notice
 from soft_continuum.browser.words import plain
+from soft_continuum.client.estimate import (
+    age_text,
+    anomaly_text,
+    Estimate,
+    LearnedParameter,
+    millimetres,
+    parameter_text,
+)
 from soft_continuum.client.state import ArmState, NodeReport, Pose
+from soft_continuum.client.state_text import error_text
 from soft_continuum.colours import (
     Colour,
+    GHOST,
     LOCKED,
+    MEASURED,
+    MODEL,
+    PREDICTED,
     SOFT,
     STIFF,
     tension_colour,
     TENSIONS,
     UNKNOWN,
 )
+from soft_continuum_interfaces.msg import RecorderState
 
 WARNING: Colour = (255, 222, 89)
 BAD: Colour = (214, 40, 40)
 PLAIN: Colour = (255, 255, 255)
 LEVELS = {'ok': PLAIN, 'warn': WARNING, 'error': BAD}
 DARK_TEXT = (PLAIN, WARNING, TENSIONS[0], SOFT)
+MAX_ROWS, MAX_ALARM_ROWS = 30, 10  # of what others publish
 VACUUM_END = 100.0  # kPa, where its axis ends
 
 
 def nodes_html(state: ArmState) -> str:
     """Return a row per node: level and message of its status, or since when it is stale."""
-    return _table(_node_row(report) for report in state.nodes)
+    return _table(_node_row(report) for report in (*state.nodes, *state.sensors))
 
 
 def _node_row(report: NodeReport) -> tuple[str, str]:
@@ -45,11 +60,27 @@ def _node_row(report: NodeReport) -> tuple[str, str]:
     return _chip(level.upper(), LEVELS[level]), name + _text(report.message)
 
 
+def recording_html(state: RecorderState | None) -> str:
+    """Return what is being recorded, and where to; or how to be able to."""
+    if state is None:
+        return _table([(_chip('absent', UNKNOWN), 'to record, start: '
+                        '<code>ros2 run soft_continuum recorder</code>')])
+    if state.problem:
+        return _table([(_chip('ERROR', BAD), _text(state.problem))])
+    if not state.recording:
+        return _text(f'last: {state.file}' if state.file else 'nothing yet')
+    lost = f', {state.lost} lost' if state.lost else ''
+    text = f'{state.messages} messages{lost}, in {state.file}'
+    return _table([(_chip('REC', BAD), _text(text))])
+
+
 def segments_html(state: ArmState, description: Description, history: History) -> str:
     """Return a row per segment: stiff or soft, vacuum, bending angle, vacuum of last minute."""
     rows: list[tuple[str, ...]] = []
     count = len(description.arm.segments)
     angles = state.bending_angles or ()
+    estimate = state.estimate
+    deviations = estimate.angle_deviations if estimate and estimate.measured else ()
     for s in range(count):
         stiff = state.stiff[s] if s < len(state.stiff) else None
         pressure = state.pressures[s] if s < len(state.pressures) else None
@@ -58,6 +89,8 @@ def segments_html(state: ArmState, description: Description, history: History) -
         vacuum = '' if pressure is None else _number(
             (description.ambient_pressure - pressure) / 1e3, '.0f', ' kPa vacuum')
         angle = _number(degrees(angles[s]), '+.1f', '°') if len(angles) == count else ''
+        if angle and len(deviations) == count:
+            angle += f' ±{_number(degrees(deviations[s]), ".1f", "°")}'
         rows += [(f'<b>{s + 1}</b>', chip, vacuum, angle),
                  (chart(history.vacuum[s], VACUUM_END, STIFF),)]
     return _table(rows) + _caption(f'vacuum of the last minute, 0 to {VACUUM_END:g} kPa')
@@ -86,14 +119,94 @@ def tendons_html(state: ArmState, description: Description, history: History) ->
 
 def positions_html(state: ArmState) -> str:
     """Return the tip by the model, and a row per disc that is measured: how far it is off."""
-    rows = [('<b>tip</b>', *_position(state.tip), 'by the model')]
+    measured = state.estimate is not None and state.estimate.measured
+    rows = [('<b>tip</b>', *_position(state.tip), 'measured' if measured else 'by the model')]
     for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
-        off = '' if error is None else (_number(error[0] * 1e3, '.1f', '&nbsp;mm, ')
-                                        + _number(degrees(error[1]), '+.1f', '°'))
+        off = '' if error is None else ', '.join(
+            text for value, text in zip(error, (
+                _number(error[0] * 1e3, '.1f', '&nbsp;mm'),
+                _number(degrees(error[1]), '+.1f', '°')), strict=True) if isfinite(value))
         rows.append((f'disc&nbsp;{n}', *_position(seen), off or 'not seen'))
     return _table(rows) + _caption(
         'x and z in mm; discs as they are seen, and how far from the model'
         if state.measured_discs else 'x and z in mm; no sensor measures the discs')
+
+
+def source_html(state: ArmState, history: History) -> str:
+    """Return whether the shape is measured, how well, how far the prediction is off, alarms."""
+    estimate = state.estimate
+    if estimate is None:
+        return _small('kinematics says nothing of it')
+    rows = [(_chip(' ALARM ', BAD), _text(anomaly_text(anomaly)))
+            for anomaly in estimate.anomalies[:MAX_ALARM_ROWS]]
+    if not estimate.measured:
+        rows.append((_chip('PREDICTED', UNKNOWN),
+                     f'the model alone; {age_text(estimate.age)}'))
+        return _table(rows)
+    rows.append((_chip('ESTIMATED', MEASURED), f'{age_text(estimate.age)}{_within(estimate)}'))
+    off = estimate.predicted_tip_error
+    if off is not None:
+        rows.append((_chip('PREDICTED', PREDICTED),
+                     f'tip <b>{millimetres(off)} mm</b> from the estimate'))
+    return _table(rows) + _caption(
+        f'drawn solid: the estimate; <b style="color:{_css(PREDICTED)}">brown outline</b>: what '
+        'the model alone predicts') + _plot(
+            'prediction from estimate, tip', 'mm', history.prediction, PREDICTED)
+
+
+def error_html(history: History) -> str:
+    """Return the last minute of the measured error of the shape that was being set, if any."""
+    if not any(map(isfinite, history.error)):
+        return ''
+    unit = 'degrees' if history.error_is_angle else 'mm'
+    what = 'measured error of the worst angle' if history.error_is_angle else (
+        'measured error of the tip')
+    return _plot(what, unit, history.error, GHOST)
+
+
+def _plot(what: str, unit: str, samples: Sequence[float], colour: Colour) -> str:
+    end = axis_end((samples,), ERROR_ENDS)
+    return _small(chart(samples, end, colour)) + _caption(
+        f'{what}: last minute, 0 to {end:g} {unit}')
+
+
+def _within(estimate: Estimate) -> str:
+    deviation = estimate.tip_deviation
+    return '' if deviation is None else f'; tip ±{millimetres(deviation)} mm'
+
+
+def parameters_html(estimate: Estimate | None) -> str:
+    """Return a row per learned parameter: value and deviation, or that nothing determines it."""
+    if estimate is None or not estimate.parameters:
+        return _small('nothing is learned without a sensor that sees the discs')
+    rows = []
+    for parameter in estimate.parameters[:MAX_ROWS]:
+        rows += _parameter_rows(parameter)
+    return _table(rows) + _caption(
+        'stiffness factor: of the soft segment, over the described one; K: stiff over soft; '
+        'offset: pulled in beyond what the motor says; ± one standard deviation. '
+        '<code>soft_continuum learn</code> saves what is determined')
+
+
+def _parameter_rows(parameter: LearnedParameter) -> list[tuple[str, ...]]:
+    text = parameter_text(parameter)
+    value = (f'<b>{_text(text.value)}</b>&nbsp;±&nbsp;{_text(text.deviation)}&nbsp;{text.unit}'
+             if parameter.determined else
+             '<span style="color:#667">not&nbsp;determined</span>')
+    rows: list[tuple[str, ...]] = [(_text(text.label), value)]
+    if parameter.problem:
+        rows.append((f'{_chip("not plausible", WARNING)} {_text(parameter.problem)}',))
+    return rows
+
+
+def picture_html(address: str) -> str:
+    """Return a picture with its legend; nothing for no address."""
+    if not address:
+        return ''
+    return _small(f'<img src="{address}" style="width:100%;display:block" '
+                  'alt="The arm as the camera sees it">') + _caption(
+        f'what the camera sees, with <b style="color:{_css(MEASURED)}">tags</b> and '
+        f'<b style="color:{_css(MODEL)}">model</b>')
 
 
 def _position(pose: Pose | None) -> tuple[str, str]:
@@ -119,7 +232,11 @@ def sequence_html(state: ArmState) -> str:
     progress = state.progress
     if progress is not None:
         where = f'segment {progress.segment}' if progress.segment else 'whole arm'
-        return _small(f'<b>{_text(progress.shape)}</b>: {where}, {_text(progress.phase)}')
+        step = f', correction {progress.correction}' if progress.correction else ''
+        error = ('' if progress.error is None else
+                 f'<br><b>{error_text(progress.error, progress.aim)}</b> off, measured')
+        return _small(f'<b>{_text(progress.shape)}</b>: {where}, {_text(progress.phase)}{step}'
+                      f'{error}')
     last = state.last_result
     if last is None:
         return _small('no sequence yet')

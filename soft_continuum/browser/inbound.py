@@ -18,6 +18,7 @@ from soft_continuum.browser.log import LOG
 MAX_MESSAGE = 2**14  # bytes
 MAX_TEXT = 1000  # characters
 Vector = tuple[float, float, float]
+Number = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]  # of the slider of a replay, s
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 
 
@@ -38,7 +39,7 @@ class _Camera(_Message, tag='ViewerCameraMessage'):
 
 
 class _Value(msgspec.Struct, forbid_unknown_fields=True):
-    value: bool | Text
+    value: bool | Number | Text
 
 
 class _Update(_Message, tag='GuiUpdateMessage'):

@@ -8,11 +8,12 @@ Nodes and view are processes of their own: what the view does takes no time from
 
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from functools import partial
 import re
 import signal
 import threading
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -20,7 +21,7 @@ import viser
 
 from soft_continuum.arguments import DONE, Parser, WRONG_USAGE
 from soft_continuum.browser.access import AccessError, open_server, page_address
-from soft_continuum.browser.bar import Bar, bar_state
+from soft_continuum.browser.bar import alarm_text, Bar, bar_state, BarState
 from soft_continuum.browser.log import LOG
 from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.scene import Scene
@@ -30,10 +31,14 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import argument_error, limit_memory, ROS_ARGUMENT_ERRORS
-from soft_continuum.nodes.up import ros_arguments, start_parser, twin_of
+from soft_continuum.nodes.up import chosen_nodes, ros_arguments, start_parser, twin_of
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.names import NODES
+from soft_continuum.ros.names import RECORDER
 
+if TYPE_CHECKING:  # only a replay needs it
+    from soft_continuum.recordings.playback import Playback
+
+NO_RIG = nullcontext[Sequence[str]](())
 PORT = 8080
 SCENE_PERIOD = 0.04  # s
 PANEL_PERIOD = 0.2  # s
@@ -46,12 +51,15 @@ TOKEN = re.compile('[A-Za-z0-9_-]{12,}')
 class View:
     """Keeps the scene and the panel up to date while a browser looks at them."""
 
-    def __init__(self, server: viser.ViserServer, session: Session, bar: Bar) -> None:
-        """Show that there is no arm yet."""
+    def __init__(self, server: viser.ViserServer, session: Session, bar: Bar,
+                 playback: 'Playback | None' = None, title: str = '') -> None:
+        """Show that there is no arm yet; title: of a playback."""
         self._server, self._session, self._bar = server, session, bar
-        bar.commands = {'stop': session.stop, 'resume': session.resume}
+        self._playback, self._title = playback, title
+        if playback is None:
+            bar.commands = {'stop': session.stop, 'resume': session.resume}
         self._scene: Scene | None = None
-        self._panel = Panel(server, session)
+        self._panel = Panel(server, session, playback)
         self._description: object = None
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         for period, update in ((SCENE_PERIOD, self._update_scene),
@@ -70,15 +78,17 @@ class View:
             self._panel.remove()
             self._server.scene.reset()
             self._scene = Scene(self._server, description)
-            self._panel = Panel(self._server, self._session)
+            self._panel = Panel(self._server, self._session, self._playback)
         if self._scene is not None and self._is_looked_at:
             with self._server.atomic():
                 self._scene.show(self._session.observed.snapshot(), self._session.target)
 
     def _update_panel(self) -> None:
         state = self._session.observed.snapshot()
-        self._bar.show(bar_state(state, self._session.notices))
+        self._bar.show(bar_state(state, self._session.notices) if self._playback is None else
+                       BarState('replay', 'Replay', self._title, alarm=alarm_text(state)))
         self._panel.sample(state)
+        self._session.picture.look(self._is_looked_at)
         if self._is_looked_at:
             with self._server.atomic():
                 self._panel.show(state)
@@ -96,7 +106,8 @@ def _guarded(update: Callable[[], None]) -> None:
         LOG.exception('the view could not be brought up to date')
 
 
-def _add_view_options(parser: Parser) -> None:
+def add_view_options(parser: Parser) -> None:
+    """Add --host, --port and --token."""
     parser.add_argument('--host', default='127.0.0.1',
                         help='address to listen on; beyond this machine only with --token '
                         '(default: %(default)s)')
@@ -115,65 +126,74 @@ def _token(text: str) -> str:
 
 def ui() -> int:
     """Run the four nodes and the view until Ctrl-C; return the exit status."""
-    parser = start_parser('ui', 'The four nodes, and the arm in a browser.')
-    _add_view_options(parser)
+    parser = start_parser('ui', 'The four nodes, the recorder, and the arm in a browser.')
+    add_view_options(parser)
     parser.add_argument('--view-only', action='store_true',
                         help='start no nodes; show those that run')
     options = parser.parse_args()
-    if options.view_only and options.twin:
-        parser.error('--view-only starts nothing; leave out --twin')
-    try:
-        with twin_of(options) as driving:
-            return run(parser, () if options.view_only else NODES,
-                       ros_arguments(options) + driving, options)
-    except ParameterError as error:
-        return parser.fail(error, WRONG_USAGE)
-    except KeyboardInterrupt:
-        return DONE
+    if options.view_only and (options.twin or options.camera):
+        parser.error('--view-only starts nothing; leave out --twin and --camera')
+    return run(parser, () if options.view_only else (*chosen_nodes(options), RECORDER),
+               ros_arguments(options), options, twin_of(options))
 
 
 def browser() -> int:
     """Run the view alone, with the arguments of a ROS node; return the exit status."""
     parser = Parser('browser', 'The arm in a browser. All other arguments are those of a node.')
-    _add_view_options(parser)
+    add_view_options(parser)
     options, rest = parser.parse_known_args()
     return run(parser, (), ['browser', *rest], options)
 
 
-def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options: Namespace
-        ) -> int:
-    """Run nodes and the view, with ROS arguments, until SIGINT or SIGTERM; return the status."""
-    signal.signal(signal.SIGTERM, _interrupt)
-    connection: Connection | None = None
-    server: viser.ViserServer | None = None
-    token, bar = options.token or '', Bar()
+def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options: Namespace,
+        rig: AbstractContextManager[Sequence[str]] = NO_RIG) -> int:
+    """
+    Run nodes and the view, with ROS arguments, until SIGINT or SIGTERM; return the status.
+
+    rig: runs while the nodes do, and gives them further arguments.
+    """
+    signal.signal(signal.SIGTERM, interrupt)
     try:
-        with NodeProcesses(nodes, arguments):
-            server = open_server(options.host, options.port, token, bar)
-            connection = Connection('browser', timeout=ANSWER_TIMEOUT, arguments=arguments,
-                                    discovery_timeout=DISCOVERY_TIMEOUT)
-            connection.requests.start(_show(server, connection.requests, bar)).result()
-            limit_memory()
-            print(f'The arm is at {page_address(server, token)} (Ctrl-C ends it)', flush=True)
-            threading.Event().wait()
+        with (ExitStack() as running, rig as driving,
+              NodeProcesses(nodes, [*arguments, *driving])):
+            serve(running, options, 'The arm', arguments=arguments,
+                  discovery_timeout=DISCOVERY_TIMEOUT)
     except (AccessError, ClientError, ParameterError) as error:
         return parser.fail(error, WRONG_USAGE)
     except ROS_ARGUMENT_ERRORS as error:
         return parser.fail(argument_error(arguments, error), WRONG_USAGE)
     except KeyboardInterrupt:
         pass
-    finally:
-        if connection is not None:
-            connection.close()
-        if server is not None:
-            server.stop()
     return DONE
 
 
-async def _show(server: viser.ViserServer, requests: Requests, bar: Bar) -> View:
+def serve(running: ExitStack, options: Namespace, what: str, playback: 'Playback | None' = None,
+          title: str = '', **connecting: Any) -> None:
+    """
+    Serve the view with the options of add_view_options until SIGINT or SIGTERM.
+
+    running: takes it down.  what: is shown, for the line with the address.  playback, title: as of
+    View.  connecting: as of Connection.  Raises AccessError, ClientError, and KeyboardInterrupt
+    in the end.
+    """
+    token, bar = options.token or '', Bar()
+    server = open_server(options.host, options.port, token, bar)
+    running.callback(server.stop)
+    connection = Connection('browser', timeout=ANSWER_TIMEOUT, **connecting)
+    running.callback(connection.close)
+    connection.requests.start(
+        _show(server, connection.requests, bar, playback, title)).result()
+    limit_memory()
+    print(f'{what} is at {page_address(server, token)} (Ctrl-C ends it)', flush=True)
+    threading.Event().wait()
+
+
+async def _show(server: viser.ViserServer, requests: Requests, bar: Bar,
+                playback: 'Playback | None', title: str) -> View:
     """Begin to show the arm, on the thread of the node."""
-    return View(server, Session(requests), bar)
+    return View(server, Session(requests), bar, playback, title)
 
 
-def _interrupt(*_: Any) -> None:
+def interrupt(*_: Any) -> None:
+    """End as Ctrl-C does: the handler of SIGTERM."""
     raise KeyboardInterrupt

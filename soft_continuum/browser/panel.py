@@ -2,21 +2,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controls beside the scene.  Every browser shows the same ones."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import isfinite
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import viser
 
 from soft_continuum.browser import html
 from soft_continuum.browser.charts import History
+from soft_continuum.browser.scene import viewpoint, VIEWS
 from soft_continuum.browser.session import Description, Session
 from soft_continuum.client.state import ArmState
 from soft_continuum.ros.names import JAMMING_VALVES, SHAPE_SEQUENCER
+from soft_continuum.sequencing.progress import AIMS
+
+if TYPE_CHECKING:  # only a replay needs it
+    from soft_continuum.recordings.playback import Playback
 
 STEPS = (-5.0, -1.0, 1.0, 5.0)  # mm
 SOFTEN, STIFFEN = 'soften', 'stiffen'
+RECORD, END = 'Record', 'End recording'
+PLAY, PAUSE = 'Play', 'Pause'
+SLIDER_STEP = 0.1  # s
 NOTICES_IN_PANEL = 6
 PANEL_WIDTH = 340  # px
 
@@ -24,55 +32,111 @@ PANEL_WIDTH = 340  # px
 class Panel:
     """Controls and readings of one arm, or of none yet."""
 
-    def __init__(self, server: viser.ViserServer, session: Session) -> None:
-        """Add every control."""
-        self._server, self._session = server, session
+    def __init__(self, server: viser.ViserServer, session: Session,
+                 playback: 'Playback | None' = None) -> None:
+        """Add every control; of a playback its slider, and none that moves an arm."""
+        self._server, self._session, self._playback = server, session, playback
+        self._motions: list[Any] = []
+        self._switches: list[Any] = []
+        self._jogs: list[Any] = []
+        self._rests: list[Any] = []
         self._description = description = session.description
         gui = server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, control_width='medium',
                             brand_color=(40, 48, 72))
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_WIDTH)
+        if playback is not None:
+            self._add_playback(gui, playback)
         if description is not None:
             self._add_controls(gui, description)
+        if playback is None:
+            with gui.add_folder('Recording'):
+                self._recording = gui.add_html('')
+                self._record = self._button(RECORD, session.record, hint='Everything that the '
+                                            'nodes publish, as an MCAP file')
         with gui.add_folder('Nodes'):
             self._nodes = gui.add_html('')
         with gui.add_folder('Messages'):
             self._notices = gui.add_html('')
 
+    def _add_playback(self, gui: viser.GuiApi, playback: 'Playback') -> None:
+        async def moved(event: Any) -> None:
+            if event.client is not None:  # not by the playback itself
+                playback.seek(float(self._slider.value))
+
+        with gui.add_folder('Replay'):
+            self._slider = gui.add_slider(
+                'Time [s]', 0.0, round(playback.duration + SLIDER_STEP, 1), SLIDER_STEP, 0.0)
+            self._slider.on_update(moved)
+            self._play = self._button(PLAY, lambda: playback.play(not playback.playing))
+
     def _add_controls(self, gui: viser.GuiApi, description: Description) -> None:
-        session, arm = self._session, description.arm
+        arm, moves = description.arm, self._playback is None
         self._history = History(len(arm.segments), len(arm.tendon_names),
                                 description.ambient_pressure)
         with gui.add_folder('Shapes'):
-            self._motions: list[Any] = [] if not description.shapes else [
-                self._group('Set', tuple(description.shapes), lambda name: session.run([name]))]
-            self._names = gui.add_text('Sequence', ', '.join(description.shapes))
-            self._motions.append(self._button('Run sequence', self._run_sequence))
-            self._cancel = self._button('Cancel', session.cancel,
-                                        hint='Ends the sequence with every segment stiff')
+            if moves:
+                self._add_shapes(gui, description)
             self._bar = gui.add_progress_bar(0.0, color='green')
             self._sequence = gui.add_html('')
+        with gui.add_folder('Measured shape'):
+            if moves:
+                self._add_loop(gui)
+            self._source = gui.add_html('')
+            self._error = gui.add_html('')
+            self._learned = gui.add_html('')
         with gui.add_folder('Segments'):
             self._segments = gui.add_html('')
-            self._switches: list[Any] = [
-                self._group(f'Segment {segment}', (SOFTEN, STIFFEN),
-                            partial(self._switch, segment))
-                for segment in range(1, len(arm.segments) + 1)]
-            self._switches.append(self._button('Stiffen all', session.stiffen_all))
+            if moves:
+                self._switches = [
+                    *(self._group(f'Segment {segment}', (SOFTEN, STIFFEN),
+                                  partial(self._switch, segment))
+                      for segment in range(1, len(arm.segments) + 1)),
+                    self._button('Stiffen all', self._session.stiffen_all)]
         with gui.add_folder('Tip and sensors'):
+            self._picture = gui.add_html('')
             self._positions = gui.add_html('')
+            gui.add_button_group('Look from', tuple(VIEWS)).on_click(self._look)
         with gui.add_folder('Tendons'):
             self._tendons = gui.add_html('')
-            self._jogs = [self._group(
-                f'{name} [mm]', tuple(f'{step:+g}' for step in STEPS),
-                partial(self._jog, name)) for name in arm.tendon_names]
-            self._hint = gui.add_html('')
-            self._rests = [
-                self._button('Reference', session.reference,
-                             hint='Takes the present pulls as zero. The arm must be straight'),
-                self._button('Reset shape', session.reset,
-                             hint='Takes the arm to be straight, when its shape was not known')]
+            if moves:
+                self._add_tendons(gui, arm.tendon_names)
+
+    def _add_shapes(self, gui: viser.GuiApi, description: Description) -> None:
+        session = self._session
+        if description.shapes:
+            self._motions.append(self._group(
+                'Set', tuple(description.shapes),
+                lambda name: session.run([name], self._chosen_aim)))
+        self._names = gui.add_text('Sequence', ', '.join(description.shapes))
+        self._aim = gui.add_dropdown(
+            'Aim', AIMS, hint='What is to be right in the end, where measurements close the loop: '
+            'the angle of every segment, or the position of the tip')
+        self._motions.append(self._button('Run sequence', self._run_sequence))
+        self._cancel = self._button('Cancel', session.cancel,
+                                    hint='Ends the sequence with every segment stiff')
+
+    def _add_loop(self, gui: viser.GuiApi) -> None:
+        async def switched(event: Any) -> None:
+            if event.client is not None:  # not by show
+                self._session.set_closed_loop(bool(event.target.value))
+
+        self._loop = gui.add_checkbox(
+            'Closed loop', False, hint='Correct every segment that is set by what sensors measure')
+        self._loop.on_update(switched)
+
+    def _add_tendons(self, gui: viser.GuiApi, names: Sequence[str]) -> None:
+        session = self._session
+        self._jogs = [self._group(
+            f'{name} [mm]', tuple(f'{step:+g}' for step in STEPS), partial(self._jog, name))
+            for name in names]
+        self._hint = gui.add_html('')
+        self._rests = [
+            self._button('Reference', session.reference,
+                         hint='Takes the present pulls as zero. The arm must be straight'),
+            self._button('Reset shape', session.reset,
+                         hint='Takes the arm to be straight, when its shape was not known')]
 
     def remove(self) -> None:
         """Take the controls away, to make room for those of another arm."""
@@ -99,6 +163,15 @@ class Panel:
         group.on_click(clicked)
         return group
 
+    async def _look(self, event: Any) -> None:
+        """Move the camera of the browser that asks, of no other."""
+        if (event.target.value in VIEWS and event.client is not None
+                and self._description is not None):
+            camera = event.client.camera
+            camera.position, camera.look_at = viewpoint(
+                self._description.arm, event.target.value)
+            camera.up_direction = (0.0, 0.0, 1.0)
+
     def _switch(self, segment: int, choice: str) -> None:
         self._session.set_stiff(segment, choice == STIFFEN)
 
@@ -106,7 +179,13 @@ class Panel:
         self._session.jog(tendon, float(choice) * 1e-3)
 
     def _run_sequence(self) -> None:
-        self._session.run([name.strip() for name in self._names.value.split(',') if name.strip()])
+        names = [name.strip() for name in self._names.value.split(',')]
+        self._session.run([name for name in names if name], self._chosen_aim)
+
+    @property
+    def _chosen_aim(self) -> str:
+        """The aim that is chosen on the page; a browser may send any text."""
+        return self._aim.value if self._aim.value in AIMS else AIMS[0]
 
     # Bringing it up to date.
 
@@ -117,26 +196,45 @@ class Panel:
 
     def show(self, state: ArmState) -> None:
         """Show what has changed."""
+        if self._playback is not None:
+            self._slider.value = (  # type: ignore[misc]  # it can be set
+                round(self._playback.position, 1))
+            self._play.label = PAUSE if self._playback.playing else PLAY
+        else:
+            recorder = self._session.observed.recorder
+            self._recording.content = html.recording_html(recorder)
+            self._record.label = END if recorder is not None and recorder.recording else RECORD
+            _enable(self._record, recorder is not None)
         self._nodes.content = html.nodes_html(state)
         self._notices.content = html.notices_html(
             list(self._session.notices)[-NOTICES_IN_PANEL:])
         if self._description is None:
             return
         self._segments.content = html.segments_html(state, self._description, self._history)
+        self._picture.content = html.picture_html(self._session.picture.address)
         self._positions.content = html.positions_html(state)
         self._tendons.content = html.tendons_html(state, self._description, self._history)
         self._sequence.content = html.sequence_html(state)
-        self._hint.content = html.jog_hint_html(state)
+        self._source.content = html.source_html(state, self._history)
+        self._error.content = html.error_html(self._history)
+        self._learned.content = html.parameters_html(state.estimate)
         runs = state.progress is not None
         fraction = state.progress.fraction if state.progress else 0.0
         self._bar.value = (  # type: ignore[misc]  # it can be set
             round(100 * min(1.0, max(0.0, fraction))) if isfinite(fraction) else 0.0)
+        if self._playback is not None:
+            return
+        closed = self._session.closed_loop
+        if self._loop.value is not bool(closed):
+            self._loop.value = bool(closed)  # type: ignore[misc]  # it can be set
+        self._hint.content = html.jog_hint_html(state)
         # What would do nothing now is grey.
         may_move = state.stopped == ''
         may_switch = not (runs or state.emergency_stop or state.node(JAMMING_VALVES).stale)
         for control, works in (
                 *((c, may_move and not state.node(SHAPE_SEQUENCER).stale) for c in self._motions),
                 (self._cancel, runs),
+                (self._loop, closed is not None and not state.node(SHAPE_SEQUENCER).stale),
                 *((c, may_switch) for c in self._switches),
                 *((c, may_move and not runs and False in state.stiff) for c in self._jogs),
                 *((c, not runs) for c in self._rests)):

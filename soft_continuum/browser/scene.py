@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is drawn: discs, skins, tendons and the shape that a sequence goes to.
+What is drawn: discs, skins, tendons, what is measured, predicted, and aimed at.
 
 Handles are kept and moved; only what has changed is sent.
 """
@@ -19,10 +19,12 @@ from soft_continuum.colours import (
     GHOST_OPACITY,
     LOCKED,
     MEASURED,
+    PREDICTED,
     segment_colour,
     tension_colour,
     UNKNOWN,
 )
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, orientation, RigidChain
 
 SIDES = 32  # of skins and discs
@@ -31,10 +33,19 @@ PLEAT = 0.03  # of the radius: a skin is seen to bend by its pleats
 SKIN = 0.88  # of the outer diameter, so that discs stand out
 DISC_RADII = np.array([0.0, 1.0, 1.0, 1.0, 1.0, 0.0])  # rings twice, for sharp edges
 DASHES = 9  # in each span of a slack tendon
-SIDE = np.array([0.1, -1.5, 0.1])
-"""From where it is looked at first, over its length: the plane in which it bends is seen."""
+VIEWS = {'side': (0.1, -1.5, 0.1), 'front': (1.5, -0.1, 0.1), 'above': (0.0, -0.3, 1.5)}
+"""From where it can be looked at, over its length; first the plane in which it bends."""
+MAX_PLACE = 100.0  # m or rad, of what is drawn; also not what is not a number
+PIECES = 6  # of an edge of a predicted segment
 OUTLINE = 1.1  # of the radius of the thickest disc
 ROPE = 0.0009  # m, radius of a taut tendon as drawn
+
+
+def viewpoint(arm: Arm, view: str) -> tuple[Array, Array]:
+    """Return from where, and to where, (3,) m, one of VIEWS looks."""
+    axis = np.array([np.sin(arm.mounting_angle), 0.0, np.cos(arm.mounting_angle)])
+    target: Array = 0.5 * arm.length * axis
+    return target + arm.length * np.array(VIEWS[view]), target
 
 
 class Scene:
@@ -49,8 +60,9 @@ class Scene:
         self._joint_angles: tuple[float, ...] = ()  # the last that were received
         self._tensions = (np.nan,) * len(arm.tendon_names)
         self._ghost_line: tuple[tuple[float, float], ...] = ()
+        self._seen_discs: Sequence[Pose | None] = ()
         scene = server.scene
-        length = sum(d.height for d in arm.discs) + sum(s.length for s in arm.segments)
+        length = arm.length
         turn = orientation(arm.mounting_angle)
         root = scene.add_frame('/arm', show_axes=False, wxyz=(turn[3], *turn[:3]))
         self._root = root
@@ -61,11 +73,8 @@ class Scene:
                        cell_color=(222, 226, 230), section_color=(200, 205, 210),
                        plane_color=(250, 250, 250), plane_opacity=1.0, shadow_opacity=0.25,
                        fade_distance=6 * length, position=(0.0, 0.0, ground))
-        axis = np.array([np.sin(arm.mounting_angle), 0.0, np.cos(arm.mounting_angle)])
-        target = 0.5 * length * axis
-        server.initial_camera.look_at = tuple(target)
-        server.initial_camera.position = tuple(
-            target + length * SIDE)
+        server.initial_camera.position, server.initial_camera.look_at = (
+            tuple(place) for place in viewpoint(arm, 'side'))
         server.initial_camera.up = (0.0, 0.0, 1.0)
 
         n = self._chain.joints_per_segment
@@ -91,6 +100,11 @@ class Scene:
             for s in range(self._chain.segments)]
         self._seen = scene.add_line_segments(
             '/arm/seen', np.zeros((1, 2, 3)), MEASURED, thickness=2 * ROPE, visible=False)
+        self._predicted_discs: Sequence[Pose] = ()
+        self._predicted = scene.add_line_segments(
+            '/arm/predicted', np.zeros((1, 2, 3)), PREDICTED, thickness=2 * ROPE, visible=False)
+        self._prediction = scene.add_label('/arm/prediction', 'predicted',
+                                           anchor='center-center', visible=False)
         self._ghost = scene.add_mesh_simple(
             '/arm/ghost', np.zeros((2 * SIDES, 3)), _faces(2), color=GHOST, opacity=GHOST_OPACITY,
             visible=False, cast_shadow=False, side='double')
@@ -115,6 +129,8 @@ class Scene:
             self._colour(stiff, self._tensions)
         self._show_ghost(target if state.progress else ())
         self._show_seen(state.measured_discs)
+        measured = state.estimate is not None and state.estimate.measured
+        self._show_predicted(state.predicted_disc_poses or () if measured else ())
 
     def _move(self, joint_angles: Array) -> None:
         self._discs.vertices = self._disc_vertices(joint_angles).astype(np.float32)
@@ -153,11 +169,47 @@ class Scene:
 
     def _show_seen(self, discs: Sequence[Pose | None]) -> None:
         """Draw an outline around every disc where a sensor sees it, on the side of the camera."""
+        if discs == self._seen_discs:
+            return
+        self._seen_discs = discs
         outlines = [self._outline(n, disc) for n, disc in enumerate(discs)
-                    if disc is not None and n < len(self._chain.arm.discs)]
+                    if disc is not None and n < len(self._chain.arm.discs)
+                    and np.isfinite((disc.x, disc.z, disc.angle)).all()]
         if outlines:
             self._seen.points = np.concatenate(outlines).astype(np.float32)
         self._seen.visible = bool(outlines)
+
+    def _show_predicted(self, poses: Sequence[Pose]) -> None:
+        """Draw the outline of the arm as the model alone has it, on the side of the camera."""
+        if poses == self._predicted_discs:
+            return
+        self._predicted_discs = poses
+        points = np.array([(p.x, p.z, p.angle) for p in poses])
+        known = (len(poses) == 2 * len(self._chain.arm.discs)
+                 and bool((np.abs(points) < MAX_PLACE).all()))
+        if known:
+            self._predicted.points = np.concatenate([
+                *(self._outline(n, poses[2 * n]) for n in range(len(self._chain.arm.discs))),
+                *(self._edges(*points[2 * n + 1:2 * n + 3]) for n in range(self._chain.segments)),
+            ]).astype(np.float32)
+            x, z, angle = points[-1]
+            aside = 0.6 * self._chain.arm.segments[0].outer_diameter
+            self._prediction.position = (x + aside * np.sin(angle), 0.0,
+                                         z + aside * np.cos(angle))
+        self._predicted.visible = self._prediction.visible = known
+
+    def _edges(self, lower: Array, upper: Array) -> Array:
+        """Return both edges of a segment between two poses (x, z, angle), (k, 2, 3) m."""
+        half = 0.5 * SKIN * max(s.outer_diameter for s in self._chain.arm.segments)
+        line = _between(lower, upper)
+        edges = []
+        for side in (-half, half):
+            edge = np.column_stack([line[:, 0] + side * np.cos(line[:, 2]),
+                                    np.full(len(line), -half * OUTLINE),
+                                    line[:, 1] - side * np.sin(line[:, 2])])
+            edges.append(np.stack([edge[:-1], edge[1:]], axis=1))
+        both: Array = np.concatenate(edges)
+        return both
 
     def _outline(self, n: int, pose: Pose) -> Array:
         """Return the four edges of a disc, (4, 2, 3) m."""
@@ -202,6 +254,17 @@ class Scene:
         x, z = line.T
         radius = np.full(len(line), 0.3 * self._chain.arm.segments[0].outer_diameter)
         return _tube(x, z, np.arctan2(np.gradient(x), np.gradient(z)), radius)
+
+
+def _between(lower: Array, upper: Array) -> Array:
+    """Return a smooth line (k, 3) of x, z, angle that leaves and arrives along the poses."""
+    t = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
+    chord = np.hypot(*(upper[:2] - lower[:2]))
+    begin, end = (chord * np.array([np.sin(p[2]), np.cos(p[2])]) for p in (lower, upper))
+    places = ((2 * t**3 - 3 * t**2 + 1) * lower[:2] + (t**3 - 2 * t**2 + t) * begin
+              + (3 * t**2 - 2 * t**3) * upper[:2] + (t**3 - t**2) * end)
+    line: Array = np.column_stack([places, lower[2] + t[:, 0] * (upper[2] - lower[2])])
+    return line
 
 
 def _dashes(points: Array) -> Array:

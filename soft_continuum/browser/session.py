@@ -6,12 +6,13 @@ from collections import Counter, deque
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from math import isfinite
+from math import inf, isfinite
 from time import monotonic, strftime
 from typing import Any, TypeVar
 
 from visualization_msgs.msg import MarkerArray
 
+from soft_continuum.browser.picture import CameraPicture
 from soft_continuum.browser.words import plain
 from soft_continuum.client.errors import (
     ClientError,
@@ -21,19 +22,24 @@ from soft_continuum.client.errors import (
     RefusedError,
     SequenceError,
 )
-from soft_continuum.client.observed import TENDON_STATE
+from soft_continuum.client.estimate import anomaly_text
+from soft_continuum.client.estimate_messages import anomaly_of
+from soft_continuum.client.observed import KINEMATICS_STATE, TENDON_STATE
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.state import SequenceResult
+from soft_continuum.client.state_text import reached_text
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.ros.qos import LATCHED
+from soft_continuum.sequencing.progress import AIMS
 from soft_continuum_interfaces.msg import MotionRequest
 
 T = TypeVar('T')
 
 SEQUENCE_HOLD = 1.0  # s
 MAX_NOTICES = 50
+MAX_ANOMALIES = 20  # of one message that become notices
 MAX_TARGET_POINTS = 1000
 MAX_WAITING = 5  # requests of one title, but of STOP, that wait for an answer
 STOP = 'Stop'
@@ -93,6 +99,7 @@ class Session:
         """Begin without a description."""
         self.requests = requests
         self.observed = requests.observed
+        self.picture = CameraPicture(requests.node)
         self.description: Description | None = None
         self.notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self.target: tuple[tuple[float, float], ...] = ()
@@ -100,12 +107,21 @@ class Session:
         self._description_problem = ''
         self._describing: Future[None] | None = None
         self._motion: MotionRequest | None = None  # the last that was reported
+        self.closed_loop: bool | None = None  # None: not known, or shape_sequencer has none
+        self._anomalies: frozenset[tuple[str, int, int, str]] = frozenset()  # that were reported
         self.observed.on_change(self._on_change)
         subscribe(requests.node, MarkerArray, 'target_markers', self._on_target, LATCHED)
 
-    def notify(self, title: str, text: str, *, is_problem: bool = False) -> None:
-        """Add a notice; one that says the same as the last takes its place."""
+    def notify(self, title: str, text: str, *, is_problem: bool = False, in_bar: bool = True
+               ) -> None:
+        """
+        Add a notice; one that says the same as the last takes its place.
+
+        in_bar: whether the bar shows it while it is new.
+        """
         notice = Notice(plain(title), plain(text), is_problem)
+        if not in_bar:
+            notice = replace(notice, time=-inf)
         last = self.notices[-1] if self.notices else None
         if last and (last.title, last.text) == (notice.title, notice.text):
             notice = replace(notice, count=last.count + 1)
@@ -117,7 +133,9 @@ class Session:
         self.target = tuple(p for p in points if all(map(isfinite, p)))
 
     def _on_change(self, topic: str) -> None:
-        """Report every motion that ended early for a reason that nobody asked for."""
+        """Report what is wrong, and what motion ended early for a reason that nobody asked for."""
+        if topic == KINEMATICS_STATE:
+            self._report_anomalies()
         if topic != TENDON_STATE:
             return
         before, now = self._motion, self.observed.message(TENDON_STATE).accepted
@@ -125,6 +143,15 @@ class Session:
         if (before not in (None, now) and now.status == MotionRequest.ENDED
                 and now.reason not in EXPECTED_ENDS):
             self.notify('Motion ended', now.message, is_problem=True)
+
+    def _report_anomalies(self) -> None:
+        """Add a notice for every anomaly that is new; the bar shows them as long as they last."""
+        message = self.observed.message(KINEMATICS_STATE)
+        now = {(a.cause, a.segment, a.disc, a.tendon): a  # its size and text may always change
+               for a in map(anomaly_of, message.anomalies[:MAX_ANOMALIES])}
+        for key in now.keys() - self._anomalies:
+            self.notify('Alarm', anomaly_text(now[key]), is_problem=True, in_bar=False)
+        self._anomalies = frozenset(now)
 
     # What the nodes were started with.
 
@@ -142,6 +169,7 @@ class Session:
             values = await self.requests.parameters(
                 SHAPE_SEQUENCER, ['ambient_pressure', 'tension_limit'])
             self.description = Description(arm, shapes, **values)
+            self.closed_loop = await self.requests.closed_loop()
             self._description_problem = ''
         except (NodesMissingError, NoAnswerError):
             pass  # the page says which nodes do not run
@@ -181,12 +209,28 @@ class Session:
         """Pull a tendon by ``change`` m further, negative: pay out."""
         self._start('Jog', self.requests.jog({tendon: change}))
 
-    def run(self, names: Sequence[str]) -> None:
-        """Set shapes of the library one after the other."""
+    def run(self, names: Sequence[str], aim: str = AIMS[0]) -> None:
+        """Set shapes of the library one after the other; aim: one of AIMS."""
         def done(result: SequenceResult) -> None:
-            self.notify('Sequence done', f'shapes reached: {result.shapes_completed}')
+            self.notify('Sequence done', f'shapes reached: {result.shapes_completed}'
+                        if result.reached is None else
+                        reached_text(result.reached).replace('+-', '±'))
 
-        self._start('Sequence', self.requests.run(names, SEQUENCE_HOLD), done)
+        self._start('Sequence', self.requests.run(names, SEQUENCE_HOLD, aim), done)
+
+    def set_closed_loop(self, closed: bool) -> None:
+        """Let sequences be corrected by measurements, or not."""
+        def done(_: None) -> None:
+            self.closed_loop = closed
+            self.notify('Loop', 'sequences are corrected by measurements' if closed else
+                        'sequences run by the model alone')
+
+        self._start('Loop', self.requests.set_closed_loop(closed), done)
+
+    def record(self) -> None:
+        """Begin a recording, or end the one that runs."""
+        state = self.observed.recorder
+        self._trigger('Recording', self.requests.record(state is None or not state.recording))
 
     def cancel(self) -> None:
         """Cancel every running sequence, whoever started it."""

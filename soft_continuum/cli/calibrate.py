@@ -16,7 +16,7 @@ from typing import Any
 
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, WRONG_USAGE
-from soft_continuum.cli import calibrate_camera
+from soft_continuum.cli import calibrate_camera, calibrate_load_cells
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number, one_of
 from soft_continuum.hardware.calibration import (
@@ -38,7 +38,7 @@ from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_rig, write_parameters
 from soft_continuum.parameters.nodes import jamming_settings
 from soft_continuum.parameters.parameter import as_yaml
-from soft_continuum.ros.names import CAMERA
+from soft_continuum.ros.names import CAMERA, LOAD_CELLS
 
 NAME = 'calibrate'
 GUIDE = 'docs/how_to/set_up_a_rig.md'
@@ -49,6 +49,8 @@ NAMES = tuple(name.removesuffix('_tendon') for name in TENDONS)
 PULLED_IN, PAID_OUT = 'pulled-in', 'paid-out'
 DIRECTIONS = {PULLED_IN: 1.0, PAID_OUT: -1.0, 'pulled': 1.0, 'let-out': -1.0}
 """Sign by what was seen; the last two are the words of version 0.1."""
+OF_SENSORS = {CAMERA: calibrate_camera.main, LOAD_CELLS: calibrate_load_cells.main}
+WITH_VALUE = ('--output', '--params-file', '--namespace')
 APPLIES = {'measured': 'steps', 'distance': 'steps', 'seen': 'signs', 'take_up': 'zero',
            'leak_time': 'vacuum'}
 """Which option belongs to which procedure."""
@@ -67,17 +69,17 @@ class Job:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status, FAILED if the rig failed."""
     words = sys.argv[1:] if argv is None else argv
-    if CAMERA in words:  # of which the other procedures know nothing
-        at = list(words).index(CAMERA)
-        return calibrate_camera.main([*words[:at], *words[at + 1:]])
+    for at, word in enumerate(words):
+        if word in OF_SENSORS and words[at - 1] not in WITH_VALUE:  # nothing as with the rest
+            return OF_SENSORS[word]([*words[:at], *words[at + 1:]])
     parser = Parser(NAME, 'Measure a rig: steps/mm and signs of the steppers, the zero of the '
                     'tendons, pump and segments. Results are a parameter file to give to the '
                     'nodes after the others.', *FOR_ANALYSIS)
     per_tendon: dict[str, Any] = {
         'nargs': len(NAMES), 'metavar': tuple(name.upper() for name in NAMES)}
-    parser.add_argument('what', choices=[*PROCEDURES, 'all', CAMERA],
+    parser.add_argument('what', choices=[*PROCEDURES, 'all', *OF_SENSORS],
                         help='what to measure; all: vacuum, signs, steps, zero; '
-                        f'{CAMERA}: see {NAME} {CAMERA} --help')
+                        f'{" and ".join(OF_SENSORS)}: see {NAME} {CAMERA} --help')
     parser.add_argument('--yes', action='store_true',
                         help='everything is safe and prepared: ask nothing')
     parser.add_argument('--measured', type=number_in(0.01, 1000.0, 'mm'), **per_tendon,

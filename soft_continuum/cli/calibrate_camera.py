@@ -12,7 +12,8 @@ from soft_continuum.analysis.results import reserve_outputs
 from soft_continuum.arguments import FOR_ANALYSIS, Parser
 from soft_continuum.cli.common import run_verb
 from soft_continuum.sensing.opencv import require_opencv
-from soft_continuum.sensing.sources import is_device, Picture, pictures
+from soft_continuum.sensing.pictures import Picture
+from soft_continuum.sensing.sources import is_device, pictures
 
 FILE = 'camera.yaml'
 SECONDS, PERIOD = 30.0, 0.5  # s for which a device is looked at, and between two pictures

@@ -7,7 +7,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 import sys
 
+from soft_continuum.analysis.bag_tables import read_recording
 from soft_continuum.analysis.delimited import MeasurementError
+from soft_continuum.analysis.recording import Recording
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.analysis.unknowns import IdentificationError
 from soft_continuum.arguments import DONE, FOR_ANALYSIS, INTERRUPTED, Parser, WRONG_USAGE
@@ -21,6 +23,7 @@ from soft_continuum.sensing.lens import LensError
 from soft_continuum.sensing.opencv import OpenCVError
 from soft_continuum.sensing.sources import SourceError
 
+BESIDE = Path('RECORDING')  # as --output: where the recording is
 BAD_INPUT = (MeasurementError, IdentificationError, ResultError, ParameterError, ArmError,
              LawError, StaticsError, LensError, SourceError)
 
@@ -32,6 +35,29 @@ def shapes_parser(name: str, description: str, known: str) -> Parser:
     parser.add_argument('pulls', type=Path,
                         help=f'CSV file: shape, segment, right, left and, if known, {known}')
     return parser
+
+
+def recording_parser(name: str, description: str) -> Parser:
+    """Return the parser of a verb on a recording, which writes beside that by default."""
+    parser = Parser(name, description, '--namespace', '--output', '--force')
+    parser.add_argument('recording', type=Path, metavar='RECORDING',
+                        help='directory that record wrote, or an MCAP file')
+    parser.set_defaults(output=BESIDE)
+    return parser
+
+
+def given_recording(options: argparse.Namespace, done: str) -> tuple[Recording, Path]:
+    """
+    Read the recording of recording_parser; return it, and the directory of the results.
+
+    done: what becomes of one whose end is missing, as is said then.  Raises MeasurementError.
+    """
+    path: Path = options.recording
+    recording = read_recording(path, options.namespace)
+    if recording.damage:
+        print(f'{path}: {recording.damage}; what comes before {done}', file=sys.stderr)
+    beside = path if path.is_dir() else path.parent
+    return recording, beside if options.output is BESIDE else options.output
 
 
 def described_arm(options: argparse.Namespace) -> tuple[dict[str, Value], Arm]:
@@ -53,6 +79,8 @@ def run_verb(parser: Parser, run: Callable[[argparse.Namespace], int | None],
     except BrokenPipeError:
         raise
     except OSError as error:
+        if isinstance(error, TimeoutError) and error.errno is None:  # of nodes, not of a disk
+            raise
         return parser.fail(
             f'{error.filename or options.output}: cannot be written: {error.strerror}; choose '
             'another directory with --output', WRONG_USAGE)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``doctor``: checks a rig step by step, without ROS; moves and switches nothing."""
+"""``doctor``: checks a rig step by step, or the sensors of a running arm; moves nothing."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -10,7 +10,14 @@ from pathlib import Path
 import sys
 from time import monotonic
 
-from soft_continuum.arguments import DONE, FAILED, in_verbs, INTERRUPTED, Parser
+from soft_continuum.arguments import (
+    DONE,
+    FAILED,
+    in_verbs,
+    INTERRUPTED,
+    number_in,
+    Parser,
+)
 from soft_continuum.hardware.checks import (
     Check,
     check_jamming,
@@ -23,16 +30,28 @@ from soft_continuum.hardware.checks import (
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.text import printable
 
+LISTENING = 3.0  # s
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status, FAILED if a check failed."""
     parser = Parser('doctor', 'Check parameter files, model, ports, firmware, settings, valves '
                     'and sensors step by step. Nothing is moved or switched. Nodes that use the '
-                    'rig must not run.', '--params-file', '--json')
+                    'rig must not run, but with --sensors they must.', '--params-file', '--json',
+                    '--namespace')
+    parser.add_argument('--sensors', action='store_true',
+                        help='check cameras, trackers, IMUs and load cells while the nodes run')
+    parser.add_argument('--duration', type=number_in(1.0, 60.0, 's'), default=None, metavar='S',
+                        help='how long --sensors listens (default: 3 s)')
     options = parser.parse_args(argv)
+    if options.sensors and options.params_file:
+        parser.error('--params-file is for a rig whose nodes do not run, not for --sensors')
+    if (options.namespace or options.duration is not None) and not options.sensors:
+        parser.error('--namespace and --duration need --sensors')
     found: list[Check] = []
     try:
-        for check in checks(options.params_file):
+        for check in (_sensor_checks(options.namespace, options.duration or LISTENING)
+                      if options.sensors else checks(options.params_file)):
             found.append(check)
             if not options.json:
                 message = printable(in_verbs(check.message))
@@ -48,6 +67,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         warned = sum(check.status == WARN for check in found)
         print(f'\n{len(found)} checks: {failed} failed, {warned} to be looked at')
     return FAILED if failed else DONE
+
+
+def _sensor_checks(namespace: str, duration: float) -> Iterator[Check]:
+    try:
+        from soft_continuum.cli.doctor_sensors import sensor_checks
+    except ModuleNotFoundError as error:
+        yield Check('sensors', FAIL, f'{error.name} is not there; source ROS 2 and the workspace')
+        return
+    yield from sensor_checks(namespace, duration)
 
 
 def checks(paths: Sequence[Path]) -> Iterator[Check]:
@@ -75,16 +103,20 @@ def _check_model() -> Check:
     try:
         # Here, not above: an installation that cannot compile is to be diagnosed too.
         statics = import_module('soft_continuum.mechanics.statics')
-        compiling = import_module('soft_continuum.mechanics._compile')
-        if not compiling.is_compiled():
-            print('compiling the model, which takes about half a minute once ...', file=sys.stderr)
+        kernel = import_module('soft_continuum.mechanics._kernel')
+        if kernel.must_build():
+            print('compiling the model, which takes up to a minute once ...', file=sys.stderr)
         statics.warm_up()
+        runs_in = kernel.functions().runs_in
     except Exception as error:  # numba and its compiler fail in many ways
         return Check(step, FAIL, f'does not compile: {type(error).__name__}: {_first(error)}; '
                      'check that ~/.cache can be written to, and the versions of numba and NumPy')
-    if not compiling.COMPILED:
+    if runs_in == 'python':
         return Check(step, WARN, 'works, but numba is not installed, so it runs many times '
                      'slower; install python3-numba (apt) or numba (pip)')
+    if runs_in == 'numba':
+        return Check(step, WARN, 'works, but every start takes seconds longer, since it could not '
+                     f'be built: {kernel.why_not_built()}')
     return Check(step, OK, f'compiled, ready after {monotonic() - begin:.1f} s')
 
 

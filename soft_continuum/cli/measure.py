@@ -16,6 +16,7 @@ from soft_continuum import version
 from soft_continuum.analysis.results import reserve_outputs, ResultError
 from soft_continuum.arguments import FAILED, NO_NODES, number_in, Parser
 from soft_continuum.cli.common import run_verb
+from soft_continuum.sensing.layout import directions
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
@@ -31,7 +32,8 @@ Pulls = tuple[float, ...]
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
     parser = Parser('measure', 'Set shapes one after the other, each from the straight arm, and '
-                    'measure the discs by disc_N/measured_pose (the node camera). Writes '
+                    'measure the discs by disc_N/measured_pose (the nodes camera and '
+                    'disc_sensors). Writes '
                     f'{" and ".join(FILES)} for identify and validate.', '--namespace',
                     '--timeout', '--output', '--force')
     parser.add_argument('shapes', nargs='*', metavar='SHAPE',
@@ -55,7 +57,7 @@ def _run(options: argparse.Namespace) -> None:
         for name in options.shapes:
             if name not in known:
                 raise ResultError(f'no shape is called {name!r}; known: {", ".join(known)}')
-        arm.measure(max(CHECK, options.duration))  # before anything moves
+        _with_position(arm.measure(max(CHECK, options.duration)))  # before anything moves
         _measure_all(arm, options.shapes or [n for n in known if any(known[n])], options, paths)
     print(f'written: {", ".join(map(str, paths))}')
 
@@ -99,21 +101,32 @@ def _set_and_measure(arm: 'Arm', name: str, duration: float
             steps[now.segment] = arm.state.pulls or ()
         if now.phase == Phase.HOLDING and not discs:
             sleep(SETTLING)
-            discs = arm.measure(duration)
+            discs = _with_position(arm.measure(duration))
     running.result()
     if not discs or not steps or not all(steps.values()):
         raise ClientError(f'{name} was set too quickly to be followed; measure it again')
     return steps, discs
 
 
+def _with_position(discs: 'dict[int, MeasuredDisc]') -> 'dict[int, MeasuredDisc]':
+    """Return the discs of which the position is measured; raises ClientError without any."""
+    from soft_continuum.client.errors import ClientError
+    found = {n: disc for n, disc in discs.items() if disc.has_position}
+    if not found:
+        raise ClientError('only angles of the discs are measured; points need positions, by a '
+                          'camera or a tracker')
+    return found
+
+
 def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'Description') -> list[str]:
-    """Return the bottom and the top of each disc as rows."""
+    """Return the bottom and the top of each disc as rows; without its angle the bottom only."""
     rows = []
     for n, disc in discs.items():
         x, z, angle = disc.pose
-        up = arm.discs[n].height * np.array([np.sin(angle), np.cos(angle)])
+        up = arm.discs[n].height * directions(angle)[1]
         deviation = float(np.hypot(*disc.deviation[:2])) * 1e3
         for point, place in ((2 * n + 1, (x, z)), (2 * n + 2, (x + up[0], z + up[1]))):
-            rows.append(f'{name},{point},{place[0] * 1e3:.4f},{place[1] * 1e3:.4f},'
-                        f'{deviation:.4f}')
+            if np.isfinite(place).all():
+                rows.append(f'{name},{point},{place[0] * 1e3:.4f},{place[1] * 1e3:.4f},'
+                            f'{deviation:.4f}')
     return rows

@@ -25,6 +25,7 @@ from soft_continuum.arguments import (
 from soft_continuum.cli.completion import cache_shapes, cached_shapes
 from soft_continuum.cli.output import Output
 from soft_continuum.cli.registry import VERBS
+from soft_continuum.sequencing.progress import AIMS
 from soft_continuum.text import MAX_NAME, printable
 
 if TYPE_CHECKING:
@@ -115,12 +116,18 @@ def _run_options(parser: Parser) -> None:
                         'degrees, to set after the named shapes; may be repeated')
     parser.add_argument('--hold', type=number_in(0.0, 86400.0, 's'), default=0.0, metavar='S',
                         help='how long each shape is held (default: 0 s)')
+    parser.add_argument('--aim', choices=AIMS, default=AIMS[0],
+                        help='what is to be right in the end, where measurements close the loop: '
+                        'the angle of every segment, or the position of the tip (default: '
+                        '%(default)s)')
 
 
 def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
     """Set shapes; the first Ctrl-C cancels and waits for the arm to come to rest."""
     from soft_continuum.client.errors import SequenceError
-    sequence = arm.start(*options.shapes, *options.angles, hold=options.hold)
+    from soft_continuum.client.state_text import reached_text
+    sequence = arm.start(*options.shapes, *options.angles, hold=options.hold,
+                         aim=options.aim)
     before: Progress | None = None
     interrupted = False
     try:
@@ -134,7 +141,8 @@ def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
                 output.print('canceling; Ctrl-C again leaves at once')
             sequence.cancel()
         result = sequence.result(CANCEL_TIMEOUT)
-        output.print('done', result='done', **asdict(result))
+        reached = f'\n{reached_text(result.reached)}' if result.reached else ''
+        output.print(f'done{reached}', result='done', **asdict(result))
         return DONE
     except SequenceError as error:
         if output.as_json:

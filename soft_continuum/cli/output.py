@@ -50,19 +50,28 @@ class Output:
             return
         segment = f'segment {now.segment}' if now.segment else 'whole arm'
         text = f'{100 * now.fraction:3.0f} %  {now.shape}, {segment}: {now.phase}'
+        if now.correction:
+            text += f', correction {now.correction}'
+        if now.error is not None:
+            from soft_continuum.client.state_text import error_text
+            text += f', {error_text(now.error, now.aim)} off'
         if sys.stdout.isatty():
             full = round(BAR_LENGTH * now.fraction)
             line = f'[{"#" * full}{"." * (BAR_LENGTH - full)}] {text}'
             print(f'\r{line:<{len(self._bar)}}', end='', flush=True)
             self._bar = line
-        elif before is None or (now.shape_index, now.segment, now.phase) != (
-                before.shape_index, before.segment, before.phase):
+        elif before is None or _step(now) != _step(before):
             print(text, flush=True)
 
     def _end_bar(self) -> None:
         if self._bar:
             print(flush=True)
             self._bar = ''
+
+
+def _step(now: 'Progress') -> tuple[object, ...]:
+    """Return what is worth a line of its own."""
+    return now.shape_index, now.segment, now.phase, now.correction
 
 
 def _plain(value: Any) -> Any:

@@ -26,8 +26,8 @@ def ask(question: str, read: Callable[[str], T]) -> T:
             print(error, flush=True)
         except EOFError:
             raise DeclinedError(
-                'no answer came; use a terminal, or give the answers as options: --yes, '
-                '--measured, --seen, --take-up') from None
+                'no answer came; use a terminal, or give the answers as options; --help shows '
+                'them') from None
 
 
 def confirm(text: str, yes: bool) -> None:

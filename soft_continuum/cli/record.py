@@ -1,31 +1,33 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``record``: what the nodes publish, as CSV files for ``report``."""
+"""``record``: what the nodes publish, as an MCAP file."""
 
 from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 
-from soft_continuum.analysis.recording import DESCRIPTION, FILES
+from soft_continuum.analysis.recording import BAG
 from soft_continuum.analysis.results import reserve_outputs, ResultError
 from soft_continuum.arguments import number_in, Parser, WRONG_USAGE
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
-    parser = Parser('record', 'Record tendons, points, pressures, stiffness and progress of a '
-                    'running arm into CSV files, until Ctrl-C.', '--namespace', '--output',
-                    '--force')
+    parser = Parser('record', f'Record everything that a running arm publishes into {BAG}, until '
+                    'Ctrl-C. report, export and replay read it, ros2 bag, Foxglove and '
+                    'PlotJuggler too.', '--namespace', '--output', '--force')
     parser.add_argument('--duration', type=number_in(0.1, 1e6, 's'), metavar='S', default=inf,
                         help='end after so many seconds')
     parser.add_argument('--goal', action='store_true',
                         help='end when the goal that runs, or begins next, has ended')
+    parser.add_argument('--pictures', action='store_true',
+                        help='record the pictures of cameras too: tens of MB per second')
     parser.set_defaults(output=Path('recording'))
     options = parser.parse_args(argv)
     try:
-        reserve_outputs(options.output, [*FILES, DESCRIPTION], options.force)
+        path, = reserve_outputs(options.output, [BAG], options.force)
     except ResultError as error:
         return parser.fail(error, WRONG_USAGE)
-    from soft_continuum.client.recorder import record  # needs ROS
-    return record(options.output, namespace=options.namespace, duration=options.duration,
-                  goal=options.goal)
+    from soft_continuum.recordings.record import record  # needs ROS
+    return record(path, namespace=options.namespace, duration=options.duration,
+                  goal=options.goal, pictures=options.pictures)

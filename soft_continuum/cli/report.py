@@ -4,35 +4,40 @@
 
 import argparse
 from collections.abc import Sequence
-import os
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from soft_continuum.analysis.recording import DESCRIPTION, read_recording
 from soft_continuum.analysis.report import MAX_SHAPES, report_html
 from soft_continuum.analysis.results import reserve_outputs, text_table
-from soft_continuum.arguments import Parser
-from soft_continuum.cli.common import run_verb
+from soft_continuum.cli.common import given_recording, recording_parser, run_verb
 from soft_continuum.parameters.files import load_description
-
-IN_RECORDING = Path('RECORDING')
+from soft_continuum.parameters.parameter import ParameterError, Value
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
-    parser = Parser('report', 'Write a page with the figures and tables of a recording.',
-                    '--output', '--force')
-    parser.add_argument('recording', type=Path, metavar='RECORDING',
-                        help='directory that record wrote')
+    parser = recording_parser('report', 'Write a page with the figures and tables of a recording.')
     parser.add_argument('--title', default='', help='title of the page')
-    parser.set_defaults(output=IN_RECORDING)
     return run_verb(parser, _run, argv)
 
 
+def description_in(text: str, recording: Path) -> dict[str, Value]:
+    """Return the parameters of a recorded arm, none of an unknown one; raises ParameterError."""
+    if not text:
+        return {}
+    with TemporaryDirectory() as directory:
+        path = Path(directory, 'description.yaml')
+        path.write_text(text, encoding='utf-8')
+        try:
+            return load_description(path)
+        except ParameterError as error:
+            raise ParameterError(str(error).replace(
+                str(path), f'the description in {recording}')) from None
+
+
 def _run(options: argparse.Namespace) -> None:
-    recording = read_recording(options.recording)
-    described = options.recording / DESCRIPTION
-    values = load_description(described) if os.path.lexists(described) else {}
-    folder = options.recording if options.output is IN_RECORDING else options.output
+    recording, folder = given_recording(options, 'is reported')
+    values = description_in(recording.description, options.recording)
     page, = reserve_outputs(folder, ['report.html'], options.force)
     title = options.title or f'Run in {options.recording.resolve().name}'
     page.write_text(report_html(recording, title, values), encoding='utf-8')

@@ -24,12 +24,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> None:
     require_opencv()
-    from soft_continuum.parameters.arm import arm_from_parameters
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
     from soft_continuum.sensing.layout import TagLayout
-    values = load_description(*options.params_file, node=CAMERA)
-    layout = TagLayout.of(arm_from_parameters(values), values)
+    layout = TagLayout.of(load_description(*options.params_file, node=CAMERA))
     path, = reserve_outputs(options.output, [f'{NAME}.pdf'], options.force)
     from soft_continuum.sensing.printing import write_tags
     write_tags(path, layout)

@@ -3,11 +3,10 @@
 """``twin_camera``: a simulated camera before the twin, on the topics of any camera driver."""
 
 from collections.abc import Sequence
-import threading
+from contextlib import ExitStack
 
-from soft_continuum.arguments import DONE, number_in, Parser, WRONG_USAGE
-from soft_continuum.cli.twin import add_preset_options, chosen_differences
-from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.arguments import number_in, Parser
+from soft_continuum.cli.twin import add_preset_options, chosen_differences, serve
 from soft_continuum.sensing.opencv import OpenCVError, require_opencv
 
 RATE = 10.0  # Hz
@@ -27,32 +26,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         require_opencv()
     except OpenCVError as error:
         return parser.fail(error)
-    from soft_continuum.client.connection import Connection
-    from soft_continuum.client.errors import ClientError
     from soft_continuum.nodes.up import description_file
-    from soft_continuum.parameters.arm import arm_from_parameters
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
     from soft_continuum.sensing.layout import TagLayout
     from soft_continuum.twin.camera import TwinCamera
-    from soft_continuum.twin.differences import TwinError
     from soft_continuum.twin.pictures import Pictures
-    connection = None
-    try:
-        values = load_description(*options.params_file or [description_file()], node=CAMERA)
-        layout = TagLayout.of(arm_from_parameters(values), values)
+
+    def begin(running: ExitStack) -> None:
+        layout = TagLayout.of(load_description(
+            *options.params_file or [description_file()], node=CAMERA))
         camera = TwinCamera(layout, chosen_differences(options))
-        connection = Connection('twin_camera', options.namespace)
-        Pictures(connection, camera, options.rate).start()
+        running.enter_context(Pictures(camera, options.rate, options.namespace))
         print('Simulated pictures on camera/image_raw. Ctrl-C ends it.', flush=True)
-        threading.Event().wait()
-    except (ClientError, ParameterError, TwinError) as error:
-        return parser.fail(error, WRONG_USAGE)
-    except OSError as error:
-        return parser.fail(error)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        if connection is not None:
-            connection.close()
-    return DONE
+
+    return serve(parser, begin)

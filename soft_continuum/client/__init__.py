@@ -17,13 +17,24 @@ from soft_continuum.client.errors import (
     RefusedError,
     SequenceError,
 )
+from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
 from soft_continuum.client.sequence import RunningSequence
-from soft_continuum.client.state import ArmState, NodeReport, Pose, Progress, SequenceResult
+from soft_continuum.client.state import (
+    ArmState,
+    NodeReport,
+    Pose,
+    Progress,
+    Reached,
+    SequenceResult,
+)
 
 __all__ = [
+    'Anomaly',
     'Arm',
     'ArmState',
     'ClientError',
+    'Estimate',
+    'LearnedParameter',
     'LostError',
     'MotionEndedError',
     'NoAnswerError',
@@ -31,6 +42,7 @@ __all__ = [
     'NodesMissingError',
     'Pose',
     'Progress',
+    'Reached',
     'RefusedError',
     'RunningSequence',
     'SequenceError',

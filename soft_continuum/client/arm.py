@@ -13,7 +13,9 @@ from typing import Any, TYPE_CHECKING, TypeVar
 
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError, NoAnswerError
-from soft_continuum.client.tasks import until
+from soft_continuum.client.tasks import running_nodes, until
+from soft_continuum.ros.names import TWIN
+from soft_continuum.sequencing.progress import AIMS
 
 if TYPE_CHECKING:  # stop must not wait for any of these
     from matplotlib.axes import Axes
@@ -170,37 +172,38 @@ class Arm:
 
         Means over ``duration`` s.  Raises ClientError when no disc is measured.
         """
-        return self._do(self._measure(len(self.description.discs), duration))
+        return self._do(self._measure(duration))
 
-    async def _measure(self, discs: int, duration: float) -> 'dict[int, MeasuredDisc]':
+    async def _measure(self, duration: float) -> 'dict[int, MeasuredDisc]':
         from soft_continuum.client.measured import MeasuredArm
+        observed = await self._requests.observe()
         if self._measured is None:
-            self._measured = MeasuredArm(self._connection.node, discs)
-        discs_message = (await self._requests.observe()).message('disc_poses')
-        frame = discs_message.header.frame_id if discs_message is not None else ''
-        return await self._measured.measure(duration, frame)
+            self._measured = MeasuredArm(observed, self._connection.node.get_clock())
+        return await self._measured.measure(duration)
 
     @property
     def is_simulated(self) -> bool:
         """Whether a twin publishes beside the nodes."""
-        node = self._connection.node
-        return ('twin', node.get_namespace()) in node.get_node_names_and_namespaces()
+        return running_nodes(self._connection.node, [TWIN])[TWIN]
 
     # Sequences of shapes.
 
-    def run(self, *shapes: str | Sequence[float], hold: float = 0.0,
+    def run(self, *shapes: str | Sequence[float], hold: float = 0.0, aim: str = AIMS[0],
             progress: 'Callable[[Progress], object] | None' = None) -> 'SequenceResult':
         """
         Set one shape after the other, hold each for ``hold`` s; return when all is done.
 
         shapes: names in the library, or bending angles (rad) of each segment, base first.
+        aim: what is to be right in the end where measurements close the loop: 'angles' of every
+        segment, or the position of the 'tip', at other angles if need be.
         progress: called whenever it has changed.
+        The ``reached`` of the result says where the last shape ended, measured or predicted.
 
         Raises RefusedError before anything moves, SequenceError when it ends early, LostError
         when the shape_sequencer reports nothing any more.  When the wait is left by an exception,
         such as KeyboardInterrupt, the sequence is canceled.
         """
-        sequence = self.start(*shapes, hold=hold)
+        sequence = self.start(*shapes, hold=hold, aim=aim)
         try:
             for now in sequence.updates():
                 if progress is not None:
@@ -210,11 +213,25 @@ class Arm:
             self._end(sequence)
             raise
 
-    def start(self, *shapes: str | Sequence[float], hold: float = 0.0) -> 'RunningSequence':
+    def start(self, *shapes: str | Sequence[float], hold: float = 0.0, aim: str = AIMS[0]
+              ) -> 'RunningSequence':
         """Send a sequence as ``run`` does; return as soon as it is accepted."""
-        sequence = self._do(self._requests.send(shapes, hold))
+        sequence = self._do(self._requests.send(shapes, hold, aim))
         self._sequences = [s for s in self._sequences if not s.done] + [sequence]
         return sequence
+
+    @property
+    def closed_loop(self) -> bool | None:
+        """
+        Whether sequences are corrected by measurements; None where shape_sequencer cannot.
+
+        It can be set; raises RefusedError where shape_sequencer has no such parameter.
+        """
+        return self._do(self._requests.closed_loop())
+
+    @closed_loop.setter
+    def closed_loop(self, closed: bool) -> None:
+        self._do(self._requests.set_closed_loop(closed))
 
     # Segments.
 

@@ -11,6 +11,7 @@ import os
 from pathlib import Path
 import signal
 import sys
+from time import sleep
 
 import numpy as np
 
@@ -18,18 +19,19 @@ from soft_continuum.analysis.figures import shapes_figure
 from soft_continuum.arguments import Parser, WRONG_USAGE
 from soft_continuum.client.arm import Arm
 from soft_continuum.client.errors import ClientError
+from soft_continuum.client.measured import MeasuredDisc
 from soft_continuum.client.sequence import RunningSequence
 from soft_continuum.client.state import ArmState, Progress
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.chain import RigidChain
 from soft_continuum.nodes.processes import NodeProcesses
-from soft_continuum.nodes.twin_process import add_twin_option, twin_process
-from soft_continuum.nodes.up import description_file
+from soft_continuum.nodes.twin_process import add_twin_options, twin_process
+from soft_continuum.nodes.up import chosen_nodes, description_file
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.names import NODES
 from soft_continuum.sequencing.progress import Phase
 
 HOLD = 0.5  # s
+SETTLING, MEASURING = 0.5, 1.5  # s
 STARTING_TIMEOUT = 60.0  # s: the model may have to be compiled
 
 
@@ -38,12 +40,14 @@ def main() -> int:
     parser = Parser('demo', 'Set the three shapes of the paper on a simulated rig.')
     parser.add_argument('--picture', type=Path, default=Path('demo_shapes.png'),
                         help='where to write the picture (default: %(default)s)')
-    add_twin_option(parser)
+    add_twin_options(parser)
     options = parser.parse_args()
     if not options.picture.resolve().parent.is_dir():
         parser.error(f'--picture {options.picture}: there is no such directory')
     if options.picture.is_symlink():
         parser.error(f'--picture {options.picture} is a link; name the file that it leads to')
+    if options.camera and not options.twin:
+        parser.error('--camera needs --twin here: nothing else can be seen')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     rig = f'the twin, preset {options.twin}' if options.twin else 'a simulated rig'
     print(f'Starting the four nodes on {rig} ...', flush=True)
@@ -52,12 +56,12 @@ def main() -> int:
     arguments = ['demo', '--ros-args', '-r', f'__ns:=/{namespace}',
                  '--params-file', str(description_file()), '--log-level', 'error']
     try:
-        with (twin_process(options.twin, namespace=namespace) as driving,
-              NodeProcesses(NODES, arguments + driving),
+        with (twin_process(options.twin, namespace=namespace, camera=options.camera) as driving,
+              NodeProcesses(chosen_nodes(options), arguments + driving),
               Arm(namespace, timeout=STARTING_TIMEOUT) as arm):
             if driving:
                 _take_as_straight(arm)
-            _run(arm, options.picture)
+            _run(arm, options.picture, camera=options.camera)
     except KeyboardInterrupt:
         print('\ninterrupted; everything that was started has ended')
         return 130
@@ -76,17 +80,20 @@ def _take_as_straight(arm: Arm) -> None:
     arm.reference()
 
 
-def _run(arm: Arm, picture: Path) -> None:
+def _run(arm: Arm, picture: Path, *, camera: bool) -> None:
     """Run the shapes, print a table for each and write the picture."""
     arm.wait_for(lambda state: state.pulls and state.tip and None not in state.stiff)
     description, shapes = arm.description, arm.shapes
-    reached = _follow(arm, arm.start(*shapes, hold=HOLD))
+    hold = HOLD + SETTLING + MEASURING if camera else HOLD
+    reached, measured = _follow(arm, arm.start(*shapes, hold=hold), camera=camera)
     for name, angles in shapes.items():
         state = reached[name]
         print(f'\n{name}: {", ".join(f"{np.degrees(a):+.1f}" for a in angles)} degrees')
         print('                               x in mm   z in mm   tangent in degrees')
         poses = [(f'end of segment {i}, rigid chain', pose.x, pose.z, pose.angle)
                  for i, pose in enumerate(state.segment_poses or (), start=1)]
+        poses += [(f'end of segment {n}, measured', *disc.pose.tolist())
+                  for n, disc in measured.get(name, {}).items() if n]
         if state.tip is not None:
             poses.append(('tip, rigid chain', state.tip.x, state.tip.z, state.tip.angle))
         poses.append(('tip, constant curvature',
@@ -101,17 +108,31 @@ def _run(arm: Arm, picture: Path) -> None:
           f'Picture: {picture}')
 
 
-def _follow(arm: Arm, running: RunningSequence) -> dict[str, ArmState]:
-    """Show the progress; return the state in which each shape was held."""
+def _follow(arm: Arm, running: RunningSequence, *, camera: bool
+            ) -> tuple[dict[str, ArmState], dict[str, dict[int, MeasuredDisc]]]:
+    """Show the progress; return the state in which each shape was held, and what was seen."""
     reached: dict[str, ArmState] = {}
+    measured: dict[str, dict[int, MeasuredDisc]] = {}
     shown = ''
     for now in running.updates():
         shown = _show(now, shown)
         if now.phase == Phase.HOLDING:
             reached[now.shape] = arm.state
+            if camera and now.shape not in measured:
+                measured[now.shape] = _measure(arm)
     running.result()
     print(flush=True)
-    return reached
+    return reached, measured
+
+
+def _measure(arm: Arm) -> dict[int, MeasuredDisc]:
+    """Return the discs at rest, none where the computer is too slow for the pictures."""
+    sleep(SETTLING)
+    try:
+        return arm.measure(MEASURING)
+    except ClientError as error:
+        print(f'\n{error}', file=sys.stderr)
+        return {}
 
 
 def _show(now: Progress, shown: str) -> str:

@@ -4,13 +4,17 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from math import hypot, isfinite, nan
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
+import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, JointState
 
+from soft_continuum.client.estimate import Estimate
+from soft_continuum.client.estimate_messages import estimate_of
 from soft_continuum.client.sequence import sequence_result
 from soft_continuum.client.state import (
     ArmState,
@@ -22,12 +26,15 @@ from soft_continuum.client.state import (
 )
 from soft_continuum.client.tasks import running_nodes
 from soft_continuum.ros.age import Age
+from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import (
-    CAMERA,
     JAMMING_VALVES,
     KINEMATICS,
+    MEASURED_POSE,
     NODES,
+    RECORDER,
+    SENSORS,
     SHAPE_SEQUENCER,
     TENDON_ACTUATION,
 )
@@ -36,6 +43,8 @@ from soft_continuum.text import MAX_NAME, printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import (
     JammingValvesState,
+    KinematicsState,
+    RecorderState,
     ShapeSequencerState,
     TendonActuationState,
 )
@@ -46,7 +55,10 @@ MAX_SEGMENTS = MAX_TENDONS = MAX_VALUES = 100  # that are shown, whatever is pub
 FEEDBACK = 'run_shape_sequence/_action/feedback'
 TENDON_STATE = f'{TENDON_ACTUATION}/state'
 JAMMING_STATE = f'{JAMMING_VALVES}/state'
+KINEMATICS_STATE = f'{KINEMATICS}/state'
+PREDICTED_DISCS = 'predicted_disc_poses'
 SEQUENCER_STATE = f'{SHAPE_SEQUENCER}/state'
+RECORDER_STATE = f'{RECORDER}/state'
 TOPICS: dict[str, tuple[Any, Any, str]] = {
     'tendon_states': (JointState, SENSOR, TENDON_ACTUATION),
     TENDON_STATE: (TendonActuationState, EVERY_STATE, TENDON_ACTUATION),
@@ -55,11 +67,18 @@ TOPICS: dict[str, tuple[Any, Any, str]] = {
     'segment_poses': (PoseArray, SENSOR, KINEMATICS),
     'disc_poses': (PoseArray, SENSOR, KINEMATICS),
     'tendon_tensions': (JointState, SENSOR, KINEMATICS),
+    KINEMATICS_STATE: (KinematicsState, SENSOR, KINEMATICS),
+    PREDICTED_DISCS: (PoseArray, SENSOR, KINEMATICS),
     SEQUENCER_STATE: (ShapeSequencerState, EVERY_STATE, SHAPE_SEQUENCER),
+    RECORDER_STATE: (RecorderState, EVERY_STATE, RECORDER),
     FEEDBACK: (RunShapeSequence.Impl.FeedbackMessage, SENSOR, SHAPE_SEQUENCER),
-    **{f'{node}/status': (DiagnosticStatus, EVERY_STATE, node) for node in NODES},
+    **{f'{node}/status': (DiagnosticStatus, EVERY_STATE, node)
+       for node in (*NODES, *SENSORS)},
 }
 """Message, QoS and publishing node of the topics that do not depend on the arm."""
+OPTIONAL = {FEEDBACK, RECORDER_STATE, PREDICTED_DISCS,
+            *(f'{node}/status' for node in SENSORS)}
+"""Of these, what an arm may be without."""
 
 
 class ObservedArm:
@@ -75,7 +94,8 @@ class ObservedArm:
         self._messages: dict[str, Any] = {}
         self._ages: dict[str, Age] = {}  # by topic and by node
         self._listeners: list[Callable[[str], object]] = []
-        self._segments = self._discs = 0
+        self._measured: dict[str, tuple[Age, Pose]] = {}  # by disc, what a sensor measured last
+        self._segments = 0
         for topic, (kind, qos, source) in TOPICS.items():
             self._subscribe(topic, kind, qos, source)
         subscribe(node, DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
@@ -92,14 +112,15 @@ class ObservedArm:
         for name in (topic, source):
             self._ages.setdefault(name, Age()).refresh()
         if topic == JAMMING_STATE:
+            known = len(self.disc_topics)
             while self._segments < min(len(message.stiffness), MAX_SEGMENTS):
                 self._segments += 1
                 self._subscribe(f'segment_{self._segments}/pressure', FluidPressure, SENSOR,
                                 JAMMING_VALVES)
-            while self._discs < self._segments + 1:
-                self._subscribe(f'disc_{self._discs}/measured_pose', PoseWithCovarianceStamped,
-                                SENSOR, CAMERA)
-                self._discs += 1
+            for disc in self.disc_topics[known:]:
+                self._subscribe(disc, PoseWithCovarianceStamped, SENSOR, disc)
+        if topic.endswith('/measured_pose'):
+            self._on_measured(topic, message)
         for listener in self._listeners:
             listener(topic)
 
@@ -107,10 +128,17 @@ class ObservedArm:
         space = self._node.get_namespace().strip('/')
         for status in message.status:
             before, _, node = status.name.rpartition('/')
-            if before == space and node in NODES:
+            if before == space and node in (*NODES, *SENSORS):
                 self._ages.setdefault(node, Age()).refresh()
 
     # The latest of everything.
+
+    @property
+    def recorder(self) -> RecorderState | None:
+        """The latest state of the recorder that runs; None while none does."""
+        fresh = self.age(RECORDER_STATE) < STALE_AFTER
+        message: RecorderState | None = self.message(RECORDER_STATE)
+        return message if fresh else None
 
     def message(self, topic: str) -> Any:
         """Return the latest message of a topic; None before the first."""
@@ -143,6 +171,12 @@ class ObservedArm:
     def segments(self) -> int:
         """Number of segments; 0 while it is not known."""
         return self._segments
+
+    @property
+    def disc_topics(self) -> tuple[str, ...]:
+        """Where sensors publish the poses of the discs, base first; empty for no segments."""
+        return tuple(MEASURED_POSE.format(n)
+                     for n in range(self._segments + 1 if self._segments else 0))
 
     @property
     def tendons(self) -> tuple[str, ...]:
@@ -178,11 +212,31 @@ class ObservedArm:
         message = self._fresh(topic)
         return None if message is None else tuple(map(_pose, message.poses))
 
+    def _on_measured(self, topic: str, message: PoseWithCovarianceStamped) -> None:
+        """Keep what is measured of a disc; an angle alone does not replace a whole pose."""
+        model = self.message('disc_poses')
+        try:
+            _, covariance = measured_pose_from_ros(
+                message, model.header.frame_id if model is not None else '')
+        except ValueError:
+            return  # measure says why
+        pose, known = _pose(message.pose.pose), np.diag(covariance) < MAX_VARIANCE
+        age, before = self._measured.get(topic, (Age(), None))
+        if before is not None and age.seconds < STALE_AFTER and not known.all() and all(
+                map(isfinite, (*before.position, *before.orientation))):
+            return
+        age = Age()
+        age.refresh()
+        self._measured[topic] = age, Pose(
+            pose.position if known[:2].all() else (nan,) * 3,
+            pose.orientation if known[2] else (nan,) * 4)
+
     def _measured_discs(self) -> tuple[Pose | None, ...]:
         """Return where each disc is measured to be; empty while none is."""
-        found = [self._fresh(f'disc_{n}/measured_pose') for n in range(self._discs)]
-        return tuple(None if message is None else _pose(message.pose.pose)
-                     for message in found) if any(found) else ()
+        found = [self._measured.get(topic) for topic in self.disc_topics]
+        poses = tuple(None if entry is None or entry[0].seconds >= STALE_AFTER else entry[1]
+                      for entry in found)
+        return poses if any(poses) else ()
 
     def _of_tendons(self, topic: str, field: str) -> tuple[float, ...] | None:
         """Return a field of a JointState in the order of ``tendons``."""
@@ -198,8 +252,18 @@ class ObservedArm:
         state, message = self.shape_sequencer, self.message(FEEDBACK)
         if state is None or not state.running:
             return None
-        this = message is not None and message.goal_id == state.goal_id
-        return progress_of(state, float(message.feedback.progress) if this else 0.0)
+        if message is None or message.goal_id != state.goal_id:
+            return progress_of(state, 0.0)
+        return progress_of(state, float(message.feedback.progress), message.feedback)
+
+    def estimate(self) -> Estimate | None:
+        """Return where the shape comes from and how well it is known; None while that is stale."""
+        message = self._fresh(KINEMATICS_STATE)
+        if message is None:
+            return None
+        now, alone = self.poses('disc_poses'), self.poses(PREDICTED_DISCS)
+        error = hypot(now[-1].x - alone[-1].x, now[-1].z - alone[-1].z) if now and alone else nan
+        return estimate_of(message, self.age(KINEMATICS_STATE), error if isfinite(error) else None)
 
     def _last_result(self) -> SequenceResult | None:
         state = self.shape_sequencer
@@ -214,10 +278,9 @@ class ObservedArm:
     @property
     def complete(self) -> bool:
         """Whether a message came on every topic of an active arm, and of its sensors."""
-        measured = {f'disc_{n}/measured_pose' for n in range(self._discs)}
-        expected = TOPICS.keys() - {FEEDBACK} | {
+        expected = TOPICS.keys() - OPTIONAL | {
             f'segment_{n}/pressure' for n in range(1, self._segments + 1)} | {
-            topic for topic in measured if self._node.count_publishers(topic)}
+            topic for topic in self.disc_topics if self._node.count_publishers(topic)}
         return self._segments > 0 and self._messages.keys() >= expected
 
     def snapshot(self) -> ArmState:
@@ -241,8 +304,11 @@ class ObservedArm:
             joint_angles=angles, segment_poses=segment_poses, disc_poses=disc_poses,
             tip=disc_poses[-1] if disc_poses else None, progress=self.progress(),
             measured_discs=self._measured_discs(),
-            last_result=self._last_result(),
-            nodes=tuple(self._report(name, running[name]) for name in NODES))
+            last_result=self._last_result(), estimate=self.estimate(),
+            predicted_disc_poses=self.poses(PREDICTED_DISCS),
+            nodes=tuple(self._report(name, running[name]) for name in NODES),
+            sensors=tuple(self._report(name, self.age(name) < STALE_AFTER)
+                          for name in SENSORS if self.message(f'{name}/status')))
 
     def _report(self, name: str, running: bool) -> NodeReport:
         status, age = self.message(f'{name}/status'), self._ages.get(name)

@@ -16,18 +16,21 @@ from soft_continuum.client.errors import (
     LostError,
     MotionEndedError,
     NoAnswerError,
+    NodesMissingError,
     RefusedError,
     SequenceError,
 )
-from soft_continuum.client.tasks import Tasks, until
+from soft_continuum.client.tasks import ATTEMPTS, Tasks, until
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
     KINEMATICS,
     NODES,
+    RECORDER,
     SHAPE_SEQUENCER,
     TENDON_ACTUATION,
 )
+from soft_continuum.sequencing.progress import AIMS
 from soft_continuum.text import printable
 
 if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
@@ -38,6 +41,7 @@ if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
     from soft_continuum.client.state import SequenceResult
     from soft_continuum.mechanics.arm import Arm as Description
 
+CLOSED_LOOP = 'closed_loop'  # parameter of shape_sequencer
 JOG_SPEED = 0.01  # m/s
 JOG_MINIMUM = 0.2  # s
 PLANNING_TIMEOUT = 30.0  # s that the shape_sequencer may take to plan before it answers
@@ -81,16 +85,16 @@ class Requests(Tasks):
         await until(lambda: observed.complete, SETTLING_TIMEOUT)
         return observed
 
-    async def trigger(self, service: str) -> str:
+    async def trigger(self, service: str, attempts: int = 1) -> str:
         """Call a std_srvs/Trigger; return its message, or raise RefusedError with that."""
-        answer = await self.call(Trigger, service)
+        answer = await self.call(Trigger, service, attempts=attempts)
         if not answer.success:
             raise RefusedError(f'{service}: {answer.message}')
         return printable(answer.message)
 
     async def stop(self) -> str:
         """Stop all motion, holding tension; nothing moves before ``resume``."""
-        return await self.trigger(f'{TENDON_ACTUATION}/stop')
+        return await self.trigger(f'{TENDON_ACTUATION}/stop', ATTEMPTS)
 
     async def resume(self) -> str:
         """Allow motion after a stop, from where the tendons are."""
@@ -103,6 +107,17 @@ class Requests(Tasks):
     async def reset(self) -> str:
         """Tell kinematics that the arm is straight."""
         return await self.trigger(f'{KINEMATICS}/reset')
+
+    async def record(self, begin: bool) -> str:
+        """Begin or end a recording by the recorder; return what it says."""
+        service = f'{RECORDER}/record'
+        if self.observed.recorder is None:
+            raise NodesMissingError('the recorder does not run; start it with: ros2 run '
+                                    'soft_continuum recorder')
+        answer = await self.call(SetBool, service, data=begin)
+        if not answer.success:
+            raise RefusedError(f'{RECORDER}: {answer.message}')
+        return printable(answer.message)
 
     # What the nodes were started with.
 
@@ -129,6 +144,15 @@ class Requests(Tasks):
             return shapes_from_parameters({'shape_names': tuple(names), **angles}, description)
         except ParameterError as error:
             raise ClientError(f'{SHAPE_SEQUENCER}: {error}') from None
+
+    async def closed_loop(self) -> bool | None:
+        """Return whether shape_sequencer corrects by measurements; None where it cannot."""
+        value = (await self.parameters(SHAPE_SEQUENCER, [CLOSED_LOOP])).get(CLOSED_LOOP)
+        return value if isinstance(value, bool) else None
+
+    async def set_closed_loop(self, closed: bool) -> None:
+        """Let shape_sequencer correct by measurements, or not; raises RefusedError."""
+        await self.set_parameter(SHAPE_SEQUENCER, CLOSED_LOOP, closed)
 
     # Segments.
 
@@ -270,17 +294,18 @@ class Requests(Tasks):
 
     # Sequences of shapes.
 
-    async def send(self, shapes: Sequence[str | Sequence[float]], hold: float
-                   ) -> 'RunningSequence':
+    async def send(self, shapes: Sequence[str | Sequence[float]], hold: float,
+                   aim: str = AIMS[0]) -> 'RunningSequence':
         """
         Set one shape after the other, each held for ``hold`` s; return when that is accepted.
 
         shapes: names in the library, or bending angles (rad) of each segment, base first.
+        aim: what is to be right in the end, 'angles' or 'tip'.
         Raises RefusedError with the reason of the shape_sequencer; ValueError for a hold time
-        that is none.
+        or an aim that is none.
         """
         from soft_continuum.client.sequence import goal, RunningSequence
-        message = goal(shapes, hold)
+        message = goal(shapes, hold, aim)
         await self.found(self._action.server_is_ready, 'the action run_shape_sequence',
                          SHAPE_SEQUENCER)
         sequence = RunningSequence()
@@ -323,9 +348,10 @@ class Requests(Tasks):
             raise SequenceError(result)
         return result
 
-    async def run(self, shapes: Sequence[str | Sequence[float]], hold: float) -> 'SequenceResult':
+    async def run(self, shapes: Sequence[str | Sequence[float]], hold: float,
+                  aim: str = AIMS[0]) -> 'SequenceResult':
         """Set one shape after the other, as ``send`` does; return when all is done."""
-        sequence = await self.send(shapes, hold)
+        sequence = await self.send(shapes, hold, aim)
         await until(lambda: sequence.done, inf)
         return sequence.result()
 

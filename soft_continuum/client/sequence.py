@@ -8,38 +8,55 @@ import threading
 from typing import Any
 
 from soft_continuum.client.errors import NoAnswerError
-from soft_continuum.client.state import Progress, progress_of, SequenceResult
+from soft_continuum.client.state import Progress, progress_of, Reached, SequenceResult
 from soft_continuum.ros.ros_time import duration_to_ros
-from soft_continuum.sequencing.progress import Code
-from soft_continuum.text import printable
+from soft_continuum.sequencing.progress import AIMS, Code
+from soft_continuum.text import MAX_ITEMS, printable
 from soft_continuum_interfaces.action import RunShapeSequence
-from soft_continuum_interfaces.msg import Shape
+from soft_continuum_interfaces.msg import Shape, ShapeSequencerState
 
 MAX_HOLD = 86400.0  # s
 
 
-def goal(shapes: Sequence[str | Sequence[float]], hold: float) -> RunShapeSequence.Goal:
+def goal(shapes: Sequence[str | Sequence[float]], hold: float, aim: str = AIMS[0]
+         ) -> RunShapeSequence.Goal:
     """
     Return the goal for names or bending angles (rad), each held for ``hold`` s.
 
-    Raises ValueError for a hold time that is none; shapes are for the shape_sequencer to judge.
+    aim: one of AIMS.  Raises ValueError for a hold time or an aim that is none; shapes are for the
+    shape_sequencer to judge.
     """
+    if aim not in AIMS:
+        raise ValueError(f'aim is {aim!r}; allowed: {" or ".join(map(repr, AIMS))}')
     if not 0.0 <= hold <= MAX_HOLD:
         raise ValueError(f'hold is {hold} s; allowed: 0 to {MAX_HOLD:g} s')
     time = duration_to_ros(hold)
-    return RunShapeSequence.Goal(shapes=[
+    return RunShapeSequence.Goal(aim=AIMS.index(aim), shapes=[
         Shape(name=shape, hold_time=time) if isinstance(shape, str) else
         Shape(bending_angles=[float(angle) for angle in shape], hold_time=time)
         for shape in shapes])
 
 
-def sequence_result(message: RunShapeSequence.Result) -> SequenceResult:
-    """Return the result of a goal."""
+def sequence_result(message: RunShapeSequence.Result | ShapeSequencerState) -> SequenceResult:
+    """Return the result of a goal, or of the last one that the state of the sequencer has."""
     try:
         outcome = Code(message.error_code).name
     except ValueError:
         outcome = f'error_code {message.error_code}'
-    return SequenceResult(outcome, printable(message.error_string), message.shapes_completed)
+    reached = _reached(message) if isinstance(message, RunShapeSequence.Result) else None
+    return SequenceResult(
+        outcome, printable(message.error_string), message.shapes_completed, reached)
+
+
+def _reached(message: RunShapeSequence.Result) -> Reached | None:
+    """Return what a result says of the last shape; None of one that says nothing."""
+    angles, tip = tuple(message.bending_angles[:MAX_ITEMS]), tuple(message.tip)
+    if not angles or len(tip) != 3:
+        return None
+    return Reached(message.source == RunShapeSequence.Result.MEASURED, angles, tip,
+                   tuple(message.angle_deviations[:MAX_ITEMS]),
+                   tuple(message.tip_deviations[:3]), float(message.tip_error),
+                   message.corrections)
 
 
 class RunningSequence:
@@ -64,7 +81,7 @@ class RunningSequence:
     def on_feedback(self, message: Any) -> None:
         """Keep the progress of the goal."""
         feedback = message.feedback
-        self._progress = progress_of(feedback, float(feedback.progress))
+        self._progress = progress_of(feedback, float(feedback.progress), feedback)
         self._notify()
 
     def _notify(self) -> None:

@@ -8,10 +8,13 @@ from html import escape
 from math import atan2, hypot, pi
 from typing import Any
 
-from soft_continuum.sequencing.progress import Phase, Progress
+from soft_continuum.client.estimate import Estimate
+from soft_continuum.sequencing.progress import AIMS, Phase, Progress
 from soft_continuum.text import MAX_NAME, printable
 
-__all__ = ['ArmState', 'NodeReport', 'Pose', 'Progress', 'SequenceResult']
+__all__ = ['ArmState', 'NodeReport', 'Pose', 'Progress', 'Reached', 'SequenceResult']
+
+MAX_ERROR = 1e3  # rad or m that a shape may be off; also not what is not a number
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,8 @@ class ArmState:
     The arm at one moment; None where a value was not received, or is stale.
 
     tendons: names, in the order of pulls (m), speeds (m/s), tensions (N, by the model, nan where
-    nothing determines them) and measured_tensions (N, only of a driver that measures).  stopped:
+    nothing determines them) and measured_tensions (N, of load cells or a driver that measures, nan
+    of a silent cell).  stopped:
     why nothing moves before a resume, '' when motion is allowed.  emergency_stop: whether it is
     on, so that resuming and switching are refused.  referenced: whether pulls are known relative
     to the straight arm.
@@ -70,8 +74,11 @@ class ArmState:
     bending_angles: rad, one per segment.  joint_angles: rad, all joints of the rigid chain.
     segment_poses: distal end of each segment.  disc_poses: bottom and top of each disc.  tip: top
     of the last disc.  measured_discs: bottom of each disc as a sensor sees it, empty while none
-    does.  progress: of the sequence that runs, whoever started it.  last_result: of
-    the one that ended last.  nodes: the four nodes.
+    does; nan where the sensor measures no position, or no orientation.  predicted_disc_poses: as
+    disc_poses, where the model alone has them, while the shape is estimated.  estimate: whether
+    the shape is measured, how well it is known, what was learned, and what is wrong.  progress: of
+    the sequence that runs, whoever started it.  last_result: of the one that ended last.  nodes:
+    the four nodes.  sensors: the nodes that look at the arm, as far as they were heard.
     """
 
     tendons: tuple[str, ...]
@@ -93,10 +100,17 @@ class ArmState:
     last_result: 'SequenceResult | None'
     nodes: tuple[NodeReport, ...]
     measured_discs: tuple[Pose | None, ...] = ()
+    sensors: tuple[NodeReport, ...] = ()
+    predicted_disc_poses: tuple[Pose, ...] | None = None
+    estimate: Estimate | None = None
 
     @property
     def disc_errors(self) -> tuple[tuple[float, float] | None, ...]:
-        """How far each disc is seen from where the model has it, m and rad; None if unknown."""
+        """
+        How far each disc is seen from where the model has it, m and rad; None if unknown.
+
+        nan where the position, or the orientation, is not measured.
+        """
         return tuple(
             None if seen is None or not self.disc_poses or 2 * n >= len(self.disc_poses)
             else _apart(seen, self.disc_poses[2 * n])
@@ -125,14 +139,44 @@ def _apart(one: Pose, other: Pose) -> tuple[float, float]:
     return hypot(one.x - other.x, one.z - other.z), turned
 
 
-def progress_of(report: Any, fraction: float) -> Progress:
-    """Return the progress that a feedback or a state of the sequencer reports, within bounds."""
+def progress_of(report: Any, fraction: float, feedback: Any = None) -> Progress:
+    """
+    Return the progress that a feedback or a state of the sequencer reports, within bounds.
+
+    feedback: has aim, correction and error, unless there was none of this goal.
+    """
     try:
         phase = Phase(report.phase)
     except ValueError:
         phase = Phase.PREPARING
+    correction, error, aim = 0, None, ''
+    if feedback is not None:
+        correction, error = feedback.correction, feedback.error
+        aim = AIMS[feedback.aim] if feedback.aim < len(AIMS) else ''
     return Progress(report.shape_index, printable(report.shape, MAX_NAME), report.segment, phase,
-                    fraction if 0.0 <= fraction <= 1.0 else 0.0)
+                    fraction if 0.0 <= fraction <= 1.0 else 0.0,
+                    correction,
+                    error if error is not None and abs(error) < MAX_ERROR else None, aim)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """
+    Where the last shape of a sequence ended.
+
+    measured: whether measurements say so; else it is what the model has of motors and vacuum.
+    bending_angles: rad, one per segment.  tip: x, z (m) and angle (rad).  angle_deviations,
+    tip_deviations: standard deviations of these, empty unless measured.  tip_error: m from where
+    the aim has the tip.  corrections: of all segments of all shapes.
+    """
+
+    measured: bool
+    bending_angles: tuple[float, ...]
+    tip: tuple[float, ...]
+    angle_deviations: tuple[float, ...]
+    tip_deviations: tuple[float, ...]
+    tip_error: float
+    corrections: int
 
 
 @dataclass(frozen=True)
@@ -141,9 +185,11 @@ class SequenceResult:
     How a sequence ended.
 
     outcome: name of the error_code, SUCCESSFUL or another one of msg_docs/shape_sequencer.md.
-    message: what went wrong, empty on success.
+    message: what went wrong, empty on success.  reached: where the last shape ended, None where
+    that was not reported.
     """
 
     outcome: str
     message: str
     shapes_completed: int
+    reached: Reached | None = None

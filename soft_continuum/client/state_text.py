@@ -5,7 +5,15 @@
 from collections.abc import Sequence
 from math import degrees, isfinite
 
-from soft_continuum.client.state import ArmState, Pose
+from soft_continuum.client.estimate import (
+    age_text,
+    anomaly_text,
+    Estimate,
+    millimetres,
+    parameter_text,
+    position_deviation,
+)
+from soft_continuum.client.state import ArmState, Pose, Reached
 
 UNKNOWN = '?'
 
@@ -22,13 +30,17 @@ def pulls_text(state: ArmState) -> str:
 
 def _by_tendon(state: ArmState, values: Sequence[float], scale: float, digits: str, unit: str
                ) -> str:
-    return ', '.join(f'{name} {scale * value:{digits}} {unit}'
+    return ', '.join(f'{name} {scale * value:{digits}} {unit}' if isfinite(value) else f'{name} ?'
                      for name, value in zip(state.tendons, values, strict=True))
 
 
 def _pose_text(pose: Pose | None) -> str:
-    return UNKNOWN if pose is None else (
-        f'x {pose.x * 1e3:+7.1f} mm, z {pose.z * 1e3:+7.1f} mm, {degrees(pose.angle):+6.1f} deg')
+    if pose is None:
+        return UNKNOWN
+    where = (f'x {pose.x * 1e3:+7.1f} mm, z {pose.z * 1e3:+7.1f} mm'
+             if isfinite(pose.x) and isfinite(pose.z) else 'position not measured')
+    return (f'{where}, {degrees(pose.angle):+6.1f} deg' if isfinite(pose.angle)
+            else f'{where}, angle not measured')
 
 
 def _stiffness_text(stiff: bool | None) -> str:
@@ -37,10 +49,14 @@ def _stiffness_text(stiff: bool | None) -> str:
 
 def state_line(state: ArmState) -> str:
     """Return a state in one line."""
+    estimate = state.estimate
+    source = UNKNOWN if estimate is None else 'estimated' if estimate.measured else 'predicted'
+    alarms = ', '.join(anomaly.cause for anomaly in estimate.anomalies) if estimate else ''
     return ' | '.join((
         pulls_text(state),
         ' '.join(_stiffness_text(s) for s in state.stiff),
         angles_text(state.bending_angles) if state.bending_angles else UNKNOWN,
+        f'{source}{f", ALARM: {alarms}" if alarms else ""}',
         state.node('shape_sequencer').message or UNKNOWN))
 
 
@@ -49,7 +65,7 @@ def state_page(state: ArmState) -> str:
     lines = [f'tendons    {pulls_text(state)}']
     for source, tensions in (('by the model', state.tensions),
                              ('measured', state.measured_tensions)):
-        if tensions and all(map(isfinite, tensions)):
+        if tensions and (source == 'measured' or all(map(isfinite, tensions))):
             lines.append(f'tensions   {_by_tendon(state, tensions, 1.0, ".1f", "N")} ({source})')
     for i, (stiff, pressure) in enumerate(zip(state.stiff, state.pressures, strict=True)):
         kilopascals = UNKNOWN if pressure is None else f'{pressure * 1e-3:.1f}'
@@ -58,11 +74,63 @@ def state_page(state: ArmState) -> str:
                      f'end at {_pose_text(pose)}')
     lines.append(f'tip        {_pose_text(state.tip)}')
     for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
-        apart = '' if error is None else f', {error[0] * 1e3:.1f} mm from the model'
+        apart = ('' if error is None else f', {error[0] * 1e3:.1f} mm from the model'
+                 if isfinite(error[0]) else f', {degrees(error[1]):+.1f} deg from the model')
         lines.append(f'disc {n}     seen at {_pose_text(seen)}{apart}')
-    for node in state.nodes:
+    lines += estimate_lines(state.estimate)
+    for node in (*state.nodes, *state.sensors):
         age = '' if node.age is None else f' ({node.age:.1f} s ago)'
         status = (f'{node.level or UNKNOWN}: {node.message}{age}' if node.running
                   else 'does not run')
         lines.append(f'{node.name:<18}{status}')
     return '\n'.join(lines)
+
+
+def source_text(estimate: Estimate) -> str:
+    """Return where the shape comes from, in one line."""
+    age = age_text(estimate.age)
+    if not estimate.measured:
+        return f'predicted by the model; {age}'
+    parts = [age]
+    if estimate.tip_deviation is not None:
+        parts.append(f'tip +-{millimetres(estimate.tip_deviation)} mm')
+    if estimate.angle_deviations and all(map(isfinite, estimate.angle_deviations)):
+        parts.append(f'angles +-{degrees(max(estimate.angle_deviations)):.1f} deg')
+    return f'estimated from measurements; {", ".join(parts)}'
+
+
+def estimate_lines(estimate: Estimate | None) -> list[str]:
+    """Return what measurements say of the arm; no line for what there is nothing to say of."""
+    if estimate is None:
+        return []
+    lines = [f'shape      {source_text(estimate)}']
+    if estimate.measured and estimate.predicted_tip_error is not None:
+        lines.append(f'prediction has the tip {millimetres(estimate.predicted_tip_error)} mm '
+                     'from there')
+    for parameter in estimate.parameters:
+        if parameter.determined or parameter.problem:
+            text = parameter_text(parameter)
+            known = '' if parameter.determined else ', not determined'
+            problem = f'; not plausible: {parameter.problem}' if parameter.problem else ''
+            lines.append(f'learned    {text.label}: {text.amount()}{known}{problem}')
+    return lines + [f'ALARM      {anomaly_text(anomaly)}' for anomaly in estimate.anomalies]
+
+
+def reached_text(reached: Reached) -> str:
+    """Return where a sequence ended, and how that is known, in one line."""
+    error = f'tip {millimetres(reached.tip_error)} mm from its aim'
+    if not reached.measured:
+        return f'predicted: nothing was measured; {error} by the model'
+    deviation = position_deviation(reached.tip_deviations)
+    within = '' if deviation is None else f', +-{millimetres(deviation)} mm'
+    angles = angles_text(reached.bending_angles)
+    many = 'correction' if reached.corrections == 1 else 'corrections'
+    return (f'reached: {error} (measured{within}), angles{angles}, {reached.corrections} {many}'
+            .replace('  ', ' '))
+
+
+def error_text(error: float, aim: str) -> str:
+    """Return the error of a shape that is being set, in the unit of its aim ('': not known)."""
+    if aim == 'tip':
+        return f'{millimetres(error)} mm'
+    return f'{degrees(error):.2f} deg' if aim else f'{error:.2g} m or rad'

@@ -10,17 +10,23 @@ from time import monotonic
 from types import coroutine
 from typing import Any, TypeVar
 
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
+from rclpy.parameter import Parameter, parameter_value_to_python
 
-from soft_continuum.client.errors import ClientError, NoAnswerError, NodesMissingError
-from soft_continuum.ros.names import NODES
+from soft_continuum.client.errors import (
+    ClientError,
+    NoAnswerError,
+    NodesMissingError,
+    RefusedError,
+)
+from soft_continuum.ros.names import NODES, RECORDER
 
 T = TypeVar('T')
 
+ATTEMPTS = 4  # of what may be asked for again
 POLL_PERIOD = 0.05  # s between two looks at what gives no notice, such as the ROS graph
 HOW_TO_START = 'start them with `./run up` or `ros2 launch soft_continuum bringup.launch.py`'
 
@@ -38,10 +44,10 @@ async def until(condition: Callable[[], T], timeout: float) -> T:
     return value
 
 
-def running_nodes(node: Node) -> dict[str, bool]:
-    """Return which of the four nodes are in the ROS graph, in the namespace of ``node``."""
+def running_nodes(node: Node, names: Sequence[str] = NODES) -> dict[str, bool]:
+    """Return which nodes are in the ROS graph, in the namespace of ``node``."""
     graph = node.get_node_names_and_namespaces()
-    return {name: (name, node.get_namespace()) in graph for name in NODES}
+    return {name: (name, node.get_namespace()) in graph for name in names}
 
 
 class Tasks:
@@ -117,22 +123,26 @@ class Tasks:
             raise self.not_found(what, [node], self.discovery_timeout)
         return value
 
-    async def call(self, kind: Any, name: str, **request: Any) -> Any:
+    async def call(self, kind: Any, name: str, *, attempts: int = 1, **request: Any) -> Any:
         """
         Call a service of one of the nodes; return its response.
+
+        attempts: how often it is asked in all, where that may be: an answer can get lost when a
+        node has just been started.
 
         Raises NodesMissingError or NoAnswerError.
         """
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
         client = self._clients[name]
-        node = next((n for n in NODES if name.startswith(f'{n}/')), NODES[-1])
+        node = next((n for n in (*NODES, RECORDER) if name.startswith(f'{n}/')), NODES[-1])
         await self.found(client.service_is_ready, name, node)
-        future = client.call_async(kind.Request(**request))
-        if not await self.done(future, self.timeout):
+        for _ in range(attempts):
+            future = client.call_async(kind.Request(**request))
+            if await self.done(future, self.timeout / attempts):
+                return future.result()
             client.remove_pending_request(future)
-            raise self.not_found(f'an answer of {name}', [node], self.timeout)
-        return future.result()
+        raise self.not_found(f'an answer of {name}', [node], self.timeout)
 
     async def done(self, future: Any, timeout: float) -> bool:
         """Wait for a future of rclpy; return whether it is done."""
@@ -141,7 +151,8 @@ class Tasks:
 
     async def parameters(self, node: str, names: Sequence[str]) -> dict[str, Any]:
         """Return parameters of a node by name, without those that have no value."""
-        answer = await self.call(GetParameters, f'{node}/get_parameters', names=list(names))
+        answer = await self.call(GetParameters, f'{node}/get_parameters', attempts=ATTEMPTS,
+                                 names=list(names))
         if len(answer.values) < len(names) > 1:  # a node that lacks one gives none
             return {key: value for name in names
                     for key, value in (await self.parameters(node, [name])).items()}
@@ -150,9 +161,17 @@ class Tasks:
         return {name: value.tolist() if isinstance(value, array) else value
                 for name, value in read.items() if value is not None}
 
+    async def set_parameter(self, node: str, name: str, value: Any) -> None:
+        """Set a parameter of a node; raises RefusedError with the reason of the node."""
+        answer = await self.call(SetParameters, f'{node}/set_parameters', attempts=ATTEMPTS,
+                                 parameters=[Parameter(name, value=value).to_parameter_msg()])
+        result = answer.results[0] if answer.results else None
+        if result is None or not result.successful:
+            raise RefusedError(f'{node}: {result.reason if result else "no answer"}')
+
     def not_found(self, what: str, needed: Sequence[str], timeout: float) -> ClientError:
         """Return the error for something that did not appear within ``timeout`` s."""
-        running = running_nodes(self.node)
+        running = running_nodes(self.node, (*NODES, RECORDER))
         if all(running[name] for name in needed):
             return NoAnswerError(f'nothing of {what} within {timeout:g} s, though its node '
                                  'runs; is it active, and the machine not overloaded?')

@@ -6,7 +6,8 @@ Tendon motion: which trajectories are accepted, how they are followed, and what 
 A trajectory that is not accepted changes nothing.  A stop always wins and lasts until resume.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -70,11 +71,16 @@ class TendonLimits:
 class TendonController:
     """Follows trajectories of all tendons within limits, on one driver."""
 
-    def __init__(self, driver: TendonDriver, limits: TendonLimits) -> None:
-        """Use an opened ``driver``; nothing moves until a trajectory is accepted."""
-        self._driver = driver
+    def __init__(self, driver: TendonDriver, limits: TendonLimits,
+                 tensions: Callable[[], tuple[float, ...] | None] = lambda: None) -> None:
+        """
+        Use an opened ``driver``; nothing moves until a trajectory is accepted.
+
+        tensions: N, of load cells that are not the driver's; None where there are none.
+        """
+        self._driver, self._tensions = driver, tensions
         self.limits = limits
-        self.reading = driver.read()
+        self.reading = self._read()
         self.stopped = False
         self.stopped_because = ''
         self.delay = 0.0  # s by which the present motion is later than it was sent
@@ -85,6 +91,10 @@ class TendonController:
         self._pulls: Array = np.zeros((0, len(limits.tendons)))
         self._setpoint = np.array(self.reading.pulls)
         self._setpoint_time = -np.inf
+
+    def _read(self) -> TendonReading:
+        reading, tensions = self._driver.read(), self._tensions()
+        return reading if tensions is None else replace(reading, tensions=tensions)
 
     @property
     def following(self) -> bool:
@@ -233,7 +243,7 @@ class TendonController:
                 raise
             if ahead >= self._times[-1]:
                 self._times = np.zeros(0)
-        self.reading = self._driver.read()
+        self.reading = self._read()
         if rested and not self.reading.moving:
             self._busy = self.homing = False
             self._setpoint = np.array(self.reading.pulls)

@@ -10,11 +10,12 @@ from soft_continuum.mechanics.chain import Array
 
 SPARE = 0.02  # of the limit, for the noise of a load cell
 SMALLEST_PULL = 1e-6  # m: less is no pulling in
+MOST_NEGATIVE = 0.1  # of the limit: a tendon pushes less than the zero of a cell is off
 
 
 class TensionGuard:
     """
-    Refuses and ends motions that pull a tendon beyond the limit, where a driver measures tension.
+    Refuses and ends motions that pull a tendon beyond the limit, where tension is measured.
 
     What is beyond it already may only be let go.
     """
@@ -27,8 +28,6 @@ class TensionGuard:
     def refusal(self, reading: TendonReading, pulls: Array, limit: float) -> str:
         """Return why a motion through pulls (k, tendons) m must not begin; limit: N."""
         for t, tension in enumerate(reading.tensions or ()):
-            if problem := self._not_a_number(t, tension):
-                return problem
             if tension > (1.0 + SPARE) * limit and (
                     pulls[:, t].max() > reading.pulls[t] + SMALLEST_PULL):
                 return f'{self._beyond(t, tension, limit)}; only pay it out'
@@ -45,16 +44,21 @@ class TensionGuard:
         lowest = self._lowest or (0.0,) * len(reading.tensions)
         self._lowest = tuple(map(min, reading.tensions, lowest))
         for t, tension in enumerate(reading.tensions):
-            if problem := self._not_a_number(t, tension):
-                return problem
             if tension > max(limit, lowest[t]) + SPARE * limit:
                 return f'{self._beyond(t, tension, limit)}; see what holds it, and pay it out'
         return ''
 
-    def _not_a_number(self, tendon: int, tension: float) -> str:
-        return '' if isfinite(tension) else (
-            f'the measured tension of {self._tendons[tendon]} is not a number; check its load '
-            'cell, or use a driver without')
+    def unmeasured(self, reading: TendonReading, limit: float) -> str:
+        """Return which load cell tells nothing, or what cannot be, empty for none; limit: N."""
+        for name, tension in zip(self._tendons, reading.tensions or (), strict=False):
+            if not isfinite(tension):
+                return (f'the tension of {name} is not measured: its load cell is silent or gives '
+                        'no number; check it, or do without (load_cells.used: false, or another '
+                        'driver)')
+            if tension < -MOST_NEGATIVE * limit:
+                return (f'the load cell of {name} shows {tension:.1f} N, but a tendon cannot '
+                        'push; check its sign, its scale and its zero')
+        return ''
 
     def _beyond(self, tendon: int, tension: float, limit: float) -> str:
         return (f'the measured tension of {self._tendons[tendon]} is {tension:.1f} N; '

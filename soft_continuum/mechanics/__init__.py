@@ -45,9 +45,9 @@ __all__ = [
     'set_shape', 'solve_batch', 'solve_path', 'stiffness', 'workspace',
 ]
 
-# Cheap ones first: who wants an Arm does not load the solver, its compiler and SciPy.
-_MODULES = ('arm', 'laws', 'chain', 'errors', 'stiffness', 'constant_curvature', 'statics',
-            'sensitivity', 'inverse', 'batch')
+# Cheap ones first: who wants an Arm does not load the solver, who solves does not load SciPy.
+_MODULES = ('arm', 'laws', 'chain', 'errors', 'stiffness', 'statics', 'sensitivity', 'batch',
+            'inverse', 'constant_curvature')
 
 
 def __getattr__(name: str) -> Any:

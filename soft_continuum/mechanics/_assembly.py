@@ -11,7 +11,7 @@ from math import cos, sin, sqrt
 
 import numpy as np
 
-from soft_continuum.mechanics._arrays import workspace
+from soft_continuum.mechanics._arrays import System, workspace
 from soft_continuum.mechanics._compile import borrowing, compiled
 
 
@@ -194,7 +194,12 @@ def _springs_and_loads(theta, system, groups):  # type: ignore[no-untyped-def]
 
 @compiled
 def moment_balance(theta, tension, system, groups):  # type: ignore[no-untyped-def]
-    """Return the unbalanced moment of every rigid group (groups,), N m, at given tensions."""
+    """
+    Return the unbalanced moment of every rigid group (groups,), N m, at given tensions.
+
+    system: the values of a System, as a plain tuple.
+    """
+    system = System(*system)
     work = _springs_and_loads(theta, system, groups)
     for t in range(2):
         if tension[t] != 0.0:
@@ -210,8 +215,9 @@ def dense_system(theta, tension, system, groups):  # type: ignore[no-untyped-def
     Return the Hessian (groups, groups) N m/rad at given tensions, and the tendons' columns.
 
     columns, rows: (groups, 2) m, moment per tension, and change of a tendon's length per angle;
-    they differ by friction only.
+    they differ by friction only.  system: the values of a System, as a plain tuple.
     """
+    system = System(*system)
     work = _springs_and_loads(theta, system, groups)
     columns = np.empty((groups, 2))
     rows = np.empty((groups, 2))

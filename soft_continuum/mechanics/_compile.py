@@ -1,85 +1,66 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Compilation with numba where it is installed; otherwise the same source runs as it is.
+Marks on the functions that numba compiles; nothing is compiled here, and numba is not imported.
 
-What is compiled is kept on disk.  numba would go by the date of each file and miss a change in
-another one that is compiled into it, so the place is named after the contents of all of them.
+What is marked, in the modules beside this one, is plain Python over arrays.  ``_kernel`` has it
+compiled and offers it to the rest of the mechanics.
 """
 
 from collections.abc import Callable
-import hashlib
-import os
 from pathlib import Path
+import sys
 from typing import Any
 
 Function = Callable[..., Any]
 
-try:
-    import numba
-
-    COMPILED = True
-    prange = numba.prange
-except ImportError:  # numba is optional: see docs/explanation/performance.md
-    COMPILED = False
-    prange = range
+MARKED: dict[Function, dict[str, Any]] = {}
+"""The options of numba for each function."""
 
 
-def _cache_directory() -> str:
-    sources = sorted(Path(__file__).parent.glob('_[a-z]*.py'))
-    digest = hashlib.sha256(b''.join(path.read_bytes() for path in sources)).hexdigest()[:16]
-    cache = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
-    return os.path.join(cache, 'soft_continuum', digest)
+def compiled(function: Function) -> Function:
+    """Mark a function to be compiled, free of the interpreter lock."""
+    MARKED[function] = {'nogil': True, 'error_model': 'numpy'}
+    return function
 
 
-def compiled(function: Function, **options: bool) -> Function:
-    """Compile with numba, kept on disk and free of the interpreter lock."""
-    if not COMPILED:
-        return function
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _CACHE
-    try:
-        dispatcher: Function = numba.njit(
-            cache=True, nogil=True, error_model='numpy', **options)(function)
-    finally:
-        numba.config.CACHE_DIR = before
-    return dispatcher
-
-
-def _without_reference_counts() -> dict[str, bool]:
-    """Return the option that turns reference counts off: private, so numba may not know it."""
-    try:
-        from numba.core.cpu import CPUTargetOptions
-    except ImportError:
-        return {}
-    return {'_nrt': False} if hasattr(CPUTargetOptions, '_nrt') else {}
-
-
-def borrowing(function: Function, **options: bool) -> Function:
+def borrowing(function: Function) -> Function:
     """
-    Compile with numba without reference counts, for functions that allocate nothing.
+    Mark a function to be compiled without reference counts: one that allocates nothing.
 
-    They take tuples of many arrays; counting references to each would cost a third of a solve.
+    It takes tuples of many arrays; counting references to each would cost a third of a solve.
     """
-    return compiled(function, **_without_reference_counts(), **options)
+    MARKED[compiled(function)]['_nrt'] = False
+    return function
 
 
 def inlined(function: Function) -> Function:
-    """Compile with numba, as ``borrowing``, into the caller."""
-    return borrowing(function, forceinline=True)
+    """Mark a function, as ``borrowing``, to be compiled into its caller."""
+    MARKED[borrowing(function)]['forceinline'] = True
+    return function
 
 
-def is_compiled() -> bool:
-    """Tell whether there is nothing left to compile: whether warm_up once came to its end."""
-    return not COMPILED or os.path.exists(_COMPLETE)
+def jit(directory: Path | None = None) -> dict[Function, Any]:
+    """
+    Put a dispatcher of numba in the place of every marked function, and return them.
 
-
-def note_compiled() -> None:
-    """Note that everything is compiled, for ``is_compiled``."""
-    if COMPILED and os.path.isdir(_CACHE):
-        with open(_COMPLETE, 'w', encoding='ascii'):
-            pass
-
-
-_CACHE = _cache_directory()
-_COMPLETE = os.path.join(_CACHE, 'complete')  # numba makes the directory before it compiles
+    directory: where numba keeps what it compiles; by default it does not.  Raises ImportError
+    without numba.
+    """
+    import numba
+    from numba.core.cpu import CPUTargetOptions
+    unknown = set() if hasattr(CPUTargetOptions, '_nrt') else {'_nrt'}  # private: it may go
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(directory or '')
+    try:
+        made = {function: numba.njit(
+                    cache=directory is not None,
+                    **{name: options[name] for name in options.keys() - unknown})(function)
+                for function, options in MARKED.items()}
+    finally:
+        numba.config.CACHE_DIR = before
+    for module in {sys.modules[function.__module__] for function in MARKED}:
+        for name, value in list(vars(module).items()):
+            if callable(value) and value in made:
+                setattr(module, name, made[value])
+    return made

@@ -14,7 +14,7 @@ from typing import Self
 
 import numpy as np
 
-from soft_continuum.mechanics import _assembly, _newton
+from soft_continuum.mechanics import _kernel, _newton
 from soft_continuum.mechanics._active_set import LENGTH_TOLERANCE, NO_TENSION, TAUT_TOLERANCE
 from soft_continuum.mechanics._arrays import ANGLE, Drive, LENGTH, State, System, TENSION
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain, SLACK
@@ -126,7 +126,7 @@ class Continuation:
         """
         state = State(start.theta.copy(), start.tension.copy(), np.empty(2))
         drive = problem.drive if target is None else problem.drive._replace(target=target)
-        status, iterations, residual, turned = _newton.newton(
+        status, iterations, residual, turned = _kernel.functions().newton(
             tuple(state), tuple(problem.system), tuple(drive),
             np.zeros(problem.groups) if bias is None else bias, damping, problem.tolerance)
         return Point(*state, status, residual, iterations, turned)
@@ -217,8 +217,8 @@ class Continuation:
         """
         drive = problem.drive
         tension = np.where(np.isinf(drive.target), 0.0, point.tension)
-        unbalanced = -_assembly.moment_balance(
-            point.theta, tension, problem.system, problem.groups)
+        unbalanced = -_kernel.functions().moment_balance(
+            point.theta, tension, tuple(problem.system), problem.groups)
         gap = self._gap(point, problem)
         point = Point(point.theta, tension, point.lengths)
         done, step, jumped, iterations = 0.0, 0.5, False, 0

@@ -6,10 +6,11 @@ Linear algebra of the solver: tridiagonal and small dense systems, in compiled s
 Loops instead of whole arrays: numba compiles them in a fraction of the time.
 """
 
-import numpy as np
+from math import sqrt
 
 from soft_continuum.mechanics._compile import compiled
 
+MAX_SWEEPS = 30  # of Jacobi's rotations; they converge within ten
 PIVOT_TOLERANCE = 1e-12  # of the largest entry of a column: a smaller pivot is a zero
 
 
@@ -78,13 +79,44 @@ def small_solve(matrix, rhs, size):  # type: ignore[no-untyped-def]
 
 @compiled
 def negative_eigenvalues(matrix):  # type: ignore[no-untyped-def]
-    """Count the negative eigenvalues of a small symmetric matrix; tiny ones count as zero."""
-    values = np.linalg.eigvalsh(matrix)
+    """
+    Count the negative eigenvalues of a small symmetric matrix; tiny ones count as zero.
+
+    By Jacobi's rotations, in place (Golub and Van Loan, Matrix Computations, section 8.5).
+    """
+    size = matrix.shape[0]
+    for _ in range(MAX_SWEEPS):
+        off = 0.0
+        largest = 0.0
+        for p in range(size):
+            largest = max(largest, abs(matrix[p, p]))
+            for q in range(p):
+                off = max(off, abs(matrix[p, q]))
+        if off <= 1e-15 * max(largest, off):
+            break
+        for p in range(size):
+            for q in range(p):
+                if matrix[p, q] == 0.0:
+                    continue
+                slope = (matrix[q, q] - matrix[p, p]) / (2.0 * matrix[p, q])
+                tangent = 1.0 / (abs(slope) + sqrt(1.0 + slope * slope))
+                if slope < 0.0:
+                    tangent = -tangent
+                cosine = 1.0 / sqrt(1.0 + tangent * tangent)
+                sine = tangent * cosine
+                for k in range(size):
+                    left, right = matrix[k, p], matrix[k, q]
+                    matrix[k, p] = cosine * left - sine * right
+                    matrix[k, q] = sine * left + cosine * right
+                for k in range(size):
+                    left, right = matrix[p, k], matrix[q, k]
+                    matrix[p, k] = cosine * left - sine * right
+                    matrix[q, k] = sine * left + cosine * right
     largest = 0.0
-    for value in values:
-        largest = max(largest, abs(value))
+    for p in range(size):
+        largest = max(largest, abs(matrix[p, p]))
     negatives = 0
-    for value in values:
-        if value < -1e-12 * largest:
+    for p in range(size):
+        if matrix[p, p] < -1e-12 * largest:
             negatives += 1
     return negatives

@@ -8,11 +8,9 @@ Lagrange multipliers of the tendon lengths.  Each iteration assembles the linear
 present state, accepts the state if it is an equilibrium, and takes a step otherwise: one
 tridiagonal factorisation, a few solves with it and one small dense system.
 
-The functions are plain scalar Python over arrays.  With numba they are compiled (and cached on
-disk); without it the same source runs, slower, with the same result.
+The functions are plain scalar Python over arrays, which ``_kernel`` has compiled.
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +31,7 @@ from soft_continuum.mechanics._assembly import (
     tendon_geometry,
     turn,
 )
-from soft_continuum.mechanics._compile import compiled, inlined, prange
+from soft_continuum.mechanics._compile import compiled, inlined
 from soft_continuum.mechanics._linear_algebra import tridiagonal_solve
 
 # How a solve ended.
@@ -265,10 +263,11 @@ def newton(state, system, drive, bias, damping, tolerance):  # type: ignore[no-u
     return FAILED, MAX_ITERATIONS, residual, 0.0
 
 
-@partial(compiled, parallel=True)
-def newton_batch(states, systems, groups, drives, tolerance, status, residual, turned):  # type: ignore[no-untyped-def]
+@compiled
+def newton_batch(  # type: ignore[no-untyped-def]
+        states, systems, groups, drives, tolerance, status, residual, turned, first, last):
     """
-    Find many equilibria at once, as ``newton`` in LENGTH mode without friction, on all cores.
+    Find the equilibria ``first`` to ``last``, as ``newton`` in LENGTH mode without friction.
 
     The first axis of the arrays of ``states``, target, status, residual and turned is the problem;
     that of the arrays of ``systems`` (but tables), groups, compliance and tolerance the same, or
@@ -277,7 +276,7 @@ def newton_batch(states, systems, groups, drives, tolerance, status, residual, t
     theta, tension, lengths = states
     bodies, joints, tables, guides, ratios, group = systems
     mode, target, compliance, segment = drives
-    for i in prange(theta.shape[0]):
+    for i in range(first, last):
         g = i % groups.shape[0]
         status[i], _, residual[i], turned[i] = newton(
             (theta[i], tension[i], lengths[i]),

@@ -23,7 +23,8 @@ class ArmError(ValueError):
     """The description of an arm is not one of a physical arm."""
 
 
-def _check(name: str, value: float, low: float, high: float, unit: str) -> None:
+def check_range(name: str, value: float, low: float, high: float, unit: str) -> None:
+    """Refuse what is no number from ``low`` to ``high``; raises ArmError."""
     if not finite(value):
         raise ArmError(
             f'{name} is {value!r}; allowed: a number from {low:g} to {high:g} {unit}'.rstrip())
@@ -56,20 +57,20 @@ class Segment:
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical segment."""
-        _check('segment length', self.length, *LENGTH_RANGE, 'm')
-        _check('outer diameter', self.outer_diameter, *LENGTH_RANGE, 'm')
+        check_range('segment length', self.length, *LENGTH_RANGE, 'm')
+        check_range('outer diameter', self.outer_diameter, *LENGTH_RANGE, 'm')
         if not isinstance(self.guide_offsets, Sized) or len(self.guide_offsets) != 2:
             raise ArmError('a segment has guide offsets at its lower and its upper end; '
                            f'given: {self.guide_offsets}')
         for offset in self.guide_offsets:
-            _check('guide offset', offset, 1e-4, LENGTH_RANGE[1], 'm')
-        _check('bending stiffness E I', self.bending_stiffness, 1e-9, 1e3, 'N m^2')
-        _check('segment mass', self.mass, 0.0, 10.0, 'kg')
+            check_range('guide offset', offset, 1e-4, LENGTH_RANGE[1], 'm')
+        check_range('bending stiffness E I', self.bending_stiffness, 1e-9, 1e3, 'N m^2')
+        check_range('segment mass', self.mass, 0.0, 10.0, 'kg')
         if not isinstance(self.jam, Jam):
             raise ArmError(f'jam is {self.jam!r}; give a Jam, such as Jam(ratio=5.0)')
         if not isinstance(self.soft_law, MomentCurvature | None):
             raise ArmError(f'soft law is {self.soft_law!r}; give a MomentCurvature or none')
-        _check('bending angle limit', self.bending_angle_limit, 1e-3, 2 * pi, 'rad')
+        check_range('bending angle limit', self.bending_angle_limit, 1e-3, 2 * pi, 'rad')
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,8 @@ class Disc:
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical disc."""
-        _check('disc height', self.height, *LENGTH_RANGE, 'm')
-        _check('disc mass', self.mass, 0.0, 10.0, 'kg')
+        check_range('disc height', self.height, *LENGTH_RANGE, 'm')
+        check_range('disc mass', self.mass, 0.0, 10.0, 'kg')
 
 
 @dataclass(frozen=True)
@@ -102,9 +103,9 @@ class Tendon:
     def __post_init__(self) -> None:
         """Refuse what is not a tendon."""
         if self.axial_stiffness != inf:
-            _check('tendon axial stiffness E A', self.axial_stiffness, 1.0, 1e9, 'N')
-        _check('tendon free length', self.free_length, 0.0, 100.0, 'm')
-        _check('tendon friction coefficient', self.friction, 0.0, 2.0, '')
+            check_range('tendon axial stiffness E A', self.axial_stiffness, 1.0, 1e9, 'N')
+        check_range('tendon free length', self.free_length, 0.0, 100.0, 'm')
+        check_range('tendon friction coefficient', self.friction, 0.0, 2.0, '')
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,12 @@ class PointForce:
 PAPER, SECOND_ORDER = 'paper', 'second_order'
 TENDONS = ('right_tendon', 'left_tendon')
 """The tendons of a planar arm, at +x and -x."""
+
+
+def check_discretisation(value: str) -> None:
+    """Refuse what is no discretisation; raises ArmError."""
+    if value not in (PAPER, SECOND_ORDER):
+        raise ArmError(f'discretisation is {value!r}; allowed: {PAPER}, {SECOND_ORDER}')
 
 
 @dataclass(frozen=True)
@@ -163,18 +170,16 @@ class Arm:
             raise ArmError(
                 f'bodies per segment is {self.bodies_per_segment}; allowed: a whole '
                 'number from 1 to 1000')
-        if self.discretisation not in (PAPER, SECOND_ORDER):
-            raise ArmError(f'discretisation is {self.discretisation!r}; '
-                           f'allowed: {PAPER}, {SECOND_ORDER}')
+        check_discretisation(self.discretisation)
         for force in self.forces:
             if not (whole(force.disc) and 0 <= force.disc < len(self.discs)):
                 raise ArmError(f'there is no disc {force.disc}; the discs are 0 to '
                                f'{len(self.discs) - 1}')
-            _check('point force x', force.x, -1e6, 1e6, 'N')
-            _check('point force z', force.z, -1e6, 1e6, 'N')
-        _check('payload', self.payload, 0.0, 100.0, 'kg')
-        _check('mounting angle', self.mounting_angle, -2 * pi, 2 * pi, 'rad')
-        _check('gravity', self.gravity, 0.0, 100.0, 'm/s^2')
+            check_range('point force x', force.x, -1e6, 1e6, 'N')
+            check_range('point force z', force.z, -1e6, 1e6, 'N')
+        check_range('payload', self.payload, 0.0, 100.0, 'kg')
+        check_range('mounting angle', self.mounting_angle, -2 * pi, 2 * pi, 'rad')
+        check_range('gravity', self.gravity, 0.0, 100.0, 'm/s^2')
 
     @property
     def tendon_names(self) -> tuple[str, ...]:

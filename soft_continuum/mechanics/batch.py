@@ -3,19 +3,23 @@
 """Many equilibria in one call: independent ones on all cores, or one after the other on a path."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
+import os
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soft_continuum.mechanics import _newton
+from soft_continuum.mechanics import _kernel, _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
-from soft_continuum.mechanics._arrays import Drive, State, System
 from soft_continuum.mechanics._checks import listed, real_array, refuse_friction, sliding_signs
 from soft_continuum.mechanics._continuation import Point, Problem, TURN_LIMIT_BOTH_TAUT
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import check_start, Statics, StaticsError
+
+SMALLEST_PART = 50  # problems that a thread takes at a time
 
 Kind = TypeVar('Kind')
 Parts = Sequence[float] | Sequence[Sequence[float]] | Array
@@ -221,16 +225,21 @@ def _full_steps(models: Sequence[Statics], problems: Sequence[Problem], theta: A
     count, systems = len(theta), [p.system for p in problems]
     lengths, residual, turned = np.empty((count, 2)), np.empty(count), np.empty(count)
     status = np.empty(count, dtype=np.int64)
-    # One layout whatever is shared: another would be compiled anew.
-    _newton.newton_batch(
-        State(theta, tension, lengths),
-        System(np.array([s.bodies for s in systems]), np.array([s.joints for s in systems]),
-               systems[0].tables, np.array([s.guides for s in systems]), systems[0].ratios,
-               np.array([s.group for s in systems])),
+    arguments = (
+        (theta, tension, lengths),
+        (np.array([s.bodies for s in systems]), np.array([s.joints for s in systems]),
+         systems[0].tables, np.array([s.guides for s in systems]), systems[0].ratios,
+         np.array([s.group for s in systems])),
         np.array([p.groups for p in problems]),
-        Drive(problems[0].drive.mode, np.ascontiguousarray(target),
-              np.array([m.compliance for m in models]), problems[0].drive.segment),
+        (problems[0].drive.mode, target, np.array([m.compliance for m in models]),
+         problems[0].drive.segment),
         np.array([p.tolerance for p in problems]), status, residual, turned)
+    workers = len(os.sched_getaffinity(0))
+    parts = min(4 * workers, 1 + count // SMALLEST_PART)
+    bounds = np.linspace(0, count, parts + 1).astype(int).tolist()
+    solve_part = partial(_kernel.functions().newton_batch, *arguments)
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(solve_part, bounds[:-1], bounds[1:]))
     limit = np.where((tension > NO_TENSION).all(axis=1), TURN_LIMIT_BOTH_TAUT,
                      [p.turn_limit for p in problems])
     return (theta, tension, lengths, residual,

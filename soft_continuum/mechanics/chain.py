@@ -109,7 +109,7 @@ class RigidChain:
         for segment, disc in zip(arm.segments, arm.discs[1:], strict=True):
             lengths += [segment.length / n] * n + [disc.height]
             masses += [segment.mass / n] * n + [disc.mass]
-            parts = _joint_lengths(segment.length, n, arm.discretisation)
+            parts = joint_lengths_of(segment.length, n, arm.discretisation)
             joint_lengths += parts
             stiffness += [segment.bending_stiffness / part for part in parts]
         self.body_lengths = np.array(lengths)
@@ -226,7 +226,7 @@ class RigidChain:
                      + wx @ np.sin(theta) + wz @ (np.cos(theta) - 1.0))
 
 
-def _joint_lengths(length: float, bodies: int, discretisation: str) -> list[float]:
+def joint_lengths_of(length: float, bodies: int, discretisation: str) -> list[float]:
     """Return the length of spring (m) that each of the n + 1 joints of a segment stands for."""
     if discretisation == PAPER:
         return [length / (bodies + 1)] * (bodies + 1)

@@ -34,13 +34,13 @@ class JointLaws:
         jam[:, 1] = -1.0
         for s, segment in enumerate(self._segments):
             rows = self._rows(s)
-            law = segment.soft_law or linear(segment.bending_stiffness)
             if segment.soft_law is not None:
                 soft[rows, SOFT], soft[rows, SOFT_TABLE] = 1.0, len(tables)
-                tables.append(law)
+                tables.append(segment.soft_law)
             if segment.jam.law is not None:
                 jam[rows] = 1.0, len(tables)
-                tables.append(segment.jam.law.minus(law))
+                tables.append(segment.jam.law.minus(
+                    segment.soft_law or linear(segment.bending_stiffness)))
             elif not segment.jam.rigid and segment.soft_law is None:
                 jam[rows, 0] = (segment.jam.ratio - 1.0) * chain.joint_stiffness[rows]
             elif not segment.jam.rigid:
@@ -72,8 +72,9 @@ class JointLaws:
         greatest = 0.0
         for s, segment in enumerate(self._segments):
             jam = segment.jam if stiff[s] and not segment.jam.rigid else Jam()
-            law = jam.law or segment.soft_law or linear(segment.bending_stiffness)
-            slope = np.max(np.diff(law.moments) / np.diff(law.curvatures))
+            law, slope = jam.law or segment.soft_law, segment.bending_stiffness
+            if law is not None:
+                slope = np.max(np.diff(law.moments) / np.diff(law.curvatures))
             factor = 1.0 if jam.rigid or jam.law else jam.ratio
             greatest = max(greatest, factor * slope / self._soft[self._rows(s), LENGTH].min())
         return float(greatest)
@@ -198,7 +199,7 @@ def friction_gradients(chain: RigidChain, joint_angles: Array, sliding: Sequence
     (2, segments, bodies) per rad and (2, bodies) m/N per rad.
     """
     heading, rates = _headings(chain, joint_angles)
-    bend = _wrapped(np.diff(heading, axis=1))
+    bend = wrapped(np.diff(heading, axis=1))
     passed = np.cumsum(np.sign(bend)[..., None] * np.diff(rates, axis=1), axis=1)
     direction = np.asarray(sliding, dtype=float)[:, None, None]
     ratios = _run_ratios(chain, joint_angles, sliding)[:, 1:, None]
@@ -244,18 +245,20 @@ def _headings(chain: RigidChain, joint_angles: Array) -> tuple[Array, Array]:
     return np.arctan2(runs[:, :, 0], runs[:, :, 1]), rates
 
 
-def _wrapped(angles: Array) -> Array:
+def wrapped(angles: Array) -> Array:
     """Return angles in -pi to pi: headings come back after a full turn."""
-    wrapped: Array = (angles + np.pi) % (2.0 * np.pi) - np.pi
-    return wrapped
+    inside: Array = (angles + np.pi) % (2.0 * np.pi) - np.pi
+    return inside
 
 
 def _run_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
     """Return the tension over that at the base through discs and spans in turn, base first."""
+    if chain.arm.tendon.friction == 0.0:
+        return np.ones((2, 2 * chain.segments + 1))
     runs = np.diff(chain.guide_points(joint_angles), axis=1)
     heading = np.arctan2(runs[:, :, 0], runs[:, :, 1])
     # At the guides, from the top of the base disc.
-    turn = np.abs(_wrapped(np.diff(heading, axis=1)))
+    turn = np.abs(wrapped(np.diff(heading, axis=1)))
     passed = np.cumsum(np.insert(turn, 0, 0.0, axis=1), axis=1)
     direction = np.asarray(sliding, dtype=float)[:, None]
     ratios: Array = np.exp(-chain.arm.tendon.friction * direction * passed)

@@ -11,8 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import lu_factor, lu_solve
 
-from soft_continuum.mechanics import _assembly
+from soft_continuum.mechanics import _kernel
+from soft_continuum.mechanics._assembly import law
 from soft_continuum.mechanics._checks import sliding_signs
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.joints import (
@@ -33,12 +35,14 @@ class Sensitivity:
     """
     Derivatives of an equilibrium with respect to k parameters.
 
-    joint_angles: (joints, k) rad per unit.  tensions: (2, k) N per unit.  tip: (3, k), of x, z
-    (m) and tangent angle (rad) of the top of the tip disc.
+    joint_angles: (joints, k) rad per unit.  tensions: (2, k) N per unit.  paths: (2, k) m per
+    unit, of the lengths of the tendons' paths.  tip: (3, k), of x, z (m) and tangent angle (rad)
+    of the top of the tip disc.
     """
 
     joint_angles: Array
     tensions: Array
+    paths: Array
     tip: Array
 
 
@@ -68,13 +72,14 @@ class Linearisation:
         self._system, compliance = problem.system, problem.drive.compliance
         joints = self._system.joints
         # Rounding must not decide which joints yield: they go a little beyond, or back.
-        at_yield = np.abs(self._jam_moments()) >= (1.0 - 1e-9) * joints[:, YIELD]
+        at_yield = np.abs(self._find_jams()[0]) >= (1.0 - 1e-9) * joints[:, YIELD]
         offset = state.joint_angles - joints[:, HELD]
         joints[at_yield, HELD] -= (1e-7 if loading else -1e-7) * offset[at_yield]
+        self._jams = self._find_jams()
         self.theta = np.cumsum(state.joint_angles)
         self.tensions = np.nan_to_num(state.tensions)
-        self.hessian, self._force, self._reach = _assembly.dense_system(
-            self.theta, self.tensions, self._system, groups)
+        self.hessian, self._force, self._reach = _kernel.functions().dense_system(
+            self.theta, self.tensions, tuple(self._system), groups)
         self._stretch_rates = np.zeros((groups, 2))
         if chain.arm.tendon.friction > 0.0 and any(sliding):
             self._add_friction(sliding)
@@ -87,6 +92,7 @@ class Linearisation:
             self._matrix[:groups, row] = self._force[:, t]
             self._matrix[row, :groups] = self._reach[:, t] - self._stretch_rates[:, t]
             self._matrix[row, row] = -compliance[t]
+        self._factors = lu_factor(self._matrix, check_finite=False)
 
     def _add_friction(self, sliding: Sequence[int]) -> None:
         """Add what a turn changes of the tension that arrives at each span, and of the stretch."""
@@ -99,73 +105,145 @@ class Linearisation:
             for s in range(chain.segments):
                 alone[:] = 0.0
                 alone[t, s] = 1.0
-                _, force, _ = _assembly.dense_system(
-                    self.theta, self.tensions, self._system._replace(ratios=alone), self._groups)
+                _, force, _ = _kernel.functions().dense_system(
+                    self.theta, self.tensions, tuple(self._system._replace(ratios=alone)),
+                    self._groups)
                 self.hessian += self.tensions[t] * np.outer(
                     force[:, t], ratios[t, s, free] @ gather)
 
     def pulls(self) -> Sensitivity:
         """Return the derivatives with respect to the pulls (right, left), per m."""
-        groups = self._groups
-        right_side = np.zeros((len(self._matrix), 2))
-        for row, t in enumerate(self._taut, start=groups):
-            right_side[row, t] = -1.0
-        return self._solve(right_side)
+        return self._solve(self._by_pulls())
 
     def bending_stiffness(self) -> Sensitivity:
         """Return the derivatives with respect to E I of every segment's soft law, per N m^2."""
-        joints = self._system.joints
-        if np.any(joints[:, SOFT_TABLE] >= 0):
+        if np.any(self._system.joints[:, SOFT_TABLE] >= 0):
             raise ValueError('a segment with a moment-curvature table has no single E I')
+        return self._solve(self._by_bending_stiffness())
+
+    def stiffness_ratio(self) -> Sensitivity:
+        """Return the derivatives with respect to the ratio K of every stiff segment."""
+        return self._solve(self._by_stiffness_ratio())
+
+    def held_shape(self) -> Sensitivity:
+        """
+        Return the derivatives with respect to the shape that the jam of every segment holds.
+
+        Per rad of its bending angle, spread evenly over its joints.  A segment that is soft, or
+        rigid, has none.
+        """
+        return self._solve(self._by_held_shape())
+
+    def payload(self) -> Sensitivity:
+        """Return the derivatives with respect to a mass at the tip, per kg."""
+        return self._solve(self._by_payload())
+
+    def all(self) -> Sensitivity:
+        """
+        Return all of them at once, which costs little more than one.
+
+        In turn: by the held shape, E I and K of each segment, the pulls, the payload.  By E I they
+        are 0 where bending_stiffness raises ValueError.
+        """
+        stiffness = self._by_bending_stiffness()
+        if np.any(self._system.joints[:, SOFT_TABLE] >= 0):
+            stiffness[:] = 0.0
+        return self._solve(np.hstack([
+            self._by_held_shape(), stiffness, self._by_stiffness_ratio(), self._by_pulls(),
+            self._by_payload()]))
+
+    def _by_pulls(self) -> Array:
+        right_side = np.zeros((len(self._matrix), 2))
+        for row, t in enumerate(self._taut, start=self._groups):
+            right_side[row, t] = -1.0
+        return right_side
+
+    def _by_bending_stiffness(self) -> Array:
+        joints = self._system.joints
         offset = self._state.joint_angles - joints[:, HELD]
         # Joint stiffness is proportional to E I, and a jam's, K - 1 times it, as well.
         jam = np.clip(joints[:, JAM] * offset, -joints[:, YIELD], joints[:, YIELD])
         # A jam's table is a whole stiff segment's less the soft one's.
         table = joints[:, JAM_TABLE] >= 0
         jam[table] = -(joints[:, JAM] * self._chain.joint_stiffness * offset)[table]
-        jam[np.abs(self._jam_moments()) >= joints[:, YIELD]] = 0.0
+        jam[np.abs(self._jams[0]) >= joints[:, YIELD]] = 0.0
         moments = joints[:, SOFT] * self._state.joint_angles + jam
-        return self._solve(self._by_segment(
-            moments, [s.bending_stiffness for s in self._chain.arm.segments]))
+        return self._by_segment(
+            moments, [s.bending_stiffness for s in self._chain.arm.segments])
 
-    def stiffness_ratio(self) -> Sensitivity:
-        """Return the derivatives with respect to the ratio K of every stiff segment."""
-        moments = self._jam_moments()
+    def _by_stiffness_ratio(self) -> Array:
+        moments = self._jams[0]
         elastic = np.abs(moments) < self._system.joints[:, YIELD]
-        return self._solve(self._by_segment(
-            np.where(elastic, moments, 0.0),
-            [s.jam.ratio - 1.0 for s in self._chain.arm.segments]))
+        return self._by_segment(np.where(elastic, moments, 0.0),
+                                [s.jam.ratio - 1.0 for s in self._chain.arm.segments])
 
-    def _jam_moments(self) -> Array:
-        """Return what the jams would bear without a limit, (joints,), N m."""
+    def _by_held_shape(self) -> Array:
+        moments, slopes = self._jams
+        slopes = np.where(np.abs(moments) < self._system.joints[:, YIELD], slopes, 0.0)
+        return self._by_segment(
+            -slopes / self._chain.joints_per_segment, np.ones(self._chain.segments))
+
+    def _by_payload(self) -> Array:
+        chain, free = self._chain, self._system.group >= 0
+        arm = chain.arm
+        turning = arm.gravity * chain.body_lengths * -np.sin(arm.mounting_angle + self.theta)
+        right_side = np.zeros((len(self._matrix), 1))
+        np.subtract.at(right_side[:, 0], self._system.group[free], turning[free])
+        return right_side
+
+    def forces(self) -> Sensitivity:
+        """
+        Return the derivatives with respect to forces on the discs, per N.
+
+        In turn x and z (base_link) at the centre of every disc but the base, as a PointForce.
+        """
+        chain, free = self._chain, self._system.group >= 0
+        bodies = np.arange(chain.joints)
+        right_side = np.zeros((len(self._matrix), 2 * chain.segments))
+        for disc in range(chain.segments):
+            last = chain.last_joint[disc]
+            part = (bodies < last) + 0.5 * (bodies == last)
+            for column, lever in enumerate((np.cos(self.theta), -np.sin(self.theta))):
+                np.add.at(right_side[:, 2 * disc + column], self._system.group[free],
+                          (part * chain.body_lengths * lever)[free])
+        return self._solve(right_side)
+
+    def _find_jams(self) -> tuple[Array, Array]:
+        """Return moments (N m) and tangents (N m/rad) of the jams without a limit, (joints,)."""
         joints = self._system.joints
-        return np.array([
-            _assembly.law(angle - row[HELD], row[JAM], row[JAM_TABLE], row[LENGTH],
-                          self._system.tables)[0]
-            for angle, row in zip(self._state.joint_angles, joints, strict=True)])
+        offset = self._state.joint_angles - joints[:, HELD]
+        if np.all(joints[:, JAM_TABLE] < 0):
+            return joints[:, JAM] * offset, joints[:, JAM]
+        found = np.array([law(angle, row[JAM], row[JAM_TABLE], row[LENGTH], self._system.tables)
+                          for angle, row in zip(offset, joints, strict=True)])
+        return found[:, 0], found[:, 1]
 
     def _by_segment(self, moments: Array, parameters: Sequence[float] | Array) -> Array:
         """Return minus the change of the moment balance per parameter of each segment."""
         chain, group = self._chain, self._system.group
-        right_side = np.zeros((len(self._matrix), chain.segments))
-        for i, moment in enumerate(moments):
-            s = i // chain.joints_per_segment
-            below = group[i - 1] if i > 0 else -1
-            if group[i] != below:
-                right_side[group[i], s] -= moment / parameters[s]
-                if below >= 0:
-                    right_side[below, s] += moment / parameters[s]
-        return right_side
+        size, segments = len(self._matrix), chain.segments
+        segment = np.arange(len(moments)) // chain.joints_per_segment
+        change = moments / np.asarray(parameters)[segment]
+        below = np.concatenate([[-1], group[:-1]])
+        turns = group != below
+        right_side: Array = np.zeros(size * segments)
+        right_side -= np.bincount(
+            (group * segments + segment)[turns], change[turns], len(right_side))
+        turns &= below >= 0
+        right_side += np.bincount(
+            (below * segments + segment)[turns], change[turns], len(right_side))
+        return right_side.reshape(size, segments)
 
     def _solve(self, right_side: Array) -> Sensitivity:
         chain, group = self._chain, self._system.group
-        solution = np.linalg.solve(self._matrix, right_side)
+        solution = lu_solve(self._factors, right_side, check_finite=False)
         moved = np.zeros((chain.joints, right_side.shape[1]))
         free = group >= 0
         moved[free] = solution[group[free]]
         tensions = np.zeros((2, right_side.shape[1]))
         tensions[self._taut] = solution[self._groups:]
+        paths = self._reach.T @ solution[:self._groups]
         lengths, theta = chain.body_lengths[:, None], self.theta[:, None]
         tip = np.stack([(lengths * np.cos(theta) * moved).sum(axis=0),
                         (-lengths * np.sin(theta) * moved).sum(axis=0), moved[-1]])
-        return Sensitivity(np.diff(moved, axis=0, prepend=0.0), tensions, tip)
+        return Sensitivity(np.diff(moved, axis=0, prepend=0.0), tensions, paths, tip)

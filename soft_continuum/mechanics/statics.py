@@ -18,7 +18,7 @@ from math import inf, isfinite
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soft_continuum.mechanics import _newton
+from soft_continuum.mechanics import _kernel, _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._arrays import ANGLE, Drive, System, TENSION
 from soft_continuum.mechanics._checks import (
@@ -29,7 +29,6 @@ from soft_continuum.mechanics._checks import (
     vacuum_parts,
     whole,
 )
-from soft_continuum.mechanics._compile import note_compiled
 from soft_continuum.mechanics._continuation import (
     Continuation,
     Point,
@@ -37,14 +36,17 @@ from soft_continuum.mechanics._continuation import (
     TURN_LIMIT,
     TURN_LIMIT_NOT_CONVEX,
 )
-from soft_continuum.mechanics.arm import Arm, Disc, Segment
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.joints import compliances, JointLaws
 
-__all__ = ['SLACK', 'OverconstrainedError', 'Statics', 'StaticsError', 'warm_up']
+__all__ = ['SLACK', 'SLACK_ALLOWANCE', 'OverconstrainedError', 'Statics', 'StaticsError',
+           'warm_up']
 
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
+SLACK_ALLOWANCE = 1e-4
+"""m of pull that rope and guides absorb; the model's inextensible tendons would buckle the arm."""
 
 
 class Statics:
@@ -276,13 +278,8 @@ def _is_positive_definite(diagonal: Array, beside: Array) -> bool:
 
 def warm_up() -> None:
     """
-    Compile the solver, or load it compiled, now rather than in the first solve.
+    Build the compiled solver, or load it, now rather than in the first solve.
 
-    It takes some seconds once, and a fraction of a second later.
+    It takes up to a minute once, and some milliseconds later.
     """
-    segment = Segment(length=0.1, bending_stiffness=0.01, guide_offsets=(0.02, 0.02))
-    statics = Statics(Arm((segment,), (Disc(0.01), Disc(0.01)), bodies_per_segment=1))
-    straight = statics.chain.straight()
-    problem = statics.problem(straight, [True], np.full(2, np.inf))
-    statics.continuation.follow(statics._start(straight), problem)
-    note_compiled()
+    _kernel.functions()

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The requests that shape_sequencer sends to tendon_actuation and jamming_valves."""
+"""The requests that nodes send to tendon_actuation and jamming_valves."""
 
 from collections.abc import Sequence
 from uuid import uuid4
@@ -13,7 +13,7 @@ from trajectory_msgs.msg import JointTrajectory
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.ros.conversions import trajectory_to_ros
-from soft_continuum.ros.names import JAMMING_VALVES, SHAPE_SEQUENCER, TENDON_ACTUATION
+from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum.sequencing.progress import Code
@@ -29,18 +29,18 @@ CODES = {
 """What a refused or ended motion ends a sequence with; other reasons: HARDWARE_FAULT."""
 
 
-class ArmCommander:
+class MotionCommander:
     """
-    The ArmPort of a Runner, over ROS; knows which requests failed and why.
+    Sends motions to tendon_actuation, and knows which failed and why.
 
-    motion_failure: of the present motion.  switch_failure: why jamming_valves did not switch.
+    motion_failure: of the present motion.
     """
 
     def __init__(self, node: Node, arm: Arm) -> None:
-        """Create the publisher and the clients."""
+        """Create the publisher for ``node``, whose name begins the ids of its motions."""
         self.motion_failure: Failure | None = None
-        self.switch_failure = ''
         self._tendons: Sequence[str] = arm.tendon_names
+        self._name = node.get_name()
         self._process = uuid4().hex[:8]
         self._run = 0
         self._motion_id = ''
@@ -48,31 +48,16 @@ class ArmCommander:
         self._ros_time = RosTime(node.get_clock())
         self._trajectory = node.create_publisher(
             JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', STREAM)
-        self._set_stiff = [
-            node.create_client(SetBool, f'{JAMMING_VALVES}/segment_{n}/set_stiff')
-            for n in range(1, len(arm.segments) + 1)]
 
     def begin(self) -> None:
         """Begin a run: failures of earlier requests no longer count."""
         self._run += 1
-        self._motion_id = self.switch_failure = ''
+        self._motion_id = ''
         self.motion_failure = None
-
-    def set_stiff(self, segment: int, stiff: bool) -> None:
-        """Request that jamming_valves evacuates or vents a segment (0-based)."""
-        run = self._run
-
-        def on_response(future: Future) -> None:
-            response = future.result()
-            if run == self._run and response is not None and not response.success:
-                self.switch_failure = f'{JAMMING_VALVES}: {response.message}'
-
-        self._set_stiff[segment].call_async(
-            SetBool.Request(data=stiff)).add_done_callback(on_response)
 
     def follow(self, motion: int, start: float, times: Array, pulls: Array) -> None:
         """Send the next piece of a motion; all pieces of one motion have the same id."""
-        motion_id = f'{SHAPE_SEQUENCER}/{self._process}/{self._run}.{motion}'
+        motion_id = f'{self._name}/{self._process}/{self._run}.{motion}'
         if motion_id != self._motion_id:
             self._motion_id, self._followed, self.motion_failure = motion_id, False, None
         message = trajectory_to_ros(times, pulls, self._tendons)
@@ -106,3 +91,36 @@ class ArmCommander:
         self.motion_failure = Failure(
             CODES.get(request.reason, Code.HARDWARE_FAULT),
             f'the tendon motion {what}: {request.message}')
+
+
+class ArmCommander(MotionCommander):
+    """
+    The ArmPort of a Runner, over ROS; knows which requests failed and why.
+
+    switch_failure: why jamming_valves did not switch.
+    """
+
+    def __init__(self, node: Node, arm: Arm) -> None:
+        """Create the publisher and the clients."""
+        super().__init__(node, arm)
+        self.switch_failure = ''
+        self._set_stiff = [
+            node.create_client(SetBool, f'{JAMMING_VALVES}/segment_{n}/set_stiff')
+            for n in range(1, len(arm.segments) + 1)]
+
+    def begin(self) -> None:
+        """Begin a run: failures of earlier requests no longer count."""
+        super().begin()
+        self.switch_failure = ''
+
+    def set_stiff(self, segment: int, stiff: bool) -> None:
+        """Request that jamming_valves evacuates or vents a segment (0-based)."""
+        run = self._run
+
+        def on_response(future: Future) -> None:
+            response = future.result()
+            if run == self._run and response is not None and not response.success:
+                self.switch_failure = f'{JAMMING_VALVES}: {response.message}'
+
+        self._set_stiff[segment].call_async(
+            SetBool.Request(data=stiff)).add_done_callback(on_response)

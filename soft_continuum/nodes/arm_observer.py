@@ -3,6 +3,7 @@
 """The arm as shape_sequencer observes it, from the topics of the other three nodes."""
 
 from collections.abc import Callable, Mapping
+from math import inf, isfinite
 from typing import Any
 
 from sensor_msgs.msg import JointState
@@ -15,6 +16,8 @@ from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import pulls_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
+from soft_continuum.ros.ros_time import RosTime
+from soft_continuum.ros.text import plain
 from soft_continuum.sequencing.runner import Failure, Observation
 from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationState
 
@@ -33,10 +36,11 @@ class ArmObserver(ReportedArm):
         super().__init__(node, RigidChain(arm), parameters)
         self.tendons = TendonActuationState()
         self.pulls = (0.0,) * len(arm.tendon_names)
-        self._names = arm.tendon_names
+        self._names, self._unmeasured = arm.tendon_names, ''
         self._on_tendon_state = on_tendon_state
-        self._moving = False
+        self._moving, self.tendons_heard = False, False
         self._tendon_age = Age()
+        self._ros_time = RosTime(node.get_clock())
         self._ages = {f'{TENDON_ACTUATION} (tendon_states)': self._tendon_age,
                       f'{JAMMING_VALVES} (segment_N/pressure)': self.jamming_age,
                       f'{KINEMATICS} (~/state)': self.shape_age}
@@ -53,10 +57,13 @@ class ArmObserver(ReportedArm):
             return
         self.pulls = tuple(pulls.tolist())
         self._moving = any(message.velocity)
+        self._unmeasured = ', '.join(
+            plain(name) for name, effort in zip(message.name, message.effort, strict=False)
+            if not isfinite(effort))
         self._tendon_age.refresh()
 
     def _on_tendon_actuation(self, state: TendonActuationState) -> None:
-        self.tendons = state
+        self.tendons, self.tendons_heard = state, True
         self._note_fault(TENDON_ACTUATION, state.fault)
         self._on_tendon_state(state)
 
@@ -83,6 +90,11 @@ class ArmObserver(ReportedArm):
         return all(self.stiff)
 
     @property
+    def moves(self) -> bool:
+        """Whether a tendon moves, or may still move to what it was sent."""
+        return self._moving or self.tendons.moving
+
+    @property
     def stopped(self) -> str:
         """Why tendon motion is stopped; empty when it is not."""
         if self.tendons.stopped == TendonActuationState.NOT_STOPPED:
@@ -90,39 +102,66 @@ class ArmObserver(ReportedArm):
         return self.tendons.stop_message or 'tendon_actuation is stopped'
 
     @property
-    def fault(self) -> str:
-        """Why the arm cannot be operated; empty when it can."""
+    def reported_fault(self) -> str:
+        """What is reported to be wrong with the arm; empty for nothing."""
         if problem := self.conflicts.problem:
             return problem
         timeout = self.timeout
-        faults = '; '.join(f'{node}: {fault}' for node, (fault, age) in self._faults.items()
-                           if age.seconds > timeout)
-        if faults:
+        faults = [f'{node}: {fault}' for node, (fault, age) in self._faults.items()
+                  if age.seconds > timeout]
+        if self._unmeasured:
+            faults.append(f'{TENDON_ACTUATION}: the tension of {self._unmeasured} is not measured')
+        return '; '.join(faults)
+
+    @property
+    def fault(self) -> str:
+        """Why the arm cannot be operated; empty when it can."""
+        if faults := self.reported_fault:
             return faults
+        timeout = self.timeout
+        if unheard := self.unheard:
+            return (f'nothing received yet from {", ".join(unheard)}; do they run, and what is '
+                    'their status?')
         stale = [name for name, age in self._ages.items() if age.seconds > timeout]
-        if None in self.stiff:
-            stale.append(f'{JAMMING_VALVES} (~/state)')
         return f'nothing received for {timeout:g} s from {", ".join(stale)}' if stale else ''
+
+    @property
+    def unheard(self) -> list[str]:
+        """What was never received, as in the first moments of this node: nodes and topics."""
+        unheard = [name for name, age in self._ages.items() if age.seconds == inf]
+        if not self.tendons_heard:
+            unheard.append(f'{TENDON_ACTUATION} (~/state)')
+        if None in self.stiff:
+            unheard.append(f'{JAMMING_VALVES} (~/state)')
+        return unheard
 
     @property
     def interlock(self) -> str:
         """Why no sequence may begin now; empty when one may."""
-        if fault := self.fault:
+        if fault := self.reported_fault:
             return fault
         if self.stopped:
             return (f'tendon motion is stopped ({self.stopped}); '
                     'call tendon_actuation/resume first')
+        if fault := self.fault:
+            return fault
         if not self.tendons.referenced:
             return ('the position of the tendons is not referenced; straighten the arm and call '
                     'tendon_actuation/reference first')
         return ''
 
+    @property
+    def measured(self) -> float | None:
+        """When the arm was last measured, s (steady); None for never."""
+        return self._ros_time.steady(self.kinematics.measured)
+
     def observation(self, motion_failure: Failure | None, fault: str) -> Observation:
         """Return what a Runner needs, with the failures of what it has requested."""
         ambient = self.parameters['ambient_pressure']
         return Observation(
-            pulls=self.pulls, moving=self._moving or self.tendons.moving,
+            pulls=self.pulls, moving=self.moves,
             stiff=tuple(bool(stiff) for stiff in self.stiff),
             vacuum=tuple(ambient - pressure for pressure in self.pressures),
             stopped=self.stopped, stops=self.tendons.stops, fault=self.fault or fault,
-            motion_failure=motion_failure)
+            motion_failure=motion_failure, measured=self.measured,
+            anomaly='; '.join(one.message for one in self.kinematics.anomalies))

@@ -2,39 +2,54 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node that looks at the arm: poses of the discs from printed tags."""
 
+from array import array
 from functools import partial
 import threading
 from time import monotonic
-from typing import Any
+from typing import Any, TYPE_CHECKING
 import zlib
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_srvs.srv import Trigger
 
-from soft_continuum.nodes.entries import repeat, subscribe
+from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.parameter import as_yaml, ParameterError
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.conversions import measured_pose_to_ros, seconds
+from soft_continuum.ros.conversions import (
+    measured_pose_to_ros,
+    planar_poses,
+    poses_from_ros,
+    seconds,
+)
+from soft_continuum.ros.names import CAMERA, MEASURED_POSE, OVERLAY
 from soft_continuum.ros.pictures import grey_picture, MAX_PICTURE_BYTES
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.lens import Lens, LensError
 from soft_continuum.sensing.opencv import OpenCVError, require_opencv
-from soft_continuum.sensing.sources import is_device
+from soft_continuum.sensing.pictures import is_black
+from soft_continuum.sensing.sources import is_device, pictures, SourceError
+from soft_continuum.sensing.tag_mounts import mounted, tag_mount, tag_mounts
+from soft_continuum.sensing.tare import straight_heights, Window
+from soft_continuum.sensing.tilt import SensorError
+
+if TYPE_CHECKING:  # OpenCV may not be there
+    from soft_continuum.sensing.tag_camera import Sight, TagCamera
 
 MAX_AGE = 1.0  # s between a picture's stamp and now
-DARK = 8  # grey value of a picture that is called black, not frozen
 FROZEN_AFTER = 2.0  # s of one and the same picture, of a camera
 STALE_AFTER = 2.0  # s without a picture
+OVERLAY_PERIOD = 0.2  # s between two pictures for people
 IMAGES = 'camera/image_raw'
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 RETRY = 2.0  # s until a device that failed is opened again
@@ -48,22 +63,26 @@ class Camera(Node):
     Subscribes to camera/image_raw (sensor_msgs/Image) and camera/camera_info
     (sensor_msgs/CameraInfo) unless it opens a device, a file or a folder itself.  Publishes
     disc_N/measured_pose (geometry_msgs/PoseWithCovarianceStamped), N from 0 at the base, ~/status
-    and /diagnostics.
+    and /diagnostics.  For those who look, camera/overlay/compressed (sensor_msgs/CompressedImage)
+    is the picture with the tags and the arm of disc_poses drawn over it.  Serves ~/tare
+    (std_srvs/Trigger).
 
     Pictures are looked at on a thread of their own; of those that come faster, the newest.
     """
 
     def __init__(self, **options: Any) -> None:
         """Declare parameters and topics; raises ParameterError."""
-        super().__init__('camera', **options)
+        super().__init__(CAMERA, **options)
         try:
             require_opencv()
         except OpenCVError as error:
             raise ParameterError(str(error)) from None
+        from soft_continuum.sensing.overlay import overlay
         from soft_continuum.sensing.tag_camera import TagCamera
-        self.parameters = NodeParameters(self, NODE_PARAMETERS['camera'])
+        self.parameters = NodeParameters(self, NODE_PARAMETERS[CAMERA])
         self.status = Status(self, 'camera and printed tags')
-        self._layout = TagLayout.of(arm_from_parameters(self.parameters), self.parameters)
+        self._layout = TagLayout.of(self.parameters)
+        self._draw = overlay
         self._make_camera = partial(TagCamera, self._layout)
         self._camera: TagCamera | None = None
         if path := self.parameters['camera.calibration']:
@@ -77,15 +96,22 @@ class Camera(Node):
                                  'soft_continuum calibrate camera writes that file')
         self._info_problem = 'no camera/camera_info yet'
         self._poses = [self.create_publisher(
-            PoseWithCovarianceStamped, f'disc_{n}/measured_pose', STREAM)
+            PoseWithCovarianceStamped, MEASURED_POSE.format(n), STREAM)
             for n in range(len(self._layout.heights))]
+        self._overlays = self.create_publisher(CompressedImage, OVERLAY, STREAM)
+        self._model: Any = None  # disc_poses of the model, (2 * discs, 3)
+        self._model_age = Age()
+        self._shown = 0.0  # when an overlay was published, s
+        self._straight = straight_heights(arm_from_parameters(self.parameters))
+        self._mounts = tag_mounts(self.parameters, len(self._poses))
+        self._seen = [Window[Any]() for _ in self._poses]
+        self._tared = ''
         self._worker = Worker('pictures', self._on_failure)
         self._newest = Newest(self._worker.submit, self._look)
         self._reports = Newest(lambda f: on_ros_thread(self, f), self._report)
         self._age, self._taken = Age(), 0.0  # of the last picture; when one was looked at, s
         self._last, self._changed = 0, monotonic()  # checksum of the last picture, s
         self._ending = threading.Event()
-        self._thread: threading.Thread | None = None
 
     def callback_failed(self, error: Exception) -> None:
         """Report what a callback raised."""
@@ -97,17 +123,17 @@ class Camera(Node):
     def start(self) -> None:
         """Begin to look."""
         self._age.refresh()
+        serve(self, Trigger, '~/tare', self._on_tare)
         self.status.set(WARN, 'no picture yet')
+        subscribe(self, PoseArray, 'disc_poses', self._on_model, SENSOR)
         if self._source:
-            self._thread = threading.Thread(target=self._read, name='source', daemon=True)
-            self._thread.start()
-            if is_device(self._source):
-                repeat(self, 0.5, self._check_age)
-            return
-        repeat(self, 0.5, self._check_age)
-        if self._camera is None:
-            subscribe(self, CameraInfo, 'camera/camera_info', self._on_info, SENSOR)
-        self._subscribe(SENSOR)
+            threading.Thread(target=self._read, name='source', daemon=True).start()
+        else:
+            if self._camera is None:
+                subscribe(self, CameraInfo, 'camera/camera_info', self._on_info, SENSOR)
+            self._subscribe(SENSOR)
+        if not self._source or is_device(self._source):
+            repeat(self, 0.5, self._check_age)
 
     def _subscribe(self, profile: QoSProfile) -> None:
         self._profile = profile
@@ -127,6 +153,11 @@ class Camera(Node):
         """End; this node moves nothing."""
         self._ending.set()
         self._worker.close(CLOSE_TIMEOUT)
+
+    def _on_model(self, message: PoseArray) -> None:
+        poses = planar_poses(poses_from_ros(message))
+        self._model_age.refresh()
+        self._model = poses if len(poses) == 2 * len(self._poses) else None
 
     # Where pictures come from.
 
@@ -150,8 +181,9 @@ class Camera(Node):
         self._taken = now
         delay = seconds(self.get_clock().now().to_msg()) - seconds(message.header.stamp)
         if abs(delay) > MAX_AGE:
-            self.status.set(ERROR, f'the picture is stamped {delay:.1f} s ago; set the clocks of '
-                            'the computers alike (negative: from the future)')
+            self.status.set(ERROR, f'the picture is stamped {delay:.1f} s ago (negative: from '
+                            f'the future); allowed: {MAX_AGE:g} s; set the clocks of the '
+                            'computers alike, or free this one: it is too busy')
             return
         try:
             self._newest.put((message.header.stamp, grey_picture(message), True))
@@ -160,9 +192,6 @@ class Camera(Node):
 
     def _read(self) -> None:
         """Take pictures from a device, a file or a folder, on a thread of its own."""
-        import cv2
-
-        from soft_continuum.sensing.sources import pictures, SourceError
         assert self._camera is not None
         live, period = is_device(self._source), 1.0 / self.parameters['camera.rate']
         while not self._ending.is_set():
@@ -178,7 +207,7 @@ class Camera(Node):
                     self._age.refresh()
                     self._newest.put((self.get_clock().now().to_msg(), picture, live))
                 end = WARN, f'{self._source} has no more pictures'
-            except (SourceError, OSError, cv2.error) as error:
+            except SourceError as error:
                 end = ERROR, str(error)
             self._worker.call(lambda end=end: self._reports.put((*end, {})))  # after the last one
             if not live:
@@ -190,30 +219,71 @@ class Camera(Node):
     def _look(self, taken: tuple[Time, Any, bool]) -> None:
         """Measure and publish; on the thread for it."""
         stamp, picture, live = taken
-        camera = self._camera
+        camera, sight = self._camera, None
         if camera is None:
             self._reports.put((ERROR, self._info_problem, {}))
-            return
-        if live and self._is_frozen(picture) and picture.max() > DARK:
+        elif live and self._is_frozen(picture) and not is_black(picture):
             self._reports.put((ERROR, 'the camera has sent the same picture for '
                                f'{FROZEN_AFTER:g} s: it is frozen; restart its driver', {}))
-            return
-        sight = camera.measure(picture)
+        else:
+            sight = camera.measure(picture)
+            self._publish(stamp, sight)
+        self._show(stamp, picture, camera, sight)
+
+    def _publish(self, stamp: Time, sight: 'Sight') -> None:
+        """Publish where the discs are, and what was seen."""
         for n, disc in sight.discs.items():
-            message = measured_pose_to_ros(disc.pose, disc.covariance)
+            self._seen[n].add(monotonic(), disc.pose)
+            message = measured_pose_to_ros(mounted(disc.pose, self._mounts[n]), disc.covariance)
             message.header.stamp = stamp
             message.header.frame_id = self.parameters['frame_id']
             self._poses[n].publish(message)
         missing = [str(n) for n in range(len(self._poses)) if n not in sight.discs]
         values = {'discs': ' '.join(map(str, sight.discs)),
                   'tags': ' '.join(map(str, sorted(sight.numbers))),
-                  'deviation_px': f'{sight.deviation:.3f}'}
+                  'deviation_px': f'{sight.deviation:.3f}', 'tared': self._tared or 'no'}
         if sight.problems:
             self._reports.put((WARN if sight.discs else ERROR, '; '.join(sight.problems), values))
         elif missing:
             self._reports.put((WARN, f'disc {", ".join(missing)} not seen', values))
         else:
             self._reports.put((OK, 'all discs are seen', values))
+
+    def _show(self, stamp: Time, picture: Any, camera: 'TagCamera | None', sight: 'Sight | None'
+              ) -> None:
+        """Draw for those who look; most of all when nothing could be measured."""
+        now = monotonic()
+        if now - self._shown < OVERLAY_PERIOD or not self._overlays.get_subscription_count():
+            return
+        self._shown = now
+        message = CompressedImage(format='jpeg')
+        message.header.stamp = stamp
+        model = self._model if self._model_age.seconds < STALE_AFTER else None
+        message.data = array('B', self._draw(picture, camera, sight, model))
+        self._overlays.publish(message)
+
+    def _on_tare(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Take the discs as they are seen as those of the straight arm."""
+        now, mounts, discs = monotonic(), list(self._mounts), []
+        for n, height in enumerate(self._straight):
+            try:
+                if poses := self._seen[n].recent(now):
+                    mounts[n] = tag_mount(poses, height)
+                    discs.append(str(n))
+            except SensorError as error:
+                response.message = f'disc {n}: {error}; nothing was tared'
+                return response
+        if not discs:
+            response.message = 'no disc was seen in the last second; see ~/status'
+            return response
+        self._mounts, self._tared = tuple(mounts), ' '.join(discs)
+        numbers = tuple(float(v) for mount in mounts for v in mount)
+        response.success = True
+        response.message = (
+            f'taken as straight: disc {", ".join(discs)}. To keep it over a restart, write into '
+            f'the parameter file: {CAMERA}: {{ros__parameters: {{tags: {{mounts: '
+            f'{as_yaml(numbers, 6)}}}}}}}')
+        return response
 
     def _is_frozen(self, picture: Any) -> bool:
         checksum, now = zlib.crc32(picture), monotonic()

@@ -1,14 +1,14 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node that knows the shape of the arm from tendons, stiffness and the model."""
+"""The node that knows the shape of the arm: from tendons, stiffness, model and measurements."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import partial
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, JointState
@@ -16,51 +16,70 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
+from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.measuring import Measurement
+from soft_continuum.estimation.shape import (
+    ArmShape,
+    PULL_RESOLUTION,
+    ShapeError,
+    UnknownShapeError,
+)
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.statics import Statics, StaticsError
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.markers import shape_markers
-from soft_continuum.nodes.model import load_model, loading, SLACK_ALLOWANCE
+from soft_continuum.nodes.measured_poses import MeasuredPoses
+from soft_continuum.nodes.measured_tensions import MeasuredTensions
+from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
+from soft_continuum.nodes.tension_check import TensionCheck
 from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.estimation import estimation_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.conversions import (
     equilibrium_to_ros,
     full_poses,
+    measured_pose_to_ros,
     poses_to_ros,
     pulls_from_ros,
+    seconds,
     stiffness_from_ros,
 )
+from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.urdf import arm_urdf, joint_names
-from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
+from soft_continuum_interfaces.msg import EstimatedParameter, JammingValvesState, KinematicsState
 
 MARKER_PERIOD = 0.05  # s
+TENSION_PERIOD = 1.0  # s for which a tension that was wrong is shown
 MIN_PERIOD = 0.005  # s between two shapes at least
 CHECK_PERIOD = 0.02  # s after which what came sooner than that is followed
 MIN_VACUUM = 0.01  # part of the full vacuum that a stiff segment has at least
-PULL_RESOLUTION = 1e-9  # m: a smaller change of pull changes nothing
-# m: pulls of an arm that is still where it was referenced.  The pulls of opposite bends cancel.
-STRAIGHT_PULLS = 1e-5
+COVARIANCE_PERIOD = 0.05  # s between two covariances, which cost more than the shape
+REFUSAL_PERIOD = 1.0  # s for which it is shown why a measurement was not used
+FRESH = 3.0  # s: an older measurement is not the shape's any more
 
 
 class Kinematics(Node):
     """
-    Follows the arm's shape by the rigid multibody model under gravity.
+    Follows the arm's shape by the rigid multibody model under gravity, and by measurements.
 
-    Subscribes to tendon_states (sensor_msgs/JointState), jamming_valves/state and
-    segment_N/pressure.  Publishes ~/state (soft_continuum_interfaces/KinematicsState),
-    segment_poses and disc_poses (geometry_msgs/PoseArray), joint_states and tendon_tensions
+    Subscribes to tendon_states (sensor_msgs/JointState), jamming_valves/state,
+    segment_N/pressure and disc_N/measured_pose (geometry_msgs/PoseWithCovarianceStamped).
+    Publishes ~/state (soft_continuum_interfaces/KinematicsState), segment_poses, disc_poses and
+    predicted_disc_poses (geometry_msgs/PoseArray), segment_N/pose
+    (geometry_msgs/PoseWithCovarianceStamped), joint_states and tendon_tensions
     (sensor_msgs/JointState), shape_markers (visualization_msgs/MarkerArray),
     robot_description (std_msgs/String, latched), ~/status and /diagnostics.  Serves ~/reset
     (std_srvs/Trigger).
 
-    The shape of a stiff segment is known only by having followed it.  A node that starts on an
-    arm with pulled tendons says that the shape is unknown, and publishes none, until ~/reset.
+    The shape of a stiff segment is known only by having followed it, or by seeing it.  A node that
+    starts on an arm with pulled tendons says that the shape is unknown, and publishes none, until
+    every disc is measured, or ~/reset.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -71,7 +90,8 @@ class Kinematics(Node):
         self._arm = arm_from_parameters(self.parameters)
         self._tendons = self._arm.tendon_names
         self._compiled = False
-        self._statics = Statics(self._arm)
+        self._shape = ArmShape(self._arm, self.parameters['straight_tolerance'],
+                               estimation_from_parameters(self.parameters))
         segments = len(self._arm.segments)
         self._stiff: tuple[bool | None, ...] = (None,) * segments
         self._vacuum = np.ones(segments)  # parts of the full vacuum
@@ -81,22 +101,30 @@ class Kinematics(Node):
         self._next_stiff: tuple[bool | None, ...] = self._stiff
         self._followed = 0.0  # when, s (steady)
         self._sliding = np.zeros(len(self._tendons), dtype=int)
-        self._state: Equilibrium | None = None
-        self._solved: tuple[Any, ...] = ()
+        self._time = 0.0  # of the last tendon_states, s
         frame = self.parameters['frame_id']
         self._segment_message, self._disc_message = PoseArray(), PoseArray()
-        self._joint_message = JointState(name=joint_names(self._statics.chain))
+        self._joint_message = JointState(name=joint_names(self._shape.statics.chain))
         self._tension_message = JointState(name=list(self._tendons))
-        for message in (self._segment_message, self._disc_message):
+        self._predicted_message = PoseArray()
+        for message in (self._segment_message, self._disc_message, self._predicted_message):
             message.header.frame_id = frame
         self._segment_poses = self.create_publisher(PoseArray, 'segment_poses', STREAM)
         self._disc_poses = self.create_publisher(PoseArray, 'disc_poses', STREAM)
+        self._predicted_poses = self.create_publisher(PoseArray, 'predicted_disc_poses', STREAM)
+        self._poses = [self.create_publisher(
+            PoseWithCovarianceStamped, f'segment_{i + 1}/pose', STREAM) for i in range(segments)]
         self._joint_states = self.create_publisher(JointState, 'joint_states', STREAM)
         self._tensions = self.create_publisher(JointState, 'tendon_tensions', STREAM)
         self._markers = self.create_publisher(MarkerArray, 'shape_markers', STREAM)
         self._robot = self.create_publisher(String, 'robot_description', LATCHED)
         self._robot.publish(String(data=arm_urdf(self._arm, frame)))
         self._marked = 0.0
+        self._uncertainties: tuple[float, Array, list[EstimatedParameter]] = (
+            -inf, np.zeros((0, 3, 3)), [])
+        self._tension_check = TensionCheck(self._tendons)
+        self._measured_tensions = MeasuredTensions(self._tendons, self.parameters)
+        self._follows = False  # whether the state is that of the last pulls
         self._states = self.create_publisher(KinematicsState, '~/state', STREAM)
         subscribe(self, JointState, 'tendon_states', self._on_tendons, SENSOR)
         subscribe(self, JammingValvesState, f'{JAMMING_VALVES}/state', self._on_jamming_valves,
@@ -104,8 +132,9 @@ class Kinematics(Node):
         for i in range(segments):
             subscribe(self, FluidPressure, f'segment_{i + 1}/pressure',
                       partial(self._on_pressure, i), SENSOR)
+        self._measured = MeasuredPoses(self, segments + 1, frame)
         self.conflicts = Conflicts(self, segments)
-        repeat(self, CHECK_PERIOD, self._follow)
+        repeat(self, CHECK_PERIOD, self._check)
         serve(self, Trigger, '~/reset', self._on_reset)
         self.status.set(OK, loading())
 
@@ -147,7 +176,50 @@ class Kinematics(Node):
         if self._next_stiff != self._stiff:  # pulls after a change are followed after it
             self._follow_now()
         self._next_pulls = pulls
+        self._time = seconds(message.header.stamp) or seconds(self.get_clock().now().to_msg())
         self._follow()
+        if self._shape.state is not None and self._follows:
+            measured = dict(zip(message.name, message.effort, strict=False))
+            self._measured_tensions.put(self._time, measured)
+            # The estimate follows what is measured: only the prediction can differ for long.
+            model = self._shape.predicted or self._shape.state
+            self.status.alarm('tensions', self._tension_check.problem(
+                STEADY(), measured, model.tensions.tolist(),
+                self.parameters['tension_tolerance']), TENSION_PERIOD)
+
+    def _check(self) -> None:
+        self._follow()
+        if not self._compiled:
+            return
+        for time, discs in self._measured.take():
+            self._measure(time, discs)
+        for time, tensions in self._measured_tensions.take():
+            self._measure(time, tensions)
+        self.status.alarm('anomaly', '; '.join(one.message for one in self._shape.anomalies))
+        if self._measured.refused:
+            self.status.alarm('measurement', self._measured.refused, REFUSAL_PERIOD)
+            self._measured.refused = ''
+
+    def _measure(self, time: float, measurements: Sequence[Measurement]) -> None:
+        """Correct the shape by what was measured at ``time`` (s), if it can be."""
+        try:
+            known, used = self._shape.state, self._shape.measure(time, measurements)
+        except StaticsError as error:
+            self._refuse(f'no shape found that fits what is measured: {error}')
+            return
+        if used is None:
+            self._refuse(self._shape.refusal(time))
+        elif known is None:
+            self.get_logger().info('the shape was found by measurements')
+            self._publish()
+        elif not used.used:
+            self._refuse(f'it disagrees with the model by {used.distance**0.5:.1f} times what '
+                         'their uncertainties allow')
+
+    def _refuse(self, reason: str) -> None:
+        if reason:
+            self.status.alarm('measurement', f'a measurement is not used: {reason}',
+                              REFUSAL_PERIOD)
 
     def _follow(self) -> None:
         """Follow what was reported last, but not more often than the model can."""
@@ -175,92 +247,101 @@ class Kinematics(Node):
     def _publish(self) -> None:
         if not self._compiled or self._pulls is None or None in self._stiff:
             return
-        if self._state is None and np.abs(self._pulls).max() <= STRAIGHT_PULLS:
-            self._state = self._statics.chain.straight()
-        if self._state is None:
-            self.status.set(
-                WARN, 'the shape is unknown: the tendons were pulled before this node started; '
-                'straighten the arm and call tendon_actuation/reference, or soften every segment; '
-                'then call ~/reset')
-            return
-        if not self._solve():
+        self._follows = self._update()
+        state = self._shape.state
+        if not self._follows or state is None:
             return
         stamp = self.get_clock().now().to_msg()
-        chain, state = self._statics.chain, self._state
-        poses = full_poses(state.points)
-        for message in (self._segment_message, self._disc_message, self._joint_message,
-                        self._tension_message):
+        for message in (self._segment_message, self._disc_message, self._predicted_message,
+                        self._joint_message, self._tension_message):
             message.header.stamp = stamp
+        poses = full_poses(state.points)
         self._segment_poses.publish(poses_to_ros(poses[2::2], self._segment_message))
         self._disc_poses.publish(poses_to_ros(poses, self._disc_message))
         self._joint_message.position = state.joint_angles.tolist()
         self._joint_states.publish(self._joint_message)
-        shape = equilibrium_to_ros(state)
-        shape.stamp = stamp
-        self._states.publish(shape)
         self._tension_message.effort = state.tensions.tolist()
         self._tensions.publish(self._tension_message)
+        shape = equilibrium_to_ros(state)
+        shape.stamp = stamp
+        if self._shape.estimate is not None:
+            estimate_to_ros(self._shape.estimate, *self._uncertainty(stamp), shape)
+            shape.anomalies = [anomaly_to_ros(one) for one in self._shape.anomalies]
+            if self._shape.predicted is not None:
+                self._predicted_poses.publish(poses_to_ros(
+                    full_poses(self._shape.predicted.points), self._predicted_message))
+        self._states.publish(shape)
         now = STEADY()
         if now - self._marked >= MARKER_PERIOD and self._markers.get_subscription_count():
             self._marked = now
             self._markers.publish(shape_markers(
-                chain, state, self._stiff, self.parameters['tension_limit'],
+                state.chain, state, self._stiff, self.parameters['tension_limit'],
                 self.parameters['frame_id'], stamp))
 
-    def _solve(self) -> bool:
-        """Bring the state up to date; False when there is none that can be published."""
-        assert self._pulls is not None and self._state is not None
-        key = (*np.round(self._pulls / PULL_RESOLUTION), *self._stiff, *self._vacuum)
-        if key == self._solved:
-            return True
-        soft = [not stiff for stiff in self._stiff]
-        short = self._pulls - np.asarray(self._state.pulls)
-        if not any(soft) and short.max() > self.parameters['straight_tolerance']:
-            self.status.set(ERROR, 'the tendons do not fit the stiff arm: its shape is unknown',
-                            **self._named('short', short))
-            return False
-        # A locked arm does not yield to the last step of a stepper.
-        pulls = self._pulls if any(soft) else np.minimum(self._pulls, self._state.pulls)
+    def _uncertainty(self, stamp: Any) -> tuple[Array, list[EstimatedParameter]]:
+        """Return covariances of the discs (discs, 3, 3), which it publishes, and parameters."""
+        estimator = self._shape.estimate
+        assert estimator is not None
+        made, found, parameters = self._uncertainties
+        if STEADY() - made < COVARIANCE_PERIOD:
+            return found, parameters
+        found, parameters = estimator.pose_covariances(), parameters_to_ros(estimator)
+        self._uncertainties = STEADY(), found, parameters
+        for publisher, pose, covariance in zip(
+                self._poses, estimator.state.points[2::2], found[1:], strict=True):
+            message = measured_pose_to_ros(pose, covariance)
+            message.header.stamp, message.header.frame_id = stamp, self.parameters['frame_id']
+            publisher.publish(message)
+        return found, parameters
+
+    def _update(self) -> bool:
+        """Bring the shape up to date; False when there is none that can be published."""
+        assert self._pulls is not None
+        jumped = self._shape.state is not None and self._shape.state.jumped
         try:
-            state = self._equilibrium(pulls, soft)
+            self._shape.follow(Commands(
+                self._time, self._pulls, tuple(bool(stiff) for stiff in self._stiff),
+                tuple(self._vacuum.tolist()) if self._elastic else None,
+                tuple(self._sliding.tolist())))
+        except UnknownShapeError as error:
+            self.status.set(
+                WARN, f'{error}; straighten the arm and call tendon_actuation/reference, or '
+                'soften every segment; then call ~/reset; or let sensors measure every disc')
+            return False
+        except ShapeError as error:
+            self.status.set(ERROR, str(error), **{
+                key: value for name, each in error.values.items()
+                for key, value in self._named(name, each).items()})
+            return False
         except StaticsError as error:
             self.status.set(ERROR, f'no shape found: {error}')
             return False
-        self._state, self._solved = state, key
-        if state.jumped:
+        state = self._shape.state
+        if state is None:
+            return False
+        if state.jumped and not jumped:
             self.get_logger().warning('a soft segment folded over to another equilibrium')
         self.status.set(
-            OK, 'following the arm', soft=' '.join(str(i + 1) for i, s in enumerate(soft) if s),
+            OK, f'following the arm{self._source()}',
+            soft=' '.join(str(i + 1) for i, stiff in enumerate(self._stiff) if not stiff),
             **self._named('tension', state.tensions, digits=2),
             **self._named('slack', state.slack))
         return True
+
+    def _source(self) -> str:
+        """Return where the shape comes from, for the status."""
+        estimator = self._shape.estimate
+        if estimator is None:
+            return ''
+        if estimator.measured is None:
+            return ', corrected by measured tensions'
+        late = seconds(self.get_clock().now().to_msg()) - estimator.measured
+        return ', measured' if late < FRESH else ', predicted since it was last measured'
 
     def _named(self, quantity: str, values: Iterable[float], digits: int = 6) -> dict[str, str]:
         """Return values of the status, one for each tendon."""
         return {f'{quantity}_{name}': f'{value:.{digits}f}'
                 for name, value in zip(self._tendons, values, strict=True)}
-
-    def _equilibrium(self, pulls: Array, soft: list[bool]) -> Equilibrium:
-        """
-        Return the state for pulls (2,) m; raises StaticsError.
-
-        The tendons of the model do not give: with all of them a micrometre too short, as steppers
-        round, the arm would buckle.  Up to SLACK_ALLOWANCE one is slackened, if possible the one
-        that carries least.
-        """
-        assert self._state is not None
-        sliding = self._sliding.tolist()
-        vacuum = self._vacuum.tolist() if self._elastic else None
-        state = self._statics.solve(self._state, pulls, soft, vacuum=vacuum, sliding=sliding)
-        if all(state.taut):
-            for tendon in np.argsort(state.tensions):
-                eased = np.array(pulls)
-                eased[tendon] -= SLACK_ALLOWANCE
-                other = self._statics.solve(
-                    self._state, eased, soft, vacuum=vacuum, sliding=sliding)
-                if not other.taut[tendon]:
-                    return other
-        return state
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._pulls is None:
@@ -270,8 +351,7 @@ class Kinematics(Node):
         elif True not in self._stiff and None not in self._stiff:
             # Without a stiff segment the pulls alone make the shape.
             try:
-                self._state = self._statics.solve(
-                    self._statics.chain.straight(), self._pulls, [True] * len(self._stiff))
+                self._shape.set_soft(self._pulls)
             except StaticsError as error:
                 response.message = f'no shape found for these pulls: {error}'
                 return response
@@ -283,7 +363,7 @@ class Kinematics(Node):
                 f'pulls are {", ".join(f"{pull:.4f}" for pull in self._pulls)} m; straighten '
                 'the arm and call tendon_actuation/reference first, or soften every segment')
         else:
-            self._state, self._solved = self._statics.chain.straight(), ()
+            self._shape.set_straight()
             response.success = True
             response.message = 'the arm is taken to be straight'
             self._publish()

@@ -10,8 +10,7 @@ import numpy as np
 from soft_continuum.hardware.tendon_controller import MotionRefusedError, Reason
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.statics import Statics, StaticsError
-from soft_continuum.nodes.model import SLACK_ALLOWANCE
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, Statics, StaticsError
 
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
 MAX_STATES = 2000
@@ -56,10 +55,13 @@ class TensionPrediction:
         """
         Refuse pulls (k, tendons) in m that need too much tension, or for which there is no shape.
 
-        shape: from which they start.  soft: per segment.  Ends early once ``revoked``.  Raises
+        pulls: in which the offsets of the tendons count.  shape: from which they start, of the arm
+        as it is known best.  soft: per segment.  Ends early once ``revoked``.  Raises
         MotionRefusedError.
         """
         state, vacuum = shape, shape.vacuum or None
+        if self._statics.chain.arm is not shape.chain.arm:
+            self._statics = Statics(shape.chain.arm)
         try:
             for before, after, steps in zip(
                     pulls[:-1], pulls[1:], self.steps(pulls), strict=True):

@@ -4,23 +4,23 @@
 
 from collections.abc import Sequence
 import ctypes
+from importlib import import_module
 import os
 import signal
 import subprocess
 import sys
 import threading
 from time import monotonic
-from types import TracebackType
 from typing import Self
 
 import rclpy
 from rclpy.context import Context
 
 from soft_continuum.nodes.runtime import check_parameter_files, run
+from soft_continuum.ros.names import TWIN, TWIN_CAMERA
 
 END_TIMEOUT = 5.0  # s that nodes are given to hold and end; they need a fraction of one
 SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
-TWIN = 'twin'
 CHILD = 'from soft_continuum.nodes.processes import child; child()'
 
 
@@ -44,69 +44,85 @@ class NodeProcesses:
         rclpy.init(args=list(arguments), context=context)
         context.shutdown()
         self._names, self._arguments = tuple(names), list(arguments[1:])
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
-        self._ending = False
+        self._children: list[Child] = []
 
     def __enter__(self) -> Self:
         """Start the nodes; to be called on the main thread, with which they end."""
-        for name in self._names:
-            process = self._processes[name] = start_child(name, self._arguments)
-            threading.Thread(target=self._report_end, args=(name, process), daemon=True).start()
+        self._children = [Child(name, self._arguments, 'the other nodes go on')
+                          for name in self._names]
         return self
-
-    def _report_end(self, name: str, process: 'subprocess.Popen[bytes]') -> None:
-        status = process.wait()
-        if not self._ending:
-            how = (f'was killed by {signal.Signals(-status).name}' if status < 0
-                   else f'ended with exit status {status}')
-            print(f'{name} {how}; the other nodes go on', file=sys.stderr, flush=True)
 
     @property
     def running(self) -> bool:
         """Whether any of the nodes still runs."""
-        return any(process.poll() is None for process in self._processes.values())
+        return any(child.running for child in self._children)
 
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,
-                 traceback: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         """Let all nodes hold and end; kill those that do not."""
+        end(self._children)
+
+
+class Child:
+    """A node, or the twin, in a process that ends with this one; says when it ends by itself."""
+
+    def __init__(self, name: str, arguments: Sequence[str], consequence: str,
+                 stdout: int | None = None) -> None:
+        """Start it; consequence: said when it ends by itself.  stdout: as of Popen."""
+        self.name, self._consequence, self._ending = name, consequence, False
+        # Out of the terminal's process group: Ctrl-C comes to it through this process.
+        self._process = subprocess.Popen(
+            [sys.executable, '-c', CHILD, str(os.getpid()), name, *arguments],
+            stdin=subprocess.DEVNULL, stdout=stdout, start_new_session=True)
+        threading.Thread(target=self._report_end, daemon=True).start()
+
+    @property
+    def running(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
+
+    def _report_end(self) -> None:
+        status = self._process.wait()
+        if not self._ending:
+            how = (f'was killed by {signal.Signals(-status).name}' if status < 0
+                   else f'ended with exit status {status}')
+            print(f'{self.name} {how}; {self._consequence}', file=sys.stderr, flush=True)
+
+    def interrupt(self) -> None:
+        """Ask it to end."""
         self._ending = True
-        for process in self._processes.values():
-            process.send_signal(signal.SIGINT)
-        deadline = monotonic() + END_TIMEOUT
-        for name, process in self._processes.items():
-            try:
-                process.wait(max(0.0, deadline - monotonic()))
-            except subprocess.TimeoutExpired:
-                print(f'{name} did not end within {END_TIMEOUT:g} s and is killed',
-                      file=sys.stderr, flush=True)
-                process.kill()
-                process.wait()
+        self._process.send_signal(signal.SIGINT)
+
+    def wait(self, timeout: float) -> None:
+        """Wait for its end; kill it after ``timeout`` s."""
+        try:
+            self._process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            print(f'{self.name} did not end within {END_TIMEOUT:g} s and is killed',
+                  file=sys.stderr, flush=True)
+            self._process.kill()
+            self._process.wait()
 
 
-def start_child(name: str, arguments: Sequence[str], stdout: int | None = None
-                ) -> 'subprocess.Popen[bytes]':
-    """Start a node, or the twin, in a process that ends with this one; stdout: as of Popen."""
-    # Out of the terminal's process group: Ctrl-C comes to it through this process.
-    return subprocess.Popen(
-        [sys.executable, '-c', CHILD, str(os.getpid()), name, *arguments],
-        stdin=subprocess.DEVNULL, stdout=stdout, start_new_session=True)
+def end(children: Sequence[Child]) -> None:
+    """Let all of them end, at the same time; kill those that do not."""
+    for one in children:
+        one.interrupt()
+    deadline = monotonic() + END_TIMEOUT
+    for one in children:
+        one.wait(max(0.0, deadline - monotonic()))
 
 
 def child() -> None:
-    """Run what start_child started."""
+    """Run what a Child started."""
     parent, name, *arguments = sys.argv[1:]
     ctypes.CDLL(None).prctl(SET_PARENT_DEATH_SIGNAL, signal.SIGTERM)
     if os.getppid() != int(parent):  # it died before
         os._exit(1)
     try:
-        if name == TWIN:
-            from soft_continuum.cli.twin import main
-            status = main(arguments)
+        if name in (TWIN, TWIN_CAMERA):
+            status = import_module(f'soft_continuum.cli.{name}').main(arguments)
         else:
             status = run(name, [name, *arguments])
     except KeyboardInterrupt:  # before the node takes over the signals
         status = 130
-    sys.stdout.flush()
-    sys.stderr.flush()
-    # All is taken down by now; what the interpreter would still do for numba takes 0.7 s.
-    os._exit(status)
+    sys.exit(status)

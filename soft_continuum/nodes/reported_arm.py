@@ -3,7 +3,7 @@
 """What jamming_valves and kinematics report of the arm, and the interlocks that follow from it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -16,6 +16,7 @@ from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import equilibrium_from_ros, stiffness_from_ros
+from soft_continuum.ros.estimates import Model, model_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
@@ -46,7 +47,7 @@ class ReportedArm:
         self.stiff: tuple[bool | None, ...] = (None,) * chain.segments
         self.conflicts = Conflicts(node, chain.segments)
         self.pressures = [float('nan')] * chain.segments
-        self._shape: Equilibrium | None = None
+        self._reported: tuple[Equilibrium, KinematicsState] | None = None
         self.jamming_age, self.shape_age = Age(), Age()
         subscribe(node, KinematicsState, f'{KINEMATICS}/state', self._on_shape, SENSOR)
         subscribe(node, JammingValvesState, f'{JAMMING_VALVES}/state', self._on_jamming_valves,
@@ -65,7 +66,7 @@ class ReportedArm:
     def _on_shape(self, message: KinematicsState) -> None:
         shape = equilibrium_from_ros(message, self.chain)
         if shape is not None:
-            self._shape = shape
+            self._reported = shape, message
             self.shape_age.refresh()
 
     @property
@@ -76,7 +77,29 @@ class ReportedArm:
     @property
     def shape(self) -> Equilibrium | None:
         """The present state of the model, None when it is not known."""
-        return self._shape if self.shape_age.seconds <= self.timeout else None
+        reported = self._reported
+        if reported is None or self.shape_age.seconds > self.timeout:
+            return None
+        return reported[0]
+
+    @property
+    def shape_and_model(self) -> tuple[Equilibrium, Model] | None:
+        """
+        The present state, of the arm as it is known best, and that arm; None when not known.
+
+        The arm is made anew from what is estimated: for plans, not for every message.
+        """
+        reported = self._reported
+        if reported is None or self.shape_age.seconds > self.timeout:
+            return None
+        shape, message = reported
+        model = model_from_ros(message.parameters, self.chain.arm)
+        return replace(shape, chain=model.chain), model
+
+    @property
+    def kinematics(self) -> KinematicsState:
+        """What kinematics said last of a shape; empty before the first."""
+        return KinematicsState() if self._reported is None else self._reported[1]
 
     @property
     def _stiffness_known(self) -> bool:

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The server of the action run_shape_sequence: goals are answered and ended from outside."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
+from math import nan
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -28,6 +29,21 @@ class GoalRequest:
     goal_id: UUID
     goal: RunShapeSequence.Goal
     answer: Callable[[bool], None]
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Where the arm is in the end, as in the result of RunShapeSequence."""
+
+    bending_angles: Sequence[float] = ()
+    angle_deviations: Sequence[float] = ()
+    tip: Sequence[float] = ()
+    tip_deviations: Sequence[float] = ()
+    tip_error: float = nan
+
+
+NOWHERE = Reached()
+"""Of a goal that ends before it is known where the arm is."""
 
 
 class SequenceServer(ActionServer):
@@ -68,7 +84,7 @@ class SequenceServer(ActionServer):
     def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
         """Leave the goal executing until ``finish`` is called."""
 
-    def finish(self, handle: Any, outcome: Outcome) -> None:
+    def finish(self, handle: Any, outcome: Outcome, reached: Reached = NOWHERE) -> None:
         """End a goal, in the state that its outcome calls for, and send the result."""
 
         def result(handle: Any) -> RunShapeSequence.Result:
@@ -80,6 +96,8 @@ class SequenceServer(ActionServer):
                 handle.abort()
             return RunShapeSequence.Result(
                 error_code=int(outcome.code), error_string=outcome.message,
-                shapes_completed=outcome.shapes_completed)
+                shapes_completed=outcome.shapes_completed, corrections=outcome.corrections,
+                source=(RunShapeSequence.Result.MEASURED if outcome.measured
+                        else RunShapeSequence.Result.PREDICTED), **asdict(reached))
 
         super().notify_execute(handle, result)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 from copy import copy
 from dataclasses import dataclass
+from math import nan
 from typing import Any
 
 from rclpy.node import Node
@@ -20,35 +21,46 @@ from soft_continuum.nodes.entries import guarded, repeat
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.sequence_server import GoalRequest, SequenceServer
-from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status
+from soft_continuum.nodes.planning import Planning
+from soft_continuum.nodes.sequence_server import GoalRequest, NOWHERE, Reached, SequenceServer
+from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
 from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.loop import loop_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.shapes import angles_problem, SHAPE_PREFIX, shapes_from_parameters
+from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import seconds
 from soft_continuum.ros.entry import LOG_PERIOD
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.ros.qos import LATCHED
 from soft_continuum.ros.text import name_problem
-from soft_continuum.sequencing.background import PlanningThread
-from soft_continuum.sequencing.planner import PlanError, PlanSettings, Shape, ShapePlan
+from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
+from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome
 from soft_continuum.sequencing.runner import Runner, RunnerSettings
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import ShapeSequencerState, TendonActuationState
 
 TICK_PERIOD = 0.05  # s
+FIRST_MESSAGE_TIMEOUT = 5.0  # s that a goal waits for nodes that have just been started
 MAX_SHAPES = 100
 """Shapes of one goal; to plan one takes some tens of milliseconds."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Check:
-    """A goal that is planned before it is accepted; stops: how many there had been before it."""
+    """
+    A goal that is planned before it is accepted.
+
+    age: since it came.  plans: None until the other nodes have been heard.  stops: how many there
+    had been when it came, None until tendon_actuation has been heard.
+    """
 
     request: GoalRequest
-    stops: int
-    plans: 'Future[list[ShapePlan]]'
+    shapes: Sequence[Shape]
+    age: Age
+    plans: 'Future[list[ShapePlan]] | None' = None
+    stops: int | None = None
 
 
 class ShapeSequencer(Node):
@@ -84,10 +96,11 @@ class ShapeSequencer(Node):
         self._failed = False  # whether the goal that runs ends because a callback failed
         self._rejected = ''  # why the last goal was, until one is accepted
         self._last: dict[str, str] = {}  # how the last goal ended, for ~/status
+        self._warning = ''  # what is not as it should be in the last shape
         self._state = ShapeSequencerState()
-        self._planning = PlanningThread(self._arm)
         self._commander = ArmCommander(self, self._arm)
         self._observed = ArmObserver(self, self._arm, self.parameters, self._on_tendon_state)
+        self._planning = Planning(self._arm, self.parameters, self._observed)
         self._markers = self.create_publisher(MarkerArray, 'target_markers', LATCHED)
         self._states = StatePublisher(self, ShapeSequencerState)
         self._server = SequenceServer(
@@ -141,30 +154,48 @@ class ShapeSequencer(Node):
             self._check = None
         try:
             shapes = self._shapes(request.goal)
-            if interlock := self._observed.interlock:
-                raise PlanError(interlock)
         except PlanError as error:
             self._reject(request, str(error))
             return
-        if self._runner is None and self._next is None and self._observed.all_stiff:
-            self._check = Check(request, self._observed.tendons.stops, self._plan(shapes))
-        else:
-            self._accept(request)
+        age = Age()
+        age.refresh()
+        self._check = Check(request, shapes, age)
+        self._go_on_checking(self._check)
 
     def _go_on_checking(self, check: Check) -> None:
-        problem = self._observed.interlock
-        if not problem and self._observed.tendons.stops != check.stops:
-            problem = 'the tendons were stopped and resumed while the goal was being planned'
-        if not problem and not check.plans.done():
+        observed = self._observed
+        if check.stops is None and observed.tendons_heard:
+            check.stops = observed.tendons.stops
+        if check.plans is None and self._waits(check):
+            self._report()
             return
+        problem = observed.interlock
+        if not problem and observed.tendons.stops != check.stops:
+            problem = 'the tendons were stopped and resumed before the goal was accepted'
+        if not problem and check.plans is None and self._may_plan:
+            check.plans = self._planning.plan(check.shapes)
+        if not problem and check.plans is not None:
+            if not check.plans.done():
+                return
+            if error := check.plans.exception():
+                problem = _text(error)
         self._check = None
-        if not problem and (error := check.plans.exception()):
-            problem = _text(error)
         if problem:
             self._planning.abandon()
             self._reject(check.request, problem)
         else:
             self._accept(check.request)
+
+    def _waits(self, check: Check) -> bool:
+        """Whether nothing is wrong but that the other nodes have only been started."""
+        observed = self._observed
+        return bool(observed.unheard and check.age.seconds < FIRST_MESSAGE_TIMEOUT
+                    and not (observed.reported_fault or observed.stopped))
+
+    @property
+    def _may_plan(self) -> bool:
+        """Whether the arm is as it will be when a goal that came now begins."""
+        return self._runner is None and self._next is None and self._observed.all_stiff
 
     def _accept(self, request: GoalRequest) -> None:
         self._rejected = ''
@@ -196,6 +227,9 @@ class ShapeSequencer(Node):
         if len(goal.shapes) > MAX_SHAPES:
             raise PlanError(f'{len(goal.shapes)} shapes; allowed: {MAX_SHAPES}; send them in '
                             'several goals')
+        if goal.aim not in (goal.ANGLES, goal.TIP):
+            raise PlanError(f'aim is {goal.aim}; allowed: {goal.ANGLES} (angles), '
+                            f'{goal.TIP} (tip)')
         shapes = []
         for number, item in enumerate(goal.shapes, start=1):
             if problem := name_problem(item.name):
@@ -217,19 +251,6 @@ class ShapeSequencer(Node):
                 raise PlanError(f'shape {number} ({item.name or "unnamed"}): {problem}')
             shapes.append(Shape(item.name or f'shape {number}', angles, hold))
         return shapes
-
-    def _plan(self, shapes: Sequence[Shape]) -> 'Future[list[ShapePlan]]':
-        """Begin to plan from the present state of the arm."""
-        low, high = self.parameters['pull_limits']
-        settings = PlanSettings(
-            pull_limits=(low, high), speed=self.parameters['tendon_speed'],
-            acceleration=self.parameters['tendon_acceleration'],
-            **{name: self.parameters[name] for name in (
-                'tension_limit', 'antagonist_slack', 'angle_step', 'angle_tolerance')})
-        shape = self._observed.shape
-        if shape is None:
-            raise PlanError('the shape of the arm is not known any more')
-        return self._planning.start(shape, self._observed.pulls, shapes, settings)
 
     # The goal that runs.
 
@@ -269,32 +290,50 @@ class ShapeSequencer(Node):
         self._commander.begin()
         shapes = self._shapes(handle.request)
         self._targets = [shape.bending_angles for shape in shapes]
-        self._runner = Runner(
-            shapes, self._plan, self._commander,
-            RunnerSettings(**{name: self.parameters[name] for name in (
-                'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum')}),
-            self._arm.tendon_names)
+        settings = RunnerSettings(**{name: self.parameters[name] for name in (
+            'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum')})
+        if self.parameters['closed_loop']:
+            self._runner = ClosedLoopRunner(
+                shapes, self._planning.plan, self._planning.loop(handle.request.aim),
+                self._commander, settings, loop_from_parameters(self.parameters),
+                self._arm.tendon_names)
+        else:
+            self._runner = Runner(shapes, self._planning.plan, self._commander, settings,
+                                  self._arm.tendon_names)
         self._state.goal_id = handle.goal_id
         self._go_on(self._runner)
 
     def _go_on(self, runner: Runner) -> None:
         if self._handle.is_cancel_requested:
             runner.cancel(Code.CANCELED, 'canceled by the client')
+        if isinstance(runner, ClosedLoopRunner):
+            runner.loop_settings = loop_from_parameters(self.parameters)
         runner.tick(STEADY(), self._observed.observation(
             self._commander.motion_failure, self._commander.switch_failure))
-        progress, outcome = runner.progress, runner.outcome
+        progress, outcome, self._warning = runner.progress, runner.outcome, runner.warning
         self._handle.publish_feedback(RunShapeSequence.Feedback(
             shape_index=progress.shape_index, shape=progress.shape,
-            segment=progress.segment, phase=progress.phase, progress=progress.fraction))
+            segment=progress.segment, phase=progress.phase, progress=progress.fraction,
+            correction=progress.correction, aim=self._handle.request.aim,
+            error=nan if progress.error is None else progress.error))
         self._show_target(() if outcome else self._targets[progress.shape_index])
         if outcome is None:
             self._report()
             return
         self._runner = None
         self._planning.abandon()
-        self._end(self._handle, outcome)
+        self._end(self._handle, outcome, self._reached(runner))
 
-    def _end(self, handle: Any, outcome: Outcome) -> None:
+    def _reached(self, runner: Runner) -> Reached:
+        shape, known = self._observed.shape, self._observed.kinematics
+        if shape is None:
+            return NOWHERE
+        aim = runner.aim if isinstance(runner, ClosedLoopRunner) else None
+        return Reached(
+            shape.bending_angles.tolist(), known.angle_deviations, shape.tip.tolist(),
+            known.tip_deviations, aim.tip_error(shape) if aim is not None else nan)
+
+    def _end(self, handle: Any, outcome: Outcome, reached: Reached = NOWHERE) -> None:
         if outcome.code is Code.SUCCESSFUL:
             self.get_logger().info(f'sequence done, {outcome.shapes_completed} shapes')
         else:
@@ -304,7 +343,7 @@ class ShapeSequencer(Node):
         self._state.error_code, self._state.error_string = int(outcome.code), outcome.message
         self._state.shapes_completed = outcome.shapes_completed
         self._report()
-        self._server.finish(handle, outcome)
+        self._server.finish(handle, outcome, reached)
 
     # What is published.
 
@@ -321,10 +360,14 @@ class ShapeSequencer(Node):
             values = {'phase': progress.phase, 'segment': str(progress.segment), **values}
         else:
             state.shape_index, state.shape, state.segment, state.phase = 0, '', 0, ''
+            if self._check is not None and self._check.plans is None:
+                text = f'waiting for {", ".join(self._observed.unheard)}'
         if self._rejected:
             values['rejected'] = self._rejected
         self._states.publish(copy(state))
-        self.status.set(OK, text, **values)
+        if self._warning:
+            text += f'; {self._warning}'
+        self.status.set(WARN if self._warning else OK, text, **values)
 
     def _show_target(self, bending_angles: tuple[float, ...]) -> None:
         if bending_angles != self._target:

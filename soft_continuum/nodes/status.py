@@ -29,7 +29,8 @@ class Status:
         self._message = DiagnosticStatus(
             name=node.get_fully_qualified_name().lstrip('/'), hardware_id=hardware_id)
         self._node = node
-        self._logged: dict[bytes, float] = {}  # by level: when, s (steady)
+        self._logged: tuple[bytes, str] = OK, ''
+        self._log_times: dict[bytes, float] = {}  # by level: when, s (steady)
         self._publisher = node.create_publisher(DiagnosticStatus, '~/status', LATCHED)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._own: tuple[bytes, str, list[KeyValue]] = OK, '', []
@@ -58,24 +59,29 @@ class Status:
         if alarms:
             own = [message] if level != OK else []
             level, message = ERROR, '; '.join([*alarms, *own])
+        self._log(level, message)
         if (self._message.level, self._message.message, self._message.values) == (
                 level, message, pairs):
             return
-        now = time.monotonic()
-        changed = (level, message) != (self._message.level, self._message.message)
-        if changed and now - self._logged.get(level, -inf) > LOG_PERIOD:
-            self._logged[level] = now
-            logger = self._node.get_logger()
-            # Separate calls: rclpy ties a severity to the calling line.
-            if level == ERROR:
-                logger.error(message)
-            elif level == WARN:
-                logger.warning(message)
-            else:
-                logger.info(message)
         self._message.level, self._message.message = level, message
         self._message.values = pairs
         self._publisher.publish(self._message)
+
+    def _log(self, level: bytes, message: str) -> None:
+        """Log what changed; of what changes faster than LOG_PERIOD, what lasts."""
+        now = time.monotonic()
+        if ((level, message) == self._logged
+                or now - self._log_times.get(level, -inf) <= LOG_PERIOD):
+            return
+        self._logged, self._log_times[level] = (level, message), now
+        logger = self._node.get_logger()
+        # Separate calls: rclpy ties a severity to the calling line.
+        if level == ERROR:
+            logger.error(message)
+        elif level == WARN:
+            logger.warning(message)
+        else:
+            logger.info(message)
 
     def _publish_diagnostics(self) -> None:
         self._update()  # alarms come to their end

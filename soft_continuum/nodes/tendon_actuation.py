@@ -22,6 +22,7 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.entries import guarded, serve
+from soft_continuum.nodes.load_cells import LoadCells
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.motion_requests import Request
@@ -73,6 +74,7 @@ class TendonActuation(ManagedNode):
         self._tendons = arm.tendon_names
         self._prediction = TensionPrediction(arm)
         self._arm = ReportedArm(self, self._prediction.chain, self.parameters)
+        self._load_cells = LoadCells(self, self._tendons, self.parameters)
         rate = self.parameters['tendon_rate']
         self._control = TendonControl(
             self._tendons, self._arm, 1.0 / rate, self.ros_time.jump,
@@ -118,7 +120,7 @@ class TendonActuation(ManagedNode):
         driver.open()
         low, high = self.parameters['pull_limits']
         limits = TendonLimits(self._tendons, (low, high), self.parameters['speed_limit'])
-        return driver, TendonController(driver, limits)
+        return driver, TendonController(driver, limits, self._load_cells.tensions)
 
     def close_device(self, device: Device) -> None:
         """Hold and disconnect."""
@@ -218,12 +220,12 @@ class TendonActuation(ManagedNode):
             request_id = plain(message.header.frame_id)
             request = self._request(message, revocations)
             pulls = self._loop.call(control.prepare, request)
-            shape = self._arm.shape
-            if shape is not None:  # else follow() says why not
+            known = self._arm.shape_and_model
+            if known is not None:  # else follow() says why not
                 limits = TensionLimits(
                     self.parameters['tension_limit'], self.parameters['co_contraction_limit'])
                 self._prediction.check(
-                    pulls, shape, [not s for s in stiff], limits,
+                    pulls + known[1].offsets, known[0], [not s for s in stiff], limits,
                     lambda: control.revocations != revocations)
             self._loop.call(control.follow, request, stiff)
         except MotionRefusedError as error:
@@ -283,6 +285,8 @@ class TendonActuation(ManagedNode):
             return WARN, f'stopped: {state.stop_message}'
         if not state.referenced:
             return WARN, 'position not referenced'
+        if report.unmeasured:
+            return WARN, report.unmeasured
         if report.ended:
             return WARN, report.ended
         return OK, 'following' if state.moving else 'holding'

@@ -4,7 +4,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NoReturn
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
@@ -33,12 +32,14 @@ class Report:
     State after a cycle or a request.
 
     ended, refused: why the last motion was, for people; empty when a later one was accepted.
-    reading: the last one, None while it means nothing.  time: at which it was read, s (steady).
+    unmeasured: which load cell tells nothing.  reading: the last one, None while it means
+    nothing.  time: at which it was read, s (steady).
     """
 
     state: TendonActuationState
     ended: str
     refused: str
+    unmeasured: str
     reading: TendonReading | None
     time: float
 
@@ -148,7 +149,8 @@ class TendonControl:
 
         Raises MotionRefusedError.
         """
-        return self._checked(request).plan(*self._trajectory(request))[1]
+        controller = self._checked(request)
+        return controller.plan(*self._trajectory(controller, request))[1]
 
     def follow(self, request: Request, stiff: tuple[bool | None, ...]) -> None:
         """
@@ -158,20 +160,23 @@ class TendonControl:
         """
         controller = self._checked(request)
         if stiff != self._arm.stiff:
-            self._refuse_because(Interlock(
+            raise MotionRefusedError(
                 Reason.STIFFNESS_CHANGED,
-                'a segment changed between soft and stiff before the motion began'))
-        if problem := self._guard.refusal(
-                controller.reading, request.pulls, self._tension_limit()):
+                'a segment changed between soft and stiff before the motion began')
+        limit = self._tension_limit()
+        if problem := self._guard.unmeasured(controller.reading, limit):
+            raise MotionRefusedError(Reason.DEVICE, problem)
+        if problem := self._guard.refusal(controller.reading, request.pulls, limit):
             raise MotionRefusedError(Reason.TENSION, problem)
         begins = not controller.busy
-        if request.id != self._requests.accepted.id:
+        if not self._continues(request):
             controller.delay = 0.0
-        controller.accept(*self._trajectory(request))
+        controller.accept(*self._trajectory(controller, request))
         if begins:
             self._guard.begin(controller.reading)
         if request.id != self._requests.accepted.id and self._requests.following:
-            self._requests.end(Reason.REPLACED, 'a newer trajectory took its place')
+            self._end_request(Reason.REPLACED, 'another trajectory '
+                              f'({request.id or "without an id"}) took its place')
             self.report()
         self._requests.accept(request.id)
         self._stiff_at_start, self._stamped = stiff, request.start is not None
@@ -193,25 +198,21 @@ class TendonControl:
                 Reason.DEVICE if self._fault else Reason.INACTIVE,
                 self._fault or 'the node is not active')
         if interlock := self._arm.motion_interlock():
-            self._refuse_because(interlock)
+            raise MotionRefusedError(interlock.reason, interlock.message)
         return self._controller
 
-    def _trajectory(self, request: Request) -> tuple[Array, Array, float, float]:
+    def _trajectory(self, controller: TendonController, request: Request
+                    ) -> tuple[Array, Array, float, float]:
         """Return times, pulls, the present and the start on one clock."""
         now = STEADY()
-        start = now
-        if request.start is not None:  # what came late before is not caught up
-            start = request.start + self._delay(request)
+        start = now if request.start is None else request.start
+        if request.start is not None and self._continues(request):
+            start += controller.delay  # what earlier parts came late is not caught up
         return start + request.times, request.pulls, now, start
 
-    def _delay(self, request: Request) -> float:
-        """Return by how much earlier parts of the same motion were late, s."""
-        same = request.id and request.id == self._requests.accepted.id
-        return self._controller.delay if same and self._controller is not None else 0.0
-
-    @staticmethod
-    def _refuse_because(interlock: Interlock) -> NoReturn:
-        raise MotionRefusedError(interlock.reason, interlock.message)
+    def _continues(self, request: Request) -> bool:
+        """Return whether a trajectory is a further part of the motion that was accepted last."""
+        return bool(request.id) and request.id == self._requests.accepted.id
 
     def refuse(self, request_id: str, reason: Reason, message: str) -> None:
         """Report that a trajectory is refused; whatever is followed goes on."""
@@ -224,9 +225,12 @@ class TendonControl:
     def _revoke(self, reason: Reason, message: str) -> None:
         """End the motion, and refuse the trajectories that are being judged."""
         self._revoked = (self._revoked[0] + 1, reason, message)
+        self._end_request(reason, message)
+
+    def _end_request(self, reason: Reason, message: str) -> None:
         if self._requests.following:
             self._forbid(self._requests.accepted.id, reason, message)
-        self._requests.end(reason, message)
+            self._requests.end(reason, message)
 
     def _forbid(self, request_id: str, reason: Reason, message: str) -> None:
         """Accept no further part of a motion: it may come in parts that share an id."""
@@ -274,7 +278,8 @@ class TendonControl:
         self._emergency = on
         if on:
             self.stop(TendonActuationState.STOPPED_BY_EMERGENCY, 'emergency_stop is on')
-        self.report()
+        else:
+            self.report()
 
     def resume(self) -> tuple[bool, str]:
         """Accept motion again, from where the tendons are; return success and the answer."""
@@ -295,8 +300,9 @@ class TendonControl:
         homes = self._driver.reference_moves
         if homes and (interlock := self._arm.homing_interlock()):
             return False, interlock.message
-        self._ended = ''
-        self._guard.begin(self._controller.reading)
+        reading = self._controller.reading
+        if homes and (problem := self._guard.unmeasured(reading, self._tension_limit())):
+            return False, problem
         try:
             self._controller.reference()
         except MotionRefusedError as error:
@@ -304,6 +310,8 @@ class TendonControl:
         except HardwareError as error:
             self._lose(error)
             return False, str(error)
+        self._ended = ''
+        self._guard.begin(reading)
         self.report()
         return True, ('homing; the tendons are at zero pull when they rest' if homes else
                       'the present position counts as the straight arm; '
@@ -323,14 +331,22 @@ class TendonControl:
             self._time = STEADY()
             reading = controller.update(self._time, self._period)
             if controller.busy and not self._ended and (
-                    problem := self._guard.problem(reading, self._tension_limit())):
-                self._end(controller, Interlock(Reason.TENSION, problem))
+                    interlock := self._tension_interlock(reading)):
+                self._end(controller, interlock)
         except HardwareError as error:
             self._lose(error)
             return
         if not controller.busy:
             self._requests.done()
         self.report()
+
+    def _tension_interlock(self, reading: TendonReading) -> Interlock | None:
+        limit = self._tension_limit()
+        if problem := self._guard.unmeasured(reading, limit):
+            return Interlock(Reason.DEVICE, problem)
+        if problem := self._guard.problem(reading, limit):
+            return Interlock(Reason.TENSION, problem)
+        return None
 
     def _end(self, controller: TendonController, interlock: Interlock) -> None:
         """Brake and hold, for a reason that nobody asked for."""
@@ -373,7 +389,8 @@ class TendonControl:
             state.moving, state.homing = controller.busy, controller.homing
             if self._active and (state.referenced or not state.homing):
                 reading = controller.reading
-        return Report(state, self._ended, self._refused, reading, self._time)
+        unmeasured = self._guard.unmeasured(reading, self._tension_limit()) if reading else ''
+        return Report(state, self._ended, self._refused, unmeasured, reading, self._time)
 
     def report(self) -> None:
         """Publish a snapshot for the other threads."""

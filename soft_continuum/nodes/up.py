@@ -8,8 +8,8 @@ It takes the arguments of launch/bringup.launch.py.
 """
 
 from argparse import Namespace
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from time import sleep
 
@@ -25,10 +25,10 @@ from soft_continuum.nodes.runtime import (
     ROS_ARGUMENT_ERRORS,
     Signals,
 )
-from soft_continuum.nodes.twin_process import add_twin_option, twin_process
+from soft_continuum.nodes.twin_process import add_twin_options, twin_process
 from soft_continuum.parameters.nodes import ALL_PARAMETERS, FRAME
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.names import NODES
+from soft_continuum.ros.names import CAMERA, NODES
 
 DRIVERS = ('tendon_driver', 'jamming_driver')
 PERIOD = 0.05  # s between two looks at the processes
@@ -46,7 +46,7 @@ def start_parser(verb: str, description: str) -> Parser:
     for name in DRIVERS:
         parser.add_argument('--' + name.replace('_', '-'), choices=table[name].choices,
                             help=table[name].description)
-    add_twin_option(parser)
+    add_twin_options(parser)
     return parser
 
 
@@ -76,7 +76,7 @@ def check_start(namespace: str, files: Sequence[str | Path], packages: Sequence[
 
 
 def ros_arguments(options: Namespace) -> list[str]:
-    """Return the options of start_parser as ROS arguments; raises ParameterError."""
+    """Return the options of start_parser as ROS arguments."""
     arguments = ['up', '--ros-args']
     namespace = (options.namespace or '').strip('/')
     if namespace:  # what stands in a file comes later and wins
@@ -84,26 +84,37 @@ def ros_arguments(options: Namespace) -> list[str]:
     for path in options.params_file or [description_file()]:
         arguments += ['--params-file', str(path)]
     for name in DRIVERS:
-        if getattr(options, name) and options.twin:
-            raise ParameterError('--twin brings its own boards; leave out --'
-                                 + name.replace('_', '-'))
         if getattr(options, name):
             arguments += ['-p', f'{name}:={getattr(options, name)}']
     return arguments
 
 
-def twin_of(options: Namespace) -> AbstractContextManager[list[str]]:
-    """Return what runs the twin while it is open, if the options of start_parser ask for one."""
-    return twin_process(options.twin, options.params_file, (options.namespace or '').strip('/'))
+def chosen_nodes(options: Namespace) -> tuple[str, ...]:
+    """Return the nodes that the options of start_parser ask for."""
+    return (*NODES, CAMERA) if options.camera else NODES
+
+
+@contextmanager
+def twin_of(options: Namespace) -> Iterator[list[str]]:
+    """Run the twin if the options of start_parser ask for one, as twin_process does."""
+    for name in DRIVERS:
+        if options.twin and getattr(options, name):
+            raise ParameterError('--twin brings its own boards; leave out --'
+                                 + name.replace('_', '-'))
+    namespace = (options.namespace or '').strip('/')
+    with twin_process(options.twin, options.params_file, namespace, camera=options.camera
+                      ) as driving:
+        yield driving
 
 
 def main() -> int:
     """Run until Ctrl-C, or until no node is left; return the exit status."""
     signals, parser = Signals(), start_parser('up', 'Start the four nodes.')
     options = parser.parse_args()
+    arguments = ros_arguments(options)
     try:
-        arguments = ros_arguments(options)
-        with twin_of(options) as driving, NodeProcesses(NODES, arguments + driving) as nodes:
+        with (twin_of(options) as driving,
+              NodeProcesses(chosen_nodes(options), arguments + driving) as nodes):
             signals.starting = False
             while not signals.received and nodes.running:
                 sleep(PERIOD)

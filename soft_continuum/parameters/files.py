@@ -85,8 +85,18 @@ def load_rig(paths: Sequence[str | Path]) -> dict[str, Value]:
 
 
 def write_parameters(path: Path, values: Mapping[str, Value], comments: Sequence[str]) -> None:
+    """Write parameters_text to a file, whole or not at all."""
+    partial = path.with_name(f'.{path.name}.{os.getpid()}')
+    try:
+        partial.write_text(parameters_text(values, comments), encoding='utf-8')
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def parameters_text(values: Mapping[str, Value], comments: Sequence[str]) -> str:
     """
-    Write a parameter file for all nodes, whole or not at all.
+    Return a parameter file for all nodes.
 
     values: by dotted names, those of a group one after the other.  comments: lines at the top.
     """
@@ -99,12 +109,7 @@ def write_parameters(path: Path, values: Mapping[str, Value], comments: Sequence
             group = section
             lines.append(f'    {group}:')
         lines.append(f'      {key}: {as_yaml(value)}')
-    partial = path.with_name(f'.{path.name}.{os.getpid()}')
-    try:
-        partial.write_text('\n'.join(lines) + '\n', encoding='utf-8')
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    return '\n'.join(lines) + '\n'
 
 
 def given_parameters(path: str | Path, known: Sequence[Parameter], node: str = '',

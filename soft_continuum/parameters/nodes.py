@@ -4,7 +4,7 @@
 
 from collections.abc import Mapping
 from dataclasses import fields
-from math import radians
+from math import pi, radians
 from typing import Any
 
 from soft_continuum.hardware.drivers import (
@@ -15,12 +15,17 @@ from soft_continuum.hardware.drivers import (
 )
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.parameters.arm import ARM_PARAMETERS
+from soft_continuum.parameters.estimation import ESTIMATION_PARAMETERS
+from soft_continuum.parameters.loop import LOOP_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 from soft_continuum.parameters.shapes import SHAPE_NAMES
 from soft_continuum.ros.names import (
     CAMERA,
+    DISC_SENSORS,
     JAMMING_VALVES,
     KINEMATICS,
+    RECORDER,
+    SERVO,
     SHAPE_SEQUENCER,
     TENDON_ACTUATION,
 )
@@ -44,6 +49,18 @@ CO_CONTRACTION_LIMIT = Parameter(
     'co_contraction_limit', 5.0,
     'largest tension that the model may predict in opposing tendons at once', 0.01, 1e4,
     read_only=False, unit='N')
+SPEED = Parameter(
+    'tendon_speed', 0.015, 'largest tendon speed of a planned motion', 1e-4, 1.0,
+    read_only=False, unit='m/s')
+ACCELERATION = Parameter(
+    'tendon_acceleration', 0.1, 'largest tendon acceleration of a planned motion', 1e-3, 10.0,
+    read_only=False, unit='m/s^2')
+ANTAGONIST_SLACK = Parameter(
+    'antagonist_slack', 0.0005, 'slack left in the tendon that does not bend the soft segment',
+    0.0, 0.05, read_only=False, unit='m')
+SOFT_VACUUM = Parameter(
+    'soft_vacuum', 10e3, 'vacuum below ambient up to which a segment is soft', 100.0, 101e3,
+    unit='Pa')
 
 NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     TENDON_ACTUATION: (
@@ -55,6 +72,12 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('speed_limit', 0.03, 'largest tendon speed', 1e-4, 1.0, unit='m/s'),
         Parameter('acceleration_limit', 0.3, 'largest tendon acceleration', 1e-3, 100.0,
                   unit='m/s^2'),
+        Parameter('load_cells.used', False, 'measure tension by the topic load_cells, also where '
+                  'the driver does; without its numbers nothing moves'),
+        Parameter('load_cells.zeros', (0.0, 0.0), 'what each load cell shows without tension',
+                  -1e9, 1e9),
+        Parameter('load_cells.scales', (1.0, 1.0), 'tension over what each load cell shows '
+                  'beyond its zero, N over its unit', -1e9, 1e9),
         *driver_parameters(TENDON_DRIVERS),
     ),
     JAMMING_VALVES: (
@@ -84,6 +107,10 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('straight_tolerance', 0.0005,
                   'largest pull at which ~/reset accepts a stiff arm as straight, and by which '
                   'the tendons may be too short for a stiff arm', 0.0, 0.1, unit='m'),
+        Parameter('tension_tolerance', 5.0, 'difference between a measured tension and that of '
+                  'the model that is reported when it lasts', 0.1, 1e4, read_only=False,
+                  unit='N'),
+        *ESTIMATION_PARAMETERS,
     ),
     CAMERA: (
         *ARM_PARAMETERS, FRAME,
@@ -103,27 +130,80 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
                   'than the fixed ones', -0.5, 0.5, unit='m'),
         Parameter('tags.deviation', 0.0003, 'standard deviation of where the tags are stuck on '
                   'the discs', 0.0, 0.05, unit='m'),
+        Parameter('tags.mounts', (0.0,), 'x, z (m) and angle (rad) of each disc in the pose that '
+                  'its tag tells, base first, as ~/tare prints them; 0.0 alone: the tags are '
+                  'where they should be', -1.0, 1.0),
         Parameter('tags.fixed_deviation', 0.0005, 'standard deviation of where the fixed tags are',
                   0.0, 0.05, unit='m'),
         Parameter('tags.depth_deviation', 0.001, 'standard deviation of tags.depth', 0.0, 0.05,
                   unit='m'),
     ),
+    DISC_SENSORS: (
+        *ARM_PARAMETERS, FRAME,
+        Parameter('disc_sensors.rate', 50.0, 'measured poses that are published per second, at '
+                  'most, of each disc and sensor', 1.0, 1000.0, unit='Hz'),
+        Parameter('tracker.frame_id', '', 'frame in which the tracker measures; empty: frame_id'),
+        Parameter('tracker.base_pose', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+                  'where base_link is in that frame: x, y, z (m), quaternion x, y, z, w',
+                  -1000.0, 1000.0),
+        Parameter('tracker.position_deviation', 0.0005,
+                  'standard deviation of the positions of the tracker', 1e-6, 0.1, unit='m'),
+        Parameter('tracker.angle_deviation', 0.005,
+                  'standard deviation of the orientations of the tracker', 1e-6, 0.25, unit='rad'),
+        Parameter('tracker.mounts', (0.0,), 'where each disc is in what is followed of it, base '
+                  'first: x, y, z (m), quaternion x, y, z, w, as ~/tare prints them; 0.0 alone: '
+                  'the disc itself is followed', -1000.0, 1000.0),
+        Parameter('imu.axes', ('+x', '+y', '+z'), 'axes of the IMU that point along x, y and z '
+                  'of the disc, such as +x, -z, +y; three for all discs or for each'),
+        Parameter('imu.mounting_angles', (0.0,), 'angle that each IMU measures in the straight '
+                  'arm, base first, as ~/tare prints them; one counts for all', -pi, pi,
+                  unit='rad'),
+        Parameter('imu.deviation', 0.01, 'standard deviation of what an IMU is off all the time: '
+                  'how it is mounted, and the offset of its accelerometer', 1e-6, 0.5, unit='rad'),
+        Parameter('imu.acceleration_deviation', 0.05, 'standard deviation of one acceleration, '
+                  'where the IMU does not tell', 1e-6, 10.0, unit='m/s^2'),
+        Parameter('imu.rate_deviation', 0.003, 'standard deviation of one rate, where the IMU '
+                  'does not tell', 1e-7, 1.0, unit='rad/s'),
+        Parameter('imu.bias_deviation', 0.05, 'standard deviation of the bias of the gyroscope '
+                  'when it is switched on', 1e-7, 10.0, unit='rad/s'),
+        Parameter('imu.motion_acceleration', 1.0, 'standard deviation of the acceleration of a '
+                  'disc that moves', 1e-3, 100.0, unit='m/s^2'),
+    ),
+    RECORDER: (
+        Parameter('recorder.directory', 'recordings', 'where files are written, made when it is '
+                  'not there'),
+        Parameter('recorder.pictures', False, 'record the pictures of cameras too: tens of MB '
+                  'per second', read_only=False),
+    ),
+    SERVO: (
+        *ARM_PARAMETERS, FRAME, PULL_LIMITS, TENSION_LIMIT, STALE_AFTER, AMBIENT, SPEED,
+        ACCELERATION, ANTAGONIST_SLACK, SOFT_VACUUM,
+        Parameter('servo.rate', 25.0, 'rate of the motion that is sent', 20.0, 100.0, unit='Hz'),
+        Parameter('servo.horizon', 0.35, 'time after which the tendons rest when nothing more is '
+                  'sent', 0.3, 2.0, read_only=False, unit='s'),
+        Parameter('servo.integral_time', 0.5, 'time constant of the correction by what is '
+                  'measured', 0.1, 60.0, read_only=False, unit='s'),
+        Parameter('servo.response_time', 0.06, 'time by which the arm is later than its motion '
+                  'was planned', 0.0, 1.0, read_only=False, unit='s'),
+        Parameter('servo.extrapolation', 0.15, 'time for which a target is assumed to go on as it '
+                  'moved', 0.0, 1.0, read_only=False, unit='s'),
+        Parameter('servo.friction_band', 5e-5, 'pull that the friction of the tendons does not '
+                  'let through: a smaller correction is not sent', 0.0, 0.01, read_only=False,
+                  unit='m'),
+        Parameter('servo.target_timeout', 0.5, 'age at which a target is no longer followed',
+                  0.1, 10.0, read_only=False, unit='s'),
+        Parameter('servo.measurement_timeout', 0.5, 'age from which a measurement corrects '
+                  'nothing any more', 0.1, 10.0, read_only=False, unit='s'),
+    ),
     SHAPE_SEQUENCER: (
         *ARM_PARAMETERS, SHAPE_NAMES, FRAME, PULL_LIMITS, TENSION_LIMIT, STALE_AFTER, AMBIENT,
-        Parameter('tendon_speed', 0.015, 'largest tendon speed of a planned motion',
-                  1e-4, 1.0, read_only=False, unit='m/s'),
-        Parameter('tendon_acceleration', 0.1, 'largest tendon acceleration of a planned motion',
-                  1e-3, 10.0, read_only=False, unit='m/s^2'),
-        Parameter('antagonist_slack', 0.0005,
-                  'slack left in the tendon that does not bend the soft segment', 0.0, 0.05,
-                  read_only=False, unit='m'),
+        SPEED, ACCELERATION, ANTAGONIST_SLACK,
         Parameter('angle_step', radians(2.0), 'bending angle between two planned points',
                   radians(0.1), radians(30.0), unit='rad'),
         Parameter('angle_tolerance', radians(0.1),
                   'a segment this close to its bending angle is not set again',
                   0.0, radians(10.0), read_only=False, unit='rad'),
-        Parameter('soft_vacuum', 10e3, 'vacuum below ambient up to which a segment is soft',
-                  100.0, 101e3, unit='Pa'),
+        SOFT_VACUUM,
         Parameter('jamming_timeout', 10.0, 'longest wait for a segment to become soft or stiff',
                   0.1, 600.0, read_only=False, unit='s'),
         Parameter('settle_timeout', 5.0, 'longest wait for the tendons to arrive after a motion',
@@ -131,6 +211,7 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('settle_tolerance', 2e-5,
                   'largest distance of an arrived tendon from its planned pull',
                   1e-7, 0.01, read_only=False, unit='m'),
+        *LOOP_PARAMETERS,
     ),
 }
 

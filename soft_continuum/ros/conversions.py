@@ -20,8 +20,12 @@ MAX_PULL = 1.0  # m, the most that pull_limits can be
 MAX_JOINT_ANGLE = pi  # rad
 MAX_TILT = 0.1
 """Tangent of half the angle by which a disc may be seen to be out of the plane of the arm."""
+PLANAR = np.ix_([0, 2, 4], [0, 2, 4])
+"""Of a covariance (6, 6): x, z, and the rotation about y."""
 UNKNOWN = 1e6
 """Variance, m^2 or rad^2, of a coordinate that is not measured."""
+MAX_VARIANCE = 1.0
+"""Variance, m^2 or rad^2, from which a coordinate counts as not measured."""
 
 
 def seconds(stamp: object) -> float:
@@ -42,20 +46,43 @@ def full_poses(planar: Array) -> Array:
     return poses
 
 
+def planar_poses(poses: Array) -> Array:
+    """Return planar rows (k, 3) of poses (k, 7) in the bending plane, as full_poses takes them."""
+    return np.column_stack(
+        [poses[:, 0], poses[:, 2], 2.0 * np.arctan2(poses[:, 4], poses[:, 6])])
+
+
 def poses_to_ros(poses: Array, message: PoseArray) -> PoseArray:
     """Write poses (k, 7), position in m and quaternion x, y, z, w, into a kept PoseArray."""
     while len(message.poses) < len(poses):
         message.poses.append(Pose())
     for pose, row in zip(message.poses, poses.tolist(), strict=True):
-        p, q = pose.position, pose.orientation
-        p.x, p.y, p.z, q.x, q.y, q.z, q.w = row
+        _write_pose(pose, row)
     return message
+
+
+def _write_pose(pose: Pose, row: Sequence[float]) -> None:
+    p, q = pose.position, pose.orientation
+    p.x, p.y, p.z, q.x, q.y, q.z, q.w = row
+
+
+def pose_from_ros(pose: Pose) -> tuple[float, ...]:
+    """Return position x, y, z in m and quaternion x, y, z, w of a pose."""
+    p, q = pose.position, pose.orientation
+    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
 
 
 def poses_from_ros(message: PoseArray) -> Array:
     """Return the poses (k, 7) of a PoseArray: position in m and quaternion x, y, z, w."""
-    return np.array([(p.position.x, p.position.y, p.position.z, p.orientation.x, p.orientation.y,
-                      p.orientation.z, p.orientation.w) for p in message.poses]).reshape(-1, 7)
+    return np.array([pose_from_ros(pose) for pose in message.poses]).reshape(-1, 7)
+
+
+def tracked_pose_to_ros(pose: Array, covariance: Array) -> PoseWithCovarianceStamped:
+    """Return a pose (7,) and its covariance (6, 6), in m and rad, without header."""
+    message = PoseWithCovarianceStamped()
+    _write_pose(message.pose.pose, pose.tolist())
+    message.pose.covariance = covariance.ravel()
+    return message
 
 
 def measured_pose_to_ros(pose: Array, covariance: Array) -> PoseWithCovarianceStamped:
@@ -66,11 +93,9 @@ def measured_pose_to_ros(pose: Array, covariance: Array) -> PoseWithCovarianceSt
     """
     message = PoseWithCovarianceStamped()
     row, = full_poses(np.reshape(pose, (1, 3))).tolist()
-    p, q = message.pose.pose.position, message.pose.pose.orientation
-    p.x, p.y, p.z, q.x, q.y, q.z, q.w = row
+    _write_pose(message.pose.pose, row)
     full = UNKNOWN * np.eye(6)
-    measured = [0, 2, 4]  # x, z, and the rotation about y
-    full[np.ix_(measured, measured)] = covariance
+    full[PLANAR] = covariance
     message.pose.covariance = full.ravel()
     return message
 
@@ -83,14 +108,14 @@ def measured_pose_from_ros(message: PoseWithCovarianceStamped, frame: str = ''
     frame: in which it has to be.  Raises ValueError for another one, for numbers that are not
     finite, an orientation out of the plane, and a covariance that is none.
     """
-    p, q = message.pose.pose.position, message.pose.pose.orientation
-    pose = np.array([p.x, p.z, 2.0 * np.arctan2(q.y, q.w)])
+    full = np.array([pose_from_ros(message.pose.pose)])
+    pose, = planar_poses(full)
     pose[2] = (pose[2] + pi) % (2.0 * pi) - pi
-    measured = [0, 2, 4]
-    covariance = np.reshape(message.pose.covariance, (6, 6))[np.ix_(measured, measured)]
+    covariance = np.reshape(message.pose.covariance, (6, 6))[PLANAR]
     if not (np.isfinite(pose).all() and np.isfinite(covariance).all()):
         raise ValueError('a pose that is not of finite numbers')
-    if not np.hypot(q.x, q.z) < MAX_TILT * np.hypot(q.y, q.w):
+    about_x, about_y, about_z, w = full[0, 3:]
+    if not np.hypot(about_x, about_z) < MAX_TILT * np.hypot(about_y, w):
         raise ValueError('an orientation that is not about y; is z of its frame along the arm?')
     if frame and message.header.frame_id != frame:
         raise ValueError(f'poses in {plain(message.header.frame_id)!r}; needed: {frame!r}')

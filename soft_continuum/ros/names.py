@@ -7,5 +7,15 @@ JAMMING_VALVES = 'jamming_valves'
 KINEMATICS = 'kinematics'
 SHAPE_SEQUENCER = 'shape_sequencer'
 CAMERA = 'camera'
+DISC_SENSORS = 'disc_sensors'
+LOAD_CELLS = 'load_cells'
+MEASURED_POSE = 'disc_{}/measured_pose'
+"""Of a disc, 0 at the base: the one place where any sensor of a disc comes in."""
+OVERLAY = 'camera/overlay/compressed'
+RECORDER = 'recorder'
+SERVO = 'servo'
+TWIN, TWIN_CAMERA = 'twin', 'twin_camera'
 NODES = (TENDON_ACTUATION, JAMMING_VALVES, KINEMATICS, SHAPE_SEQUENCER)
 """The nodes that drive an arm, in the order in which they start; sensors come besides."""
+SENSORS = (CAMERA, DISC_SENSORS)
+"""The nodes that look at it."""

@@ -13,6 +13,12 @@ def duration_to_ros(seconds: float) -> Duration:
     return Duration(sec=int(seconds), nanosec=min(999_999_999, int(seconds % 1.0 * 1e9)))
 
 
+def stamp_of(seconds: float) -> Time:
+    """Return a time of ROS in s, not negative, as a message."""
+    whole, nanosec = divmod(round(max(0.0, seconds) * 1e9), 1_000_000_000)
+    return Time(sec=whole, nanosec=nanosec)
+
+
 class RosTime:
     """Stamps of messages as times of the steady clock, and back; the two need not run alike."""
 
@@ -32,8 +38,7 @@ class RosTime:
 
     def stamp(self, steady: float) -> Time:
         """Return the stamp of a steady time (s) as it is now."""
-        sec, nanosec = divmod(round((steady + self._now()) * 1e9), 1_000_000_000)
-        return Time(sec=max(0, sec), nanosec=nanosec if sec >= 0 else 0)
+        return stamp_of(steady + self._now())
 
     def jump(self) -> float:
         """Return by how much ROS time went ahead of the steady clock since the last call, s."""

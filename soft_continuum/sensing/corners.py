@@ -13,15 +13,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from soft_continuum.sensing.lens import Lens
+from soft_continuum.sensing.pictures import Array, family, MODULES, Picture
 
-Array = NDArray[np.float64]
-Picture = NDArray[np.uint8]
-
-MODULES = 8
-"""Modules along the edge of the black square: each is a square of one colour."""
 QUICK, THOROUGH = (13, 13, 10), (3, 23, 10)
 """Windows, px, in which a pixel is darker or lighter than others: smallest, largest, step."""
 ALONG = np.linspace(0.1, 0.9, 24)  # of an edge, from corner to corner: where it is looked for
@@ -70,8 +65,7 @@ def _detector(windows: tuple[int, int, int]) -> Any:
      parameters.adaptiveThreshWinSizeStep) = windows
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     parameters.errorCorrectionRate = 0.2  # of what the code allows: clutter is no tag
-    return cv2.aruco.ArucoDetector(
-        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), parameters)
+    return cv2.aruco.ArucoDetector(family(), parameters)
 
 
 def _edge_points(picture: Picture, quads: Array) -> Array:

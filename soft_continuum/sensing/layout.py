@@ -8,19 +8,17 @@ from itertools import combinations
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from soft_continuum.mechanics.arm import Arm
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
-
-Array = NDArray[np.float64]
+from soft_continuum.sensing.pictures import Array, MODULES
 
 FIRST_FIXED = 100
 """Number of the first fixed tag; the tag of disc N has the number N, the base disc being 0."""
 MIN_FIXED = 4
 MIN_HEIGHT = 0.1
 """Of the size of the board: how far each of four fixed tags is off the line of two others."""
-QUIET = 1 / 8
+QUIET = 1 / MODULES
 """Of a tag's size: the white margin that it needs on every side, one of its modules."""
 CORNERS = np.array([(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]) / 2.0
 """Of a tag of size 1, to the right and up: in the order in which they are detected."""
@@ -35,8 +33,7 @@ class TagLayout:
     base_link, numbered from FIRST_FIXED.  depth: m by which the tags of the discs are nearer to
     the camera than the fixed ones.  deviation, fixed_deviation, depth_deviation: m, standard, of
     where they are stuck on the discs, where the fixed ones are, and of the depth.
-    heights: (discs,) m, from the bottom of each disc to the centre of its tag.  disc_heights:
-    (discs,) m, of the discs.  segment_lengths: (segments,) m, between the discs.
+    disc_heights: (discs,) m.  segment_lengths: (segments,) m, between the discs.
     """
 
     disc_size: float
@@ -46,13 +43,13 @@ class TagLayout:
     deviation: float
     fixed_deviation: float
     depth_deviation: float
-    heights: tuple[float, ...]
     disc_heights: tuple[float, ...]
     segment_lengths: tuple[float, ...]
 
     @classmethod
-    def of(cls, arm: Arm, values: Mapping[str, Any]) -> Self:
-        """Return the layout that parameters describe; raises ParameterError."""
+    def of(cls, values: Mapping[str, Any]) -> Self:
+        """Return the layout that parameters arm.* and tags.* describe; raises ParameterError."""
+        arm = arm_from_parameters(values)
         positions: Sequence[float] = values['tags.fixed_positions']
         if len(positions) % 2 or len(positions) < 2 * MIN_FIXED:
             raise ParameterError(
@@ -63,11 +60,15 @@ class TagLayout:
             raise ParameterError(
                 'parameter tags.fixed_positions: the tags stand almost in a line, but for one at '
                 'most; put them around the arm, such as at the corners of a rectangle')
-        heights = tuple(disc.height for disc in arm.discs)
         return cls(values['tags.disc_size'], values['tags.fixed_size'], fixed,
                    values['tags.depth'], values['tags.deviation'],
                    values['tags.fixed_deviation'], values['tags.depth_deviation'],
-                   tuple(h / 2.0 for h in heights), heights, tuple(s.length for s in arm.segments))
+                   tuple(d.height for d in arm.discs), tuple(s.length for s in arm.segments))
+
+    @property
+    def heights(self) -> tuple[float, ...]:
+        """From the bottom of each disc to the centre of its tag, (discs,) m."""
+        return tuple(height / 2.0 for height in self.disc_heights)
 
     @property
     def fixed_numbers(self) -> tuple[int, ...]:
@@ -82,12 +83,16 @@ class TagLayout:
     def disc_corners(self, disc: int, pose: Array) -> Array:
         """Return the corners of the tag of a disc whose bottom is at ``pose`` (x, z, angle)."""
         x, z, angle = pose
-        right = np.array([np.cos(angle), -np.sin(angle)])
-        up = np.array([np.sin(angle), np.cos(angle)])
+        right, up = directions(angle)
         local = self.disc_size * CORNERS
         corners: Array = (np.array([x, z]) + local[:, :1] * right
                           + (local[:, 1:] + self.heights[disc]) * up)
         return corners
+
+
+def directions(angle: float) -> tuple[Array, Array]:
+    """Return the directions (x, z) to the right of and along something turned by ``angle`` rad."""
+    return np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
 
 
 def carry_a_plane(centres: Array) -> bool:

@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from soft_continuum.parameters.files import read_yaml
+from soft_continuum.sensing.pictures import Array
 from soft_continuum.text import printable
-
-Array = NDArray[np.float64]
 
 MODELS = {'plumb_bob': (5,), 'rational_polynomial': (8,), '': (0, 4, 5, 8)}
 """Distortion models of sensor_msgs/CameraInfo that are understood, and their coefficients."""
@@ -48,6 +46,11 @@ class Lens:
                 f'distortion model {printable(model, 40)!r} with {d.size} coefficients is not '
                 'known; known: plumb_bob with 5, rational_polynomial with 8')
         return cls(size, k.reshape(3, 3), d)
+
+    @property
+    def projection(self) -> Array:
+        """The matrix with a fourth column, (3, 4), as calibrations in ROS have it."""
+        return np.hstack([self.matrix, np.zeros((3, 1))])
 
     @classmethod
     def from_info(cls, message: Any) -> Self:
@@ -86,6 +89,15 @@ class Lens:
             flat = cv2.undistortPoints(*given, P=self.matrix, criteria=enough)
         return np.asarray(flat).reshape(-1, 2)
 
+    def distorted(self, points: Array) -> Array:
+        """Return where points (k, 2) px that are ``undistorted`` are in the picture, (k, 2) px."""
+        import cv2
+        middle, focal = self.matrix[:2, 2], np.diag(self.matrix)[:2]
+        rays = np.column_stack([(points - middle) / focal, np.ones(len(points))])
+        seen = cv2.projectPoints(
+            rays, np.zeros(3), np.zeros(3), self.matrix, self.distortion)[0]
+        return np.asarray(seen).reshape(-1, 2)
+
     def text(self, name: str) -> str:
         """Return the calibration as a YAML file of the camera drivers of ROS."""
         def matrix(rows: int, values: Array) -> str:
@@ -93,11 +105,10 @@ class Lens:
             return (f'\n  rows: {rows}\n  cols: {values.size // rows}\n  data: [{numbers}]')
 
         model = {5: 'plumb_bob', 8: 'rational_polynomial'}[self.distortion.size]
-        projection = np.hstack([self.matrix, np.zeros((3, 1))])
         return (f'image_width: {self.size[0]}\nimage_height: {self.size[1]}\n'
                 f'camera_name: {name}\n'
                 f'camera_matrix:{matrix(3, self.matrix)}\n'
                 f'distortion_model: {model}\n'
                 f'distortion_coefficients:{matrix(1, self.distortion)}\n'
                 f'rectification_matrix:{matrix(3, np.eye(3))}\n'
-                f'projection_matrix:{matrix(3, projection)}\n')
+                f'projection_matrix:{matrix(3, self.projection)}\n')

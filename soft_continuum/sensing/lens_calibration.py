@@ -9,8 +9,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from soft_continuum.sensing.corners import Picture
 from soft_continuum.sensing.lens import Lens, LensError
+from soft_continuum.sensing.pictures import Picture
 
 COLUMNS, ROWS = 7, 9
 SQUARE, MARKER = 0.025, 0.018  # m; only their ratio matters

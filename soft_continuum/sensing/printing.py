@@ -5,7 +5,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
@@ -14,6 +13,7 @@ import numpy as np
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.layout import QUIET, TagLayout
 from soft_continuum.sensing.lens_calibration import board, COLUMNS, ROWS, SQUARE
+from soft_continuum.sensing.pictures import MODULES, white_modules
 
 A4 = 0.210, 0.297  # m
 INCH = 0.0254  # m
@@ -46,10 +46,8 @@ class _Page(Figure):
 
     def tag(self, number: int, x: float, y: float, size: float, label: str) -> None:
         """Draw a tag about (x, y), m, with a frame to cut along and crosses at its middle."""
-        marker = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-        modules = cv2.aruco.generateImageMarker(marker, number, 8) < 128
-        edge = size / 8.0
-        for row, column in np.argwhere(modules):
+        edge = size / MODULES
+        for row, column in np.argwhere(~white_modules(number)):
             self.axes_.add_patch(Rectangle(
                 (x - size / 2.0 + column * edge, y + size / 2.0 - (row + 1) * edge), edge, edge,
                 facecolor='k', edgecolor='k', lw=0.05))

@@ -7,11 +7,9 @@ from pathlib import Path
 import re
 
 import numpy as np
-from numpy.typing import NDArray
 
+from soft_continuum.sensing.pictures import Picture
 from soft_continuum.text import printable
-
-Picture = NDArray[np.uint8]
 
 SUFFIXES = ('.png', '.jpg', '.jpeg', '.bmp', '.pgm', '.tif', '.tiff')
 DEVICE = re.compile(r'/dev/video\d+|/dev/v4l/.+')
@@ -32,22 +30,23 @@ def pictures(source: str, size: tuple[int, int]) -> Iterator[Picture]:
 
     size: (width, height) px that a device is asked for.  Raises SourceError.
     """
+    import cv2
     path = Path(source)
-    if path.is_dir():
-        yield from _of_folder(path)
-    elif is_device(source) or path.is_file():
-        yield from _of_video(source, size)
-    else:
-        raise SourceError(f'camera.source {printable(source)!r} is not there; give a video device '
-                          'such as /dev/video0, a video file or a folder of pictures')
+    try:
+        if path.is_dir():
+            yield from _of_folder(path)
+        elif is_device(source) or path.is_file():
+            yield from _of_video(source, size)
+        else:
+            raise SourceError(f'camera.source {printable(source)!r} is not there; give a video '
+                              'device such as /dev/video0, a video file or a folder of pictures')
+    except (OSError, cv2.error) as error:
+        raise SourceError(f'{source} cannot be read: {error}') from None
 
 
 def _of_folder(folder: Path) -> Iterator[Picture]:
     import cv2
-    try:
-        paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)
-    except OSError as error:
-        raise SourceError(f'{folder} cannot be read: {error.strerror}') from None
+    paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)
     if not paths:
         raise SourceError(f'{folder} holds no pictures; known: {", ".join(SUFFIXES)}')
     for path in paths:

@@ -14,20 +14,17 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from soft_continuum.sensing.corners import Picture, TagDetector
-from soft_continuum.sensing.layout import carry_a_plane, MIN_FIXED, TagLayout
+from soft_continuum.sensing.corners import TagDetector
+from soft_continuum.sensing.layout import carry_a_plane, directions, MIN_FIXED, TagLayout
 from soft_continuum.sensing.lens import Lens
-
-Array = NDArray[np.float64]
+from soft_continuum.sensing.pictures import Array, is_black, Picture
 
 SHARED_DEVIATION = 0.05  # px that all corners of a tag are off alike: residuals do not show it
 FOCAL_DEVIATION = 0.005  # relative, of a good calibration
 MAX_RESIDUAL = 2.0  # px, RMS: tags beyond it are not where they were said to be
 MAX_SCALE_ERROR = 0.03  # relative, of the edge of a printed tag
 MIN_CHORD, MAX_CHORD = 0.5, 1.05  # of a segment's length, between the discs at its ends
-BLACK = 8  # grey value that the brightest part of a picture exceeds
 ITERATIONS = 5
 
 
@@ -51,7 +48,8 @@ class Sight:
 
     discs: by number, base first.  numbers: of all tags that were seen, others too.  deviation: px,
     of the corners by their residuals; nan where nothing was measured.  problems: for people.
-    corners: by number of the tag, (4, 2) px.
+    corners: by number of the tag, (4, 2) px, without the distortion of the lens.  plane: where
+    points of the plane of the arm are seen; None while the fixed tags do not tell.
     """
 
     discs: Mapping[int, DiscPose]
@@ -59,6 +57,7 @@ class Sight:
     deviation: float
     problems: tuple[str, ...]
     corners: Mapping[int, Array]
+    plane: 'Plane | None' = None
 
 
 class TagCamera:
@@ -73,22 +72,14 @@ class TagCamera:
     def measure(self, picture: Picture) -> Sight:
         """Return what a grey picture (height, width) shows."""
         if picture.shape[::-1] != self.lens.size:
-            return _nothing(f'the picture has {picture.shape[1]} x {picture.shape[0]} px, the '
-                            f'calibration {self.lens.size[0]} x {self.lens.size[1]}; calibrate '
-                            'the camera at the resolution that is used')
+            problem = (f'the picture has {picture.shape[1]} x {picture.shape[0]} px, the '
+                       f'calibration {self.lens.size[0]} x {self.lens.size[1]}; calibrate '
+                       'the camera at the resolution that is used')
+            return Sight({}, (), np.nan, (problem,), {})
         numbers, corners, problems = self._detect(picture)
-        seen = {n: c for n, c in corners.items() if n in self.layout.fixed_numbers}
-        if len(seen) < MIN_FIXED:
-            problem = (f'{len(seen)} of {len(self.layout.fixed)} fixed tags are seen; needed: '
-                       f'{MIN_FIXED}{self._why_so_few(picture, corners)}')
-            return Sight({}, numbers, np.nan, (*problems, problem), corners)
-        if not carry_a_plane(np.array([self.layout.fixed_corners(n).mean(axis=0) for n in seen])):
-            problem = ('the fixed tags that are seen stand in a line, but for one; uncover the '
-                       'others')
-            return Sight({}, numbers, np.nan, (*problems, problem), corners)
-        plane = _Plane(self.layout, self.lens, seen)
-        if problem := plane.problem():
-            return Sight({}, numbers, np.nan, (*problems, problem), corners)
+        plane = self._plane(picture, corners)
+        if isinstance(plane, str):
+            return Sight({}, numbers, np.nan, (*problems, plane), corners)
         fits = {n: plane.fit(n, corners[n]) for n in sorted(corners)
                 if n < len(self.layout.heights)}
         for n, fit in list(fits.items()):
@@ -102,14 +93,25 @@ class TagCamera:
         variance = deviation**2 + SHARED_DEVIATION**2
         discs = {n: DiscPose(fit.pose, variance * fit.covariance + self._fixed_covariance(n, fit),
                              fit.residual) for n, fit in fits.items()}
-        return Sight(discs, numbers, float(deviation), (*problems, *exchanged), corners)
+        return Sight(discs, numbers, float(deviation), (*problems, *exchanged), corners, plane)
+
+    def _plane(self, picture: Picture, corners: Mapping[int, Array]) -> 'Plane | str':
+        """Return the plane that the fixed tags tell, or why they do not."""
+        seen = {n: c for n, c in corners.items() if n in self.layout.fixed_numbers}
+        if len(seen) < MIN_FIXED:
+            return (f'{len(seen)} of {len(self.layout.fixed)} fixed tags are seen; needed: '
+                    f'{MIN_FIXED}{self._why_so_few(picture, corners)}')
+        if not carry_a_plane(np.array([self.layout.fixed_corners(n).mean(axis=0) for n in seen])):
+            return 'the fixed tags that are seen stand in a line, but for one; uncover the others'
+        plane = Plane(self.layout, self.lens, seen)
+        return plane.problem() or plane
 
     def _fixed_covariance(self, disc: int, fit: '_Fit') -> Array:
         """Return the covariance of what is off in every picture alike: tags, and the lens."""
-        stuck, angle = self.layout.deviation, fit.pose[2]
+        stuck = self.layout.deviation
         of_tag = np.diag([stuck, stuck, stuck / self.layout.disc_size])**2
         lever = np.eye(3)  # a tag that is turned shifts the bottom of the disc
-        lever[:2, 2] = self.layout.heights[disc] * np.array([-np.cos(angle), np.sin(angle)])
+        lever[:2, 2] = -self.layout.heights[disc] * directions(fit.pose[2])[0]
         covariance: Array = lever @ of_tag @ lever.T
         covariance += self.layout.fixed_deviation**2 * fit.placement
         across = np.outer(fit.outwards, fit.outwards)
@@ -129,7 +131,7 @@ class TagCamera:
 
     def _why_so_few(self, picture: Picture, corners: Mapping[int, Array]) -> str:
         """Return a remedy for a picture without enough tags."""
-        if picture.max() <= BLACK:
+        if is_black(picture):
             return '; the picture is black: is the lens covered, is there light?'
         if not corners and self._detector.numbers(cv2.flip(picture, 1)):
             return '; the picture is mirrored: turn that off in the driver of the camera'
@@ -142,9 +144,8 @@ class TagCamera:
         for n, length in enumerate(self.layout.segment_lengths):
             if n not in fits or n + 1 not in fits:
                 continue
-            x, z, angle = fits[n].pose
-            top = np.array([x, z]) + self.layout.disc_heights[n] * np.array(
-                [np.sin(angle), np.cos(angle)])
+            below = fits[n].pose
+            top = below[:2] + self.layout.disc_heights[n] * directions(below[2])[1]
             chord = float(np.linalg.norm(fits[n + 1].pose[:2] - top))
             if not MIN_CHORD * length <= chord <= MAX_CHORD * length:
                 wrong |= {n, n + 1}
@@ -171,7 +172,7 @@ class _Fit:
     outwards: Array
 
 
-class _Plane:
+class Plane:
     """The homography from the plane of the fixed tags to the picture."""
 
     def __init__(self, layout: TagLayout, lens: Lens, seen: Mapping[int, Array]) -> None:
@@ -197,19 +198,21 @@ class _Plane:
 
     def project(self, points: Array, depth: float = 0.0) -> Array:
         """Return where points (k, 2) m, nearer to the camera by ``depth``, are seen, (k, 2) px."""
-        shifted = points + (points - self._foot) * depth / (self._distance - depth)
-        return _mapped(self._matrix, shifted)
+        return _mapped(self._matrix, self._behind(points, depth))
+
+    def _behind(self, points: Array, depth: float) -> Array:
+        """Return which points of the plane these hide, (k, 2) m."""
+        return points + (points - self._foot) * depth / (self._distance - depth)
 
     def _slopes(self, points: Array, depth: float = 0.0) -> Array:
         """Return how the projections change with the homography, (k, 2, 8)."""
-        slopes = np.empty((len(points), 2, 8))
+        slopes, hidden = np.empty((len(points), 2, 8)), self._behind(points, depth)
         for i in range(8):
             size = 1e-6 * max(1.0, abs(self._matrix.flat[i]))
             there, back = self._matrix.copy(), self._matrix.copy()
             there.flat[i] += size
             back.flat[i] -= size
-            shifted = points + (points - self._foot) * depth / (self._distance - depth)
-            slopes[:, :, i] = (_mapped(there, shifted) - _mapped(back, shifted)) / (2.0 * size)
+            slopes[:, :, i] = (_mapped(there, hidden) - _mapped(back, hidden)) / (2.0 * size)
         return slopes
 
     def problem(self) -> str:
@@ -303,7 +306,3 @@ def _mapped(matrix: Array, points: Array) -> Array:
     w = points @ matrix[:, :2].T + matrix[:, 2]
     mapped: Array = w[:, :2] / w[:, 2:]
     return mapped
-
-
-def _nothing(problem: str) -> Sight:
-    return Sight({}, (), float('nan'), (problem,), {})

@@ -2,31 +2,37 @@
 # SPDX-License-Identifier: Apache-2.0
 """Planning on a thread of its own, so that whoever needs a plan can go on meanwhile."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from threading import Event
+from typing import TypeVar
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape, ShapePlan
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+
+Result = TypeVar('Result')
 
 
 class PlanningThread:
     """Makes one plan at a time; a plan that is no longer wanted ends after a few milliseconds."""
 
-    def __init__(self, arm: Arm) -> None:
-        """Plan for ``arm``."""
-        self._arm = arm
+    def __init__(self) -> None:
+        """Start the thread."""
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='planner')
         self._abandoned = Event()
 
-    def start(self, state: Equilibrium, pulls: Sequence[float], shapes: Sequence[Shape],
-              settings: PlanSettings) -> 'Future[list[ShapePlan]]':
-        """Abandon the present plan and begin the next one; arguments as for ``Planner.plan``."""
+    def start(self, work: Callable[[Planner], Result], arm: Arm, offsets: Sequence[float],
+              settings: PlanSettings) -> 'Future[Result]':
+        """
+        Abandon the present plan and begin the next one.
+
+        work: what is to be done by a planner of ``arm``, whose tendons have ``offsets`` (tendons,)
+        m.
+        """
         self.abandon()
-        self._abandoned = Event()
-        planner = Planner(self._arm, settings, self._abandoned.is_set)
-        return self._thread.submit(planner.plan, state, pulls, shapes)
+        abandoned = self._abandoned = Event()
+        return self._thread.submit(
+            lambda: work(Planner(arm, settings, abandoned.is_set, offsets)))
 
     def abandon(self) -> None:
         """End the present plan, if there is one, with a PlanError."""

@@ -8,9 +8,10 @@ gravity, gives for every bending angle on the way the tendon that carries the ar
 the others follow with a little slack.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import ceil, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,11 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.parameters.shapes import angles_problem
+from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.monotone import monotone_cubic
+
+SLACK_DEVIATIONS = 2.0
+"""Deviations of a tendon's length by which one that does not carry is paid out more."""
 
 
 class PlanError(ValueError):
@@ -51,6 +56,23 @@ class PlanSettings:
     acceleration: float = 0.1
     angle_step: float = np.radians(2.0)
     angle_tolerance: float = np.radians(0.1)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> 'PlanSettings':
+        """Return those of the parameters of shape_sequencer."""
+        low, high = values['pull_limits']
+        return cls((low, high), values['tension_limit'], values['antagonist_slack'],
+                   values['tendon_speed'], values['tendon_acceleration'], values['angle_step'],
+                   values['angle_tolerance'])
+
+    def with_slack_for(self, deviations: Sequence[float] | Array) -> 'PlanSettings':
+        """
+        Return the same with more slack, for tendons whose lengths are estimated.
+
+        deviations: (tendons,) m, standard, of their lengths.
+        """
+        more = SLACK_DEVIATIONS * float(np.max(deviations))
+        return replace(self, antagonist_slack=self.antagonist_slack + more)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,11 +109,18 @@ class Planner:
     """Plans shapes for one arm."""
 
     def __init__(self, arm: Arm, settings: PlanSettings,
-                 abandoned: Callable[[], bool] = lambda: False) -> None:
-        """Prepare the model of ``arm``; ``abandoned``: whether the plan is no longer wanted."""
+                 abandoned: Callable[[], bool] = lambda: False,
+                 offsets: Sequence[float] | None = None) -> None:
+        """
+        Prepare the model of ``arm``.
+
+        abandoned: whether the plan is no longer wanted.  offsets: (tendons,) m by which each
+        tendon is pulled in beyond what its motor says.
+        """
         self.statics = Statics(arm)
         self.settings = settings
         self._abandoned = abandoned
+        self._offsets = np.zeros(len(arm.tendon_names)) if offsets is None else np.array(offsets)
 
     def plan(self, state: Equilibrium, pulls: Sequence[float],
              shapes: Sequence[Shape]) -> list[ShapePlan]:
@@ -113,7 +142,7 @@ class Planner:
                 if abs(present - angle) <= self.settings.angle_tolerance:
                     continue
                 try:
-                    move, state = self._move(state, start, segment, angle)
+                    move, state = self.move(state, start, segment, angle)
                 except (StaticsError, PlanError) as error:
                     raise PlanError(
                         f'{shape.name}: segment {segment + 1} to {np.degrees(angle):.1f} degrees: '
@@ -123,13 +152,18 @@ class Planner:
             plans.append(ShapePlan(shape, tuple(moves), state))
         return plans
 
-    def _move(self, state: Equilibrium, start: Array, segment: int,
-              angle: float) -> tuple[Move, Equilibrium]:
-        """Plan one segment; return the move and the state at its end."""
+    def move(self, state: Equilibrium, start: Array, segment: int,
+             angle: float) -> tuple[Move, Equilibrium]:
+        """
+        Plan one segment (0-based); return the move and the state at its end.
+
+        start: (tendons,) the present pulls of the motors, m.  Raises PlanError beyond a limit,
+        StaticsError where no tendon holds the segment at ``angle`` (rad).
+        """
         chain, settings = self.statics.chain, self.settings
         soft = [i == segment for i in range(chain.segments)]
         vacuum = state.vacuum or None  # of the jams that stay stiff
-        softened = self.statics.solve(state, start, soft, vacuum=vacuum)
+        softened = self.softened(state, start, segment)
         present = softened.bending_angles[segment]
         steps = max(1, ceil(abs(angle - present) / settings.angle_step))
         # One tendon is pulled in, the other paid out: the side that the segment turns to.
@@ -153,13 +187,25 @@ class Planner:
         if tension > settings.tension_limit:
             raise PlanError(f'needs a tendon tension of {tension:.1f} N; '
                             f'tension_limit: {settings.tension_limit:g} N')
-        end = self.statics.solve(bent, pulls[-1], soft, vacuum=vacuum, sliding=sliding)
+        end = self.statics.solve(bent, pulls[-1] + self._offsets, soft, vacuum=vacuum,
+                                 sliding=sliding)
         times, pulls = timed(pulls, settings.speed, settings.acceleration)
         return Move(segment, angle, times, pulls, tension), end
 
+    def softened(self, state: Equilibrium, pulls: Sequence[float] | Array, segment: int
+                 ) -> Equilibrium:
+        """
+        Return the state in which a segment (0-based) becomes soft.
+
+        pulls: (tendons,) of the motors, m.  Raises StaticsError.
+        """
+        soft = [i == segment for i in range(self.statics.chain.segments)]
+        return self.statics.solve(
+            state, np.asarray(pulls) + self._offsets, soft, vacuum=state.vacuum or None)
+
     def _with_slack(self, bent: Equilibrium, sliding: Sequence[int]) -> Array:
         """Return the pulls of a bent state with slack in the tendons that do not carry it."""
-        pulls = self.statics.commanded_pulls(bent, sliding)
+        pulls = self.statics.commanded_pulls(bent, sliding) - self._offsets
         if bent.tensions.max() > 0.0:  # where none carries, all hold the arm
             others = np.arange(len(pulls)) != np.argmax(bent.tensions)
             pulls[others] -= self.settings.antagonist_slack
@@ -181,12 +227,11 @@ def timed(points: Array, speed: float, acceleration: float,
     if total == 0.0:
         return np.array([0.0]), points[:1].copy()
     smooth = monotone_cubic(path, points)
-    # Peak speed and acceleration of the profile: 15/8 and 10/sqrt(3) of the mean.
-    duration = max(15 / 8 * total / speed, sqrt(10 / sqrt(3) * total / acceleration))
+    duration = minimum_jerk.duration(total, speed, acceleration)
     for _ in range(50):
         times = np.linspace(0.0, duration, max(3, ceil(duration / interval) + 1))
         t = times / duration
-        pulls: Array = smooth(total * t**3 * (10.0 - 15.0 * t + 6.0 * t**2))
+        pulls: Array = smooth(total * minimum_jerk.progress(t))
         speeds = np.diff(pulls, axis=0) / times[1]
         accelerations = np.diff(speeds, axis=0, prepend=0.0, append=0.0) / times[1]
         excess = max(np.abs(speeds).max() / speed,

@@ -5,6 +5,9 @@
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
+AIMS = ('angles', 'tip')
+"""What is to be right in the end; the values of aim in the goal of RunShapeSequence, from 0."""
+
 
 class Phase(StrEnum):
     """What a run is doing; the values of phase in the feedback of RunShapeSequence."""
@@ -12,8 +15,10 @@ class Phase(StrEnum):
     PREPARING = 'preparing'
     SOFTENING = 'softening'
     MOVING = 'moving'
+    MEASURING = 'measuring'
     STIFFENING = 'stiffening'
     HOLDING = 'holding'
+    PAUSED = 'paused'
 
 
 class Code(IntEnum):
@@ -30,19 +35,34 @@ class Code(IntEnum):
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a run is: shape (0-based), segment (1-based, 0: whole arm), phase, part done 0-1."""
+    """
+    Where a run is: shape (0-based), segment (1-based, 0: whole arm), phase, part done 0-1.
+
+    correction: of the running segment, from 1; 0: none.  error: how far the running shape is from
+    its aim by the last measurement, None while nothing is measured: m of the tip for the aim
+    'tip', rad of the worst segment for 'angles'; aim: '' where that is not known.
+    """
 
     shape_index: int = 0
     shape: str = ''
     segment: int = 0
     phase: Phase = Phase.PREPARING
     fraction: float = 0.0
+    correction: int = 0
+    error: float | None = None
+    aim: str = ''
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended, and how many shapes were completed."""
+    """
+    How a run ended, and how many shapes were completed.
+
+    measured: whether the last shape was set by measurements.  corrections: that were made.
+    """
 
     code: Code
     message: str
     shapes_completed: int
+    measured: bool = False
+    corrections: int = 0

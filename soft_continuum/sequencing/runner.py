@@ -11,7 +11,7 @@ every segment stiff; a stop leaves everything as it is.
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -37,7 +37,8 @@ class Observation:
     stiff: per segment, confirmed by pressure.  vacuum: per segment, Pa below ambient.  stopped:
     why tendon motion is stopped.  fault: why the arm cannot be operated, such as a stale node.
     motion_failure: why the motion that was sent last was refused or ended early.  stops: how often
-    motion was stopped, ever.
+    motion was stopped, ever.  measured: when the arm was last measured, on the clock of the ticks;
+    None for never.  anomaly: what the measurements say is wrong with the arm.
     """
 
     pulls: tuple[float, ...]
@@ -48,6 +49,8 @@ class Observation:
     fault: str = ''
     motion_failure: Failure | None = None
     stops: int = 0
+    measured: float | None = None
+    anomaly: str = ''
 
 
 class ArmPort(Protocol):
@@ -85,11 +88,12 @@ class RunnerSettings:
     retry: float = 2.0
 
 
+Result = TypeVar('Result')
 Plan = Callable[[Sequence[Shape]], 'Future[list[ShapePlan]]']
 """Begins to plan shapes from the present state of the arm; the future carries what it raises."""
 
 
-class _EndError(Exception):
+class EndError(Exception):
     """Ends the run with a code and a reason."""
 
     def __init__(self, code: Code, message: str) -> None:
@@ -109,6 +113,8 @@ class Runner:
         """
         self.progress = Progress(shape=shapes[0].name)
         self.outcome: Outcome | None = None
+        self.warning = ''
+        """In what the shape that was set last is not as it should be; empty for nothing."""
         self._shapes = shapes
         self._plan = plan
         self._port = port
@@ -119,14 +125,14 @@ class Runner:
         self._now = 0.0
         self._observed = Observation((0.0,) * len(tendons), False, (), ())
         self._script = self._run()
-        self._end: _EndError | None = None
+        self._end: EndError | None = None
         self._winding_down = False
         self._stops: int | None = None  # how many there had been when the run began
 
     def cancel(self, code: Code, message: str) -> None:
         """End the run at the next tick: stop the motion, stiffen every segment."""
         if self._end is None:
-            self._end = _EndError(code, message)
+            self._end = EndError(code, message)
 
     def tick(self, now: float, observation: Observation) -> None:
         """Go on at time ``now`` (s, on the clock of the motion)."""
@@ -135,7 +141,7 @@ class Runner:
         self._now, self._observed = now, observation
         try:
             if observation.stopped:
-                raise _EndError(Code.STOPPED, f'stopped: {observation.stopped}')
+                raise EndError(Code.STOPPED, f'stopped: {observation.stopped}')
             if self._stops is None:
                 self._stops = observation.stops
             elif observation.stops != self._stops:
@@ -143,16 +149,16 @@ class Runner:
                 failure = observation.motion_failure or Failure(
                     Code.STOPPED, 'tendon_actuation was stopped and resumed, or restarted, '
                     'meanwhile')
-                raise _EndError(failure.code, failure.message)
+                raise EndError(failure.code, failure.message)
             if not self._winding_down:
                 if self._end is not None:
                     raise self._end
                 if observation.fault:
-                    raise _EndError(Code.HARDWARE_FAULT, observation.fault)
+                    raise EndError(Code.HARDWARE_FAULT, observation.fault)
             next(self._script)
         except StopIteration:
             self._finish()
-        except _EndError as end:
+        except EndError as end:
             if end.code is Code.STOPPED or self._winding_down:
                 self._end = end if end.code is Code.STOPPED else self._combined(end)
                 self._finish()
@@ -162,56 +168,67 @@ class Runner:
                 self._script = self._wind_down()
                 self.tick(now, observation)
 
-    def _combined(self, end: _EndError) -> _EndError:
+    def _combined(self, end: EndError) -> EndError:
         """Keep the first code, and both reasons."""
         first = self._end or end
-        return _EndError(first.code, f'{first}; then {end}')
+        return EndError(first.code, f'{first}; then {end}')
 
     def _finish(self) -> None:
         if self._end is None:
             self.progress = replace(self.progress, fraction=1.0)
-            self.outcome = Outcome(Code.SUCCESSFUL, '', self._completed)
+            self.outcome = self._outcome(Code.SUCCESSFUL, '')
         else:
-            self.outcome = Outcome(self._end.code, str(self._end), self._completed)
+            self.outcome = self._outcome(self._end.code, str(self._end))
+
+    def _outcome(self, code: Code, message: str) -> Outcome:
+        return Outcome(code, message, self._completed)
 
     def _run(self) -> Iterator[None]:
         yield from self._all_stiff()
         for index, shape in enumerate(self._shapes):
             self._report(index, 0.0, Phase.PREPARING, segment=0)
-            moves = yield from self._planned(shape)
-            for number, move in enumerate(moves):
-                done = number / len(moves)
-                part = 1.0 / len(moves)
-                self._report(index, done, Phase.SOFTENING, segment=move.segment + 1)
-                yield from self._soften(move.segment)
-                self._report(index, done + 0.3 * part, Phase.MOVING)
-                yield from self._move(move, index, done + 0.3 * part, 0.4 * part)
-                self._report(index, done + 0.7 * part, Phase.STIFFENING)
-                yield from self._stiffen(move.segment)
-            self._report(index, 1.0, Phase.HOLDING, segment=0)
-            until = self._now + shape.hold_time
-            while self._now < until:
-                self._check_stiff(None)
-                yield
+            yield from self._set(index, shape)
+            yield from self._hold(index, shape)
             self._completed += 1
 
-    def _report(self, index: int, part: float, phase: Phase, segment: int | None = None) -> None:
-        self.progress = Progress(
-            index, self._shapes[index].name,
-            self.progress.segment if segment is None else segment, phase,
-            (index + part) / len(self._shapes))
+    def _set(self, index: int, shape: Shape) -> Iterator[None]:
+        """Set a shape, from an arm of which every segment is stiff."""
+        moves = (yield from self._planned(self._plan([shape])))[0].moves
+        for number, move in enumerate(moves):
+            done = number / len(moves)
+            part = 1.0 / len(moves)
+            self._report(index, done, Phase.SOFTENING, segment=move.segment + 1)
+            yield from self._soften(move.segment)
+            self._report(index, done + 0.3 * part, Phase.MOVING)
+            yield from self._move(move, index, done + 0.3 * part, 0.4 * part)
+            self._report(index, done + 0.7 * part, Phase.STIFFENING)
+            yield from self._stiffen(move.segment)
 
-    def _planned(self, shape: Shape) -> Generator[None, None, tuple[Move, ...]]:
-        """Wait for the moves that set ``shape``, with every segment stiff."""
-        plan = self._plan([shape])
-        while not plan.done():
+    def _hold(self, index: int, shape: Shape) -> Iterator[None]:
+        """Hold a shape, with every segment stiff."""
+        self._report(index, 1.0, Phase.HOLDING, segment=0)
+        until = self._now + shape.hold_time
+        while self._now < until:
             self._check_stiff(None)
+            yield
+
+    def _report(self, index: int, part: float, phase: Phase, segment: int | None = None) -> None:
+        self.progress = replace(
+            self.progress, shape_index=index, shape=self._shapes[index].name,
+            segment=self.progress.segment if segment is None else segment, phase=phase,
+            fraction=(index + part) / len(self._shapes))
+
+    def _planned(self, plan: 'Future[Result]', soft: int | None = None
+                 ) -> Generator[None, None, Result]:
+        """Wait for a plan, with every segment stiff but ``soft``."""
+        while not plan.done():
+            self._check_stiff(soft)
             yield
         error = plan.exception()
         if error is None:
-            return plan.result()[0].moves
+            return plan.result()
         name = '' if isinstance(error, PlanError) else f'{type(error).__name__}: '
-        raise _EndError(Code.MODEL_FAILURE, f'{name}{error}')
+        raise EndError(Code.MODEL_FAILURE, f'{name}{error}')
 
     def _all_stiff(self) -> Iterator[None]:
         """Stiffen what is not stiff; plans start from a stiff arm at rest."""
@@ -220,7 +237,7 @@ class Runner:
         deadline = self._now + self._settings.settle_timeout
         while self._observed.moving:
             if self._now > deadline:
-                raise _EndError(
+                raise EndError(
                     Code.TIMEOUT, 'the tendons did not come to rest within '
                     f'{self._settings.settle_timeout:g} s')
             yield
@@ -250,7 +267,7 @@ class Runner:
             if not soft:
                 return
             if self._now > deadline:
-                raise _EndError(
+                raise EndError(
                     Code.TIMEOUT, f'{", ".join(f"segment {i + 1}" for i in soft)} did not become '
                     f'stiff within {self._settings.jamming_timeout:g} s')
             yield
@@ -267,7 +284,7 @@ class Runner:
             if reached():
                 return
             if self._now > deadline:
-                raise _EndError(
+                raise EndError(
                     Code.TIMEOUT,
                     f'segment {segment + 1} did not become {"stiff" if stiff else "soft"} within '
                     f'{self._settings.jamming_timeout:g} s; its vacuum is '
@@ -306,22 +323,22 @@ class Runner:
                     f'{name} is at {pull * 1e3:.3f} mm instead of {planned * 1e3:.3f} mm'
                     for name, pull, planned in zip(
                         self._tendons, self._observed.pulls, target, strict=True))
-                raise _EndError(Code.TIMEOUT, f'{where} after {settings.settle_timeout:g} s')
+                raise EndError(Code.TIMEOUT, f'{where} after {settings.settle_timeout:g} s')
             yield
 
     def _check_motion(self, segment: int) -> None:
         self._check_stiff(segment)
         if failure := self._observed.motion_failure:
-            raise _EndError(failure.code, failure.message)
+            raise EndError(failure.code, failure.message)
         if self._observed.stiff[segment]:
-            raise _EndError(Code.HARDWARE_FAULT,
+            raise EndError(Code.HARDWARE_FAULT,
                             f'segment {segment + 1} was stiffened during its motion')
 
     def _check_stiff(self, soft: int | None) -> None:
         """Every segment but the one being set must stay stiff."""
         for segment, stiff in enumerate(self._observed.stiff):
             if segment != soft and not stiff:
-                raise _EndError(Code.HARDWARE_FAULT,
+                raise EndError(Code.HARDWARE_FAULT,
                                 f'segment {segment + 1} lost its stiffness')
 
     def _wind_down(self) -> Iterator[None]:

@@ -15,17 +15,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.sensing.layout import QUIET, TagLayout
+from soft_continuum.sensing.layout import CORNERS, QUIET, TagLayout
 from soft_continuum.sensing.lens import Lens
+from soft_continuum.sensing.pictures import Array, MODULES, Picture, white_modules
 from soft_continuum.twin.differences import Differences
-
-Array = NDArray[np.float64]
-Picture = NDArray[np.uint8]
+from soft_continuum.twin.occluders import Occluders
 
 WIDTH, HEIGHT = 1280, 960  # px
 MARGIN = 1.25  # of what has to be in the picture
 FIELD = 0.62  # tan of half the horizontal angle of view: a webcam of 64 degrees
 WHITE, BLACK, BOARD, SKIN, PLATE = 225.0, 25.0, 150.0, 70.0, 215.0  # grey values
+DARK = 60.0  # grey value of obstacles and occluders
 SAMPLES = 3  # by SAMPLES of each pixel
 SUNK = 0.5  # of the brightness that the darkest corner keeps at light 1
 
@@ -56,32 +56,39 @@ class TwinCamera:
         self._fixed = layout.fixed + self._random.normal(
             0.0, given.fixed_offset, layout.fixed.shape)
         self._board, self._front = (self._on_plane(rays, depth) for depth in (0.0, self._depth))
-        self._slopes = np.stack([np.gradient(self._front, axis=1),
-                                 np.gradient(self._front, axis=0)])
+        self._slopes = _slopes(self._front)
         v, u = np.mgrid[:HEIGHT, :WIDTH]
         dark = (u / WIDTH + v / HEIGHT) / 2.0 * given.shade * SUNK
         self._light = (1.0 - dark).astype(np.float32)
         self._still = self._background()
+        for one in given.obstacles:
+            away = np.linalg.norm(self._front - [one.x, one.z], axis=-1)
+            self._still[away < one.radius] = DARK
+        self.occluders = Occluders(given.occluders, given.seed, (WIDTH, HEIGHT))
         self._noise = self._random.normal(
             0.0, max(given.picture_noise, 1e-9), WIDTH * HEIGHT * 2).astype(np.float32)
-        marker = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-        self._modules = {n: cv2.aruco.generateImageMarker(marker, n, 8) > 127
-                         for n in range(len(layout.heights))}
+        self._modules = {n: white_modules(n) for n in range(len(layout.heights))}
         # How each tag is stuck: to the right and up, m, and turned, rad.
         self._offsets = self._random.normal(0.0, given.tag_offset, (len(layout.heights), 3))
         self._offsets[:, 2] /= layout.disc_size
 
-    def picture(self, discs: Array) -> Picture:
-        """Return what it sees; discs: (discs, 3), x, z and angle of the bottom of each."""
+    def picture(self, discs: Array, time: float = 0.0) -> Picture:
+        """
+        Return what it sees.
+
+        discs: (discs, 3), x, z and angle of the bottom of each.  time: s, of what moves before it.
+        """
         grey = self._still.copy()
         for below, above, height in zip(
                 discs, discs[1:], self._layout.disc_heights, strict=False):
-            top = below[:2] + height * np.array([np.sin(below[2]), np.cos(below[2])])
+            top = below[:2] + height * _directions(below[2])[1]
             ends = np.round(self.seen_at(np.array([top, above[:2]]), self._depth)
                             * 16).astype(int)
             cv2.line(grey, ends[0].tolist(), ends[1].tolist(), SKIN, 24, cv2.LINE_AA, 4)
         for n, pose in enumerate(discs):
             self._draw_disc(grey, n, pose)
+        for corners in self.occluders.corners(time):
+            cv2.fillConvexPoly(grey, np.round(corners * 16).astype(np.int32), DARK, cv2.LINE_AA, 4)
         return self._exposed(grey)
 
     def seen_at(self, points: Array, depth: float) -> Array:
@@ -95,14 +102,16 @@ class TwinCamera:
 
     def stuck(self, disc: int, pose: Array) -> Array:
         """Return where a disc at ``pose`` would be if its tag were stuck where it should be."""
-        right, up, turned = self._offsets[disc]
-        height = self._layout.heights[disc]
-        angle, seen = pose[2], pose[2] + turned
-        across, along = np.array([np.cos(angle), -np.sin(angle)]), np.array(
-            [np.sin(angle), np.cos(angle)])
-        middle = pose[:2] + (height + up) * along + right * across
-        bottom = middle - height * np.array([np.sin(seen), np.cos(seen)])
-        return np.array([*bottom, seen])
+        middle, angle = self._tag_pose(disc, pose)
+        bottom = middle - self._layout.heights[disc] * _directions(angle)[1]
+        return np.array([*bottom, angle])
+
+    def _tag_pose(self, disc: int, pose: Array) -> tuple[Array, float]:
+        """Return the middle (x, z) m and the angle (rad) of the tag of a disc at ``pose``."""
+        across, along, turned = self._offsets[disc]
+        right, up = _directions(pose[2])
+        middle: Array = pose[:2] + (self._layout.heights[disc] + along) * up + across * right
+        return middle, pose[2] + turned
 
     def _rays(self) -> Array:
         """Return the direction of every pixel, right, down and forward, (height, width, 3)."""
@@ -125,13 +134,11 @@ class TwinCamera:
         """Return the board with its fixed tags."""
         blotches = self._random.normal(0.0, 1.0, (12, 16)).astype(np.float32)
         grey = BOARD + 12.0 * cv2.resize(blotches, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)
-        marker = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-        slopes = np.stack([np.gradient(self._board, axis=1), np.gradient(self._board, axis=0)])
+        slopes = _slopes(self._board)
         size = self._layout.fixed_size
         for n, centre in zip(self._layout.fixed_numbers, self._fixed, strict=True):
-            modules = cv2.aruco.generateImageMarker(marker, n, 8) > 127
-            box = self._box(centre + size * np.array([(-0.8, -0.8), (0.8, 0.8), (-0.8, 0.8),
-                                                      (0.8, -0.8)]), 0.0)
+            modules = white_modules(n)
+            box = self._box(centre + 1.6 * size * CORNERS, 0.0)
 
             def shade(points: Array, old: Array, c: Array = centre,
                       m: NDArray[np.bool_] = modules) -> Array:
@@ -145,20 +152,14 @@ class TwinCamera:
         layout = self._layout
         height, size = layout.disc_heights[n], layout.disc_size
         width = max(height, size * (1.0 + 4.0 * QUIET))
-        up = np.array([np.sin(pose[2]), np.cos(pose[2])])
-        right = np.array([up[1], -up[0]])
+        right, up = _directions(pose[2])
         middle = pose[:2] + up * height / 2.0
         reach = np.hypot(width, height) / 2.0
-        box = self._box(middle + reach * np.array([(-1, -1), (1, 1), (-1, 1), (1, -1)]),
-                        self._depth)
+        box = self._box(middle + 2.0 * reach * CORNERS, self._depth)
         if not grey[box].size:
             return
-        centre = pose[:2] + up * (layout.heights[n] + self._offsets[n, 1]) + right * (
-            self._offsets[n, 0])
-
-        turned = pose[2] + self._offsets[n, 2]
-        tag_up = np.array([np.sin(turned), np.cos(turned)])
-        tag_right = np.array([tag_up[1], -tag_up[0]])
+        centre, turned = self._tag_pose(n, pose)
+        tag_right, tag_up = _directions(turned)
 
         def shade(points: Array, old: Array) -> Array:
             local = points - middle
@@ -189,6 +190,16 @@ class TwinCamera:
         return picture
 
 
+def _directions(angle: float) -> tuple[Array, Array]:
+    """Return the directions (x, z) to the right and up; not those of what measures."""
+    return np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
+
+
+def _slopes(places: Array) -> Array:
+    """Return how the places (height, width, 2) that pixels see change to the right and down."""
+    return np.stack([np.gradient(places, axis=1), np.gradient(places, axis=0)])
+
+
 def _sampled(points: Array, slopes: Array, old: NDArray[Any],
              shade: Callable[[Array, Array], Array]) -> Array:
     """Return the mean grey values over each pixel of a box; slopes: of points over u and v."""
@@ -203,7 +214,7 @@ def _sampled(points: Array, slopes: Array, old: NDArray[Any],
 def _tag(flat: Array, modules: NDArray[np.bool_], old: Array) -> Array:
     """Return a tag of size 1 about the origin, with its white margin, over what was there."""
     reach = np.abs(flat).max(axis=-1)
-    column = np.clip(((flat[..., 0] + 0.5) * 8).astype(int), 0, 7)
-    row = np.clip(((0.5 - flat[..., 1]) * 8).astype(int), 0, 7)
+    column, row = (np.clip((part * MODULES).astype(int), 0, MODULES - 1)
+                   for part in (flat[..., 0] + 0.5, 0.5 - flat[..., 1]))
     ink = np.where(modules[row, column], WHITE, BLACK)
     return np.where(reach <= 0.5, ink, np.where(reach <= 0.5 + QUIET, WHITE, old))

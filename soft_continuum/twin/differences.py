@@ -9,9 +9,25 @@ from typing import Any
 
 from soft_continuum.parameters.files import read_yaml
 
+PRESETS = ('ideal', 'typical', 'bad')
+"""Those of config/twin.yaml."""
+LOAD_CELLS: dict[str, object] = {'load_cells.used': True, 'load_cells.zeros': [0.0, 0.0],
+                                 'load_cells.scales': [1.0, 1.0]}
+"""Parameters of nodes that are to use the load cells of the twin."""
+DEFAULT_PRESET = 'typical'
+
 
 class TwinError(ValueError):
     """A file of differences, or an arm, that no twin can be made of."""
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A smooth rigid cylinder along y: its axis at x, z in base_link, and its radius, m."""
+
+    x: float
+    z: float
+    radius: float
 
 
 @dataclass(frozen=True)
@@ -23,15 +39,22 @@ class Differences:
     K at full vacuum.  soft_below: part of full vacuum without any jam.  yield_moment: N m of each
     joint's jam at full vacuum.  lock_in_shift: rad by which a segment bends at most when it is
     stiffened.  damping_time: s, of the springs.  guide_friction: coefficient at every guide.
-    tendon_compliance: m/N.  backlash: m between motor and tendon when it turns back.  zero_offset:
-    m by which each tendon is pulled in at zero.  tension_noise: N, standard deviation of the load
-    cells.  picture_noise: grey values of 255, standard deviation.  picture_blur: px, standard
-    deviation.  shade: 0 to 1, how dark a corner is.  lens_distortion: k1.  calibration_error: of
-    focal length and distortion, relative, standard deviation.  camera_shift, camera_tilt: m and
-    rad by which the camera stands and looks off the middle at most.  tag_offset: m, standard
-    deviation of where the tags of the discs are stuck; over their size, rad, of how they are
-    turned.  fixed_offset, depth_offset: m, standard deviations of where the fixed tags are, and of
-    the depth.  seed: of everything random.
+    tendon_compliance: m/N.  slip_tension: N beyond which a tendon slips in its clamp.
+    backlash: m between motor and tendon when it turns back.  zero_offset: m by which each tendon
+    is pulled in at zero.  obstacles: what the arm can touch.
+
+    Of the load cells: tension_noise (N, of every value), load_cell_zero (N) and load_cell_scale
+    (relative), standard deviations.  Of the IMUs: accelerometer_noise and accelerometer_bias
+    (m/s^2), gyro_noise and gyro_bias (rad/s), standard deviations of every value, and of what is
+    added to all values of an axis.
+
+    picture_noise: grey values of 255, standard deviation.  picture_blur: px, standard deviation.
+    shade: 0 to 1, how dark a corner is.  occluders: number of dark bars that move through the
+    picture.  lens_distortion: k1.  calibration_error: of focal length and distortion, relative,
+    standard deviation.  camera_shift, camera_tilt: m and rad by which the camera stands and looks
+    off the middle at most.  tag_offset: m, standard deviation of where the tags of the discs are
+    stuck; over their size, rad, of how they are turned.  fixed_offset, depth_offset: m, standard
+    deviations of where the fixed tags are, and of the depth.  seed: of everything random.
     """
 
     stiffness_factors: tuple[float, ...]
@@ -43,12 +66,21 @@ class Differences:
     damping_time: float
     guide_friction: float
     tendon_compliance: float
+    slip_tension: float
     backlash: float
     zero_offset: float
+    obstacles: tuple[Obstacle, ...]
     tension_noise: float
+    load_cell_zero: float
+    load_cell_scale: float
+    accelerometer_noise: float
+    accelerometer_bias: float
+    gyro_noise: float
+    gyro_bias: float
     picture_noise: float
     picture_blur: float
     shade: float
+    occluders: int
     lens_distortion: float
     calibration_error: float
     camera_shift: float
@@ -63,13 +95,20 @@ RANGES = {
     'stiffness_factors': (0.2, 5.0), 'mass_factor': (0.0, 5.0), 'stiff_ratio': (1.1, 1e5),
     'soft_below': (0.0, 0.9), 'yield_moment': (1e-6, 1e6), 'lock_in_shift': (0.0, 0.2),
     'damping_time': (0.005, 1.0), 'guide_friction': (0.0, 1.0),
-    'tendon_compliance': (0.0, 0.01), 'backlash': (0.0, 0.01), 'zero_offset': (-0.01, 0.01),
-    'tension_noise': (0.0, 100.0), 'picture_noise': (0.0, 100.0), 'picture_blur': (0.0, 20.0),
-    'shade': (0.0, 1.0), 'lens_distortion': (-0.25, 0.25), 'calibration_error': (0.0, 0.2),
+    'tendon_compliance': (0.0, 0.01), 'slip_tension': (0.1, 1e6), 'backlash': (0.0, 0.01),
+    'zero_offset': (-0.01, 0.01),
+    'tension_noise': (0.0, 100.0), 'load_cell_zero': (0.0, 100.0), 'load_cell_scale': (0.0, 0.5),
+    'accelerometer_noise': (0.0, 10.0), 'accelerometer_bias': (0.0, 10.0),
+    'gyro_noise': (0.0, 10.0), 'gyro_bias': (0.0, 10.0),
+    'picture_noise': (0.0, 100.0), 'picture_blur': (0.0, 20.0),
+    'shade': (0.0, 1.0), 'occluders': (0, 20),
+    'lens_distortion': (-0.25, 0.25), 'calibration_error': (0.0, 0.2),
     'camera_shift': (0.0, 1.0), 'camera_tilt': (0.0, 0.5), 'tag_offset': (0.0, 0.01),
     'fixed_offset': (0.0, 0.05), 'depth_offset': (0.0, 0.05),
     'seed': (0, 2**31)}
-"""Smallest and largest value of each."""
+"""Smallest and largest value of each number."""
+OBSTACLE_RANGES = {'x': (-10.0, 10.0), 'z': (-10.0, 10.0), 'radius': (0.001, 10.0)}  # m
+MAX_OBSTACLES = 100
 
 
 def read_differences(path: str | Path, preset: str) -> Differences:
@@ -94,10 +133,31 @@ def read_differences(path: str | Path, preset: str) -> Differences:
 
 def _checked(path: str | Path, name: str, values: Mapping[str, Any]) -> Any:
     """Return a value within its range."""
-    value, (low, high) = values[name], RANGES[name]
+    value = values[name]
+    if name == 'obstacles':
+        return _obstacles(path, value)
     several = name == 'stiffness_factors' and isinstance(value, list) and value
     for one in value if several else [value]:
-        if isinstance(one, bool) or not isinstance(one, int | float) or not low <= one <= high or (
-                isinstance(low, int) and not isinstance(one, int)):
-            raise TwinError(f'{path}: {name} is {one!r}; allowed: {low:g} to {high:g}')
+        _check(path, name, one, RANGES[name])
     return tuple(value if several else [value]) if name == 'stiffness_factors' else value
+
+
+def _obstacles(path: str | Path, value: Any) -> tuple[Obstacle, ...]:
+    """Return the obstacles of a list of mappings."""
+    if not isinstance(value, list) or len(value) > MAX_OBSTACLES or not all(
+            isinstance(one, dict) and sorted(map(str, one)) == sorted(OBSTACLE_RANGES)
+            for one in value):
+        raise TwinError(f'{path}: obstacles must be a list, in m, of {MAX_OBSTACLES} at most, '
+                        'such as [{x: 0.08, z: 0.2, radius: 0.02}]; [] for none')
+    for number, one in enumerate(value, start=1):
+        for key, allowed in OBSTACLE_RANGES.items():
+            _check(path, f'{key} of obstacle {number}', one[key], allowed)
+    return tuple(Obstacle(**one) for one in value)
+
+
+def _check(path: str | Path, name: str, value: Any, allowed: tuple[float, float]) -> None:
+    """Raise TwinError for what is no number in a range; a whole one if that begins with one."""
+    low, high = allowed
+    if isinstance(value, bool) or not isinstance(value, int | float) or not (
+            low <= value <= high) or (isinstance(low, int) and not isinstance(value, int)):
+        raise TwinError(f'{path}: {name} is {value!r}; allowed: {low:g} to {high:g}')

@@ -2,43 +2,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the twin really is, published for tests and benchmarks; no node of the suite reads it."""
 
-from typing import Self
-
 from geometry_msgs.msg import PoseArray
 from sensor_msgs.msg import JointState
 
-from soft_continuum.client.connection import Connection
 from soft_continuum.ros.conversions import full_poses, poses_to_ros
+from soft_continuum.ros.names import TWIN
 from soft_continuum.ros.qos import STREAM
+from soft_continuum.twin.publisher import DISC_POSES, Publisher
 from soft_continuum.twin.rig import TwinRig
 
 PERIOD = 0.02  # s
 
 
-class Truth:
+class Truth(Publisher):
     """Publishes the joints, tendons and discs of a twin while this context manager is open."""
 
     def __init__(self, rig: TwinRig, namespace: str = '') -> None:
         """Make the node ``twin``; raises ClientError for a namespace that ROS does not take."""
+        super().__init__(TWIN, namespace)
         self._rig = rig
         self._names = [f'joint_{n}' for n in range(1, len(rig.plant.joint_angles) + 1)]
-        self._connection = Connection('twin', namespace)
-        self._node = self._connection.node
-
-    def __enter__(self) -> Self:
-        """Begin to publish."""
-        self._connection.requests.start(self._begin()).result()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End."""
-        self._connection.close()
 
     async def _begin(self) -> None:
         node = self._node
         self._joints = node.create_publisher(JointState, 'twin/joint_states', STREAM)
         self._tendons = node.create_publisher(JointState, 'twin/tendon_states', STREAM)
-        self._discs = node.create_publisher(PoseArray, 'twin/disc_poses', STREAM)
+        self._discs = node.create_publisher(PoseArray, DISC_POSES, STREAM)
         node.create_timer(PERIOD, self._publish)
 
     def _publish(self) -> None:

@@ -7,30 +7,34 @@ import pytest
 
 from soft_continuum.analysis import report
 from soft_continuum.analysis.delimited import MeasurementError
-from soft_continuum.analysis.recording import FILES, read_recording, RecordingWriter
+from soft_continuum.analysis.recording import FILES, read_tables, Recording, write_tables
 from soft_continuum.analysis.report import report_html
+from soft_continuum.cli.report import main as report_verb
 from soft_continuum.parameters.files import load_description
 
 THREE = ('front', 'rear_left', 'rear_right')
 TILTED = (0.0, np.sin(0.3), 0.0, np.cos(0.3))  # 0.6 rad about +y
 
 
+def run(tendons=THREE):
+    """Return a run that holds one shape."""
+    times = np.array([[1.0], [2.0]])
+    points = [[time, n, 1.5, 0.25, 10.0 * n, *TILTED] for time in (1.0, 2.0) for n in range(1, 5)]
+    return Recording(
+        tuple(tendons), np.hstack([times, [range(1, len(tendons) + 1)] * 2]),
+        np.hstack([times, np.full((2, len(tendons)), np.nan)]), np.array(points),
+        np.array([[1.0, 1, 20.0], [2.0, 1, 20.0]]), np.array([[1.0, 1, 1.0], [2.0, 1, 1.0]]),
+        [(1.9, 'progress', 'lean: holding')])
+
+
 def write(directory, tendons=THREE):
-    """Write a run that holds one shape."""
-    with RecordingWriter(directory, tendons) as writer:
-        for time in (1.0, 2.0):
-            writer.write('tendons', time, *range(1, len(tendons) + 1))
-            writer.write('tensions', time, *[float('nan')] * len(tendons))
-            for point in range(1, 5):
-                writer.write('points', time, str(point), 1.5, 0.25, 10.0 * point, *TILTED)
-            writer.write('pressures', time, '1', 20.0)
-            writer.write('stiff', time, '1', '1')
-        writer.write('events', 1.9, 'progress', 'lean: holding')
+    """Write its tables."""
+    write_tables(run(tendons), [directory / name for name in FILES])
 
 
 def test_any_number_of_tendons_is_recorded_under_their_names(tmp_path):
     write(tmp_path)
-    recording = read_recording(tmp_path)
+    recording = read_tables(tmp_path)
     assert recording.tendon_names == THREE
     assert recording.tendons.tolist() == [[1.0, 1.0, 2.0, 3.0], [2.0, 1.0, 2.0, 3.0]]
     assert sorted(FILES) == sorted(path.name for path in tmp_path.iterdir())
@@ -40,24 +44,18 @@ def test_any_number_of_tendons_is_recorded_under_their_names(tmp_path):
 
 def test_held_points_are_full_poses(tmp_path):
     write(tmp_path)
-    held, = read_recording(tmp_path).held_shapes()
+    held, = read_tables(tmp_path).held_shapes()
     assert held.points[:, :3].tolist() == [[1.5, 0.25, 10.0 * n] for n in range(1, 5)]
     assert held.points[0, 3:] == pytest.approx(TILTED, abs=1e-6)
     assert held.tangents == pytest.approx([np.degrees(0.6)] * 4, abs=1e-4)
     assert held.pulls.tolist() == [1.0, 2.0, 3.0]
 
 
-def test_a_row_of_the_wrong_length_is_not_written(tmp_path):
-    with (RecordingWriter(tmp_path, THREE) as writer,
-          pytest.raises(ValueError, match=r'tendons\.csv has 3 columns after the time; given: 2')):
-        writer.write('tendons', 0.0, 1.0, 2.0)
-
-
 def test_recordings_of_version_0_1_are_still_read(tmp_path):
     write(tmp_path, ('right', 'left'))
     (tmp_path / 'points.csv').write_text(
         'time [s],point,x [mm],z [mm],tangent [deg]\n1.5,1,3.0,40.0,-30.0\n')
-    recording = read_recording(tmp_path)
+    recording = read_tables(tmp_path)
     assert recording.tendon_names == ('right', 'left')
     held, = recording.held_shapes()
     assert held.points[0, :3].tolist() == [3.0, 0.0, 40.0]
@@ -68,7 +66,7 @@ def test_files_of_different_tendons_do_not_make_a_recording(tmp_path):
     write(tmp_path)
     (tmp_path / 'tensions.csv').write_text('time [s],front tension [N]\n')
     with pytest.raises(MeasurementError, match=r'tensions\.csv: line 1 has the tendons front'):
-        read_recording(tmp_path)
+        read_tables(tmp_path)
 
 
 def test_a_report_of_hundreds_of_shapes_shows_the_first_and_says_so(tmp_path, monkeypatch):
@@ -76,7 +74,7 @@ def test_a_report_of_hundreds_of_shapes_shows_the_first_and_says_so(tmp_path, mo
     write(tmp_path)
     with (tmp_path / 'events.csv').open('a', encoding='utf-8') as file:
         file.writelines(f'2,progress,s{k}: holding\n' for k in range(1100))
-    page = report_html(read_recording(tmp_path), 'many', {})
+    page = report_html(read_tables(tmp_path), 'many', {})
     assert 'The first 200 of 1101 shapes' in page and '12 panels' in page
     assert 'The first 1000 of 1101 events' in page
 
@@ -87,7 +85,7 @@ def test_a_report_says_which_arm_was_recorded_when_and_by_which_version(tmp_path
     with (tmp_path / 'events.csv').open('a', encoding='utf-8') as file:
         file.write('2,recording,"soft_continuum 9.9, namespace /left, 2026-01-02"\n')
     values = load_description()
-    page = report_html(read_recording(tmp_path), 'one', values)
+    page = report_html(read_tables(tmp_path), 'one', values)
     assert 'soft_continuum 9.9, namespace /left, 2026-01-02' in page
     assert 'arm.segment_lengths</td><td>[0.07, 0.07, 0.07]</td><td>m<' in page
 
@@ -97,11 +95,28 @@ def test_a_file_of_countless_wrong_lines_is_refused_at_the_first(tmp_path, text)
     write(tmp_path)
     (tmp_path / 'tendons.csv').write_text(text)
     with pytest.raises(MeasurementError, match='line [12]'):
-        read_recording(tmp_path)
+        read_tables(tmp_path)
 
 
 def test_more_lines_than_a_recording_can_have_are_refused(tmp_path, monkeypatch):
     write(tmp_path)
     monkeypatch.setattr('soft_continuum.analysis.recording.MAX_ROWS', 2)
     with pytest.raises(MeasurementError, match='more than 2 lines'):
-        read_recording(tmp_path)
+        read_tables(tmp_path)
+
+
+@pytest.mark.parametrize(('name', 'text', 'words'), [
+    ('tendons', 'time [s],right pull [mm],left pull [mm]\n1.0,2.0,nothing\n2.0,1.0,1.0\n',
+     'line 2'),
+    ('tendons', 'a,b,c\n', 'line 1 must be'),
+    ('events', 'time [s],source,event\n1.0,a\n2.0,a,b\n', 'line 2 has 2 fields'),
+    ('points', None, 'record'),
+])
+def test_a_damaged_table_is_named_by_file_and_line(tmp_path, capsys, name, text, words):
+    write(tmp_path)
+    path = tmp_path / f'{name}.csv'
+    path.unlink() if text is None else path.write_text(text)
+    assert report_verb([str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert f'{name}.csv' in said
+    assert words in said

@@ -21,6 +21,7 @@ _fixtures = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(_fixtures)
 _compiled, take_domain, domain = _fixtures._compiled, _fixtures.take_domain, _fixtures.domain
 make_rig, processes = _fixtures.make_rig, _fixtures.processes
+module_domain = _fixtures.module_domain
 
 from page import DEADLINE, Page  # noqa: E402
 from playwright.sync_api import expect  # noqa: E402
@@ -28,17 +29,29 @@ from processes import NodeProcess, Processes  # noqa: E402
 from ros_rig import Rig  # noqa: E402
 from std_srvs.srv import SetBool  # noqa: E402
 
+from soft_continuum_interfaces.msg import TendonActuationState  # noqa: E402
+
 BROWSERS = ('chromium', 'chromium-browser', 'google-chrome')
 FLAGS = ('--no-sandbox', '--disable-gpu', '--enable-unsafe-swiftshader', '--disable-quic',
          '--no-first-run', '--disable-background-networking', '--disable-component-update',
          '--disable-sync')
-# Frames are rendered in software: a few a second are enough to see what is there.
-FEW_FRAMES = """
+# Frames are rendered in software: a few a second are enough to see what is there, without smooth
+# edges, and with a rougher reflection of the surroundings, which take 10 s to prepare otherwise.
+DRAW_LITTLE = """
 window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 250);
 window.cancelAnimationFrame = clearTimeout;
+const {getContext} = HTMLCanvasElement.prototype;
+const {shaderSource} = WebGL2RenderingContext.prototype;
+HTMLCanvasElement.prototype.getContext = function (kind, options) {
+    return getContext.call(this, kind, {...options, antialias: false});
+};
+WebGL2RenderingContext.prototype.shaderSource = function (shader, source) {
+    shaderSource.call(this, shader, source.replace(/(#define GGX_SAMPLES) [0-9]+/, '$1 16'));
+};
 """
 # Slow enough to be seen and stopped on its way; at a rate that a busy machine keeps.
-SLOW = {'tendon_speed': 0.001, 'tendon_rate': 5.0, 'silence_timeout': 10.0}
+SLOW = {'tendon_speed': 0.001, 'tendon_rate': 5.0, 'jamming_rate': 10.0,
+        'silence_timeout': 10.0}
 OpenPage = Callable[[str], Page]
 
 
@@ -61,7 +74,7 @@ def open_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenPage]:
             # A quarter of the pixels: they are rendered in software.
             context = chromium.new_context(viewport={'width': 900, 'height': 600},
                                            device_scale_factor=0.5)
-            context.add_init_script(FEW_FRAMES)
+            context.add_init_script(DRAW_LITTLE)
             page = context.new_page()
             page.goto(address, timeout=DEADLINE * 1e3)
             return Page(page)
@@ -70,16 +83,19 @@ def open_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenPage]:
         chromium.close()
 
 
-def start_view(processes: Processes, verb: str, *options: str) -> tuple[NodeProcess, str]:
-    """Start ``browser`` or ``ui``; return the process and the address that it printed."""
-    process = processes.start(
-        [sys.executable, '-m', 'soft_continuum', verb, '--port', '0', *options])
+def start_view(processes: Processes, verb: str, *options: str) -> NodeProcess:
+    """Start ``browser``, ``ui`` or ``replay``."""
+    return processes.start([sys.executable, '-m', 'soft_continuum', verb, '--port', '0', *options])
+
+
+def address_of(view: NodeProcess) -> str:
+    """Wait for the address that a view prints."""
     deadline = time.monotonic() + DEADLINE
-    while not (found := re.search(r'The arm is at (\S+)', process.output)):
-        assert process.running, process.output
-        assert time.monotonic() < deadline, f'no address:\n{process.output}'
+    while not (found := re.search(r' is at (http\S+)', view.output)):
+        assert view.running, view.output
+        assert time.monotonic() < deadline, f'no address:\n{view.output}'
         time.sleep(0.05)
-    return process, found[1]
+    return found[1]
 
 
 @pytest.fixture(scope='module')
@@ -89,9 +105,9 @@ def shared(open_page: OpenPage, tmp_path_factory: pytest.TempPathFactory
     with _fixtures.domains() as take:
         domain = take()
         rig, processes = Rig(domain), Processes(domain, tmp_path_factory.mktemp('view'))
+        view = start_view(processes, 'browser', '--ros-args', '-r', f'__ns:={rig.namespace}')
         rig.start_arm(**SLOW)
-        address = start_view(
-            processes, 'browser', '--ros-args', '-r', f'__ns:={rig.namespace}')[1]
+        address = address_of(view)
         page = open_page(address)
         expect(page.button('c_form')).to_be_visible(timeout=DEADLINE * 1e3)
         yield rig, page, address
@@ -105,7 +121,11 @@ def rig(shared: tuple[Rig, Page, str]) -> Iterator[Rig]:
     """Return the arm of the module; after the test it is idle, stiff and may move."""
     rig = shared[0]
     yield rig
-    rig.trigger('tendon_actuation/resume')
+    actuation = rig.states['tendon_actuation']
+    # A page sends STOP when the button goes down and when it is released; the second may be late.
+    while actuation.last.stopped and rig.trigger('tendon_actuation/resume').success:
+        rig.until(lambda: actuation.last.stopped == TendonActuationState.NOT_STOPPED, DEADLINE)
+        rig.until(lambda: actuation.last.stopped, 1.0)
     rig.wait_for(lambda: rig.statuses['shape_sequencer'].last.message == 'idle', 'no sequence')
     assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
     rig.wait_for(lambda: rig.all_stiff, 'all stiff')

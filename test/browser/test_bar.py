@@ -6,7 +6,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 import json
-from math import inf, nan
+from math import inf, isfinite, nan
 import threading
 from typing import Any
 from unittest.mock import Mock
@@ -21,12 +21,16 @@ from soft_continuum.browser.charts import chart, History, LENGTH
 from soft_continuum.browser.session import Description, Notice, Session
 from soft_continuum.browser.words import LENGTH as TEXT_LENGTH
 from soft_continuum.browser.words import plain
+from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
+from soft_continuum.client.observed import KINEMATICS_STATE
 from soft_continuum.client.state import ArmState, NodeReport, Progress
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.ros.names import NODES
 from soft_continuum.sequencing.progress import Phase
+from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
+from soft_continuum_interfaces.msg import KinematicsState
 
 READY = ArmState(
     tendons=('right_tendon', 'left_tendon'), pulls=(0.0, 0.0), speeds=None, tensions=(0.0, 5.0),
@@ -147,6 +151,13 @@ def description() -> Description:
     {'bending_angles': (1.0,)},
     {'progress': Progress(10**9, '<script>' * 10**5, -1, Phase.MOVING, nan)},
     {'stopped': '<script>\x1b' * 10**5},
+    {'estimate': Estimate(
+        True, 1e300, (nan,), (nan, inf, 1e308), 1e300,
+        (LearnedParameter('<script>' * 10**5, nan, inf, True, '<script>' * 10**5),
+         LearnedParameter('offset_<script>', 1e308, -1e308, True)) * 500,
+        (Anomaly('<script>', 2**31, 2**31, '<script>' * 10**5, nan, '<script>\x1b' * 10**5),)
+        * 500)},
+    {'progress': Progress(0, 'c', 1, Phase.MEASURING, 0.5, 2**31, 1e308, 'tip')},
 ])
 def test_no_message_of_a_node_breaks_the_readings(
         description: Description, change: dict[str, Any]) -> None:
@@ -155,9 +166,11 @@ def test_no_message_of_a_node_breaks_the_readings(
     history.sample(state)
     texts = [html.segments_html(state, description, history),
              html.tendons_html(state, description, history), html.nodes_html(state),
-             html.sequence_html(state), html.jog_hint_html(state)]
+             html.sequence_html(state), html.jog_hint_html(state),
+             html.source_html(state, history), html.error_html(history),
+             html.parameters_html(state.estimate)]
     assert not any('<script' in text or 'nan' in text for text in texts)
-    assert max(map(len, texts)) < 20_000
+    assert max(map(len, texts)) < 40_000
     assert len(bar_state(state, ()).text) < 2 * TEXT_LENGTH
 
 
@@ -203,6 +216,7 @@ def test_one_colour_has_one_meaning() -> None:
     meanings: dict[tuple[int, ...], str] = {}
     named = {'stiff': colours.STIFF, 'soft': colours.SOFT, 'unknown': colours.UNKNOWN,
              'disc': colours.DISC, 'target': colours.GHOST, 'held': colours.LOCKED,
+             'predicted': colours.PREDICTED,
              'wrong': html.BAD, 'warning': html.WARNING,
              **{f'tension {i}': c for i, c in enumerate(colours.TENSIONS)}}
     for name, colour in named.items():
@@ -218,3 +232,31 @@ def test_no_notice_counts_as_new_for_ever(monkeypatch: pytest.MonkeyPatch) -> No
     assert notice.is_new
     monkeypatch.setattr('soft_continuum.browser.session.monotonic', clock)
     assert not notice.is_new
+
+
+def test_alarms_are_not_said_twice_in_the_bar_and_not_again_while_their_size_changes() -> None:
+    message = KinematicsState(anomalies=[
+        AnomalyMessage(cause=AnomalyMessage.LOAD, segment=2, message=text)
+        for text in ('0.1 kg', '0.2 kg')])
+    observed = Mock()
+    session = Session(Mock(observed=observed))
+    for anomaly in message.anomalies:
+        observed.message.return_value = KinematicsState(anomalies=[anomaly])
+        session._on_change(KINEMATICS_STATE)
+    assert [n.text for n in session.notices] == ['load (segment 2): 0.1 kg']
+    anomaly = Anomaly('load', 2, 0, '', 0.1, 'x' * 1000)
+    shown = bar_state(replace(READY, estimate=Estimate(True, anomalies=(anomaly,) * 5)),
+                      session.notices)
+    assert shown.notice == ''
+    first, *_, last = shown.alarm.splitlines()
+    assert first.startswith('Load (segment 2): xxx') and len(first) <= 160
+    assert last == '2 more under Measured shape'
+
+
+def test_one_axis_of_the_error_has_one_unit() -> None:
+    history = History(3, 2, 101325.0)
+    for error, aim in ((0.01, 'angles'), (None, ''), (0.002, 'tip')):
+        history.sample(replace(READY, progress=Progress(error=error, aim=aim)))
+    assert [e for e in history.error if isfinite(e)] == [pytest.approx(2.0)]  # mm
+    assert 'error of the tip: last minute, 0 to 2 mm' in html.error_html(history)
+    assert html.error_html(History(3, 2, 101325.0)) == ''  # nothing was measured

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import signal
 from typing import Any
 
-from conftest import start_view
+from conftest import address_of, start_view
 from page import DEADLINE
 from processes import Processes
 from ros_rig import ALL, Rig
@@ -16,8 +16,9 @@ from websockets.sync.client import connect
 def test_nodes_and_view_start_and_end_together(
         make_rig: Callable[..., Rig], processes: Processes) -> None:
     rig: Any = make_rig(namespace='/left')
-    process, address = start_view(processes, 'ui', '--namespace', 'left')
+    process = start_view(processes, 'ui', '--namespace', 'left')
     rig.wait_until_ready(*ALL)
+    address = address_of(process)
     with connect(f'{address.replace("http", "ws")}bar', open_timeout=DEADLINE) as bar:
         bar.send('stop')
         rig.wait_for_status('tendon_actuation', 'stopped', 'stop was called')

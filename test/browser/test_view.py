@@ -7,18 +7,25 @@ What a person sees and does in a real browser, and what the arm does then.
 One arm and one page, used by one test after the other.
 """
 
+from array import array
 from copy import deepcopy
+import io
 from pathlib import Path
 import re
+import signal
 
-from conftest import OpenPage, SLOW
+from conftest import address_of, OpenPage, SLOW, start_view
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from page import dark, DEADLINE, green, orange, Page, teal
+from PIL import Image
 from playwright.sync_api import expect
+from processes import Processes
 import pytest
 from ros_rig import Rig
+from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Bool
 
+from soft_continuum.analysis.bag_tables import read_recording
 from soft_continuum.ros.qos import LATCHED, STREAM
 
 pytestmark = pytest.mark.timeout(600)
@@ -38,6 +45,14 @@ def test_the_arm_is_drawn_and_a_soft_segment_is_seen_to_be_soft(page: Page, rig:
     page.wait_for_pixels(orange, 0, 0, 'orange, though no segment is soft')
 
 
+def test_the_arm_is_looked_at_from_above_and_from_the_side(page: Page) -> None:
+    page.click('above')
+    page.wait_for_pixels(dark, 0, 170, 'dark, as an arm that points at whoever looks')
+    page.picture(ARTEFACT.with_name('above.png'))
+    page.click('side')
+    page.wait_for_pixels(dark, 180, MANY, 'dark, as the whole arm')
+
+
 def test_tendons_are_jogged_by_steps_and_a_refusal_says_why(page: Page, rig: Rig) -> None:
     expect(page.button('-5')).to_be_disabled()  # no jogging while all is stiff
     page.click('soften', 2)
@@ -52,6 +67,39 @@ def test_tendons_are_jogged_by_steps_and_a_refusal_says_why(page: Page, rig: Rig
     page.click('+5', 1)
     page.wait_for_bar('Jog: refused')
     page.wait_for_bar('co_contraction_limit')
+
+
+def test_a_button_begins_and_ends_a_recording_which_is_replayed(
+        page: Page, rig: Rig, open_page: OpenPage, processes: Processes, tmp_path: Path) -> None:
+    page.wait_for_text('ros2 run soft_continuum recorder')
+    expect(page.button('Record')).to_be_disabled()
+    node, = rig.start('recorder', ready=False, recorder__directory=str(tmp_path))
+    page.click('Record')
+    page.wait_for_text('messages, in')
+    rig.wait_for_more(rig.joints, 5)  # 1 s
+    page.click('End recording')
+    page.wait_for_bar('messages in')
+    file, = tmp_path.glob('*.mcap')
+    assert len(read_recording(file).tendons)
+    rig.end(node)
+
+    process = start_view(processes, 'replay', str(file))
+    replay = open_page(address_of(process))
+    replay.wait_for_bar('No arm moves')
+    replay.wait_for_text('by the model')
+    time = replay.view.get_by_role('slider').first
+    expect(time).to_have_attribute('aria-valuenow', '0')
+    replay.click('Play')  # it may be at its end before the browser has drawn it once
+    expect(time).not_to_have_attribute('aria-valuenow', '0', timeout=DEADLINE * 1e3)
+    replay.wait_for_pixels(dark, 180, MANY, 'dark, as stiff skins are')
+    # Nothing that would move an arm, and no STOP that would stop none.
+    for name in ('Reference', 'soften', '+5', 'Record'):
+        expect(replay.button(name)).to_have_count(0)
+    expect(replay.button('STOP')).to_be_hidden()
+    replay.close()
+    process.send(signal.SIGINT)
+    assert process.wait() == 0, process.output
+    assert 'Traceback' not in process.output, process.output
 
 
 def test_stop_stops_a_sequence_and_resume_is_needed_to_go_on(page: Page, rig: Rig) -> None:
@@ -89,12 +137,24 @@ def test_what_sensors_see_is_drawn_beside_the_model_and_its_distance_is_said(
     message = PoseWithCovarianceStamped()
     message.pose.pose = deepcopy(tip)
     message.pose.pose.position.x += 0.0123
+    message.pose.covariance[[0, 7, 14, 21, 28, 35]] = 1e-6
+    message.header.frame_id = 'base_link'
+
+    pictures = rig.publisher(CompressedImage, 'camera/overlay/compressed', STREAM)
+    seen = io.BytesIO()
+    Image.new('RGB', (64, 48)).save(seen, 'jpeg')
+    picture = page.view.get_by_alt_text('The arm as the camera sees it')
+    expect(picture).to_have_count(0)
 
     def said() -> bool:
         sender.publish(message)
+        pictures.publish(CompressedImage(data=array('B', seen.getvalue())))
+        pictures.publish(CompressedImage(data=array('B', b'<script>')))
         return page.view.get_by_text(re.compile('12.3.mm')).count() > 0
 
     rig.wait_for(said, 'the distance of disc 3')
+    rig.wait_for(lambda: said() and picture.evaluate_all(
+        'all => all.map(one => one.naturalWidth)') == [64], 'the picture of the camera')
     sender.publish(message)
     page.picture(ARTEFACT.with_name('measured.png'))
     page.wait_for_pixels(teal, 40, MANY, 'teal, as what is measured is')
@@ -143,7 +203,7 @@ def test_two_browsers_see_the_same_and_a_closed_one_changes_nothing(
     page.wait_for_bar('Setting c_form')
     other.close()
     then = len(rig.tendons)
-    rig.wait_for(lambda: rig.moving and len(rig.tendons) > then + 20, 'the motion to go on')
+    rig.wait_for(lambda: rig.moving and len(rig.tendons) > then + 10, 'the motion to go on')
     page.click('STOP')
     page.wait_for_text('Sequence ended')
     rig.wait_for_status('tendon_actuation', 'stopped', 'stop was called')

@@ -10,11 +10,12 @@ from matplotlib.image import imread
 from PIL import Image
 
 ANIMATION = Path(__file__).parents[2] / 'examples' / 'animate_a_run.py'
+RATES = {'tendon_rate': 20.0, 'jamming_rate': 20.0}  # Hz: that leave time for the script
 EXAMPLE = Path(__file__).parents[2] / 'examples' / 'hello_shapes.py'
 
 
 def test_the_example_runs_on_an_arm_that_is_there(make_rig, here, tmp_path):
-    make_rig(namespace='/').start_arm()
+    make_rig(namespace='/').start_arm(**RATES)
     ran = subprocess.run([sys.executable, EXAMPLE], cwd=tmp_path, capture_output=True, text=True,
                          timeout=110)
     assert ran.stderr == ''
@@ -25,7 +26,7 @@ def test_the_example_runs_on_an_arm_that_is_there(make_rig, here, tmp_path):
 
 
 def test_the_animation_shows_the_run(make_rig, here, tmp_path):
-    make_rig(namespace='/').start_arm()
+    make_rig(namespace='/').start_arm(**RATES)
     ran = subprocess.run([sys.executable, ANIMATION], cwd=tmp_path, capture_output=True,
                          text=True, timeout=110)
     assert (ran.returncode, ran.stderr) == (0, '')

@@ -7,14 +7,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from command import Command
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 import pytest
 from ros_rig import Rig, STREAM
 
 from soft_continuum.analysis.measured_shapes import read_shapes
+from soft_continuum.browser.html import positions_html
 from soft_continuum.client import Arm, ClientError
+from soft_continuum.client.measured import _mean
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import measured_pose_to_ros, poses_from_ros
@@ -99,20 +100,61 @@ def test_measurements_that_are_none_are_refused_by_their_reason(
         client.measure(0.5)
 
 
+def _angle_only(message: Any) -> None:
+    message.pose.pose.position.x = message.pose.pose.position.z = 0.0
+    message.pose.covariance[0] = message.pose.covariance[14] = 1e6  # x and z are not measured
+
+
+def test_a_disc_of_which_only_the_angle_is_measured_has_no_position(
+        client: Arm, tracker: Tracker, arm: Any) -> None:
+    tracker.spoil = _angle_only
+    discs = client.measure(0.5)
+    for disc in discs.values():
+        assert not disc.has_position
+        assert np.isnan(disc.pose[:2]).all()
+        assert disc.pose[2] == pytest.approx(0.0, abs=1e-2)
+    arm.wait_for(lambda: any(client.state.measured_discs), 'angles')
+    state = client.state
+    assert all(disc is not None and np.isnan(disc.x) and np.isfinite(disc.angle)
+               for disc in state.measured_discs)
+    assert str(state).count('position not measured') == 4
+    assert 'nan' not in str(state) + positions_html(state)
+
+
+def test_an_angle_beside_a_pose_takes_no_position_away(
+        client: Arm, tracker: Tracker, arm: Any) -> None:
+    count = iter(range(10**6))
+    tracker.spoil = lambda message: _angle_only(message) if next(count) // 4 % 2 else None
+    for disc in client.measure(0.7).values():
+        assert disc.has_position
+        assert disc.deviation[:2] == pytest.approx(DEVIATION, rel=1e-3)
+    assert all(disc is not None and np.isfinite(disc.x) for disc in client.state.measured_discs)
+
+
+def test_several_sensors_are_weighted_by_their_variances() -> None:
+    unknown = 1e6
+    samples = [(np.array([0.010, 0.0, 0.02]), np.diag([1e-6, 1e-6, 1e-4])),
+               (np.array([0.013, 0.0, 0.05]), np.diag([2e-6, 1e-6, 4e-4])),
+               (np.array([9.0, 9.0, 0.05]), np.diag([unknown, unknown, 4e-4]))] * 4
+    disc = _mean(samples)
+    assert disc.pose == pytest.approx([0.011, 0.0, 0.03])
+    assert disc.deviation[0] >= 1e-3
+    assert disc.deviation[2] == pytest.approx(np.sqrt(2e-4))  # how much they scatter
+    assert disc.samples == 12
+
+
 def test_without_a_sensor_nothing_moves_and_the_remedy_is_said(
-        command: Callable[..., Command], arm: Any, tmp_path: Path) -> None:
-    done = command('measure', 's_form', '--output', str(tmp_path))
-    status, _, error = done.end()
+        call: Callable[..., Any], arm: Any, tmp_path: Path) -> None:
+    status, _, error = call('measure', 's_form', '--output', str(tmp_path))
     assert status == 1
-    assert 'does the node camera run' in error
+    assert 'does the node camera or disc_sensors run' in error
     arm.assert_rests()
     assert not list(tmp_path.iterdir())
 
 
 def test_measured_shapes_are_read_by_identify_as_they_were(
-        command: Callable[..., Command], arm: Any, tracker: Tracker, tmp_path: Path) -> None:
-    done = command('measure', 's_form', '--output', str(tmp_path), '--duration', '0.5')
-    status, _, error = done.end()
+        call: Callable[..., Any], arm: Any, tracker: Tracker, tmp_path: Path) -> None:
+    status, _, error = call('measure', 's_form', '--output', str(tmp_path), '--duration', '0.5')
     assert status == 0, error
     description = load_arm(description_file())
     shape, = read_shapes(tmp_path / 'points.csv', tmp_path / 'pulls.csv', description)
@@ -125,8 +167,8 @@ def test_measured_shapes_are_read_by_identify_as_they_were(
 
 
 def test_status_says_what_is_seen_and_how_far_from_the_model(
-        command: Callable[..., Command], tracker: Tracker) -> None:
-    status, output, _ = command('status').end()
+        call: Callable[..., Any], tracker: Tracker) -> None:
+    status, output, _ = call('status')
     assert status == 0
     assert output.count('seen at') == 4
     assert f'{1e3 * np.hypot(*OFFSET[:2]):.1f} mm from the model' in output

@@ -98,27 +98,48 @@ def test_parameters_that_two_nodes_read_differently_are_named(rig, ask, tmp_path
         found['parameters'][1])
 
 
-def test_a_model_that_does_not_compile_is_a_diagnosis_not_a_traceback(tmp_path):
-    (tmp_path / 'numba.py').write_text(
-        'class config:\n    CACHE_DIR = ""\nprange = range\n'
-        'def njit(**options):\n    raise RuntimeError("cannot cache function")\n')
+def run_doctor(tmp_path, numba='', **environment):
+    """Return what doctor prints with a numba in ``tmp_path``, while nothing is built yet."""
+    if numba:
+        (tmp_path / 'numba.py').write_text(numba)
     done = subprocess.run(
         [sys.executable, '-m', 'soft_continuum', 'doctor'], capture_output=True, text=True,
-        env={**os.environ, 'PYTHONPATH': f'{tmp_path}:{os.environ.get("PYTHONPATH", "")}'},
-        check=False)
-    assert done.returncode == 1
-    assert 'FAIL  model: does not compile: RuntimeError: cannot cache function' in done.stdout
+        env={**os.environ, 'PYTHONPATH': f'{tmp_path}:{os.environ.get("PYTHONPATH", "")}',
+             'XDG_CACHE_HOME': str(tmp_path), **environment}, check=False)
     assert 'Traceback' not in done.stderr
+    return done
+
+
+def test_a_model_that_does_not_compile_is_a_diagnosis_not_a_traceback(tmp_path):
+    done = run_doctor(tmp_path, 'raise RuntimeError("of another NumPy")\n')
+    assert done.returncode == 1
+    assert 'FAIL  model: does not compile: RuntimeError: of another NumPy' in done.stdout
 
 
 def test_a_model_without_numba_is_called_slow(tmp_path):
-    (tmp_path / 'numba.py').write_text('raise ImportError("none here")\n')
-    done = subprocess.run(
-        [sys.executable, '-m', 'soft_continuum', 'doctor'], capture_output=True, text=True,
-        env={**os.environ, 'PYTHONPATH': f'{tmp_path}:{os.environ.get("PYTHONPATH", "")}'},
-        check=False)
+    done = run_doctor(tmp_path, 'raise ImportError("none here")\n')
     assert done.returncode == 0, done.stderr
     assert 'WARN  model: works, but numba is not installed' in done.stdout
+
+
+def test_a_model_that_could_not_be_built_is_called_slow_to_start(tmp_path):
+    numba = """
+class config:
+    CACHE_DIR = ''
+
+
+def njit(**options):
+    return lambda function: function
+"""
+    package = tmp_path / 'numba'
+    (package / 'core').mkdir(parents=True)
+    (package / '__init__.py').write_text(numba)
+    (package / 'core' / '__init__.py').touch()
+    (package / 'core' / 'cpu.py').write_text('class CPUTargetOptions:\n    pass\n')
+    done = run_doctor(tmp_path, PATH='')
+    assert done.returncode == 0, done.stderr
+    assert 'WARN  model: works, but every start takes seconds longer' in done.stdout
+    assert 'there is no C++ compiler' in done.stdout
 
 
 def test_a_port_name_that_does_not_stay_with_its_device_is_called_so(rig, ask):

@@ -6,10 +6,11 @@ import os
 from pathlib import Path
 import re
 
+import numpy as np
 import pytest
 
-from soft_continuum.analysis.recording import FILES, RecordingWriter
-from soft_continuum.cli import characterize, identify, record, report, validate, workspace
+from soft_continuum.analysis.recording import BAG, FILES, Recording, write_tables
+from soft_continuum.cli import characterize, export, identify, record, report, validate, workspace
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError
 
@@ -38,8 +39,9 @@ def recording(tmp_path):
     """Return a recording without rows."""
     folder = tmp_path / 'recording'
     folder.mkdir()
-    with RecordingWriter(folder, ('right_tendon', 'left_tendon')):
-        pass
+    nothing = np.zeros((0, 3))
+    write_tables(Recording(('right_tendon', 'left_tendon'), nothing, nothing, np.zeros((0, 9)),
+                           nothing, nothing), [folder / name for name in FILES])
     return folder
 
 
@@ -125,7 +127,8 @@ def test_a_link_that_leads_nowhere_is_not_written_through(refusal, recording, tm
     for verb, words, names in (
             (workspace, (), ['workspace.png']), (report, (recording,), ['report.html']),
             (validate, (POINTS, PULLS), ['validate.png', 'validate.csv']),
-            (record, (), [*FILES, 'description.yaml'])):
+            (record, (), [BAG]),
+            (export, (recording,), [*FILES, 'description.yaml'])):
         for name in names:
             link = out / name
             link.symlink_to(target)

@@ -27,8 +27,8 @@ def after(begin, now):
 @pytest.mark.parametrize('order', [(0, 1), (1, 0)])
 @pytest.mark.parametrize(('begin', 'now', 'ends'), [
     (0.0, 59.9, False), (0.0, 61.0, False), (0.0, 61.3, True), (0.0, 1e6, True), (0.0, inf, True),
-    (80.0, 79.0, False), (80.0, 81.0, False), (80.0, 81.3, True), (0.0, nan, True),
-    (nan, 10.0, False), (nan, 70.0, True)])
+    (80.0, 79.0, False), (80.0, 81.0, False), (80.0, 81.3, True), (nan, 10.0, False),
+    (nan, 70.0, True)])
 def test_more_than_the_limit_and_more_than_it_began_with_ends_it(begin, now, ends, order):
     first, second = ([(value, 5.0)[i] for i in order] for value in (begin, now))
     problem = after(reading(*first), reading(*second))
@@ -54,12 +54,23 @@ def test_a_tendon_beyond_the_limit_may_only_be_paid_out(t):
     assert not guard.refusal(reading(*tensions), pulls, LIMIT)
     pulls[1, t] = 0.001
     assert NAMES[t] in guard.refusal(reading(*tensions), pulls, LIMIT)
-    tensions[t] = nan
-    assert 'not a number' in guard.refusal(reading(*tensions), pulls, LIMIT)
+
+
+@pytest.mark.parametrize('t', [0, 1])
+@pytest.mark.parametrize(('shown', 'words'), [
+    (nan, 'is not measured'), (inf, 'is not measured'), (-200.0, 'cannot push'),
+    (-0.5, ''), (0.0, ''), (100.0, '')])
+def test_a_cell_that_tells_nothing_or_what_cannot_be_is_named(t, shown, words):
+    tensions = [5.0, 5.0]
+    tensions[t] = shown
+    problem = TensionGuard(NAMES).unmeasured(reading(*tensions), LIMIT)
+    assert words in problem
+    assert (NAMES[t] in problem) is bool(words)
 
 
 def test_without_load_cells_there_is_nothing_to_guard():
     assert after(reading(), reading()) == ''
+    assert TensionGuard(NAMES).unmeasured(reading(), LIMIT) == ''
 
 
 def test_a_cell_that_appears_in_motion_counts():

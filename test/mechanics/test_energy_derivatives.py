@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import Statics
-from soft_continuum.mechanics._assembly import dense_system, moment_balance
+from soft_continuum.mechanics import _kernel, Statics
 from soft_continuum.mechanics.arm import PointForce
 from soft_continuum.mechanics.joints import tension_ratios
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
@@ -58,8 +57,17 @@ def onto_groups(problem, per_joint):
     return np.tensordot(lead, per_joint, axes=1), lead
 
 
+def moment_balance(*arguments):
+    return _kernel.functions().moment_balance(*arguments)
+
+
+def dense_system(*arguments):
+    return _kernel.functions().dense_system(*arguments)
+
+
 def arguments(problem, angles, tensions, ratios):
-    return (np.cumsum(angles), tensions, problem.system._replace(ratios=ratios), problem.groups)
+    return (np.cumsum(angles), tensions, tuple(problem.system._replace(ratios=ratios)),
+            problem.groups)
 
 
 @FEW

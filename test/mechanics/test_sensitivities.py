@@ -11,6 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from sensitivity_rows import column, numbers
 
 from soft_continuum.mechanics import SLACK, Statics
 from soft_continuum.mechanics.arm import Tendon
@@ -20,17 +21,6 @@ from soft_continuum.mechanics.sensitivity import Linearisation
 SOFT_TABLE = MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.08, 0.15))
 STIFF_TABLE = MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.28, 0.65))
 JAMS = st.sampled_from([Jam(), Jam(3.0), Jam(20.0), Jam(5.0, yield_moment=1e3)])
-
-
-def numbers(statics, state):
-    """Return joint angles, tensions and tip pose in one row."""
-    tip = statics.chain.points(state.joint_angles)[-1]
-    return np.concatenate([state.joint_angles, state.tensions, tip])
-
-
-def column(sensitivity, k):
-    return np.concatenate([sensitivity.joint_angles[:, k], sensitivity.tensions[:, k],
-                           sensitivity.tip[:, k]])
 
 
 def difference(solve, step):
@@ -166,6 +156,18 @@ def test_bending_stiffness_below_a_jam(jam):
     expected = difference(solve, 1e-4)
     found = Linearisation(statics, state).bending_stiffness()
     assert close(0.0265 * column(found, 0), expected)
+
+
+@FEW
+@given(linearised())
+def test_all_of_them_at_once_are_those_one_by_one(case):
+    statics, _, _, _, state = case
+    at = Linearisation(statics, state)
+    each = [at.held_shape(), at.bending_stiffness(), at.stiffness_ratio(), at.pulls(),
+            at.payload()]
+    for part in ('joint_angles', 'tensions', 'paths', 'tip'):
+        assert getattr(at.all(), part) == pytest.approx(
+            np.hstack([getattr(one, part) for one in each]), rel=1e-9, abs=1e-12)
 
 
 def test_a_segment_with_a_table_has_no_bending_stiffness_to_derive_by():

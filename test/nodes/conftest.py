@@ -16,6 +16,7 @@ HERE = Path(__file__).resolve().parent
 # Read when the first participant of a process is made.
 os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(HERE / 'fastdds.xml')
 os.environ['FASTDDS_DEFAULT_PROFILES_FILE'] = str(HERE / 'fastdds.xml')
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'  # LOCALHOST would replace it
 
 from processes import Processes  # noqa: E402
 from ros_rig import Rig  # noqa: E402

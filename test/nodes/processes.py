@@ -15,6 +15,7 @@ from typing import Any
 
 from ament_index_python.packages import get_package_prefix
 
+from soft_continuum.nodes.processes import END_TIMEOUT
 from soft_continuum.nodes.up import description_file
 
 DEADLINE = 30.0  # s
@@ -134,3 +135,12 @@ class Processes:
             if process.running:
                 process.kill()
             print(process.process.args, process.process.returncode, process.output, sep='\n')
+
+
+def assert_ended_in_peace(node: NodeProcess, statuses: Sequence[int] = (0,)) -> None:
+    """Claim that a node ends soon after a signal, without an error."""
+    assert node.ends_after() < END_TIMEOUT, node.output
+    status = node.wait()
+    assert 'Traceback' not in node.output, node.output
+    assert 'Error' not in node.output, node.output
+    assert status in statuses, node.output

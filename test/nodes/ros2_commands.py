@@ -103,7 +103,8 @@ def topic_echo(rig: Rig, words: Sequence[str]) -> Action:
 def topic_pub(rig: Rig, words: Sequence[str]) -> Action:
     """Publish a message once."""
     given = Options(
-        words, 'topic kind values', '--once --qos-durability= --qos-reliability=').given
+        words, 'topic kind values',
+        '--once --rate= --qos-durability= --qos-reliability=').given
     assert _topic_type(rig, given.topic) is interface(given.kind)
     assert rig.observer.get_subscriptions_info_by_topic(given.topic), given.topic
     message = fill(interface(given.kind)(), yaml.safe_load(given.values))
@@ -138,9 +139,10 @@ def action_send_goal(rig: Rig, words: Sequence[str]) -> Action:
     def run() -> None:
         client = ActionClient(rig.observer, interface(given.kind), given.name)
         rig.wait_for(client.server_is_ready, given.name)
-        handle = rig.wait_future(client.send_goal_async(goal), 'an answer')
+        handle = rig.wait_future(rig.on_ros_thread(client.send_goal_async, goal), 'an answer')
         assert handle.accepted, rig.rejected()
-        result = rig.wait_future(handle.get_result_async(), 'a result', SEQUENCE_TIMEOUT).result
+        result = rig.wait_future(rig.on_ros_thread(handle.get_result_async), 'a result',
+                                 SEQUENCE_TIMEOUT).result
         assert result.error_code == 0, result.error_string
 
     return run

@@ -52,6 +52,7 @@ from soft_continuum_interfaces.msg import (
     TendonActuationState,
 )
 
+ASKED_AGAIN = (GetState, SetBool, SetParameters)  # services
 DEADLINE = 30.0  # s: for what takes a fraction of a second on an idle machine
 SEGMENTS = 3
 TENDONS = ('right_tendon', 'left_tendon')
@@ -190,11 +191,12 @@ class Observer(Node):
 class Goal:
     """A goal that was sent: its feedback, and how it ended."""
 
-    def __init__(self, rig: 'Rig', shapes: Sequence[Shape]) -> None:
+    def __init__(self, rig: 'Rig', shapes: Sequence[Shape], aim: int = 0) -> None:
         self.feedback: list[tuple[float, Any]] = []  # s (steady), message
         self._rig = rig
-        self._future = rig.action.send_goal_async(
-            RunShapeSequence.Goal(shapes=list(shapes)), feedback_callback=self._on_feedback)
+        self._future = rig.on_ros_thread(
+            rig.action.send_goal_async, RunShapeSequence.Goal(shapes=list(shapes), aim=aim),
+            self._on_feedback)
         self._result: Any = None
         self.ended_time = 0  # ns, on the clock of Heard.time
 
@@ -211,7 +213,7 @@ class Goal:
         """Whether the goal was accepted."""
         handle = self._rig.wait_future(self._future, 'an answer to the goal')
         if handle.accepted and self._result is None:
-            self._result = handle.get_result_async()
+            self._result = self._rig.on_ros_thread(handle.get_result_async)
             self._result.add_done_callback(self._on_end)
         return bool(handle.accepted)
 
@@ -236,7 +238,8 @@ class Goal:
         """Ask for the goal to be canceled."""
         assert self.accepted, f'the goal was rejected: {self._rig.rejected()}'
         self._rig.wait_future(
-            self._future.result().cancel_goal_async(), 'an answer to the cancel request')
+            self._rig.on_ros_thread(self._future.result().cancel_goal_async),
+            'an answer to the cancel request')
 
     def wait_for_phase(self, phase: str) -> Any:
         """Return the first feedback in ``phase``."""
@@ -358,24 +361,34 @@ class Rig:
 
     def wait_for(self, condition: Callable[[], Any], what: str, within: float = DEADLINE) -> Any:
         """Return what ``condition`` gives, as soon as that is true; fail after ``within`` s."""
+        value = self.until(condition, within)
+        if not value:
+            said = {name: r.last and (r.last.message, pairs(r.last))
+                    for name, r in self.statuses.items()}
+            pytest.fail(f'not within {within:g} s: {what}\nlast said: {said}')
+        return value
+
+    def until(self, condition: Callable[[], Any], within: float) -> Any:
+        """Return what ``condition`` gives, as soon as that is true or after ``within`` s."""
         deadline = time.monotonic() + within
         while True:
             with self._changed:
                 value = condition()
-                if value:
+                if value or time.monotonic() > deadline:
                     return value
                 self._changed.wait(0.05)
             self.check()
-            if time.monotonic() > deadline:
-                said = {name: r.last and (r.last.message, pairs(r.last))
-                        for name, r in self.statuses.items()}
-                pytest.fail(f'not within {within:g} s: {what}\nlast said: {said}')
 
     def wait_future(self, future: Any, what: str, within: float = DEADLINE) -> Any:
         """Return the result of a future."""
         future.add_done_callback(lambda _: self.changed())
         self.wait_for(future.done, what, within)
         return future.result()
+
+    def on_ros_thread(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return what a call returns; an answer to rclpy's action client cannot come before it."""
+        return self.wait_future(
+            self.observer.executor.create_task(function, *arguments), f'a call of {function}')
 
     def wait_for_more(self, recording: Recording, count: int = 10) -> list[Any]:
         """Return ``count`` messages that came after this call."""
@@ -419,13 +432,21 @@ class Rig:
             for recording in self.statuses.values()), 'an end of the conflict')
 
     def call(self, kind: Any, name: str, within: float = DEADLINE, **request: Any) -> Any:
-        """Call a service and return its response."""
+        """
+        Call a service and return its response.
+
+        What may be asked twice is asked again: DDS drops the answer of a node that has not yet
+        found who asks, which happens when it has just been started.
+        """
         if name not in self._clients:
             self._clients[name] = self.observer.create_client(kind, name)
         client = self._clients[name]
         self.wait_for(client.service_is_ready, f'service {name}')
-        return self.wait_future(
-            client.call_async(kind.Request(**request)), f'an answer of {name}', within)
+        future = client.call_async(kind.Request(**request))
+        if kind in ASKED_AGAIN and not self.until(future.done, within / 3):
+            client.remove_pending_request(future)
+            future = client.call_async(kind.Request(**request))
+        return self.wait_future(future, f'an answer of {name}', within)
 
     def trigger(self, name: str) -> Any:
         """Call a std_srvs/Trigger service."""
@@ -477,10 +498,11 @@ class Rig:
 
     # The action.
 
-    def goal(self, *shapes: str | Sequence[float] | Shape, hold: float = 0.0) -> Goal:
+    def goal(self, *shapes: str | Sequence[float] | Shape, hold: float = 0.0,
+             aim: int = 0) -> Goal:
         """Send shapes by name or by angles (rad)."""
         self.wait_for(self.action.server_is_ready, 'the action server')
-        return Goal(self, [shape_message(shape, hold) for shape in shapes])
+        return Goal(self, [shape_message(shape, hold) for shape in shapes], aim)
 
     def goal_when_heard(self, *shapes: str | Sequence[float] | Shape, hold: float = 0.0) -> Goal:
         """Send shapes to a sequencer that may not have found all the others yet."""

@@ -43,6 +43,7 @@ class Bench:
         monkeypatch.setattr('soft_continuum.ros.age.monotonic', lambda: self.now)
         node = Mock()
         node.get_publishers_info_by_topic.return_value = []
+        node.get_clock.return_value.now.return_value.nanoseconds = 0
         self.observer = ArmObserver(
             node, ARM, {'silence_timeout': TIMEOUT, 'ambient_pressure': 101325.0}, Mock())
         self._callbacks = {

@@ -4,6 +4,7 @@
 """The camera node on real topics, and on folders of pictures: what it publishes and refuses."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 import sys
 from typing import Any
@@ -15,7 +16,8 @@ import numpy as np
 import pytest
 from rclpy.qos import QoSProfile
 from ros_rig import Rig, STREAM
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_srvs.srv import Trigger
 
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import measured_pose_from_ros
@@ -102,6 +104,25 @@ def test_every_disc_is_published_where_it_is_with_its_covariance(
         assert np.linalg.eigvalsh(full)[0] > 0.0
 
 
+def test_a_tare_corrects_how_tags_are_stuck(rig: Rig) -> None:
+    """Drawn: tags that are off by 1 mm, standard, in an arm that is straight, then bent."""
+    drawn = views.camera('ideal', tag_offset=0.001)
+    driver = Driver(rig, drawn)
+    tare = partial(rig.call, Trigger, 'camera/tare')
+    assert 'no disc was seen' in tare().message
+    driver.send_until(lambda: 'parameter file: camera: {ros__parameters' in tare().message,
+                      'a tare', drawn.picture(views.discs(0.0, 0.0, 0.0)))
+    tared = max(map(len, driver.poses))
+    driver.send_until(lambda: all(len(p) > tared + 20 for p in driver.poses), 'a bent arm',
+                      drawn.picture(TRUTH))
+    for truth, recorded in zip(TRUTH, driver.poses, strict=True):
+        pose, _ = measured_pose_from_ros(recorded.last)
+        assert pose[:2] == pytest.approx(truth[:2], abs=3e-4)
+        assert pose[2] == pytest.approx(truth[2], abs=5e-3)
+    driver.send_until(lambda: 'from where it is' in tare().message,
+                      'a refusal', drawn.picture(TRUTH))
+
+
 def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
         rig: Rig, drawn: Any, picture: Any) -> None:
     driver = Driver(rig, drawn)
@@ -114,6 +135,11 @@ def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
     driver.send_until(lambda: 'black' in driver.status, 'black',
                       np.zeros_like(picture))
     assert not any(len(p) for p in driver.poses)
+    seen = rig.record(CompressedImage, 'camera/overlay/compressed', SENSOR)
+    driver.send_until(lambda: len(seen) > 0, 'what it sees, black as it is',
+                      np.zeros_like(picture))
+    assert bytes(seen.last.data).startswith(b'\xff\xd8')
+    assert cv2.imdecode(np.frombuffer(seen.last.data, np.uint8), cv2.IMREAD_GRAYSCALE).max() < 9
     rig.wait_for(lambda: driver.send(picture) or 'frozen' in driver.status, 'frozen')
     driver.send_until(lambda: 'all discs' in driver.status, 'it goes on', picture)
     assert all(len(p) for p in driver.poses)
@@ -171,5 +197,3 @@ def test_a_picture_that_is_none_is_refused(change: dict[str, Any]) -> None:
         setattr(message, name, value)
     with pytest.raises(ValueError, match='picture'):
         grey_picture(message)
-
-

@@ -8,6 +8,7 @@ commands are compared with the interfaces of the nodes; test_pages.py checks the
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 import re
@@ -29,7 +30,8 @@ from documented_commands import (
 from processes import module_command, Processes
 import pytest
 import ros2_commands
-from ros_rig import QUICK, Rig
+from ros_rig import QUICK, Rig, STREAM
+from sensor_msgs.msg import Imu, JointState
 import yaml
 
 from soft_continuum.cli.main import main
@@ -41,8 +43,8 @@ from soft_continuum.ros.names import NODES
 FOLLOWED = ('README.md', 'docs/tutorials/first_shapes.md')
 REFUSED = ('soft_continuum jog --right 2', 'soft_continuum run no_such_shape')
 """Lines that show what is not allowed."""
-ELSEWHERE = ('up', 'ui', 'demo')
-"""Verbs that other tests run: the arm of this module is the one that up starts."""
+ELSEWHERE = ('up', 'ui', 'demo', 'examples/hello_shapes.py')
+"""What other tests run: the arm of this module is the one that up starts."""
 START_TIMEOUT = 120.0  # s for five processes to import what they need, on a busy machine
 
 
@@ -55,6 +57,14 @@ def quick_file(directory: Path) -> Path:
         name: list(value) if isinstance(value, tuple) else value
         for name, value in parameters.items()}}}), encoding='utf-8')
     return path
+
+
+def publish_sensors(rig: Rig) -> None:
+    """Publish, and hear, what sensors of a rig or of the twin do."""
+    for kind, topic in ((JointState, 'load_cells'), (Imu, 'disc_3/imu')):
+        publisher = rig.observer.create_publisher(kind, topic, STREAM)
+        rig.observer.create_timer(0.2, partial(publisher.publish, kind()))
+        rig.record(kind, topic, STREAM)
 
 
 @pytest.fixture(scope='module')
@@ -70,7 +80,9 @@ def arm(module_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterato
         processes.start([*module_command('up'), '--params-file', str(quick_file(directory))])
         rig.wait_for(lambda: all(map(len, rig.statuses.values())), 'four nodes', START_TIMEOUT)
         rig.wait_until_ready(*NODES)
-        rig.start('camera', ready=False)
+        rig.start('camera', 'disc_sensors', 'servo', ready=False)
+        rig.start('recorder', ready=False, recorder__directory=str(directory))
+        publish_sensors(rig)
         yield rig
     finally:
         processes.close()
@@ -115,7 +127,8 @@ class Terminal:
             return
         self._checker.check(line)
         if words[0] == 'python':
-            runpy.run_path(words[1], run_name='__main__')
+            if words[1] not in ELSEWHERE:
+                runpy.run_path(words[1], run_name='__main__')
         elif words[:2] == ['soft_continuum', 'emulate']:
             link = Path(words[words.index('--link') + 1])
             self._processes.start(module_command('emulate') + words[2:])

@@ -171,8 +171,10 @@ def test_a_stop_in_motion_rests_at_the_reported_step_and_resume_goes_on(bench: B
 
 
 def test_valves_unplugged_in_motion_end_the_goal_and_switch_nothing_when_back(
-        bench: Bench) -> None:
-    rig = bench.rig
+        devices: Bench) -> None:
+    bench, rig = devices, devices.rig
+    bench.start(jamming_timeout=5.0)  # in vain it is tried to stiffen the arm
+    bench.prepare()
     goal = rig.goal_in_motion(BEND)
     coils = bench.modbus.coils
     bench.modbus.unplug()

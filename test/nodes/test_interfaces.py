@@ -11,7 +11,7 @@ import pytest
 from rclpy.action import get_action_server_names_and_types_by_node
 from ros_rig import ALL, Rig
 
-from soft_continuum.ros.names import CAMERA
+from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO
 
 PAGES = Path(__file__).resolve().parents[2] / 'msg_docs'
 OF_EVERY_NODE = {
@@ -65,7 +65,7 @@ def in_graph(rig: Rig, node: str, found: Iterable[tuple[str, list[str]]]) -> dic
     for name, types in found:
         short = name.removeprefix(f'{rig.namespace}/')
         short = re.sub(rf'^{node}/', '~/', short)
-        short = re.sub(r'segment_\d+', 'segment_N', short)
+        short = re.sub(r'(segment|disc)_\d+', r'\1_N', short)
         if '/_' not in short and short not in OF_EVERY_NODE:
             names[short] = re.sub('/(msg|srv|action)/', '/', types[0])
     return names
@@ -79,9 +79,9 @@ def assert_same(node: str, kind: str, on_page: dict[str, str], in_graph: dict[st
     assert on_page == in_graph, f'msg_docs/{node}.md, {kind}: the page has the first, the graph'
 
 
-@pytest.mark.parametrize('node', ALL)
+@pytest.mark.parametrize('node', [*ALL, DISC_SENSORS, RECORDER, SERVO])
 def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node: str) -> None:
-    rig.start(node)
+    rig.start(node, ready=node in ALL, load_cells__used=True)
     observer, space = rig.observer, rig.namespace
     for kind, on_page, found in (
             ('publishes topics', documented(node, 'Topics', 'publishes'),
@@ -97,4 +97,4 @@ def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node
 
 def test_there_is_a_page_for_every_node_and_no_other_node() -> None:
     pages = {path.stem for path in PAGES.glob('*.md')} - {'README', 'parameters'}
-    assert pages == {*ALL, CAMERA}
+    assert pages == {*ALL, CAMERA, DISC_SENSORS, RECORDER, SERVO}

@@ -16,18 +16,24 @@ FULL_PULL = 0.008  # m: some more than BEND needs
 SLOW = {'tendon_speed': 0.002, 'silence_timeout': 3.0, 'jamming_timeout': 5.0}
 
 
-def moving_arm(rig: Rig, processes: Processes, victim: str) -> tuple[NodeProcess, Goal]:
+def moving_arm(rig: Rig, processes: Processes, victim: str, **changes: float
+               ) -> tuple[NodeProcess, Goal]:
     """Return an arm in mid-motion, one of its nodes a process that can be killed."""
-    rig.start(*(name for name in ALL if name != victim), **SLOW)
-    process = start_again(rig, processes, victim)
+    process = start(processes, victim)
+    rig.start(*(name for name in ALL if name != victim), **{**SLOW, **changes})
     rig.wait_until_ready(*ALL)
     return process, rig.goal_in_motion(BEND)
 
 
-def start_again(rig: Rig, processes: Processes, name: str) -> NodeProcess:
+def start(processes: Processes, name: str) -> NodeProcess:
     """Start a node as a process with the parameters that the others have."""
+    return processes.node(name, parameters={**QUICK, **SLOW})
+
+
+def start_again(rig: Rig, processes: Processes, name: str) -> NodeProcess:
+    """Start a node that was killed, and wait for its first words."""
     said = len(rig.statuses[name])
-    process = processes.node(name, parameters={**QUICK, **SLOW})
+    process = start(processes, name)
     rig.wait_for(lambda: len(rig.statuses[name]) > said, f'words from {name}')
     return process
 
@@ -60,6 +66,7 @@ def test_when_the_sequencer_is_killed_the_motion_ceases_by_itself(
     assert again.running
 
     # The next goal goes on from where the arm is.
+    assert rig.set_parameter('shape_sequencer', 'tendon_speed', 0.1).successful
     assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
     joints = np.array(rig.joints.last.position).reshape(3, -1)
     assert joints.sum(axis=1) == pytest.approx(BEND, abs=np.radians(0.1))
@@ -69,7 +76,7 @@ def test_when_the_sequencer_is_killed_the_motion_ceases_by_itself(
 
 def test_when_the_tendon_actuation_is_killed_the_goal_is_aborted_and_the_arm_stiffened(
         rig: Rig, processes: Processes) -> None:
-    process, goal = moving_arm(rig, processes, 'tendon_actuation')
+    process, goal = moving_arm(rig, processes, 'tendon_actuation', settle_timeout=1.0)
     process.kill()
     assert_aborted(goal, 'tendon_actuation')
     rig.assert_stiff_since(goal)

@@ -3,7 +3,7 @@
 
 """How the executables end: on a signal, in peace, whatever they are doing."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 import os
 from pathlib import Path
 import select
@@ -11,24 +11,17 @@ import signal
 import subprocess
 import time
 
-from processes import module_command, NodeProcess, Processes
+from processes import assert_ended_in_peace, module_command, NodeProcess, Processes
 import pytest
 from ros_rig import ALL, DEADLINE, Rig
 
 from soft_continuum.nodes.up import description_file
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-WITHIN = 2.0  # s
-# While its modules are still being read, a signal ends it as it ends every program.
-ENDED_EARLY = (0, 130, -signal.SIGTERM)
-
-
-def assert_ended_in_peace(node: NodeProcess, statuses: Sequence[int] = (0,)) -> None:
-    assert node.ends_after() < WITHIN, node.output
-    status = node.wait()
-    assert 'Traceback' not in node.output, node.output
-    assert 'Error' not in node.output, node.output
-    assert status in statuses, node.output
+# While its modules are still being read, a signal ends it as it ends every program; and CPython
+# ends itself by SIGINT once KeyboardInterrupt went through an exec(), as in a dataclass that is
+# being made, though it was caught.
+ENDED_EARLY = (0, 130, -signal.SIGTERM, -signal.SIGINT)
 
 
 def test_a_node_ends_in_peace_on_a_signal(rig: Rig, processes: Processes) -> None:
@@ -38,15 +31,6 @@ def test_a_node_ends_in_peace_on_a_signal(rig: Rig, processes: Processes) -> Non
         node.send(number)
     for node in nodes:
         assert_ended_in_peace(node)
-
-
-def test_four_nodes_end_in_peace_on_a_signal(
-        make_rig: Callable[..., Rig], processes: Processes) -> None:
-    rig = make_rig(namespace='/left')
-    up = processes.start([*module_command('up'), '--namespace', 'left'])
-    rig.wait_until_ready(*ALL)
-    up.send(signal.SIGTERM)  # in test_two_arms it is SIGINT
-    assert_ended_in_peace(up)
 
 
 def children(process: NodeProcess) -> dict[str, int]:
@@ -91,8 +75,8 @@ def test_a_second_signal_changes_nothing(rig: Rig, processes: Processes) -> None
 def test_a_node_ends_in_peace_in_the_middle_of_a_sequence(
         rig: Rig, processes: Processes, name: str, number: signal.Signals) -> None:
     slow = {'tendon_speed': 0.002, 'jamming_timeout': 5.0, 'silence_timeout': 3.0}
-    rig.start(*(n for n in ALL if n != name), **slow)
     node = processes.node(name, parameters=slow)
+    rig.start(*(n for n in ALL if n != name), **slow)
     rig.wait_until_ready(*ALL)
     goal = rig.goal_in_motion((0.0, 0.0, 0.5))
     node.send(number)

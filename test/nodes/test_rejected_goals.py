@@ -14,6 +14,7 @@ from ros_rig import ALL, LATCHED, Rig, shape_message
 from sensor_msgs.msg import JointState
 
 from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.nodes import shape_sequencer
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planner import PlanError, Planner
@@ -159,11 +160,34 @@ def test_a_rejected_goal_leaves_the_running_one_alone_and_its_reason_stays(
 
 
 @pytest.mark.parametrize('missing', ['tendon_actuation', 'jamming_valves', 'kinematics'])
-def test_a_goal_is_rejected_naming_the_node_that_is_missing(rig: Rig, missing: str) -> None:
+def test_a_goal_is_rejected_naming_the_node_that_is_missing(
+        rig: Rig, missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shape_sequencer, 'FIRST_MESSAGE_TIMEOUT', 0.5)
     rig.start(*(name for name in ALL if name != missing))
     goal = rig.goal('c_form')
     assert not goal.accepted
     assert missing in rig.rejection(goal)
+
+
+def test_a_goal_waits_for_nodes_that_are_just_starting_and_for_no_stop(
+        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shape_sequencer, 'FIRST_MESSAGE_TIMEOUT', 60.0)
+    rig.start('shape_sequencer', 'tendon_actuation', 'jamming_valves')
+
+    def waiting() -> bool:
+        return 'waiting for kinematics' in rig.statuses['shape_sequencer'].last.message
+
+    early = rig.goal((0.0, 0.0, 0.1))
+    rig.wait_for(waiting, 'the goal waits')
+    assert rig.trigger('tendon_actuation/stop').success
+    assert not early.accepted
+    assert '~/stop was called' in rig.rejection(early)
+    assert rig.trigger('tendon_actuation/resume').success
+    rig.wait_for(lambda: not rig.status_value('tendon_actuation', 'stopped'), 'no more stop')
+    later = rig.goal((0.0, 0.0, 0.1))
+    rig.wait_for(waiting, 'the goal waits')
+    rig.start('kinematics')
+    assert later.result()[0] == 'SUCCEEDED'
 
 
 def test_a_state_that_is_not_a_number_ends_no_node(shared_arm: Rig) -> None:

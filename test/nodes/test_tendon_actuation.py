@@ -3,7 +3,7 @@
 
 """What moves the tendons, what does not, and what stops them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 import threading
 from typing import Any
@@ -22,6 +22,7 @@ from soft_continuum_interfaces.msg import MotionRequest
 OTHERS = ('jamming_valves', 'kinematics')
 NAN, INFINITE = float('nan'), float('inf')
 PULL = trajectory([(0.3, (0.004, -0.005))])
+BACK = trajectory([(0.3, (0.0, 0.0))])
 SLOW_PULL = trajectory([(20.0, (0.010, -0.012))])
 
 
@@ -31,6 +32,16 @@ def tendons(rig: Rig) -> Rig:
     rig.start('tendon_actuation', *OTHERS)
     make_soft(rig, 3)
     return rig
+
+
+@pytest.fixture(scope='module')
+def shared_tendons(module_domain: int) -> Iterator[Rig]:
+    """Return such an arm for all tests of what is refused: none of them changes the nodes."""
+    rig = Rig(module_domain)
+    rig.start('tendon_actuation', *OTHERS)
+    make_soft(rig, 3)
+    yield rig
+    rig.close()
 
 
 def make_soft(rig: Rig, segment: int) -> None:
@@ -122,18 +133,21 @@ BAD_TRAJECTORIES = {
 
 @pytest.mark.parametrize('case', BAD_TRAJECTORIES)
 def test_a_bad_trajectory_is_refused_with_the_reason_and_moves_nothing(
-        tendons: Rig, case: str) -> None:
+        shared_tendons: Rig, case: str) -> None:
+    tendons = shared_tendons
     message, reasons = BAD_TRAJECTORIES[case]
     refused(tendons, message, *reasons)
     send(tendons, PULL)  # and the node lives on
     arrives(tendons, (0.004, -0.005))
     assert tendons.status_value('tendon_actuation', 'refused') == ''
+    send(tendons, BACK)
+    arrives(tendons, (0.0, 0.0))
 
 
-def test_a_trajectory_of_the_past_is_refused(tendons: Rig) -> None:
+def test_a_trajectory_of_the_past_is_refused(shared_tendons: Rig) -> None:
     message = trajectory([(0.3, (0.001, -0.002))])
     message.header.stamp = Time(sec=1)
-    refused(tendons, message, 'ago', 'header.stamp')
+    refused(shared_tendons, message, 'ago', 'header.stamp')
 
 
 BOUNDS = {
@@ -146,9 +160,9 @@ BOUNDS = {
 
 @pytest.mark.parametrize('bound', BOUNDS)
 def test_a_trajectory_that_takes_too_long_to_judge_is_refused_with_the_bound(
-        tendons: Rig, bound: str) -> None:
+        shared_tendons: Rig, bound: str) -> None:
     points, reasons = BOUNDS[bound]
-    refused(tendons, trajectory(points), *reasons)
+    refused(shared_tendons, trajectory(points), *reasons)
 
 
 @pytest.mark.parametrize('how', ['stop', 'hold'])
@@ -190,6 +204,19 @@ def test_a_motion_that_was_stopped_takes_no_further_parts(tendons: Rig) -> None:
     tendons.wait_for(lambda: tendons.moving, 'motion')
 
 
+def test_a_motion_that_was_replaced_takes_no_further_parts(tendons: Rig) -> None:
+    part, other = (trajectory([(20.0, (0.010, -0.012))]) for _ in range(2))
+    part.header.frame_id, other.header.frame_id = 'me/1', 'somebody_else'
+    state = tendons.states['tendon_actuation']
+    send(tendons, part)
+    tendons.wait_for(lambda: state.last.accepted.id == 'me/1', 'a motion')
+    send(tendons, other)
+    tendons.wait_for(lambda: state.last.accepted.id == 'somebody_else', 'another')
+    send(tendons, part)
+    tendons.wait_for(lambda: 'somebody_else' in state.last.refused.message, 'a refusal')
+    assert state.last.accepted.id == 'somebody_else'
+
+
 def test_a_control_cycle_that_comes_late_ends_the_motion(rig: Rig) -> None:
     node, *_ = rig.start('tendon_actuation', *OTHERS)
     make_soft(rig, 3)
@@ -223,10 +250,10 @@ def test_a_jump_of_ros_time_ends_only_a_motion_that_follows_it(
     tendons.wait_for(lambda: not tendons.moving, 'rest')
 
 
-def test_a_trajectory_far_in_the_future_is_refused(tendons: Rig) -> None:
+def test_a_trajectory_far_in_the_future_is_refused(shared_tendons: Rig) -> None:
     message = trajectory([(0.3, (0.001, -0.002))])
     message.header.stamp = Time(sec=2**31 - 1)
-    refused(tendons, message, 'from now', 'allowed: 60 s')
+    refused(shared_tendons, message, 'from now', 'allowed: 60 s')
 
 
 def test_a_trajectory_that_would_need_too_much_tension_is_refused(tendons: Rig) -> None:

@@ -6,65 +6,101 @@
 from pathlib import Path
 import signal
 
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
-from processes import module_command, Processes
+from processes import module_command, NodeProcess, Processes
 import pytest
 from ros_rig import Rig, STREAM
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import SetBool
 
-from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_arm
-from soft_continuum.ros.conversions import poses_from_ros
-from soft_continuum.twin.differences import read_differences
-from soft_continuum.twin.rig import TwinRig
-from soft_continuum.twin.truth import Truth
+from soft_continuum.emulators.driving import driving_parameters
+from soft_continuum.ros.conversions import planar_poses, poses_from_ros
+from soft_continuum.ros.names import NODES
 
 BEND = (0.0, 0.3, -0.2)
 
 
 def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
-        rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(rig.domain))  # of the twin, as in its own process
-    arm = load_arm(description_file())
-    ideal = read_differences(description_file().with_name('twin.yaml'), 'ideal')
-    with (TwinRig(arm, ideal, tmp_path / 'grbl', tmp_path / 'modbus') as twin,
-          Truth(twin, rig.namespace)):
-        discs = rig.record(PoseArray, 'twin/disc_poses', STREAM)
-        joints = rig.record(JointState, 'twin/joint_states', STREAM)
-        rig.start_arm(**twin.parameters(), tendon_speed=0.01, tendon_acceleration=0.1,
-                      speed_limit=0.03, acceleration_limit=0.3, silence_timeout=2.0)
-        assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
-        rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
-        assert rig.trigger('tendon_actuation/reference').success
-        rig.wait_for(lambda: len(rig.joints), 'joint_states')
-        assert rig.goal(BEND).result()[0] == 'SUCCEEDED'
-        rig.wait_for_more(discs, 20)
-        is_there = poses_from_ros(discs.last)
-        bent = np.reshape(joints.last.position, (3, -1)).sum(axis=1)
-        # A step of a motor is 5 um.
-        assert bent == pytest.approx(BEND, abs=np.radians(0.1))
-        said = poses_from_ros(rig.segment_poses.last)
-        assert is_there[2::2, :3] == pytest.approx(said[:, :3], abs=5e-4)
-        # The truth is for tests: what the suite knows comes through the serial ports.
-        of_twin = [name for name, _ in rig.observer.get_topic_names_and_types()
-                   if '/twin/' in name]
-        assert len(of_twin) == 3
-        for topic in of_twin:
-            assert {info.node_name for info in
-                    rig.observer.get_subscriptions_info_by_topic(topic)} <= {'observer'}
-
-
-def test_up_starts_the_twin_too_and_ends_it(
         rig: Rig, processes: Processes, tmp_path: Path) -> None:
-    up = processes.start([*module_command('up'), '--twin', 'ideal'],
-                         environment={'TMPDIR': str(tmp_path)})
+    links = {name: tmp_path / name for name in ('grbl', 'modbus')}
+    twin = processes.start(
+        [*module_command('twin'), '--preset', 'ideal', '--namespace', rig.namespace,
+         *(f'--{name}-link={link}' for name, link in links.items())])
+    rig.wait_for(lambda: 'Ctrl-C ends it' in twin.output, 'the twin')
+    discs = rig.record(PoseArray, 'twin/disc_poses', STREAM)
+    joints = rig.record(JointState, 'twin/joint_states', STREAM)
+    tendons = rig.record(JointState, 'twin/tendon_states', STREAM)
+    cells = rig.record(JointState, 'load_cells', STREAM)
+    imus = [rig.record(Imu, f'disc_{n}/imu', STREAM) for n in range(4)]
+    rig.start_arm(**driving_parameters(**links), tendon_speed=0.01, tendon_acceleration=0.1,
+                  speed_limit=0.03, acceleration_limit=0.3, silence_timeout=2.0)
+    assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
+    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
+    assert rig.trigger('tendon_actuation/reference').success
+    rig.wait_for(lambda: len(rig.joints), 'joint_states')
+    assert rig.goal(BEND).result()[0] == 'SUCCEEDED'
+    rig.wait_for_more(discs, 20)
+    is_there = poses_from_ros(discs.last)
+    bent = np.reshape(joints.last.position, (3, -1)).sum(axis=1)
+    # A step of a motor is 5 um.
+    assert bent == pytest.approx(BEND, abs=np.radians(0.1))
+    said = poses_from_ros(rig.segment_poses.last)
+    assert is_there[2::2, :3] == pytest.approx(said[:, :3], abs=5e-4)
+    # The sensors show the same arm.
+    rig.wait_for_more(cells, 5)
+    assert cells.last.name == ['right_tendon', 'left_tendon']
+    assert cells.last.effort == pytest.approx(tendons.last.effort, abs=0.05)
+    for n, (imu, (_, _, angle)) in enumerate(
+            zip(imus, planar_poses(is_there[::2]), strict=True)):
+        force = imu.last.linear_acceleration
+        assert np.arctan2(-force.x, force.z) == pytest.approx(angle, abs=0.01)
+        assert imu.last.angular_velocity.y == pytest.approx(0.0, abs=0.01)
+        assert imu.last.header.frame_id == 'arm_under_test/' + (
+            f'disc_{n}' if n else 'base_link')
+        assert imu.last.orientation_covariance[0] == -1.0
+    # The truth is for tests: what the suite knows comes through the serial ports.
+    of_twin = [name for name, _ in rig.observer.get_topic_names_and_types() if '/twin/' in name]
+    assert len(of_twin) == 3
+    for topic in of_twin:
+        assert {info.node_name for info in
+                rig.observer.get_subscriptions_info_by_topic(topic)} <= {'observer'}
+
+
+def children(up: NodeProcess) -> set[str]:
+    """Return the names of the processes that one of `up` started and that run."""
+    found = set()
+    for path in Path('/proc').glob('[0-9]*/cmdline'):
+        try:
+            words = path.read_text(encoding='utf-8', errors='replace').split('\0')
+        except OSError:  # it has ended
+            continue
+        if words[1:2] == ['-c'] and words[3:4] == [str(up.process.pid)]:
+            found.add(words[4])
+    return found
+
+
+def test_up_starts_the_twin_and_a_camera_too_and_both_end_with_it(
+        rig: Rig, processes: Processes, tmp_path: Path) -> None:
+    tip = rig.record(PoseWithCovarianceStamped, 'disc_3/measured_pose', STREAM)
+    own = tmp_path / 'own_rig.yaml'  # of another camera and other load cells
+    own.write_text('/**: {ros__parameters: {camera: {source: /dev/video99, '
+                   'calibration: none.yaml}, '
+                   'load_cells: {zeros: [1000.0, 1000.0]}}}')
+    up = processes.start(
+        [*module_command('up'), '--twin', 'ideal', '--camera', '--namespace', rig.namespace,
+         '--params-file', str(own)], environment={'TMPDIR': str(tmp_path)})
     rig.wait_for(lambda: 'position not referenced' in up.output, 'the answer of a board')
-    boards = list(tmp_path.rglob('grbl'))
-    assert len(boards) == 1
+    rig.wait_for(lambda: len(tip), 'a measured disc')
+    assert children(up) == {*NODES, 'camera', 'twin', 'twin_camera'}
+    assert tip.last.pose.pose.position.z == pytest.approx(0.3, abs=1e-3)
+    rig.wait_for(lambda: rig.tendons.last and
+                 rig.tendons.last.effort == pytest.approx([0.0, 0.0], abs=1.0),
+                 'what the load cells of the twin show')
+    assert len(list(tmp_path.rglob('grbl'))) == 1
     up.send(signal.SIGINT)
     assert up.wait() == 0, up.output
+    assert not children(up)
     assert 'Traceback' not in up.output, up.output
     assert not list(tmp_path.glob('soft_continuum_*'))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import signal
 
 import numpy as np
-from processes import module_command, Processes
+from processes import assert_ended_in_peace, module_command, Processes
 import pytest
 from ros_rig import ALL, Rig
 
@@ -64,15 +64,15 @@ def test_the_four_nodes_come_up_under_a_namespace(
         *module_command('up'), '--namespace', '/lab/left/',
         '--params-file', str(description_file()), '--params-file', str(patient)])
     rig.wait_until_ready(*ALL)
-    nodes = {f'{space.rstrip("/")}/{name}' for name, space
-             in rig.observer.get_node_names_and_namespaces()}
-    assert nodes == {f'{rig.namespace}/{name}' for name in (*ALL, 'observer')}
+    nodes = {f'{rig.namespace}/{name}' for name in (*ALL, 'observer')}
+    rig.wait_for(lambda: nodes == {f'{space.rstrip("/")}/{name}' for name, space in
+                                   rig.observer.get_node_names_and_namespaces()},
+                 'the four nodes and no other in the graph')
     assert rig.goal_when_heard((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'
     # Two arms share one TF tree.
     assert rig.segment_poses.last.header.frame_id == 'lab/left/base_link'
     up.send(signal.SIGINT)
-    assert up.wait() == 0
-    assert 'Traceback' not in up.output
+    assert_ended_in_peace(up)
 
 
 def test_a_frame_in_a_file_wins_over_that_of_the_namespace() -> None:
@@ -81,10 +81,12 @@ def test_a_frame_in_a_file_wins_over_that_of_the_namespace() -> None:
     assert arguments.index('frame_id:=left/base_link') < arguments.index('x')
 
 
-def test_without_a_namespace_the_four_nodes_come_up_at_the_root(
+def test_without_a_namespace_the_four_nodes_come_up_at_the_root_and_end_in_peace(
         make_rig: Callable[..., Rig], processes: Processes) -> None:
     rig = make_rig(namespace='/')
-    processes.start(module_command('up'))
+    up = processes.start(module_command('up'))
     rig.wait_until_ready(*ALL)
     topics = {name for name, _ in rig.observer.get_topic_names_and_types()}
     assert {'/tendon_states', '/segment_1/stiff', '/segment_poses', '/joint_states'} <= topics
+    up.send(signal.SIGTERM)  # above it is SIGINT
+    assert_ended_in_peace(up)

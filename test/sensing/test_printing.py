@@ -17,10 +17,10 @@ DOTS = 10  # per mm
 SIZE, FOCAL = (640, 480), 600.0
 
 
-@pytest.fixture
-def pages(monkeypatch, tmp_path):
+@pytest.fixture(scope='module')
+def pages(tmp_path_factory):
     """Return what a PDF gets, page by page, as grey pictures of 10 dots per mm."""
-    found = []
+    found, folder = [], tmp_path_factory.mktemp('pages')
 
     class Pdf:
         def __init__(self, path):
@@ -33,12 +33,13 @@ def pages(monkeypatch, tmp_path):
             pass
 
         def savefig(self, page):
-            path = tmp_path / 'page.png'
+            path = folder / 'page.png'
             page.savefig(path, dpi=25.4 * DOTS)
             found.append(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
 
-    monkeypatch.setattr(printing, 'PdfPages', Pdf)
-    printing.write_tags(tmp_path / 'tags.pdf', views.layout())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(printing, 'PdfPages', Pdf)
+        printing.write_tags(folder / 'tags.pdf', views.layout())
     return found
 
 

@@ -21,7 +21,7 @@ CHAIN = RigidChain(ARM)
 
 def layout(**changes):
     """Return the tags of the paper's arm with other parameters tags.*."""
-    return TagLayout.of(ARM, VALUES | {f'tags.{k}': v for k, v in changes.items()})
+    return TagLayout.of(VALUES | {f'tags.{k}': v for k, v in changes.items()})
 
 
 def differences(preset, **changes):

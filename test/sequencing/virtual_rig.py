@@ -218,3 +218,11 @@ class VirtualRig:
             self.step()
             check(self)
         return self.runner.outcome
+
+
+def one_soft_at_most_and_none_moved_stiff(rig):
+    """Claims that hold throughout a run on a rig without faults."""
+    soft = [i for i, flag in enumerate(rig.soft) if flag]
+    assert len(soft) <= 1
+    if rig.moving or rig.tendons.following:
+        assert soft and rig.vacuum[soft[0]] <= rig.settings.soft_vacuum

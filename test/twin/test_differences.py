@@ -7,7 +7,7 @@ import yaml
 
 from soft_continuum.cli import twin
 from soft_continuum.nodes.up import description_file
-from soft_continuum.twin.differences import RANGES, read_differences, TwinError
+from soft_continuum.twin.differences import Obstacle, RANGES, read_differences, TwinError
 
 FILE = description_file().with_name('twin.yaml')
 
@@ -35,6 +35,11 @@ def test_every_preset_of_the_file_can_be_read(preset):
     ({'backlash': float('nan')}, 'backlash'),
     ({'stiffness_factors': [1.0, -1.0]}, 'stiffness_factors is -1.0'),
     ({'stiffness_factors': []}, 'stiffness_factors'),
+    ({'occluders': 1.0}, 'occluders is 1.0'), ({'obstacles': 3}, 'such as [{x: 0.08'),
+    ({'obstacles': None}, 'nothing else'), ({'obstacles': [{'x': 0.1, 'z': 0.1}]}, 'in m, of 100'),
+    ({'obstacles': [{'x': 0.1, 'z': 0.1, 'radius': 0.0}]}, 'radius of obstacle 1 is 0.0'),
+    ({'obstacles': [{'x': '0', 'z': 0.1, 'radius': 0.1}]}, "x of obstacle 1 is '0'"),
+    ({'obstacles': [{'x': n, 'z': 0, 'radius': 1} for n in range(101)]}, 'of 100 at most'),
     ({'seed': None}, 'must hold these and nothing else'), ({'sed': 1}, 'nothing else')])
 def test_a_value_that_is_not_allowed_is_named(tmp_path, capsys, values, words):
     path = changed(tmp_path, **values)
@@ -53,6 +58,12 @@ def test_a_file_of_something_else_is_refused(tmp_path, capsys, text, words):
     path.write_text(text)
     assert twin.main(['--file', str(path)]) == 2
     assert words in capsys.readouterr().err
+
+
+def test_obstacles_are_read(tmp_path):
+    listed = [{'x': 0.1, 'z': 0.2, 'radius': 0.03}, {'x': -1, 'z': 0, 'radius': 1}]
+    found = read_differences(changed(tmp_path, obstacles=listed), 'mine').obstacles
+    assert found == (Obstacle(0.1, 0.2, 0.03), Obstacle(-1, 0, 1))
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path, capsys):

@@ -1,0 +1,327 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Runs of the twin in which something breaks, or nothing, as recordings of the truth."""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from math import cos, sin
+
+import numpy as np
+
+from benchmarks import closed
+from benchmarks.lab import Description, Lab, Pose, TRUTH
+from benchmarks.loop import random_goal
+from soft_continuum.mechanics import Arm, Statics
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
+from soft_continuum.twin.differences import Differences
+from soft_continuum.twin.plant import Plant, TIME_STEP
+
+PERIOD = 0.02  # s of the motors' positions
+VACUUM_TIME = 0.2  # s, time constant of the valves
+BEGIN, SWITCH, REST, AFTER = 1.0, 1.5, 4.0, 1.5  # s: at first; valves; after motion; stiffened
+HOLD = 3.0  # s that a shape of a closed loop is held
+WATCHED = 6.0  # s that a fault is watched for at least
+ANGLE = 0.6  # rad, largest bending angle
+LEAST_ANGLE = 0.2  # rad by which a segment is set at least
+OFFSET, LOAD = (3e-3, 6e-3), (5e-3, 2e-2)  # m: of a tendon; by which a load moves a disc
+PUSH, MAX_PUSH = 1.0, 1.5  # N/s, N
+LEAST_TENSION, LEAST_TRAVEL = 0.5, 8e-3  # N, m: of a tendon that fails in motion
+TAG, CAMERA = (5e-3, 1e-2), (5e-3, 1.2e-2)  # m; turned by up to 10 and 4 degrees, besides
+DEVIATIONS = np.array([8e-4, 8e-4, 1e-2])  # m, m, rad of a disc, the same in every picture ...
+NOISE = 0.2  # ... and as parts of them, new in every picture
+COVARIANCE = np.diag(DEVIATIONS**2 * (1.0 + NOISE**2))
+
+
+class Fault(Enum):
+    """What breaks; the value says it in the table."""
+
+    NONE = 'nothing'
+    SLIP = 'a tendon slips in its clamp, at rest, by 3 to 6 mm'
+    SLIP_MOVING = 'a tendon slips in its clamp, in motion, by 3 to 6 mm'
+    STEPS = 'a motor loses steps, 3 to 6 mm'
+    NOT_STIFF = 'a stiff segment, bent by 11 degrees or more, loses 85 to 90 % of its vacuum'
+    NOT_SOFT = 'a segment keeps its vacuum and was to bend by 11 degrees or more'
+    LOAD = 'a load moves a disc by 5 to 20 mm'
+    SENSOR = 'a tag is knocked by 5 to 10 mm, and up to 10 degrees'
+    CAMERA = 'the camera is knocked by 5 to 12 mm, and up to 4 degrees'
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """
+    A recording, a row each PERIOD.
+
+    times: (n,) s.  pulls: (n, 2) m, as the motors say.  soft: (n, segments), as reported.
+    poses: (n, discs, 3), of the discs as a perfect camera sees them.  moment: s, when the fault
+    could be seen first.  detail: what it was, for a person.
+    """
+
+    fault: Fault
+    seed: int
+    times: Array
+    pulls: Array
+    soft: Array
+    poses: Array
+    moment: float
+    detail: str
+
+
+class SyntheticCamera:
+    """Sees discs with errors that are the same in all pictures, and with noise."""
+
+    def __init__(self, random: np.random.Generator) -> None:
+        """Put it up."""
+        self._random = random
+        self._errors: Array | None = None
+
+    def __call__(self, poses: Array) -> Array:
+        """Return poses (discs, 3) as they are seen."""
+        if self._errors is None:
+            self._errors = self._random.normal(size=poses.shape)
+        noise = self._random.normal(0.0, NOISE, poses.shape)
+        return np.asarray(poses + (self._errors + noise) * DEVIATIONS)
+
+
+@dataclass(eq=False)
+class _Push:
+    """A force (N) in a direction on a body, that grows until a disc has moved by some m."""
+
+    body: int
+    direction: Array
+    distance: float
+    before: Array
+    force: float = 0.0
+
+
+class _Rig:
+    """The plant with its boards."""
+
+    def __init__(self, arm: Arm, differences: Differences, fault: Fault, seed: int) -> None:
+        self.plant = Plant(arm, differences)
+        self.random = np.random.default_rng([seed, list(Fault).index(fault)])
+        self.fault = fault
+        self.pulls = np.zeros(2)  # as the motors say
+        self.lost = np.zeros(2)  # m that the motors are behind
+        self.to_lose = np.zeros(2)
+        self.soft = [False] * len(arm.segments)
+        self.leaking = np.zeros(len(arm.segments))  # 1: of which only a little arrives
+        self.keeping = np.zeros(len(arm.segments), dtype=bool)
+        self.vacuum = np.ones(len(arm.segments))
+        self.poses = _seen_straight
+        self.rows: list[tuple[float, Array, Array, Array]] = []
+        self.pushed: _Push | None = None
+        self.carrying = 0  # the tendon that will, after the motion
+        self.moment, self.detail = np.inf, ''
+
+    def run(self, duration: float, move: Move | None = None, at: float = np.inf) -> None:
+        """Let time pass; ``at`` a part of it the fault happens."""
+        periods, steps = round(duration / PERIOD), round(PERIOD / TIME_STEP)
+        for k in range(periods):
+            if k >= at * periods:
+                self._break(move)
+                at = np.inf
+            self._push()
+            for i in range(steps):
+                pulls = self.pulls
+                if move is not None:
+                    now = (k + (i + 1) / steps) * PERIOD
+                    pulls = np.array([np.interp(now, move.times, one) for one in move.pulls.T])
+                self._step(pulls)
+            self.rows.append((self.plant.time, self.pulls.copy(), np.array(self.soft),
+                              self.poses(self.plant.points[::2])))
+
+    def _push(self) -> None:
+        one = self.pushed
+        if one is None or one.force >= MAX_PUSH or np.linalg.norm(
+                self.plant.points[:, :2] - one.before[:, :2], axis=1).max() > one.distance:
+            return
+        one.force += PUSH * PERIOD
+        self.plant._data.xfrc_applied[one.body, :3] = one.force * one.direction
+
+    def _step(self, pulls: Array) -> None:
+        change = pulls - self.pulls
+        stalled = np.sign(change) * np.minimum(np.abs(change), self.to_lose)
+        self.to_lose -= np.abs(stalled)
+        self.lost += stalled
+        self.pulls = np.array(pulls)
+        wanted = np.where(np.array(self.soft) & ~self.keeping, 0.0, 1.0)
+        wanted = np.where(self.leaking > 0.0, np.minimum(wanted, self.leaking), wanted)
+        self.vacuum += (wanted - self.vacuum) * TIME_STEP / VACUUM_TIME
+        self.plant.step(self.pulls - self.lost, self.vacuum)
+
+    def set_soft(self, segment: int, soft: bool) -> None:
+        """Switch a segment."""
+        self.soft[segment] = soft
+
+    def broke(self, detail: str) -> None:
+        """Note that, and when, the fault happened."""
+        self.moment, self.detail = self.plant.time, detail
+
+    def _break(self, move: Move | None) -> None:
+        random, plant = self.random, self.plant
+        fault = self.fault
+        tendon = self.carrying if fault in (Fault.SLIP_MOVING, Fault.STEPS) else int(
+            np.argmax(plant.tensions))
+        if fault in (Fault.SLIP, Fault.SLIP_MOVING):
+            size = random.uniform(*OFFSET)
+            plant._slipped[tendon] += size
+            self.broke(f'tendon {tendon}, {size * 1e3:.1f} mm, {plant.tensions[tendon]:.1f} N')
+        elif fault is Fault.STEPS:
+            self.to_lose[tendon] = random.uniform(*OFFSET)
+            far = 0.0 if move is None else float(np.ptp(move.pulls[:, tendon]))
+            self.broke(f'tendon {tendon}, {self.to_lose[tendon] * 1e3:.1f} mm, '
+                       f'{far * 1e3:.1f} mm of motion')
+        elif fault is Fault.NOT_STIFF:
+            bent = np.abs(plant.joint_angles.reshape(len(self.soft), -1).sum(axis=1))
+            bent[np.array(self.soft)] = 0.0
+            segment = int(np.argmax(bent))
+            self.leaking[segment] = random.uniform(0.1, 0.15)
+            self.broke(f'segment {segment + 1}, bent by {np.degrees(bent[segment]):.0f} degrees')
+        elif fault is Fault.LOAD:
+            disc = int(random.integers(self.soft.index(True), len(self.soft))) + 1
+            # Against a taut tendon nothing moves: it pushes more or less towards that.
+            side = 1.0 if tendon == 0 else -1.0
+            way = side * random.uniform(np.pi / 6.0, 5.0 * np.pi / 6.0)
+            self.pushed = _Push(plant._model.body(f'b{disc * plant._per_segment - 1}').id,
+                                np.array([sin(way), 0.0, cos(way)]), random.uniform(*LOAD),
+                                plant.points)
+            self.broke(f'disc {disc}, {np.degrees(way):.0f} degrees')
+        elif fault is Fault.SENSOR:
+            disc = int(random.integers(1, len(self.soft) + 1))
+            way, size = random.uniform(-np.pi, np.pi), random.uniform(*TAG)
+            jump = np.zeros((len(self.soft) + 1, 3))
+            jump[disc] = size * sin(way), size * cos(way), np.radians(random.uniform(-10, 10))
+            self.poses = lambda poses: poses + jump
+            self.broke(f'disc {disc}, {size * 1e3:.1f} mm, {np.degrees(jump[disc, 2]):.1f} deg')
+        elif fault is Fault.CAMERA:
+            way, size = random.uniform(-np.pi, np.pi), random.uniform(*CAMERA)
+            turn = np.radians(random.uniform(-4.0, 4.0))
+            shift = np.array([size * sin(way), size * cos(way)])
+            self.poses = lambda poses: moved(poses, shift, turn)
+            self.broke(f'{size * 1e3:.1f} mm, {np.degrees(turn):.1f} degrees')
+
+
+def _seen_straight(poses: Array) -> Array:
+    return poses
+
+
+def moved(poses: Array, shift: Array, turn: float) -> Array:
+    """Return poses (n, 3) as a camera sees them that has moved: by ``shift`` m, ``turn`` rad."""
+    middle = np.array([0.0, 0.15])  # m, in the picture
+    away = poses[:, :2] - middle
+    turned = np.column_stack([away[:, 0] * cos(turn) + away[:, 1] * sin(turn),
+                              -away[:, 0] * sin(turn) + away[:, 1] * cos(turn)])
+    return np.column_stack([middle + shift + turned, poses[:, 2] + turn])
+
+
+def simulate(arm: Arm, differences: Differences, fault: Fault, seed: int, shapes: int = 1) -> Run:
+    """
+    Return a sequence of random shapes in which a fault happens in a random move.
+
+    With a fault it ends WATCHED after it, at the earliest after that move.
+    """
+    rig = _Rig(arm, replace(differences, seed=seed), fault, seed)
+    in_motion = fault in (Fault.SLIP_MOVING, Fault.STEPS)
+    more = 2 if in_motion or fault is Fault.SLIP else 0  # until a tendon does what it has to
+    moves, carrying = _plan(arm, rig.random, shapes + more)
+    # A jam that holds nothing shows when the next segment moves.
+    chosen, last = -1, len(moves) - (fault is Fault.NOT_STIFF)
+    if in_motion:  # of a tendon that moves and carries then, and that did so before
+        chosen = next(
+            n for n in range(1, last) if carrying[n] is not None and carrying[n] in carrying[:n]
+            and np.ptp(moves[n].pulls[:, carrying[n]]) > LEAST_TRAVEL)
+    elif fault is Fault.SLIP:
+        chosen = next(n for n in range(1, last) if carrying[n] is not None)
+    elif fault is not Fault.NONE:
+        chosen = int(rig.random.integers(1, last))
+    rig.run(BEGIN)
+    for n, move in enumerate(moves):
+        at = [np.inf] * 4  # part of: softening, motion, rest, stiffened
+        if n == chosen:
+            rig.carrying = carrying[n] or 0
+            phase = {Fault.SLIP: 2, Fault.SLIP_MOVING: 1, Fault.STEPS: 1}.get(
+                fault, int(rig.random.integers(0, 4)))
+            if fault is Fault.LOAD:  # while a segment is soft
+                phase = 2
+            # At rest once it has been seen to rest, in motion in the middle.
+            at[phase] = rig.random.uniform(0.3, 0.6)
+            if fault is Fault.NOT_SOFT:
+                at = [np.inf] * 4
+                rig.keeping[move.segment] = True
+        rig.set_soft(move.segment, True)
+        rig.run(SWITCH, at=at[0])
+        if n == chosen and fault is Fault.NOT_SOFT:
+            rig.broke(f'segment {move.segment + 1}, to be set to '
+                      f'{np.degrees(move.bending_angle):.0f} degrees')
+        rig.run(move.duration, move, at=at[1])
+        # Half of the runs without a fault pause nowhere, as a list of shapes is run.
+        pauses = fault is not Fault.NONE or seed % 2 == 0
+        rig.run(REST if pauses else 0.0, at=at[2])
+        rig.set_soft(move.segment, False)
+        rig.run(SWITCH + (AFTER if pauses else 0.0), at=at[3])
+        if n > chosen - 1 + (fault is Fault.NOT_STIFF) and rig.plant.time > rig.moment + WATCHED:
+            break
+    if rig.plant.time < rig.moment + WATCHED and fault is not Fault.NONE:
+        rig.run(rig.moment + WATCHED - rig.plant.time)
+    times, pulls, soft, poses = (np.array(one) for one in zip(*rig.rows, strict=True))
+    return Run(fault, seed, times, pulls, soft, poses, rig.moment, rig.detail)
+
+
+def _plan(arm: Arm, random: np.random.Generator, shapes: int
+          ) -> tuple[list[Move], list[int | None]]:
+    """
+    Return the moves of random shapes that can be planned, each of which moves every segment.
+
+    And the tendon that carries after each, as the described arm has it, or None.
+    """
+    planner, statics = Planner(arm, PlanSettings()), Statics(arm)
+    state, pulls = statics.chain.straight(), np.zeros(2)
+    found: list[Move] = []
+    carrying: list[int | None] = []
+    while len(found) < shapes * len(arm.segments):
+        angles = random.uniform(-ANGLE, ANGLE, len(arm.segments))
+        if min(np.abs(angles - state.bending_angles).min(), np.abs(angles).min()) < LEAST_ANGLE:
+            continue
+        try:
+            plan, = planner.plan(state, tuple(pulls), [Shape('random', tuple(angles))])
+        except PlanError:
+            continue
+        for move in plan.moves:
+            state = statics.solve(
+                state, move.pulls[-1], [s == move.segment for s in range(len(arm.segments))])
+            carrying.append(int(np.argmax(state.tensions))
+                            if max(state.tensions) > LEAST_TENSION else None)
+        found += plan.moves
+        state, pulls = plan.state, plan.moves[-1].pulls[-1]
+    return found, carrying
+
+
+class _Recorder(Lab):
+    """A rig that its controller sees by a SyntheticCamera, and that is recorded."""
+
+    def __init__(self, description: Description, differences: Differences) -> None:
+        self.rows: list[tuple[float, Array, Array, Array]] = []
+        self._synthetic = SyntheticCamera(np.random.default_rng(differences.seed))
+        super().__init__(description, differences, TRUTH)
+
+    def advance(self, pulls: Array) -> None:
+        """Let time pass, and note what came of it."""
+        super().advance(pulls)
+        self.rows.append(
+            (self.time, self.pulls.copy(), ~np.array(self.stiff), self.truth[::2]))
+
+    def look(self) -> dict[int, Pose]:
+        """Return the discs as they are seen now."""
+        return {n: Pose(pose, COVARIANCE)
+                for n, pose in enumerate(self._synthetic(self.truth[::2]))}
+
+
+def closed_loop(description: Description, differences: Differences, seed: int) -> Run:
+    """Return how the closed loop sets a random shape, without a fault, and holds it a little."""
+    lab = _Recorder(description, replace(differences, seed=seed))
+    outcome = closed.closed_loop(lab, random_goal(description, seed), description.arm)
+    for _ in range(round(HOLD / PERIOD)):
+        lab.wait(PERIOD)
+    times, pulls, soft, poses = (np.array(one) for one in zip(*lab.rows, strict=True))
+    return Run(Fault.NONE, seed, times, pulls, soft, poses, np.inf, outcome.failed)

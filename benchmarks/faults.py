@@ -1,0 +1,144 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Faults of the simulated rig: which cause is named, how soon, and what is named without any."""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.fault_runs import (
+    closed_loop,
+    COVARIANCE,
+    Fault,
+    PERIOD,
+    Run,
+    simulate,
+    SyntheticCamera,
+)
+from benchmarks.lab import Description
+from benchmarks.tables import machine, number, Section, table
+from benchmarks.timing import progress
+from soft_continuum.estimation.anomalies import Anomaly
+from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.hypotheses import Cause
+from soft_continuum.estimation.measuring import DiscMeasurement
+from soft_continuum.estimation.shape import ArmShape
+from soft_continuum.mechanics import Arm, StaticsError
+from soft_continuum.nodes.up import description_file
+from soft_continuum.twin.differences import read_differences
+
+RUNS, OPEN, CLOSED = 20, 12, 120  # of each fault; sequences without one; goals of a closed loop
+FIRST_SEED = 200  # the watch was tuned on some of those before
+SHAPES = 6  # of a sequence without a fault
+PICTURES, DELAY = 5, 0.1  # periods from one picture to the next; s
+EARLY = 0.5  # s: a cause that is named earlier than that before the fault is a false alarm
+RIGHT = {
+    Fault.SLIP: (Cause.TENDON_SLIPPED,), Fault.STEPS: (Cause.STEPS_LOST,),
+    Fault.SLIP_MOVING: (Cause.STEPS_LOST,), Fault.NOT_STIFF: (Cause.NOT_STIFF,),
+    Fault.NOT_SOFT: (Cause.NOT_SOFT,), Fault.LOAD: (Cause.LOAD,),
+    Fault.SENSOR: (Cause.SENSOR_MOVED,), Fault.CAMERA: (Cause.CAMERA_MOVED,)}
+HEAD = ('what breaks', 'named rightly', 'first named otherwise',
+        's until named, median', 'worst', 'named later beside it')
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """
+    What was named in a run.
+
+    first: after the fault; None for nothing.  delay: s from the fault until then.  later, false:
+    how many causes were named after the first, and without a fault.  watched: s without a fault.
+    """
+
+    first: Cause | None
+    delay: float
+    later: int
+    false: int
+    watched: float
+
+
+def observe(arm: Arm, run: Run) -> list[Anomaly]:
+    """Return what is named in a run, seen by a camera with a delay, with errors and noise."""
+    shape, camera = ArmShape(arm, 5e-4), SyntheticCamera(np.random.default_rng(run.seed))
+    sliding, before = np.zeros(2, dtype=int), run.pulls[0]
+    pictures: list[tuple[float, np.ndarray]] = []
+    found: dict[Anomaly, None] = {}
+    for k, (time, pulls, soft) in enumerate(zip(run.times, run.pulls, run.soft, strict=True)):
+        change, before = pulls - before, pulls
+        sliding = np.where(np.abs(change) > 1e-9, np.sign(change), sliding).astype(int)
+        try:
+            shape.follow(Commands(time, pulls, tuple(not one for one in soft.tolist()), None,
+                                  tuple(sliding.tolist())))
+        except StaticsError as error:
+            progress(f'faults: {error}')
+        if k % PICTURES == 0:
+            pictures.append((time, camera(run.poses[k])))
+        while pictures and pictures[0][0] < time - DELAY:
+            stamp, poses = pictures.pop(0)
+            shape.measure(stamp, [DiscMeasurement(n, pose, COVARIANCE)
+                                  for n, pose in enumerate(poses[1:], start=1)])
+        found.update(dict.fromkeys(shape.anomalies))
+    return list(found)
+
+
+def judge(run: Run, named: list[Anomaly]) -> Outcome:
+    """Return what became of a run."""
+    begin = min(run.moment - EARLY, float(run.times[-1]))
+    after = [one for one in named if one.time >= begin]
+    delay = max(0.0, after[0].time + DELAY - run.moment) if after else np.inf
+    return Outcome(after[0].cause if after else None, delay, max(0, len(after) - 1),
+                   len(named) - len(after), begin - float(run.times[0]))
+
+
+def _row(fault: Fault, outcomes: list[Outcome]) -> tuple[str, ...]:
+    rightly = [one for one in outcomes if one.first in RIGHT[fault]]
+    others = Counter('nothing' if one.first is None else f'`{one.first.name}`'
+                     for one in outcomes if one.first not in RIGHT[fault])
+    delays = [one.delay for one in rightly] or [np.nan]
+    return (fault.value, f'{len(rightly)} of {len(outcomes)}',
+            ', '.join(f'{count} {name}' for name, count in others.most_common()) or 'none',
+            number(float(np.median(delays)), 2), number(max(delays), 2),
+            str(sum(one.later for one in outcomes)))
+
+
+def _alarms(name: str, outcomes: Iterable[Outcome]) -> tuple[str, ...]:
+    hours = sum(one.watched for one in outcomes) / 3600.0
+    false = sum(one.false for one in outcomes)
+    return name, f'{hours * 60.0:.0f}', str(false), number(false / hours, 2)
+
+
+def run(quick: bool) -> Section:
+    """Measure; the section is of the page about the estimate."""
+    description = Description.read()
+    arm = description.arm
+    typical = read_differences(description_file().with_name('twin.yaml'), 'typical')
+
+    def watched(one: Run) -> Outcome:
+        named = observe(arm, one)
+        progress(f'faults: {one.fault.value}, seed {one.seed}, {one.detail}: ' + (
+            ', '.join(f'{a.cause.name} at {a.time:.1f} s' for a in named) or 'nothing named'))
+        return judge(one, named)
+
+    def seeds(count: int) -> range:
+        return range(FIRST_SEED, FIRST_SEED + (1 if quick else count))
+
+    broken = {fault: [watched(simulate(arm, typical, fault, seed)) for seed in seeds(RUNS)]
+              for fault in RIGHT}
+    sequences = [watched(simulate(arm, typical, Fault.NONE, seed, 1 if quick else SHAPES))
+                 for seed in seeds(OPEN)]
+    closed = [watched(closed_loop(description, typical, seed)) for seed in seeds(CLOSED)]
+    body = '\n\n'.join([
+        'Simulated: random shapes on `typical`, each run with a fault of random size at a random '
+        f'moment; {1.0 / (PICTURES * PERIOD):.0f} pictures a second, {DELAY:g} s late, of all '
+        f'three discs; seeds from {FIRST_SEED} on, none of which the watch was tuned on. A cause '
+        'counts as right, whichever disc or segment it is said of. '
+        + machine(),
+        table(HEAD, [_row(fault, outcomes) for fault, outcomes in broken.items()]),
+        'Without a fault:',
+        table(('', 'minutes watched', 'causes named', 'an hour'), [
+            _alarms('sequences in open loop', sequences),
+            _alarms('closed loop', closed),
+            _alarms('before the faults above', sum(broken.values(), []))])])
+    return Section('estimation.md', 'faults', body)

@@ -1,0 +1,134 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where the simulated arm ends up when it is set to random shapes, with and without sensors."""
+
+from dataclasses import dataclass, replace
+import time
+
+import cv2
+import numpy as np
+
+from benchmarks.closed import closed_loop, on_angles
+from benchmarks.contenders import Contender, Goal, open_loop, open_loop_told, Outcome, pi_on_angles
+from benchmarks.lab import CAMERA, Description, Lab, LabError
+from benchmarks.tables import machine, number, Section, table
+from benchmarks.timing import progress
+from soft_continuum.mechanics import StaticsError
+from soft_continuum.nodes.up import description_file
+from soft_continuum.sensing.tilt import SensorError
+from soft_continuum.sequencing.planner import PlanError, Planner, Shape
+from soft_continuum.twin.differences import Differences, read_differences
+
+PRESETS = ('typical', 'bad')
+SEEDS = 30
+ANGLE = 0.6  # rad, largest bending angle of a goal
+HOLDING = 2.0  # s until the arm is judged
+CONTENDERS: dict[str, Contender] = {
+    'open loop, as described': open_loop,
+    'open loop, told the true stiffness, masses and K': open_loop_told,
+    'PI on each angle, without a model': pi_on_angles,
+    'closed loop on the angles': on_angles,
+    'closed loop on the tip': closed_loop,
+}
+HEAD = ('contender', 'tip, mm: median', '95 %', 'worst', 'largest angle error, degrees: median',
+        '95 %', 'worst', 'corrections of a segment, most', 'simulated time, s: median',
+        'largest tension, N', 'softenings, most', 'runs that exceeded a limit', 'failed')
+
+
+@dataclass(frozen=True)
+class Result:
+    """
+    One run of one contender, judged by the truth of the plant.
+
+    tip_error: m, distance to the goal's tip.  angle_error: rad, largest of all segments.
+    duration: simulated, s.  largest_tension: N.  spent: processor time, s.
+    """
+
+    tip_error: float
+    angle_error: float
+    outcome: Outcome
+    duration: float
+    largest_tension: float
+    softenings: int
+    violations: tuple[str, ...]
+    spent: float
+
+
+def run(quick: bool) -> Section:
+    """Measure; the section is of the page about the closed loop."""
+    cv2.setNumThreads(1)
+    description = Description.read()
+    seeds, parts = range(2 if quick else SEEDS), []
+    for preset in PRESETS:
+        given = read_differences(description_file().with_name('twin.yaml'), preset)
+        results: dict[str, list[Result]] = {name: [] for name in CONTENDERS}
+        for seed in seeds:
+            goal = random_goal(description, seed)
+            for name, contender in CONTENDERS.items():
+                results[name].append(
+                    judged(description, replace(given, seed=seed), goal, contender))
+                progress(f'loop: {preset}, seed {seed}, {name}: {_line(results[name][-1])}')
+        parts.append(f'`{preset}`:\n\n' + table(HEAD, [
+            _row(name, each) for name, each in results.items()]))
+    body = '\n\n'.join([
+        f'Simulated: {len(seeds)} rigs of each preset, each with other random errors and another '
+        f'random shape of up to {np.degrees(ANGLE):.0f}° per segment, the same for all '
+        'contenders. All errors are against the truth of the plant. A run that failed counts '
+        'with where it ended. ' + machine(), *parts])
+    return Section('../how_to/close_the_loop.md', 'loop', body)
+
+
+def random_goal(description: Description, seed: int) -> Goal:
+    """Return a shape that the described arm can be set to, and where its tip then is."""
+    random = np.random.default_rng([seed, 14])
+    planner = Planner(description.arm, description.settings)
+    straight = planner.statics.chain.straight()
+    while True:
+        angles = tuple(random.uniform(-ANGLE, ANGLE, len(description.arm.segments)).tolist())
+        try:
+            plan, = planner.plan(straight, (0.0, 0.0), [Shape('goal', angles)])
+        except PlanError:
+            continue
+        x, z, _ = plan.state.tip.tolist()
+        return Goal(angles, (x, z))
+
+
+def judged(description: Description, given: Differences, goal: Goal, contender: Contender,
+           sensor: str = CAMERA, tared: bool = True) -> Result:
+    """Let a contender set a goal on a rig of its own, stiffen what it left soft, and judge."""
+    begin = time.process_time()
+    lab = Lab(description, given, sensor, tared)
+    start = lab.time
+    try:
+        outcome = contender(lab, goal, description.arm)
+    except (LabError, PlanError, SensorError, StaticsError) as error:
+        outcome = Outcome((0,) * len(goal.angles), f'{type(error).__name__}: {error}')
+    duration = lab.time - start
+    for segment, stiff in enumerate(lab.stiff):
+        if not stiff:
+            lab.switch(segment, True)
+    lab.wait(HOLDING)
+    return Result(
+        float(np.linalg.norm(lab.tip[:2] - goal.tip)),
+        float(np.abs(lab.bending_angles - goal.angles).max()), outcome, duration,
+        lab.largest_tension, lab.softenings, tuple(lab.violations), time.process_time() - begin)
+
+
+def _line(result: Result) -> str:
+    more = ' '.join(['', result.outcome.failed, *result.violations]).rstrip()
+    return (f'tip {result.tip_error * 1e3:.2f} mm, angles {np.degrees(result.angle_error):.2f} '
+            f'degrees, corrections {result.outcome.corrections}, {result.duration:.0f} s, '
+            f'{result.largest_tension:.0f} N, {result.spent:.1f} s of processor time{more}')
+
+
+def _row(name: str, results: list[Result]) -> tuple[str, ...]:
+    tips = np.array([r.tip_error for r in results]) * 1e3
+    angles = np.degrees([r.angle_error for r in results])
+    spread = [number(float(value)) for errors in (tips, angles) for value in (
+        np.median(errors), np.quantile(errors, 0.95), errors.max())]
+    return (name, *spread, str(max(max(r.outcome.corrections) for r in results)),
+            f'{np.median([r.duration for r in results]):.0f}',
+            number(max(r.largest_tension for r in results)),
+            str(max(r.softenings for r in results)),
+            str(sum(bool(r.violations) for r in results)),
+            str(sum(bool(r.outcome.failed) for r in results)))

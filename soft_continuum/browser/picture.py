@@ -1,0 +1,50 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The picture of the camera with the arm of the model over it, while somebody looks."""
+
+from base64 import b64encode
+from typing import Any
+
+from rclpy.node import Node
+from sensor_msgs.msg import CompressedImage
+
+from soft_continuum.ros.age import Age
+from soft_continuum.ros.entry import subscribe
+from soft_continuum.ros.names import OVERLAY
+from soft_continuum.ros.qos import SENSOR
+
+MAX_BYTES = 1_000_000
+JPEG = b'\xff\xd8\xff'
+STALE_AFTER = 2.0  # s
+
+
+class CameraPicture:
+    """Listens on a node only while it is looked at: nobody else needs the picture drawn."""
+
+    def __init__(self, node: Node) -> None:
+        """Listen to nothing yet."""
+        self._node = node
+        self._subscription: Any = None
+        self._data, self._age = b'', Age()
+
+    def look(self, on: bool) -> None:
+        """Begin or end to listen; on the thread that spins the node."""
+        if on and self._subscription is None:
+            self._subscription = subscribe(self._node, CompressedImage, OVERLAY, self._on_picture,
+                                           SENSOR, MAX_BYTES)
+        elif not on and self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
+
+    def _on_picture(self, message: CompressedImage) -> None:
+        data = bytes(message.data)
+        if data.startswith(JPEG):
+            self._data = data
+            self._age.refresh()
+
+    @property
+    def address(self) -> str:
+        """The last picture as a data URL; empty when none came for two seconds."""
+        if self._age.seconds > STALE_AFTER:
+            return ''
+        return f'data:image/jpeg;base64,{b64encode(self._data).decode("ascii")}'

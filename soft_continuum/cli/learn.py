@@ -1,0 +1,192 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""``learn``: what kinematics has learned of the running arm, as a parameter file."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from functools import partial
+from math import inf
+import sys
+from typing import TYPE_CHECKING
+
+from soft_continuum import version
+from soft_continuum.analysis.results import reserve_outputs, text_table
+from soft_continuum.arguments import FAILED, NO_NODES, Parser
+from soft_continuum.cli.common import run_verb
+from soft_continuum.client.estimate import LearnedParameter, parameter_text, ParameterText
+from soft_continuum.parameters.arm import ARM_PARAMETERS
+from soft_continuum.parameters.files import write_parameters
+from soft_continuum.parameters.parameter import ParameterError, Value
+
+if TYPE_CHECKING:
+    from soft_continuum.client.estimate import Estimate
+    from soft_continuum.mechanics.arm import Arm as Description
+
+NAME = 'learn'
+FILE = 'learned.yaml'
+HOW_TO_SEE = 'does the node camera or disc_sensors run, and what does `soft_continuum status` say?'
+HOW_TO_LEARN = ('a segment tells its stiffness while it is soft and hangs on its own spring, and '
+                'its K when a load on it changes while it is stiff: set other shapes')
+OF_HOMING = 'it belongs to the zero of the tendons: home them, or straighten the arm and reference'
+CHECKS = {p.name: p.check for p in ARM_PARAMETERS}
+
+
+@dataclass
+class Learned:
+    """
+    What goes into the file, and what does not.
+
+    values: parameters of the description by name.  rows: quantity, described, learned and
+    deviation, for the screen and the file.  offsets, left_out, problems: in words.
+    """
+
+    values: dict[str, Value] = field(default_factory=dict)
+    rows: list[tuple[str, str, str, str, str]] = field(default_factory=list)
+    offsets: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the verb; return the exit status."""
+    parser = Parser(NAME, 'Save what measurements have told of the arm since kinematics was '
+                    f'started: stiffness, K and payload, as far as they are determined. Writes '
+                    f'{FILE}, to give to the nodes after the other parameter files. Moves '
+                    'nothing.', '--namespace', '--timeout', '--output', '--force')
+    from soft_continuum.client.errors import ClientError, NodesMissingError
+    try:
+        return run_verb(parser, _run, argv)
+    except ClientError as error:
+        return parser.fail(error, NO_NODES if isinstance(error, NodesMissingError) else FAILED)
+
+
+def _run(options: argparse.Namespace) -> None:
+    from soft_continuum.client.arm import Arm
+    from soft_continuum.client.state_text import source_text
+    path, = reserve_outputs(options.output, [FILE], options.force)
+    with Arm(options.namespace, timeout=options.timeout) as arm:
+        estimate = arm.state.estimate
+        learned = learn(_known(estimate), arm.description)
+        title = _title(arm.is_simulated)
+    _say(learned)
+    assert estimate is not None
+    write_parameters(path, learned.values, [
+        title, f'Shape at that time: {source_text(estimate)}.',
+        'Standard deviations of what is learned:',
+        *(f'  {label}: {now} +- {deviation} {unit}, described: {before}'.replace(' ,', ',')
+          for label, before, now, deviation, unit in learned.rows),
+        *(f'As described: {text}' for text in learned.left_out),
+        *(f'NOT PLAUSIBLE: {text}' for text in learned.problems),
+        *(f'Not written: {text}' for text in learned.offsets)])
+    print(f'\nWritten: {path}. Give it to the nodes as one more parameter file, after the others.')
+
+
+def _title(simulated: bool) -> str:
+    what = 'SIMULATED arm (twin), not a measurement' if simulated else 'Learned from measurements'
+    return (f'{what}; soft_continuum {NAME} {version()} on '
+            f'{datetime.now().astimezone().isoformat(timespec="seconds")}')
+
+
+def _known(estimate: 'Estimate | None') -> tuple[LearnedParameter, ...]:
+    """Return the parameters of an estimate; raises ClientError where it has none."""
+    from soft_continuum.client.errors import ClientError
+    from soft_continuum.client.state_text import source_text
+    if estimate is None:
+        raise ClientError('kinematics publishes no shape, so there is nothing to learn from; see '
+                          '`soft_continuum status`')
+    if not estimate.parameters:
+        raise ClientError(f'nothing is estimated, the shape is {source_text(estimate)}; '
+                          f'{HOW_TO_SEE}')
+    return estimate.parameters
+
+
+def _say(learned: Learned) -> None:
+    """Print what was learned; raise ClientError when none of it can be written."""
+    from soft_continuum.client.errors import ClientError
+    for text in learned.offsets:
+        print(f'offset, not written: {text}')
+    if not learned.values:
+        raise ClientError('nothing that a description has is determined yet: '
+                          f'{"; ".join(learned.left_out) or "there are only offsets"}; '
+                          f'{HOW_TO_LEARN}')
+    print(text_table(['quantity', 'described', 'learned', '+-', 'unit'], learned.rows))
+    if learned.left_out:
+        print('\nLeft as described:', *learned.left_out, sep='\n  ')
+    for text in learned.problems:
+        print(f'{NAME}: warning: {text}; look at the arm before you use it', file=sys.stderr)
+
+
+def learn(parameters: Sequence[LearnedParameter], arm: 'Description') -> Learned:
+    """Return what a description takes of what is estimated of an arm that was described."""
+    learned = Learned()
+    ratios = [0.0 if s.jam.ratio == inf else s.jam.ratio for s in arm.segments]
+    stiffness = _List('arm.bending_stiffnesses', [s.bending_stiffness for s in arm.segments])
+    ratio = _List('arm.stiffness_ratios', ratios)
+    for parameter in parameters:
+        text, segment = parameter_text(parameter), parameter.segment
+        if parameter.kind == 'offset':
+            if parameter.determined:
+                learned.offsets.append(f'{text.label.removeprefix("offset, ")} is pulled in by '
+                                       f'{text.amount()} beyond what its motor says; {OF_HOMING}')
+        elif not parameter.determined:
+            learned.left_out.append(f'{text.label}: not determined')
+        elif segment is not None and not 1 <= segment <= len(arm.segments):
+            learned.left_out.append(f'{text.label}: this arm has no such segment')
+        elif parameter.kind == 'stiffness_factor' and segment is not None:
+            described = arm.segments[segment - 1]
+            if described.soft_law is not None:
+                learned.left_out.append(f'{text.label}: a measured table takes its place')
+            else:
+                _take(learned, parameter, text, described.bending_stiffness, 'N m^2',
+                      partial(stiffness.put, segment - 1))
+        elif parameter.kind == 'stiff_ratio' and segment is not None:
+            if arm.segments[segment - 1].jam.law is not None:
+                learned.left_out.append(f'{text.label}: a measured table takes its place')
+            else:
+                _take(learned, parameter, text, 1.0, '', partial(ratio.put, segment - 1),
+                      ratios[segment - 1] or inf)
+        elif parameter.kind == 'payload':
+            _take(learned, parameter, text, 1.0, 'kg', _payload, arm.payload)
+        else:
+            learned.left_out.append(f'{text.label}: no parameter of a description')
+    return learned
+
+
+class _List:
+    """A parameter with a value for each segment, as described where nothing was learned."""
+
+    def __init__(self, name: str, values: Sequence[float]) -> None:
+        self._name, self._values = name, list(values)
+
+    def put(self, index: int, value: float) -> dict[str, Value]:
+        """Return the parameter with one value more that was learned; raises ParameterError."""
+        values = [value if i == index else before for i, before in enumerate(self._values)]
+        checked = {self._name: CHECKS[self._name](values)}
+        self._values = values
+        return checked
+
+
+def _payload(value: float) -> dict[str, Value]:
+    return {'arm.payload': CHECKS['arm.payload'](value)}
+
+
+def _take(learned: Learned, parameter: LearnedParameter, text: ParameterText, scale: float,
+          unit: str, put: Callable[[float], dict[str, Value]], described: float | None = None
+          ) -> None:
+    """Note a value that is determined; scale: of the described quantity, where it is a factor."""
+    value = scale * parameter.value
+    try:
+        if not value > 0.0 and parameter.kind != 'payload':  # 0 has a meaning of its own there
+            raise ParameterError(f'{value:g} is not positive')
+        learned.values |= put(value)
+    except ParameterError as error:
+        learned.left_out.append(f'{text.label}: {error}')
+        return
+    before = scale if described is None else described
+    label = text.label.replace('stiffness factor', 'E I')
+    learned.rows.append((label, 'rigid' if before == inf else f'{before:.4g}', f'{value:.4g}',
+                         f'{scale * parameter.deviation:.2g}', unit))
+    if parameter.problem:
+        learned.problems.append(f'{label} {value:.4g}: {parameter.problem}')

@@ -1,0 +1,39 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Estimate and Anomaly from the messages of kinematics."""
+
+from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
+from soft_continuum.ros.conversions import seconds
+from soft_continuum.text import MAX_ITEMS, MAX_NAME, printable
+from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
+from soft_continuum_interfaces.msg import KinematicsState
+
+CAUSES = {getattr(AnomalyMessage, name): name.lower().replace('_', ' ') for name in (
+    'UNKNOWN', 'TENDON_SLIPPED', 'STEPS_LOST', 'NOT_STIFF', 'NOT_SOFT', 'LOAD', 'SENSOR_MOVED',
+    'CAMERA_MOVED')}
+
+
+def estimate_of(message: KinematicsState, received: float, predicted_tip_error: float | None
+                ) -> Estimate:
+    """
+    Return what kinematics/state says.
+
+    received: s since the message came.  predicted_tip_error: m, None while it is not known.
+    """
+    measured = seconds(message.measured)
+    return Estimate(
+        message.source == KinematicsState.ESTIMATED,
+        max(0.0, seconds(message.stamp) - measured) + received if measured > 0.0 else None,
+        tuple(message.angle_deviations[:MAX_ITEMS]), tuple(message.tip_deviations[:3]),
+        predicted_tip_error,
+        tuple(LearnedParameter(printable(p.name, MAX_NAME), float(p.value), float(p.deviation),
+                               bool(p.determined), printable(p.problem))
+              for p in message.parameters[:MAX_ITEMS]),
+        tuple(map(anomaly_of, message.anomalies[:MAX_ITEMS])))
+
+
+def anomaly_of(message: AnomalyMessage) -> Anomaly:
+    """Return what an Anomaly message says."""
+    return Anomaly(CAUSES.get(message.cause, CAUSES[AnomalyMessage.UNKNOWN]), message.segment,
+                   message.disc, printable(message.tendon, MAX_NAME), float(message.size),
+                   printable(message.message))

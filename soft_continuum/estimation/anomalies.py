@@ -1,0 +1,304 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What is wrong with the arm, from what its measurements differ by from what was expected.
+
+The estimate adapts to whatever happens.  So a copy of it, as it was when the arm last rested as
+expected, is kept as the reference: it follows motors and valves, but no measurements.  Whenever
+the arm rests, what is measured is compared with it.  What it cannot be by the covariance of the
+reference has a cause: each possible one displaces the discs in a pattern of its own, and the most
+likely one is named when it is much more likely than every other that explains what is seen, twice.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
+from soft_continuum.estimation.hypotheses import (
+    camera_directions,
+    Cause,
+    hypotheses,
+    judge,
+    log_likelihood,
+    SHIFT,
+    TURN,
+    Verdict,
+)
+from soft_continuum.estimation.measuring import (
+    DiscMeasurement,
+    MAX_VARIANCE,
+    Point,
+    relative_distance,
+)
+from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.joints import wrapped
+from soft_continuum.mechanics.statics import StaticsError
+
+MOVED = 1e-5  # m of a motor
+SETTLING, SWITCHING = 0.6, 1.2  # s after a motion, or after a valve, until the arm rests
+WINDOW, LEAST = 0.2, 3  # s, and number, of pictures that are judged together
+STILL = 2.0  # deviations by which a resting disc is elsewhere in the next pictures
+FOLLOW_PERIOD = 0.1  # s between two steps of the reference in a motion
+RENEWAL = 10.0  # s after which the reference of a resting arm is renewed
+EXPECTED = 1.5  # distance up to which measurements are as expected
+RATIO, MARGIN = 4.0, 2.0  # log likelihood over nothing being wrong, and over the next cause
+LEFT = 1.0  # distance that a cause may leave unexplained
+LARGE = np.array([6e-3, 6e-3, 0.12])  # m, m, rad: one that is worth an alarm without a cause
+MAX_ATTEMPTS = 6  # at naming one
+LEAST_OFFSET = 1.7e-3  # m of a tendon: less is not named
+REPORTED = 10.0  # s for which an anomaly is
+
+
+@dataclass(frozen=True)
+class Anomaly:
+    """
+    Something that is wrong, as in Anomaly.msg.
+
+    time: s, when it was noticed.  segment, disc: as in topic names, 0 for none.  tendon: empty for
+    none.  size: m, rad or N, as the message says.
+    """
+
+    time: float
+    cause: Cause
+    segment: int
+    disc: int
+    tendon: str
+    size: float
+    message: str
+
+
+class Watch:
+    """Watches one arm; ``active``: what was found wrong in the last REPORTED s."""
+
+    def __init__(self) -> None:
+        """Begin without a reference."""
+        self.active: tuple[Anomaly, ...] = ()
+        self._last: Commands | None = None
+        self._stood: Array = np.zeros(0)  # m, pulls since which no motor moved
+        self._rests = -np.inf  # s, from which on the arm does
+        self.forget()
+
+    def forget(self) -> None:
+        """Take the next estimate that agrees with its measurements as the reference."""
+        self._reference: Estimator | None = None
+        self._window: list[tuple[float, Sequence[DiscMeasurement]]] = []  # since the arm rests
+        self._mean: list[DiscMeasurement] = []  # of the window before
+        self._softened: tuple[int, Equilibrium] | None = None
+        self._stiffened: tuple[Commands, Estimator] | None = None  # as it was just before
+        self._suspected: Verdict | None = None
+        self._attempts = 0
+        self._moved = self._changed = False  # since the reference was taken
+        self._taken = self._followed = -np.inf
+
+    # What the arm does.
+
+    def follow(self, commands: Commands) -> None:
+        """Follow motors and valves."""
+        last, self._last = self._last, commands
+        time = commands.time
+        self.active = tuple(one for one in self.active if time < one.time + REPORTED)
+        if last is None:
+            self._stood = commands.pulls
+        elif commands.stiff != last.stiff:
+            # The motion up to now counts for the stiffness up to now.
+            self._step(replace(last, time=time))
+            if self._reference is not None:
+                became = np.array(commands.stiff, dtype=int) - last.stiff
+                if became.min() < 0:
+                    self._softened = int(became.argmin()), self._reference.state
+                if became.max() > 0:
+                    self._stiffened = last, self._reference.copy()
+            self._step(commands)
+            self._rests = max(self._rests, time + SWITCHING)
+            self._changed = True
+        elif np.abs(commands.pulls - self._stood).max() > MOVED:
+            self._stood = commands.pulls
+            self._rests = max(self._rests, time + SETTLING)
+            self._moved = self._changed = True
+            if time >= self._followed + FOLLOW_PERIOD:
+                self._step(commands)
+
+    def _step(self, commands: Commands) -> None:
+        """Let the reference follow."""
+        self._followed = commands.time
+        if self._reference is None:
+            return
+        try:
+            self._reference.follow(commands)
+        except StaticsError:
+            self.forget()
+
+    # What is measured.
+
+    def note(self, time: float, discs: Sequence[DiscMeasurement], estimator: Estimator
+             ) -> Estimator:
+        """
+        Take account of a measurement after the estimator did; return the one to go on with.
+
+        Where a sensor has moved that is the reference, which knows that and has not followed it.
+        """
+        self._instead = estimator
+        self._note(time, discs, estimator)
+        return self._instead
+
+    def _note(self, time: float, discs: Sequence[DiscMeasurement], estimator: Estimator) -> None:
+        assert self._last is not None
+        if time < self._rests or self._last.time < self._rests:
+            self._window.clear()
+            self._mean = []
+            return
+        self._window.append((time, discs))
+        if len(self._window) < LEAST or time < self._window[0][0] + WINDOW:
+            return
+        mean, before = _mean([discs for _, discs in self._window]), self._mean
+        self._window.clear()
+        self._mean = mean
+        if not _still(before, mean):
+            return
+        if self._reference is None:
+            point = estimator.expected(mean)
+            if relative_distance(
+                    point.values, point.covariance(estimator.covariance)) < EXPECTED:
+                self.refer_to(estimator, time)
+            return
+        self._step(self._last)
+        if self._reference is not None:
+            try:
+                self._judge(time, mean, self._reference, estimator)
+            except StaticsError:
+                self.forget()
+
+    def refer_to(self, estimator: Estimator, time: float) -> None:
+        """Take an estimate as the reference; measurements up to ``time`` (s) are as expected."""
+        self._reference, self._taken = estimator.copy(), time
+        if self._moved:
+            self._softened = None
+        self._stiffened = None
+        self._moved = self._changed = False
+
+    def _judge(self, time: float, discs: Sequence[DiscMeasurement], reference: Estimator,
+               estimator: Estimator) -> None:
+        assert self._last is not None
+        point = reference.expected(discs)
+        covariance = point.covariance(reference.covariance)
+        if relative_distance(point.values, covariance) < EXPECTED:
+            self._suspected, self._attempts = None, 0
+            if self._changed or time > self._taken + RENEWAL:
+                self.refer_to(estimator, time)
+            return
+        causes = hypotheses(point, self._last, reference, self._softened, self._moved)
+        if self._stiffened is not None:
+            # What happened before a segment became stiff is held since then.
+            then, was = self._stiffened
+            causes += [one for one in hypotheses(
+                was.expected(discs), then, was, self._softened, self._moved)
+                if one.cause not in (Cause.SENSOR_MOVED, Cause.CAMERA_MOVED)]
+        found = _clearest([judge(one, point) for one in causes],
+                          log_likelihood(point.values, covariance))
+        if found is not None:
+            if found.hypothesis.step and abs(found.size) < LEAST_OFFSET:
+                self.forget()  # friction and backlash: the estimate adapts
+                return
+            if self._suspected is not None and _same(self._suspected, found):
+                self._name(time, found, point, reference, estimator)
+                return
+            self._suspected = found
+        self._attempts += 1
+        if self._attempts == MAX_ATTEMPTS:
+            if (np.abs(point.values) > LARGE[point.coordinates]).any():
+                self.active += (_anomaly(time, Cause.UNKNOWN, 0, 0.0, ''),)
+            self.forget()
+
+    def _name(self, time: float, found: Verdict, point: Point, reference: Estimator,
+              estimator: Estimator) -> None:
+        one, layout = found.hypothesis, estimator.layout
+        cause = one.cause
+        if cause is Cause.TENDON_SLIPPED and (self._moved or found.size < 0.0):
+            cause = Cause.STEPS_LOST
+        rows = np.zeros((layout.size, 3))
+        if cause is Cause.SENSOR_MOVED:
+            rows[layout.bias(one.number)] = np.eye(3)
+        elif cause is Cause.CAMERA_MOVED:
+            of_discs = slice(layout.bias(0).start, layout.bias(layout.segments).stop)
+            rows[of_discs] = camera_directions(point.state.points[::2]).reshape(-1, 3)
+        if rows.any():
+            self._instead = reference.copy()
+            self._instead.loosen(rows * (SHIFT, SHIFT, TURN))
+            self._instead.measured, self._instead.updated = estimator.measured, estimator.updated
+        self.active += (_anomaly(time, cause, one.number, found.size, estimator.arm.tendon_names[
+            one.number] if one.step else ''),)
+        self.forget()
+
+
+def _mean(windows: Sequence[Sequence[DiscMeasurement]]) -> list[DiscMeasurement]:
+    """Return the mean of each disc; the covariance is that of one measurement."""
+    found: dict[int, list[DiscMeasurement]] = {}
+    for discs in windows:
+        for one in discs:
+            found.setdefault(one.disc, []).append(one)
+    for each in found.values():
+        first = each[0].pose
+        away = np.array([one.pose - first for one in each])
+        away[:, 2] = wrapped(away[:, 2])
+        each[-1] = replace(each[-1], pose=first + away.mean(axis=0))
+    return [each[-1] for _, each in sorted(found.items())]
+
+
+def _still(before: Sequence[DiscMeasurement], now: Sequence[DiscMeasurement]) -> bool:
+    """Whether the same discs are where they were, by what is new in each picture."""
+    return bool(before) and [one.disc for one in before] == [one.disc for one in now] and all(
+        (np.abs(one.pose - other.pose) < STILL * np.sqrt(
+            OWN_SHARE * np.diag(one.covariance)))[np.diag(one.covariance) < MAX_VARIANCE].all()
+        for one, other in zip(before, now, strict=True))
+
+
+def _clearest(verdicts: Sequence[Verdict], nothing: float) -> Verdict | None:
+    """
+    Return what explains the measurements, if it does so much better than all else that does.
+
+    nothing: log likelihood of nothing being wrong.
+    """
+    explain = sorted((one for one in verdicts if one.left < LEFT),
+                     key=lambda one: one.likelihood, reverse=True)
+    if not explain or explain[0].likelihood - nothing < RATIO:
+        return None
+    best = explain[0]
+    clear = all(_same(one, best) or best.likelihood - one.likelihood > MARGIN for one in explain)
+    return best if clear else None
+
+
+def _same(one: Verdict, other: Verdict) -> bool:
+    """Whether two verdicts name the same; where a load acts is never clear."""
+    return one.hypothesis.cause is other.hypothesis.cause and (
+        one.hypothesis.number == other.hypothesis.number
+        or one.hypothesis.cause is Cause.LOAD)
+
+
+def _anomaly(time: float, cause: Cause, number: int, size: float, tendon: str) -> Anomaly:
+    """Say it; size of a tendon: m longer."""
+    segment = number if cause in (Cause.NOT_STIFF, Cause.NOT_SOFT) else 0
+    disc = number if cause in (Cause.LOAD, Cause.SENSOR_MOVED) else 0
+    length, way = f'{abs(size) * 1e3:.1f} mm', 'longer' if size > 0.0 else 'shorter'
+    message = {
+        Cause.UNKNOWN: 'the measurements do not fit the arm, and no known cause explains them; '
+                       'look at the arm, and at what measures it',
+        Cause.TENDON_SLIPPED: f'{tendon} is {length} longer than its motor says: it slipped in '
+                              'its clamp or left a guide; look at both, and set its zero again',
+        Cause.STEPS_LOST: f'{tendon} is {length} {way} than its motor says, since a motion: the '
+                          'motor lost steps, or the tendon slipped; set its zero again',
+        Cause.NOT_STIFF: f'segment {segment} is reported stiff but gives way; check its vacuum '
+                         'for leaks',
+        Cause.NOT_SOFT: f'segment {segment} is reported soft but does not bend; check that its '
+                        'valve lets air in',
+        Cause.LOAD: f'a force of about {size:.1f} N, near disc {disc}, acts on the arm that is '
+                    'not in its description; look for contact, or describe the payload',
+        Cause.SENSOR_MOVED: f'the sensor of disc {disc} has moved on it by {length}; fix it, and '
+                            'calibrate where it is',
+        Cause.CAMERA_MOVED: f'all discs are seen displaced alike, at the base by {length}: the '
+                            'camera or what it is referred to has moved; fix it, and calibrate '
+                            'it again',
+    }[cause]
+    return Anomaly(time, cause, segment, disc, tendon, size, message)

@@ -1,0 +1,29 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What motors and valves are known to do."""
+
+from dataclasses import dataclass
+
+from soft_continuum.mechanics.chain import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Commands:
+    """
+    What tendons and valves do at one time.
+
+    time: s on the clock of the measurements.  pulls: (tendons,) m of the motors.  stiff: per
+    segment.  vacuum: parts of the full one per segment, None for full.  sliding: as in
+    Statics.solve.
+    """
+
+    time: float
+    pulls: Array
+    stiff: tuple[bool, ...]
+    vacuum: tuple[float, ...] | None = None
+    sliding: tuple[int, ...] = (0, 0)
+
+    @property
+    def soft(self) -> list[bool]:
+        """Which segments are soft."""
+        return [not stiff for stiff in self.stiff]

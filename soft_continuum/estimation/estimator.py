@@ -1,0 +1,392 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The shape of the arm, from its statics and from measurements, by an extended Kalman filter.
+
+The statics are the model: the shape is the equilibrium of the estimated arm.  What is wrong alike
+in all measurements of a disc (how its tag is stuck) is estimated as well: without that a hundred
+pictures would be taken to be ten times better than one.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.measuring import (
+    disc_poses,
+    DiscMeasurement,
+    GATES,
+    Innovation,
+    Measurement,
+    MODEL_ERROR,
+    Point,
+    predicted,
+    rates,
+    relative_distance,
+)
+from soft_continuum.estimation.unknowns import (
+    arm_with,
+    Drift,
+    first_covariance,
+    first_values,
+    Layout,
+    limited,
+    POSE,
+    Prior,
+)
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.statics import Statics, StaticsError
+
+HISTORY = 2.0  # s for which pulls are kept: a measurement may be that late
+LAG = 0.15  # s by which a moving arm is behind its statics
+RESTING = 2e-5  # m by which it is behind, up to which tensions are those of the statics
+VENTING = 2.0  # s after a change of stiffness for which the vacuum shows in the tensions
+SWITCHING = 1.0  # s after a change of stiffness for which the shape is between two models
+OWN_SHARE = 0.1  # of a sensor's variance that is new in each measurement
+MAX_PAST = 2000  # pulls that are kept, if time stands still
+PERSISTENT = 2  # measurements beyond the gate in turn, after which the arm has changed
+REOPENED = 2.0  # times what they are at first: offsets and held shapes then
+LINEAR = 2.0  # distance of a measurement up to which one Newton step is enough
+MAX_STEPS, STEP_PARTS = 3, (1.0, 0.4, 0.15)
+ENOUGH = 0.05  # of what is left: a step that gains less is the last
+MINUTE, CENTIMETRE = 60.0, 0.01
+
+
+class Estimator:
+    """The estimate of one arm.  Times are in s on the clock of the measurements' stamps."""
+
+    def __init__(self, arm: Arm, state: Equilibrium, prior: Prior, drift: Drift) -> None:
+        """Begin with a shape of which the prior says how well it is known."""
+        self.layout = Layout(len(arm.segments), len(arm.tendon_names))
+        self.prior = prior
+        self._described, self._drift = arm, drift
+        self.values = first_values(arm, self.layout, prior)
+        self._first = first_covariance(arm, self.layout, prior)
+        self.covariance = self._first.copy()
+        self._statics = Statics(arm_with(arm, self.layout, self.values))
+        self.state = replace(state, chain=self._statics.chain)
+        for s, stiff in enumerate(state.stiff):
+            if not stiff:
+                self._forget_held(s)
+        self._past: deque[Commands] = deque(maxlen=MAX_PAST)
+        self._speeds = np.zeros(self.layout.tendons)  # m/s, that the shape has not settled from
+        self._switched = -np.inf
+        self._change = np.zeros((self.layout.segments + 1, POSE))  # of the shape, when it did
+        self._bias_variances = np.zeros(self.layout.size - self.layout.model)
+        self._displaced = np.zeros(self.layout.size - self.layout.model)  # variances, for good
+        self._beyond = 0  # measurements of discs in turn beyond the gate
+        self.updated: float | None = None
+        """When a measurement was last used, s."""
+        self.measured: float | None = None
+        """When one of discs was, s."""
+
+    @property
+    def arm(self) -> Arm:
+        """The arm as it is estimated to be."""
+        return self._statics.chain.arm
+
+    @property
+    def statics(self) -> Statics:
+        """The statics of it."""
+        return self._statics
+
+    @property
+    def offsets(self) -> Array:
+        """By how much each tendon is pulled in beyond what its motor says, (tendons,), m."""
+        offsets: Array = self.values[self.layout.offset]
+        return offsets
+
+    def copy(self) -> 'Estimator':
+        """Return another one that knows the same."""
+        other = copy(self)
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray | deque):
+                setattr(other, name, copy(value))
+        return other
+
+    # What the arm does.
+
+    def follow(self, commands: Commands) -> None:
+        """Follow the tendons and valves; raises StaticsError, and then keeps what it was."""
+        before = self._past[-1] if self._past else commands
+        switched, start = commands.stiff != self.state.stiff, self.state
+        if switched:
+            self._switch(commands.stiff, commands.time)
+        self.state = self._statics.solve(
+            start, commands.pulls + self.offsets, commands.soft, vacuum=commands.vacuum,
+            sliding=commands.sliding)
+        if switched:
+            self._change = self.state.points[::2] - start.points[::2]
+        self._note(commands, before)
+        self._drift_by(max(0.0, commands.time - before.time),
+                       np.abs(commands.pulls - before.pulls))
+
+    def _note(self, now: Commands, before: Commands) -> None:
+        elapsed = now.time - before.time
+        if elapsed > 0.0:
+            fading = np.exp(-elapsed / LAG)
+            self._speeds = np.maximum(np.abs(now.pulls - before.pulls) / elapsed,
+                                      self._speeds * fading)
+        self._past.append(now)
+        while self._past[0].time < now.time - HISTORY and len(self._past) > 1:
+            self._past.popleft()
+
+    def _switch(self, stiff: tuple[bool, ...], time: float) -> None:
+        """Hand on what is not known of the shape to the jams that hold it from now on."""
+        rows = self._turning()
+        change = np.eye(self.layout.size)
+        for s, (was, now) in enumerate(zip(self.state.stiff, stiff, strict=True)):
+            if now and not was:
+                change[s] = rows[s]
+        self.covariance = change @ self.covariance @ change.T
+        for s, (was, now) in enumerate(zip(self.state.stiff, stiff, strict=True)):
+            if now and not was:
+                self.covariance[s, s] += self.prior.lock_in**2
+            elif was and not now:
+                self._forget_held(s)
+        self._switched = time
+
+    def _forget_held(self, segment: int) -> None:
+        self.covariance[segment] = self.covariance[:, segment] = 0.0
+
+    def _turning(self) -> Array:
+        """Return the derivatives of all bending angles by all unknowns, (segments, size)."""
+        joints = rates(self._statics, self.layout, self.state).joint_angles
+        chain = self._statics.chain
+        rows: Array = joints.reshape(chain.segments, chain.joints_per_segment, -1).sum(axis=1)
+        return rows
+
+    def _drift_by(self, elapsed: float, moved: Array) -> None:
+        drift, layout = self._drift, self.layout
+        stiff = np.array(self.state.stiff, dtype=float)
+        variances = np.zeros(layout.size)
+        variances[layout.stiffness] = drift.stiffness**2 * elapsed / MINUTE
+        variances[layout.ratio] = drift.ratio**2 * elapsed / MINUTE
+        variances[layout.payload] = drift.payload**2 * elapsed / MINUTE
+        variances[layout.offset] = (drift.offset**2 * elapsed / MINUTE
+                                    + drift.offset_motion**2 * moved / CENTIMETRE)
+        variances[layout.held] = stiff * (drift.held**2 * elapsed / MINUTE
+                                          + drift.held_motion**2 * moved.max() / CENTIMETRE)
+        self.covariance[np.diag_indices(layout.size)] += variances
+        self._renew_biases(float(np.exp(-moved.max() / CENTIMETRE)))
+        # What nothing tells is not known worse than before anything was measured.
+        rows = np.arange(layout.segments, layout.model)
+        ratio = np.diag(self.covariance)[rows] / np.maximum(np.diag(self._first)[rows], 1e-30)
+        for row in rows[ratio > 1.0]:
+            shrink = np.sqrt(self._first[row, row] / self.covariance[row, row])
+            self.covariance[row] *= shrink
+            self.covariance[:, row] *= shrink
+
+    def _renew_biases(self, kept: float) -> None:
+        """
+        Keep a part of what is known of the biases: in another shape they are others.
+
+        What no unknown of the model explains is among them, and depends on the shape.
+        """
+        biases = self.layout.biases
+        self.values[biases] *= kept
+        self.covariance[biases] *= kept
+        self.covariance[:, biases] *= kept
+        rows = np.arange(biases.start, biases.stop)
+        self.covariance[rows, rows] += (1.0 - kept**2) * self._bias_variances
+
+    # What is measured.
+
+    def ready(self, time: float) -> str:
+        """Return why a measurement of that time cannot be used; empty when it can."""
+        if not self._past or time > self._past[-1].time + LAG:
+            return 'it is from the future'
+        if time < self._past[0].time:
+            return f'it is more than {HISTORY:g} s old'
+        return ''
+
+    def switching(self, time: float) -> bool:
+        """Whether a segment was becoming soft or stiff then: nothing measured says much."""
+        return time < self._switched + SWITCHING
+
+    def measure(self, time: float, measurements: Sequence[Measurement]) -> Innovation | None:
+        """
+        Use what was measured at ``time``: poses, tensions or both; None where it cannot be used.
+
+        Raises StaticsError, and then keeps what it was.
+        """
+        if not self._shows_tensions(time):
+            measurements = [one for one in measurements if isinstance(one, DiscMeasurement)]
+        if self.ready(time) or self.switching(time) or not measurements:
+            return None
+        past = min(self._past, key=lambda one: abs(one.time - time))
+        point = self._linearised(np.zeros(self.layout.size), past, measurements)
+        covariance = point.covariance(self.covariance)
+        distance = relative_distance(point.values, covariance)
+        seen = any(isinstance(one, DiscMeasurement) for one in measurements)
+        used = self._trusted(distance, len(point.values), seen)
+        innovation = Innovation(point.values, covariance, distance, used)
+        if used:
+            told = np.full(self.layout.size, float(seen))
+            told[self.layout.told_by_tensions] = 1.0
+            self._take(self._best(point, past, measurements, distance, told), past, told)
+            self.updated = max(time, self.updated or time)
+            if seen:
+                self.measured = max(time, self.measured or time)
+        return innovation
+
+    def expected(self, discs: Sequence[DiscMeasurement]) -> Point:
+        """Return what is measured of the arm at rest, less what is predicted."""
+        return self._linearised(np.zeros(self.layout.size), self._past[-1], discs)
+
+    def _shows_tensions(self, time: float) -> bool:
+        """
+        Whether tensions are those of the statics: at rest, long after a change of stiffness.
+
+        Only while a segment is soft: in a stiff arm they are what was locked in.
+        """
+        return (float(self._speeds.max()) * LAG < RESTING and not all(self.state.stiff)
+                and time >= self._switched + VENTING)
+
+    def _best(self, point: Point, past: Commands, measurements: Sequence[Measurement],
+              distance: float, told: Array) -> Point:
+        """
+        Return the most likely change: by one Newton step, or where that is not enough by several.
+
+        Where a tendon becomes taut or slack the shape is far from linear, so each step is
+        shortened until what is left becomes less.  told: (size,) 1 for the unknowns that may
+        change, 0 for those of which only the uncertainty counts (Schmidt).
+        """
+        spread = self.covariance
+        weights, cost = np.zeros(self.layout.size), point.misfit
+        for _ in range(1 if distance < LINEAR else MAX_STEPS):
+            wanted: Array = point.rows.T @ np.linalg.solve(
+                point.covariance(spread), point.values + point.rows @ point.change)
+            for part in STEP_PARTS:
+                tried = weights + part * (wanted - weights)
+                try:
+                    there = self._linearised(told * (spread @ tried), past, measurements)
+                except StaticsError:
+                    continue
+                if there.misfit + tried @ spread @ tried < cost:
+                    break
+            else:
+                return point
+            gained = cost - there.misfit - float(tried @ spread @ tried)
+            point, weights, cost = there, tried, cost - gained
+            if gained < ENOUGH * cost:
+                break
+        return point
+
+    def _take(self, point: Point, past: Commands, told: Array) -> None:
+        """Take over a change of the unknowns, at the present pulls; raises StaticsError."""
+        now, start = self._past[-1], point.start
+        self.state = point.state if past is now else point.statics.solve(
+            start, now.pulls + point.unknowns[self.layout.offset],
+            [not s for s in start.stiff], vacuum=start.vacuum or None, sliding=now.sliding)
+        self.values, self._statics = point.unknowns, point.statics
+        gain = told[:, None] * np.linalg.solve(point.covariance(self.covariance),
+                                               point.rows @ self.covariance).T
+        left = np.eye(self.layout.size) - gain @ point.rows
+        self.covariance = left @ self.covariance @ left.T + gain @ point.noise @ gain.T
+
+    def loosen(self, directions: Array) -> None:
+        """
+        Know less: add errors of the unknowns that are independent and of deviation 1.
+
+        directions: (size, n), by how much each error changes the unknowns.
+        """
+        more = directions @ directions.T
+        self.covariance = self.covariance + more
+        self._displaced += np.diag(more)[self.layout.model:]
+
+    def _trusted(self, distance: float, size: int, seen: bool) -> bool:
+        """
+        Whether a measurement is used: one of discs that lies far off is, if the next ones agree.
+
+        seen: whether it is of discs.  Tensions say too little of the shape to open it up.
+        """
+        if distance * size <= GATES[min(size, len(GATES)) - 1]:
+            self._beyond *= not seen
+            return True
+        self._beyond += seen
+        if not seen or self._beyond < PERSISTENT:
+            return False
+        self._reopen()
+        return True
+
+    def _reopen(self) -> None:
+        """Let offsets and held shapes be anything again: something happened to the arm."""
+        self._beyond = 0
+        for row in [*range(self.layout.segments),
+                    *range(self.layout.offset.start, self.layout.offset.stop)]:
+            if row >= self.layout.segments or self.state.stiff[row]:
+                first = max(self._first[row, row], self.prior.lock_in**2
+                            if row < self.layout.segments else 0.0)
+                self.covariance[row, row] += REOPENED**2 * first
+
+    def _linearised(self, change: Array, past: Commands, measurements: Sequence[Measurement]
+                    ) -> Point:
+        """Return what would be measured if the unknowns changed; raises StaticsError."""
+        layout, state = self.layout, self.state
+        unknowns = limited(self.values + change, layout)
+        unknowns[layout.held] = 0.0  # it is in the held angles
+        statics, start, there = self._statics, state, state
+        changed = bool(change.any())
+        if changed:
+            statics = Statics(arm_with(self._described, layout, unknowns))
+            per = statics.chain.joints_per_segment
+            held = np.repeat(change[layout.held] / per * np.array(state.stiff), per)
+            start = replace(state, held_angles=state.held_angles + held, chain=statics.chain)
+        if changed or past is not self._past[-1]:
+            there = statics.solve(start, past.pulls + unknowns[layout.offset],
+                                  [not s for s in state.stiff], vacuum=state.vacuum or None,
+                                  sliding=past.sliding)
+        there_predicted = predicted(statics, layout, there, past.sliding)
+        values, rows, noise, biases = [], [], [], []
+        for one in measurements:
+            found = one.residual(there_predicted, unknowns)
+            self._expect_biases(found.biases, np.diag(found.covariance))
+            values.append(found.values)
+            rows.append(found.rows)
+            noise.append(OWN_SHARE * found.covariance)
+            biases.append(found.biases)
+        jacobian, sizes = np.concatenate(rows), np.cumsum([0, *map(len, noise)])
+        total = np.zeros((sizes[-1], sizes[-1]))
+        for begin, end, block in zip(sizes, sizes[1:], noise, strict=False):
+            total[begin:end, begin:end] = block
+        # A moving arm is behind its statics as if its tendons were.
+        late = jacobian[:, layout.offset] * (self._speeds * LAG)
+        discs, coordinates = np.divmod(np.concatenate(biases) - layout.model, POSE)
+        return Point(change, unknowns, statics, start, there, discs, coordinates,
+                     np.concatenate(values), jacobian, total + late @ late.T)
+
+    def _expect_biases(self, biases: NDArray[np.intp], variances: Array) -> None:
+        """Take what a sensor says of itself as what is wrong in all its measurements alike."""
+        for row, variance in zip(biases, (1.0 - OWN_SHARE) * variances, strict=True):
+            if self.covariance[row, row] == 0.0:
+                self.covariance[row, row] = variance
+            self._bias_variances[row - self.layout.model] = (
+                variance + self._displaced[row - self.layout.model])
+
+    # What is known.
+
+    def deviations(self) -> Array:
+        """Return the standard deviations of the unknowns, (size,)."""
+        found: Array = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return found
+
+    def determined(self) -> Array:
+        """Whether the data tell more than the prior of each of ``layout.parameters``."""
+        where = self.layout.parameters
+        return np.asarray(np.diag(self.covariance)[where] < 0.5 * np.diag(self._first)[where])
+
+    def pose_covariances(self) -> Array:
+        """Return the covariances of the poses of all discs, base first, (discs, 3, 3)."""
+        joints = rates(self._statics, self.layout, self.state).joint_angles
+        _, rows = disc_poses(self._statics.chain, self.state.joint_angles, joints)
+        found: Array = rows @ self.covariance @ rows.transpose(0, 2, 1) + MODEL_ERROR
+        if self._past and self.switching(self._past[-1].time):
+            found += self._change[:, :, None] * self._change[:, None, :]
+        return found

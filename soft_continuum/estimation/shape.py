@@ -1,0 +1,250 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The shape of the arm: predicted from motors and valves alone, and estimated once it is measured.
+
+The prediction knows the shape of a stiff segment only by having followed it from a straight arm
+on.  It goes on beside the estimate, for comparison.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from soft_continuum.estimation.anomalies import Anomaly, Watch
+from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.estimator import Estimator, HISTORY
+from soft_continuum.estimation.measuring import DiscMeasurement, Innovation, Measurement
+from soft_continuum.estimation.unknowns import DEFAULT_ESTIMATION, EstimationSettings, MAX_OFFSET
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.joints import wrapped
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, Statics, StaticsError
+
+STRAIGHT_PULLS = 1e-5
+"""m: pulls of an arm that is still where it was referenced: those of opposite bends cancel."""
+PULL_RESOLUTION = 1e-9  # m: a smaller change of pull changes nothing
+MAX_FAILURES = 50  # steps in turn that the estimate cannot follow, after which it begins anew
+FAR_OFF = 30.0  # squared distance over its expected value, of measurements of another shape
+MAX_FAR_OFF = 15  # of them in turn, after which the estimate begins anew
+
+
+class ShapeError(Exception):
+    """The shape is not known; values: what is reported with it, by name, one for each tendon."""
+
+    def __init__(self, message: str, **values: Array) -> None:
+        """Say why."""
+        super().__init__(message)
+        self.values = values
+
+
+class UnknownShapeError(ShapeError):
+    """It has never been known."""
+
+
+class ArmShape:
+    """Follows one arm."""
+
+    def __init__(self, arm: Arm, straight_tolerance: float,
+                 settings: EstimationSettings = DEFAULT_ESTIMATION) -> None:
+        """
+        Begin without knowing the shape.
+
+        straight_tolerance: m by which the tendons may be too short for a stiff arm.
+        """
+        self.settings = settings
+        self.statics = Statics(arm)
+        self.predicted: Equilibrium | None = None
+        self.estimator: Estimator | None = None
+        self._watch = Watch()
+        self._arm, self._tolerance = arm, straight_tolerance
+        self._commands: Commands | None = None
+        self._solved: tuple[object, ...] = ()
+        self._failures = self._far_off = 0
+        self._measured: float | None = None  # when it last was, s
+
+    @property
+    def state(self) -> Equilibrium | None:
+        """The shape: the estimate, or without any measurement the prediction."""
+        return self.predicted if self.estimate is None else self.estimate.state
+
+    @property
+    def estimate(self) -> Estimator | None:
+        """The estimate, once a measurement has been used."""
+        found = self.estimator
+        return None if found is None or found.updated is None else found
+
+    @property
+    def anomalies(self) -> tuple[Anomaly, ...]:
+        """What is wrong with the arm at present, by the measurements."""
+        return self._watch.active
+
+    # Motors and valves.
+
+    def follow(self, commands: Commands) -> None:
+        """
+        Bring the shape up to date; raises ShapeError when it is not known.
+
+        Raises StaticsError when the model has no equilibrium there; the shape stays what it was.
+        """
+        if self._commands is not None and commands.time < self._commands.time - HISTORY:
+            self._forget_estimate()  # the clock was set back: nothing of it can be compared
+        self._commands = commands
+        self._watch.follow(commands)
+        problem: Exception | None = None
+        try:
+            self._predict(commands)
+        except (ShapeError, StaticsError) as error:
+            problem = error
+        if self.estimator is not None and self.estimate is None:
+            try:  # it has not told anything yet, and need not be there
+                self.estimator.follow(commands)
+            except StaticsError:
+                self.estimator = None
+        elif self.estimator is not None:
+            self._follow_estimate(self.estimator, commands)
+        if problem is not None and (self.estimate is None or self.estimate.measured is None):
+            raise problem
+
+    def _follow_estimate(self, estimator: Estimator, commands: Commands) -> None:
+        try:
+            estimator.follow(commands)
+        except StaticsError:
+            self._failures += 1
+            if self._failures >= MAX_FAILURES:
+                self._begin_anew()
+            raise
+        self._failures = 0
+
+    def _begin_anew(self) -> None:
+        """Forget the estimate: the next measurement of all discs begins another."""
+        self._forget_estimate()
+        self.predicted, self._solved = None, ()
+
+    def _forget_estimate(self) -> None:
+        self.estimator, self._measured, self._watch = None, None, Watch()
+        if self._commands is not None:
+            self._watch.follow(self._commands)
+        self._failures = self._far_off = 0
+
+    def _predict(self, commands: Commands) -> None:
+        if self.predicted is None and np.abs(commands.pulls).max() <= STRAIGHT_PULLS:
+            self.predicted = self.statics.chain.straight()
+        if self.predicted is None:
+            raise UnknownShapeError('the shape is unknown: the tendons were pulled before this '
+                                    'node started')
+        key = (*np.round(commands.pulls / PULL_RESOLUTION), *commands.stiff,
+               *(commands.vacuum or ()))
+        if key == self._solved:
+            return
+        pulls, soft = commands.pulls, commands.soft
+        if not any(soft):
+            short = pulls - np.asarray(self.predicted.pulls)
+            if short.max() > self._tolerance:
+                raise ShapeError('the tendons do not fit the stiff arm: its shape is unknown',
+                                 short=short)
+            # A locked arm does not yield to the last step of a stepper.
+            pulls = np.minimum(pulls, self.predicted.pulls)
+        self.predicted = self._equilibrium(self.predicted, pulls, commands)
+        self._solved = key
+
+    def _equilibrium(self, start: Equilibrium, pulls: Array, commands: Commands) -> Equilibrium:
+        """
+        Return the state for pulls (tendons,) m; raises StaticsError.
+
+        The tendons of the model do not give: with all of them a micrometre too short, as steppers
+        round, the arm would buckle.  Up to SLACK_ALLOWANCE one is slackened, if possible the one
+        that carries least.
+        """
+        def solve(wanted: Array) -> Equilibrium:
+            return self.statics.solve(start, wanted, commands.soft, vacuum=commands.vacuum,
+                                      sliding=commands.sliding)
+
+        state = solve(pulls)
+        if all(state.taut):
+            for tendon in np.argsort(state.tensions):
+                eased = np.array(pulls)
+                eased[tendon] -= SLACK_ALLOWANCE
+                other = solve(eased)
+                if not other.taut[tendon]:
+                    return other
+        return state
+
+    def set_straight(self) -> None:
+        """Take the arm to be straight."""
+        self._begin_anew()
+        self.predicted = self.statics.chain.straight()
+
+    def set_soft(self, pulls: Array) -> None:
+        """Take the shape that the pulls alone make, every segment soft; raises StaticsError."""
+        state = self.statics.solve(self.statics.chain.straight(), pulls,
+                                   [True] * self.statics.chain.segments)
+        self._begin_anew()
+        self.predicted = state
+
+    # Measurements.
+
+    def measure(self, time: float, measurements: Sequence[Measurement]) -> Innovation | None:
+        """
+        Use what was measured at ``time``; None where it was not used, ``refusal`` says why.
+
+        Raises StaticsError, and then keeps what it was.
+        """
+        commands = self._commands
+        if commands is None or not self.settings.enabled:
+            return None
+        discs = [one for one in measurements if isinstance(one, DiscMeasurement)]
+        if self.estimator is None:
+            self.estimator = self._first_estimator(time, discs, commands)
+            if self.estimator is None:
+                return None
+            self._watch.refer_to(self.estimator, time)
+        innovation = self.estimator.measure(time, measurements)
+        self._measured = self.estimator.measured
+        if innovation is not None and discs:
+            try:
+                self.estimator = self._watch.note(time, discs, self.estimator)
+            except (StaticsError, np.linalg.LinAlgError):
+                self._watch.forget()
+            self._far_off = self._far_off + 1 if innovation.distance > FAR_OFF else 0
+            seen = self._seen(discs, commands)
+            if self._far_off >= MAX_FAR_OFF and seen is not None:
+                self._far_off = 0
+                self.estimator = self._estimator(seen, commands)
+        return innovation
+
+    def refusal(self, time: float) -> str:
+        """Return why a measurement of that time cannot be used; empty when it can."""
+        if self._commands is None:
+            return 'tendons and valves are not known yet'
+        if self.estimator is None and self.predicted is None:
+            return 'the shape is unknown until every disc is measured at once'
+        return '' if self.estimator is None else self.estimator.ready(time)
+
+    def _first_estimator(self, time: float, discs: Sequence[DiscMeasurement], commands: Commands
+                         ) -> Estimator | None:
+        if self.predicted is not None:
+            return self._estimator(self.predicted, commands)
+        seen = self._seen(discs, commands)
+        if seen is None:
+            return None
+        self._measured = time
+        return self._estimator(seen, commands)
+
+    def _estimator(self, start: Equilibrium, commands: Commands) -> Estimator:
+        estimator = Estimator(self._arm, start, self.settings.prior, self.settings.drift)
+        estimator.measured = estimator.updated = self._measured
+        slack = np.asarray(start.pulls) - commands.pulls
+        estimator.values[estimator.layout.offset] = np.clip(slack, -MAX_OFFSET, 0.0)
+        estimator.follow(commands)
+        return estimator
+
+    def _seen(self, discs: Sequence[DiscMeasurement], commands: Commands) -> Equilibrium | None:
+        """Return the shape that bends evenly as the discs are seen; None unless all are."""
+        angles = {one.disc: one.pose[2] for one in discs if one.measures_angle}
+        segments = self.statics.chain.segments
+        if not all(n in angles for n in range(1, segments + 1)):
+            return None
+        bends = np.diff([0.0, *(angles[n] for n in range(1, segments + 1))])
+        return replace(self.statics.chain.uniform(wrapped(bends)), vacuum=commands.vacuum or ())

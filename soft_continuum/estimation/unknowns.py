@@ -1,0 +1,205 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the statics do not know of an arm, as one vector, and the arm that has it.
+
+Not from the paper, which takes the stiffness as known and finds shapes 22 % off when it is not.
+"""
+
+from dataclasses import dataclass, field, replace
+from math import exp, inf, log
+
+import numpy as np
+
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.laws import Jam
+
+POSE = 3  # numbers of a planar pose: x, z, angle
+MIN_RATIO = 2.0  # K of a stiff segment that is estimated
+MAX_RATIO = 1e4
+MAX_FACTOR = 5.0  # of a stiffness
+MAX_OFFSET = 0.01  # m of a tendon
+STRETCH = 3e-5
+"""m/N of tendons that are described as inextensible: half a metre of the paper's steel rope, of
+0.75 mm.  Without any, two that are a hundredth of a millimetre too short would crush the arm."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """
+    What is known before anything is measured: standard deviations.
+
+    stiffness: of the logarithm of each segment's stiffness over the described one.  ratio: of the
+    logarithm of K.  rigid_ratio: the median of K where the description has a rigid jam.  offset:
+    m, of each tendon.  payload: kg.  straight: rad, of the bending angle of a stiff segment that
+    is taken to be straight.  lock_in: rad by which a segment bends when it is stiffened.
+    """
+
+    stiffness: float = 0.25
+    ratio: float = 1.0
+    rigid_ratio: float = 30.0
+    offset: float = 1.5e-3
+    payload: float = 0.03
+    straight: float = 0.01
+    lock_in: float = 0.006
+
+
+@dataclass(frozen=True)
+class Drift:
+    """
+    By how much what is estimated may change with time and motion: random walks.
+
+    stiffness, ratio: standard deviation of the logarithms after a minute.  payload: kg after a
+    minute.  offset: m of each tendon after a minute.  held: rad after a minute, of the shape that
+    a jam holds.  offset_motion: m of a tendon's offset after its motor has moved by 10 mm
+    (friction, backlash, stretch).  held_motion: rad, of the shape that a jam holds, the same.  0
+    switches one off.
+    """
+
+    stiffness: float = 0.03
+    ratio: float = 0.1
+    payload: float = 2e-3
+    offset: float = 1e-3
+    held: float = 5e-3
+    offset_motion: float = 5e-4
+    held_motion: float = 4e-3
+
+
+@dataclass(frozen=True)
+class EstimationSettings:
+    """What is known beforehand, how it may drift, and whether measurements are used at all."""
+
+    prior: Prior = field(default_factory=Prior)
+    drift: Drift = field(default_factory=Drift)
+    enabled: bool = True
+
+
+DEFAULT_ESTIMATION = EstimationSettings()
+
+
+@dataclass(frozen=True)
+class Layout:
+    """
+    Where each unknown is in the vector.
+
+    In turn: by how much the shape that a stiff segment holds is off (rad of its bending angle),
+    the logarithms of stiffness factors and of K, of each segment; the offset of each tendon (m
+    pulled in beyond what its motor says); the payload (kg); what is wrong alike in all
+    measurements of a disc (x, z in m, angle in rad), discs from the base; what is wrong alike in
+    all measured tensions of each tendon (N).
+    """
+
+    segments: int
+    tendons: int
+
+    @property
+    def held(self) -> slice:
+        """Shapes that stiff segments hold."""
+        return slice(0, self.segments)
+
+    @property
+    def stiffness(self) -> slice:
+        """Logarithms of stiffness factors."""
+        return slice(self.segments, 2 * self.segments)
+
+    @property
+    def ratio(self) -> slice:
+        """Logarithms of K."""
+        return slice(2 * self.segments, 3 * self.segments)
+
+    @property
+    def offset(self) -> slice:
+        """Offsets of the tendons."""
+        return slice(3 * self.segments, 3 * self.segments + self.tendons)
+
+    @property
+    def payload(self) -> int:
+        """The payload."""
+        return 3 * self.segments + self.tendons
+
+    @property
+    def model(self) -> int:
+        """Number of unknowns of the model; what is wrong with the measurements follows."""
+        return self.payload + 1
+
+    @property
+    def parameters(self) -> slice:
+        """What is estimated beside the shape."""
+        return slice(self.segments, self.model)
+
+    def bias(self, disc: int) -> slice:
+        """What is wrong in all measurements of a disc."""
+        return slice(self.model + POSE * disc, self.model + POSE * (disc + 1))
+
+    def tension_bias(self, tendon: int) -> int:
+        """What is wrong in all measured tensions of a tendon."""
+        return self.model + POSE * (self.segments + 1) + tendon
+
+    @property
+    def biases(self) -> slice:
+        """What is wrong in all measurements, of discs and of tensions."""
+        return slice(self.model, self.size)
+
+    @property
+    def told_by_tensions(self) -> list[int]:
+        """What tensions correct: all else would be bent to what the statics lack of friction."""
+        return [*range(self.stiffness.start, self.stiffness.stop),
+                *range(self.tension_bias(0), self.size)]
+
+    @property
+    def size(self) -> int:
+        """Number of all of them."""
+        return self.tension_bias(self.tendons)
+
+
+def first_values(arm: Arm, layout: Layout, prior: Prior) -> Array:
+    """Return the vector (size,) of the described arm."""
+    values = np.zeros(layout.size)
+    values[layout.ratio] = [log(prior.rigid_ratio if s.jam.rigid else
+                                min(s.jam.ratio, MAX_RATIO)) for s in arm.segments]
+    values[layout.payload] = arm.payload
+    return values
+
+
+def first_covariance(arm: Arm, layout: Layout, prior: Prior) -> Array:
+    """Return the covariance (size, size) before anything was measured; biases are added later."""
+    variances = np.zeros(layout.size)
+    variances[layout.held] = prior.straight**2
+    variances[layout.stiffness] = [
+        0.0 if s.soft_law is not None else prior.stiffness**2 for s in arm.segments]
+    variances[layout.ratio] = [
+        0.0 if s.jam.law is not None else prior.ratio**2 for s in arm.segments]
+    variances[layout.offset] = prior.offset**2
+    variances[layout.payload] = prior.payload**2
+    return np.diag(variances)
+
+
+def limited(values: Array, layout: Layout) -> Array:
+    """Return a vector within what a model can be made of."""
+    after = values.copy()
+    after[layout.stiffness] = np.clip(after[layout.stiffness], -log(MAX_FACTOR), log(MAX_FACTOR))
+    after[layout.ratio] = np.clip(after[layout.ratio], log(MIN_RATIO), log(MAX_RATIO))
+    after[layout.offset] = np.clip(after[layout.offset], -MAX_OFFSET, MAX_OFFSET)
+    after[layout.payload] = max(0.0, after[layout.payload])
+    return after
+
+
+def arm_with(arm: Arm, layout: Layout, values: Array) -> Arm:
+    """
+    Return a described arm with the estimated stiffness, K and payload; its jams and tendons give.
+
+    A jam that is described by a measured law keeps it.
+    """
+    segments = tuple(
+        replace(s, bending_stiffness=s.bending_stiffness * exp(factor),
+                jam=s.jam if s.jam.law is not None else
+                Jam(ratio=exp(ratio), yield_moment=s.jam.yield_moment,
+                    stiffness_exponent=s.jam.stiffness_exponent))
+        for s, factor, ratio in zip(arm.segments, values[layout.stiffness],
+                                    values[layout.ratio], strict=True))
+    tendon = arm.tendon
+    if tendon.axial_stiffness == inf:
+        tendon = replace(tendon, axial_stiffness=(tendon.free_length + arm.length) / STRETCH)
+    return replace(arm, segments=segments, tendon=tendon,
+                   payload=float(values[layout.payload]))

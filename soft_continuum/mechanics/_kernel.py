@@ -1,0 +1,254 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The compiled functions, for the rest of the mechanics: ``_kernel.functions().newton(...)``.
+
+numba makes an extension module of them once, in a process of its own, and everything that solves
+loads that: numba itself takes more than a second and 70 MB.  Where no extension can be built (no
+C++ compiler) numba compiles in the process and keeps that on disk; without numba the source runs
+as it is, slower, with the same result.
+"""
+
+from contextlib import suppress
+from functools import cache
+import hashlib
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+import os
+from pathlib import Path
+import shutil
+import stat
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from typing import Any, NamedTuple
+import warnings
+
+import numpy as np
+
+from soft_continuum.mechanics import _assembly, _newton
+from soft_continuum.mechanics._compile import Function, jit, MARKED
+from soft_continuum.mechanics.spatial import _assembly as _spatial_assembly
+from soft_continuum.mechanics.spatial import _newton as _spatial_newton
+
+# Arrays of any strides: an extension does not check those that it is given.
+VECTOR, MATRIX, TENSOR, INDICES = 'f8[:]', 'f8[:, :]', 'f8[:, :, :]', 'i8[:]'
+STATE = f'UniTuple({VECTOR}, 3)'
+SYSTEM = f'Tuple(({MATRIX}, {MATRIX}, {TENSOR}, {MATRIX}, {MATRIX}, {INDICES}))'
+DRIVE = f'Tuple(({INDICES}, {VECTOR}, {VECTOR}, {INDICES}))'
+LINKS = (f'Tuple(({TENSOR}, {TENSOR}, {TENSOR}, {MATRIX}, {INDICES}, {MATRIX}, i8[:, :], '
+         f'{MATRIX}))')
+SIGNATURES = {
+    'newton': f'Tuple((i8, i8, f8, f8))({STATE}, {SYSTEM}, {DRIVE}, {VECTOR}, f8, {VECTOR})',
+    'newton_batch':
+        f'void(Tuple(({MATRIX}, {MATRIX}, {MATRIX})), '
+        f'Tuple(({TENSOR}, {TENSOR}, {TENSOR}, {TENSOR}, {MATRIX}, i8[:, :])), {INDICES}, '
+        f'Tuple(({INDICES}, {MATRIX}, {MATRIX}, {INDICES})), {MATRIX}, '
+        f'{INDICES}, {VECTOR}, {VECTOR}, i8, i8)',
+    'moment_balance': f'f8[::1]({VECTOR}, {VECTOR}, {SYSTEM}, i8)',
+    'dense_system':
+        f'Tuple((f8[:, ::1], f8[:, ::1], f8[:, ::1]))({VECTOR}, {VECTOR}, {SYSTEM}, i8)',
+    'spatial_newton':
+        f'Tuple((i8, i8, f8, b1))({TENSOR}, {VECTOR}, b1[:], {LINKS}, '
+        f'Tuple(({INDICES}, {VECTOR}, {VECTOR}, {MATRIX}, f8)), i8)',
+    'spatial_balance': f'f8[:, ::1]({TENSOR}, {VECTOR}, {LINKS})',
+}
+PASSING = 3  # exit status of a build that may do another time: no numba yet, no space
+KEPT = 8  # versions in the cache of the user
+BUILD = f"""import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from soft_continuum.mechanics._kernel import build_here
+try:
+    build_here(Path(sys.argv[2]))
+except (ImportError, OSError) as error:
+    print(f'{{type(error).__name__}}: {{error}}', file=sys.stderr)
+    sys.exit({PASSING})"""
+HERE = Path(__file__).parent
+FAILURE = 'failure'  # where it is noted why the extension could not be built
+
+
+class Functions(NamedTuple):
+    """The functions, and what runs them: ``extension``, ``numba`` or ``python``."""
+
+    newton: Function
+    newton_batch: Function
+    moment_balance: Function
+    dense_system: Function
+    spatial_newton: Function
+    spatial_balance: Function
+    runs_in: str
+
+
+SOURCE = Functions(_newton.newton, _newton.newton_batch, _assembly.moment_balance,
+                   _assembly.dense_system, _spatial_newton.newton,
+                   _spatial_assembly.balance, 'python')
+"""The functions as they are written."""
+
+
+@cache
+def functions() -> Functions:
+    """Return the fastest that can be had; the first call ever takes up to a minute."""
+    cache = user_cache()
+    for _ in range(2):  # the first look removes one that is damaged
+        if must_build() and cache is not None:
+            build(cache)
+        if (found := _load()) is not None:
+            return found
+    try:
+        made = jit(_writable(cache))
+    except ImportError:
+        return SOURCE
+    return SOURCE._replace(
+        runs_in='numba', **{name: made[getattr(SOURCE, name)] for name in SIGNATURES})
+
+
+def must_build() -> bool:
+    """Tell whether the first call of ``functions`` builds the extension."""
+    return not _built() and find_spec('numba') is not None and not why_not_built()
+
+
+def why_not_built() -> str:
+    """Return what keeps the extension from being built, empty if nothing is known to."""
+    compiler = (sysconfig.get_config_var('CXX') or 'c++').split()[0]
+    if shutil.which(compiler) is None:
+        return f'there is no C++ compiler ({compiler}); install one, such as g++'
+    if not Path(sysconfig.get_path('include'), 'Python.h').exists():
+        return 'the headers of Python are missing; install them, such as python3-dev'
+    cache = user_cache()
+    if cache is None:
+        return 'there is no directory for it that is yours alone; set XDG_CACHE_HOME to one'
+    try:
+        lines = (cache / FAILURE).read_text(encoding='utf-8').split('\n')
+    except OSError:
+        return ''
+    return f'{lines[-1]}; the whole of it is in {cache / FAILURE}: delete it to try again'
+
+
+def build(directory: Path) -> str:
+    """
+    Build the extension in ``directory``; return why that failed, or an empty string.
+
+    Not in this process, which would keep numba.  In a session of its own, so that Ctrl-C does not
+    meet the compiler.
+    """
+    done = subprocess.run(
+        [sys.executable, '-P', '-c', BUILD, str(HERE.parents[1]), str(directory)],
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, start_new_session=True)
+    cache = _writable(user_cache())
+    if done.returncode == 1 and cache is not None:  # it would fail the next time, too
+        with suppress(OSError), tempfile.TemporaryDirectory(dir=cache) as scratch:
+            note = Path(scratch, FAILURE)
+            note.write_text(done.stderr.strip(), encoding='utf-8')
+            note.replace(cache / FAILURE)
+    return done.stderr.strip().rpartition('\n')[2] if done.returncode else ''
+
+
+def build_here(directory: Path) -> None:
+    """Build the extension unless it is there by now; raises what numba and the compiler raise."""
+    import fcntl
+    directory.mkdir(parents=True, exist_ok=True)
+    with open(directory / 'kernel.lock', 'w') as lock, warnings.catch_warnings(action='ignore'):
+        fcntl.flock(lock, fcntl.LOCK_EX)  # four nodes may start at once
+        if not (directory / _file_name()).exists() and not (directory / FAILURE).exists():
+            _compile(directory)
+            _remove_old(directory)
+
+
+def _compile(directory: Path) -> None:
+    from numba.pycc import CC  # its replacement is not there yet
+    from numba.pycc import compiler as ahead_of_time
+    new_flags = ahead_of_time.Flags
+
+    def without_interpreter_lock() -> Any:
+        flags = new_flags()
+        flags.release_gil = True
+        return flags
+
+    ahead_of_time.Flags = without_interpreter_lock
+    made = jit()
+    with tempfile.TemporaryDirectory(dir=directory) as scratch:
+        extension = CC('kernel')
+        extension.output_dir = scratch
+        for name, signature in SIGNATURES.items():
+            extension.export(name, signature)(made[getattr(SOURCE, name)].py_func)
+        extension.compile()
+        os.replace(Path(scratch, extension.output_file), directory / _file_name())
+
+
+def _built() -> list[Path]:
+    """Return where the extension is, and may be loaded from."""
+    return [path for directory in (HERE, user_cache()) if directory is not None
+            and (path := directory / _file_name()).exists()]
+
+
+def _load() -> Functions | None:
+    """Return the functions of the extension; remove one of the user that does not load."""
+    for path in _built():
+        try:
+            spec = spec_from_file_location('kernel', path)
+            assert spec is not None and spec.loader is not None
+            module = module_from_spec(spec)
+            spec.loader.exec_module(module)
+        except (ImportError, OSError):
+            with suppress(OSError):
+                path.unlink()
+            continue
+        return SOURCE._replace(
+            runs_in='extension', **{name: getattr(module, name) for name in SIGNATURES})
+    return None
+
+
+@cache
+def _digest() -> str:
+    """Return what names all that an extension is made of; its suffix names the Python."""
+    modules = {function.__module__ for function in MARKED} | {__name__, jit.__module__}
+    sources = [Path(sys.modules[name].__file__ or '') for name in sorted(modules)]
+    try:
+        numba = version('numba')
+    except PackageNotFoundError:
+        numba = ''
+    return hashlib.sha256(b''.join([np.__version__.encode(), numba.encode(), *(
+        path.read_bytes() for path in sources)])).hexdigest()[:16]
+
+
+def _file_name() -> str:
+    return f'kernel-{_digest()}{sysconfig.get_config_var("EXT_SUFFIX")}'
+
+
+def user_cache() -> Path | None:
+    """Return the directory in the cache of the user; None where others may write, or none is."""
+    given = os.environ.get('XDG_CACHE_HOME', '')
+    home = Path(given if os.path.isabs(given) else os.path.expanduser('~/.cache'))
+    path = home / 'soft_continuum'
+    if not path.is_absolute():
+        return None
+    nearest = next(p for p in (path, *path.parents) if p.exists())
+    status = nearest.stat()
+    if status.st_uid not in (os.geteuid(), 0) or (
+            path.exists() and status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)):
+        return None
+    return path / _digest()
+
+
+def _remove_old(directory: Path) -> None:
+    """Remove all but the newest versions beside ``directory``, one in the cache of the user."""
+    if directory != user_cache():
+        return
+    versions = sorted((path for path in directory.parent.iterdir()
+                       if len(path.name) == len(directory.name) and path.is_dir()),
+                      key=lambda path: path.stat().st_mtime)
+    for path in versions[:-KEPT]:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def _writable(directory: Path | None) -> Path | None:
+    """Return the directory, made if it was not there, or None where that cannot be."""
+    if directory is None:
+        return None
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return None
+    return directory if os.access(directory, os.W_OK) else None

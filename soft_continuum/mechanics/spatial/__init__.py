@@ -1,0 +1,39 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Statics of spatial arms: any number of tendons, routed anyhow, segments that bend in any direction.
+
+``SpatialStatics(arm)`` solves for the equilibrium; docs/explanation/space.md says how, and what is
+not there yet.
+"""
+
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from soft_continuum.mechanics.spatial.arm import (
+        spatial,
+        SpatialArm,
+        SpatialDisc,
+        SpatialSegment,
+        SpatialTendon,
+        Wrench,
+    )
+    from soft_continuum.mechanics.spatial.chain import SpatialChain, SpatialEquilibrium
+    from soft_continuum.mechanics.spatial.statics import SpatialStatics
+
+__all__ = ['SpatialArm', 'SpatialChain', 'SpatialDisc', 'SpatialEquilibrium', 'SpatialSegment',
+           'SpatialStatics', 'SpatialTendon', 'Wrench', 'spatial']
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        for module in ('arm', 'chain', 'statics'):
+            found = import_module(f'{__name__}.{module}')
+            if hasattr(found, name):
+                return getattr(found, name)
+    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

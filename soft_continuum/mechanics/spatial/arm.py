@@ -1,0 +1,219 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A spatial arm: segments that bend in any direction, and any number of tendons, routed anyhow.
+
+The frame is that of the planar arm: base_link at the bottom centre of the base disc, z along the
+straight arm, x and y across it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import cos, inf, pi, radians, sin
+
+from soft_continuum.mechanics._checks import whole
+from soft_continuum.mechanics.arm import (
+    Arm,
+    ArmError,
+    check_discretisation,
+    check_range,
+    LENGTH_RANGE,
+    PAPER,
+    STANDARD_GRAVITY,
+)
+from soft_continuum.mechanics.laws import Jam
+
+
+def _vector(name: str, value: Sequence[float], unit: str, most: float = 1e6) -> None:
+    if not isinstance(value, tuple | list) or len(value) != 3:
+        raise ArmError(f'{name} is {value!r}; give x, y and z in {unit}')
+    for part in value:
+        check_range(name, part, -most, most, unit)
+
+
+@dataclass(frozen=True)
+class SpatialSegment:
+    """
+    A segment that bends.
+
+    length: m.  stiffness_x, stiffness_y: E I about the x and y axes of its cross-section, N m^2;
+    inf for a hinge about the other axis, as a leaf spring is.  torsional_stiffness: G J, N m^2.
+    mass: kg.  jam: how it is stiffened; a yield moment or a law of its own is not supported.
+    """
+
+    length: float
+    stiffness_x: float
+    stiffness_y: float
+    torsional_stiffness: float = inf
+    mass: float = 0.0
+    jam: Jam = field(default_factory=Jam)
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a physical segment."""
+        check_range('segment length', self.length, *LENGTH_RANGE, 'm')
+        for name in ('stiffness_x', 'stiffness_y', 'torsional_stiffness'):
+            if getattr(self, name) != inf:
+                check_range(name.replace('_', ' '), getattr(self, name), 1e-9, 1e6, 'N m^2')
+        if self.stiffness_x == self.stiffness_y == inf:
+            raise ArmError('a segment must bend about one axis at least; both stiffnesses are '
+                           'infinite')
+        check_range('segment mass', self.mass, 0.0, 10.0, 'kg')
+        if not isinstance(self.jam, Jam):
+            raise ArmError(f'jam is {self.jam!r}; give a Jam, such as Jam(ratio=5.0)')
+        if self.jam.law is not None or self.jam.yield_moment != inf:
+            raise ArmError('a jam with a law or a yield moment is only supported in planar arms')
+
+
+@dataclass(frozen=True)
+class SpatialDisc:
+    """A rigid disc as Disc, which may also have no height: a mark on a rod."""
+
+    height: float = 0.0
+    mass: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a physical disc."""
+        check_range('disc height', self.height, 0.0, LENGTH_RANGE[1], 'm')
+        check_range('disc mass', self.mass, 0.0, 10.0, 'kg')
+
+
+@dataclass(frozen=True)
+class SpatialTendon:
+    """
+    A tendon, from the bottom of the base disc to the disc where it ends.
+
+    name: unique.  angle: of its guide at the base, rad about z from x.  offset: m from the axis;
+    one for all guides, or two for each segment up to the disc where it ends, at its lower and its
+    upper end.  end: number of that disc (base 0).  twist: rad per m of arm, by which a helical
+    tendon winds around it.  compliance: m/N by which it stretches.
+    """
+
+    name: str
+    angle: float
+    offset: float | tuple[float, ...]
+    end: int
+    twist: float = 0.0
+    compliance: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a tendon."""
+        if not (isinstance(self.name, str) and self.name):
+            raise ArmError(f'the name of a tendon is {self.name!r}; give a text')
+        check_range(f'angle of {self.name}', self.angle, -4 * pi, 4 * pi, 'rad')
+        if not (whole(self.end) and self.end >= 1):
+            raise ArmError(f'{self.name} ends at disc {self.end!r}; the base is 0, a tendon ends '
+                           'at 1 or above')
+        offsets = self.offset if isinstance(self.offset, tuple) else (self.offset,)
+        for offset in offsets:
+            check_range(f'offset of {self.name}', offset, 0.0, LENGTH_RANGE[1], 'm')
+        if len(offsets) not in (1, 2 * self.end):
+            raise ArmError(f'{self.name} has {len(offsets)} offsets; needed: one, or '
+                           f'{2 * self.end}, two for each segment up to disc {self.end}')
+        check_range(f'twist of {self.name}', self.twist, -1e3, 1e3, 'rad/m')
+        check_range(f'compliance of {self.name}', self.compliance, 0.0, 1.0, 'm/N')
+
+    def offset_at(self, segment: int, part: float) -> float:
+        """Distance from the axis in a segment (0-based), part 0 to 1 along it, m."""
+        if not isinstance(self.offset, tuple) or len(self.offset) == 1:
+            return self.offset[0] if isinstance(self.offset, tuple) else self.offset
+        lower, upper = self.offset[2 * segment:2 * segment + 2]
+        return lower + part * (upper - lower)
+
+
+@dataclass(frozen=True)
+class Wrench:
+    """A dead force (N) and moment (N m) on the centre of a disc (0: base), in base_link."""
+
+    disc: int
+    force: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    moment: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class SpatialArm:
+    """
+    A spatial arm: n segments between n + 1 discs, base first.
+
+    spacers: guides of every tendon inside each segment, evenly spaced.  bodies_per_segment: of the
+    chain of rigid bodies; a multiple of spacers + 1.  discretisation: as of Arm.  gravity:
+    acceleration of free fall in base_link, m/s^2.
+    """
+
+    segments: tuple[SpatialSegment, ...]
+    discs: tuple[SpatialDisc, ...]
+    tendons: tuple[SpatialTendon, ...]
+    bodies_per_segment: int = 12
+    spacers: int = 0
+    discretisation: str = PAPER
+    payload: float = 0.0
+    wrenches: tuple[Wrench, ...] = ()
+    gravity: tuple[float, float, float] = (0.0, 0.0, -STANDARD_GRAVITY)
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a physical arm."""
+        for name, kind in (('segments', SpatialSegment), ('discs', SpatialDisc),
+                           ('tendons', SpatialTendon), ('wrenches', Wrench)):
+            parts = getattr(self, name)
+            if not (isinstance(parts, tuple) and all(isinstance(p, kind) for p in parts)):
+                raise ArmError(f'{name} are {parts!r}; give a tuple, each a {kind.__name__}')
+        if not self.segments or len(self.discs) != len(self.segments) + 1:
+            raise ArmError(
+                f'{len(self.segments)} segments and {len(self.discs)} discs; needed: at least '
+                'one segment, one disc below each and one at the tip')
+        names = [tendon.name for tendon in self.tendons]
+        if len(set(names)) != len(names):
+            raise ArmError(f'the tendons are named {", ".join(names)}; give each its own name')
+        for tendon in self.tendons:
+            if tendon.end > len(self.segments):
+                raise ArmError(f'{tendon.name} ends at disc {tendon.end}; the last one is '
+                               f'{len(self.segments)}')
+        for wrench in self.wrenches:
+            if not (whole(wrench.disc) and 0 <= wrench.disc < len(self.discs)):
+                raise ArmError(f'there is no disc {wrench.disc}; the discs are 0 to '
+                               f'{len(self.discs) - 1}')
+            _vector('force', wrench.force, 'N')
+            _vector('moment', wrench.moment, 'N m')
+        check_discretisation(self.discretisation)
+        for name in ('bodies_per_segment', 'spacers'):
+            value = getattr(self, name)
+            if not (whole(value) and 0 <= value <= 1000):
+                raise ArmError(f'{name} is {value!r}; allowed: whole numbers up to 1000')
+        if not self.bodies_per_segment or self.bodies_per_segment % (self.spacers + 1):
+            raise ArmError(f'{self.bodies_per_segment} bodies per segment and {self.spacers} '
+                           'spacers; bodies must be a multiple of spacers + 1, so that spacers '
+                           'sit between bodies')
+        check_range('payload', self.payload, 0.0, 100.0, 'kg')
+        _vector('gravity', self.gravity, 'm/s^2', 100.0)
+
+    @property
+    def tendon_names(self) -> tuple[str, ...]:
+        """Names of the tendons, in the order of every list of tendons."""
+        return tuple(tendon.name for tendon in self.tendons)
+
+    @property
+    def length(self) -> float:
+        """Length of the straight arm from the bottom of the base disc to the tip, m."""
+        return sum(s.length for s in self.segments) + sum(d.height for d in self.discs)
+
+
+def spatial(arm: Arm) -> SpatialArm:
+    """
+    Return a planar arm as a spatial one: leaf springs that bend about y, tendons at +x and -x.
+
+    Raises ArmError for what spatial arms do not have: laws, friction, tendons that stretch.
+    """
+    if (arm.tendon.friction or arm.tendon.axial_stiffness != inf
+            or any(s.soft_law is not None for s in arm.segments)):
+        raise ArmError('measured laws, friction and stretch are only supported in planar arms')
+    offsets = tuple(offset for s in arm.segments for offset in s.guide_offsets)
+    angle = arm.mounting_angle
+    last = len(arm.segments)
+    return SpatialArm(
+        tuple(SpatialSegment(s.length, inf, s.bending_stiffness, inf, s.mass, s.jam)
+              for s in arm.segments),
+        tuple(SpatialDisc(d.height, d.mass) for d in arm.discs),
+        (SpatialTendon(arm.tendon_names[0], 0.0, offsets, last),
+         SpatialTendon(arm.tendon_names[1], radians(180.0), offsets, last)),
+        arm.bodies_per_segment, 0, arm.discretisation, arm.payload,
+        tuple(Wrench(f.disc, (f.x, 0.0, f.z)) for f in arm.forces),
+        (arm.gravity * sin(angle), 0.0, -arm.gravity * cos(angle)))

@@ -1,0 +1,274 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A spatial arm as a chain of rigid bodies with springs between them, and the geometry of its states.
+
+As in the plane (RigidChain) a segment is n bodies between n + 1 springs, and a disc is a body.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soft_continuum.mechanics.chain import Array, joint_lengths_of
+from soft_continuum.mechanics.spatial._assembly import HELD, JAM, STIFFNESS
+from soft_continuum.mechanics.spatial._rotations import rotate, rotation_vector
+from soft_continuum.mechanics.spatial.arm import SpatialArm
+
+Integers = NDArray[np.int64]
+System = tuple[Any, ...]
+"""The arrays of _newton."""
+RIGID = 1e6
+"""Times the smallest bending stiffness of a joint: of what is described as infinitely stiff."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialEquilibrium:
+    """
+    A state in which all forces and moments balance.
+
+    rotations: (bodies, 3, 3), of every body in base_link.  tensions: (tendons,) N.  pulls:
+    (tendons,) m, by how much the path of each is shorter than in the straight arm.  slack:
+    (tendons,) m by which each tendon is longer than its path.  residual: largest unbalanced
+    moment, N m.  stiff: which segments were.  held: (bodies, 3) rotation vectors that the joints
+    hold.  jumped: the arm went over to another equilibrium, since the one followed from the start
+    ceased to exist.  chain: the arm.
+    """
+
+    rotations: Array
+    tensions: Array
+    pulls: Array
+    slack: Array
+    residual: float
+    iterations: int
+    stiff: tuple[bool, ...]
+    held: Array
+    jumped: bool = False
+    chain: 'SpatialChain' = field(kw_only=True, repr=False)
+
+    @property
+    def points(self) -> Array:
+        """Bottom and top centre of every disc, base first, (2 * discs, 3), m."""
+        return self.chain.points(self.rotations)
+
+    @property
+    def orientations(self) -> Array:
+        """Orientation of every disc, base first, (discs, 3, 3)."""
+        found: Array = np.concatenate([np.eye(3)[None], self.rotations[self.chain.last_body]])
+        return found
+
+    @property
+    def tip(self) -> Array:
+        """The centre of the top of the last disc, (3,), m."""
+        tip: Array = self.points[-1]
+        return tip
+
+    @property
+    def bending(self) -> Array:
+        """
+        How far each segment bends about x and y of the disc below it, (segments, 2), rad.
+
+        Its length is the bending angle: that between the axes of the discs.
+        """
+        found = self.orientations
+        axes = np.einsum('sji,sj->si', found[:-1], found[1:, :, 2])  # in the frame below
+        across = np.linalg.norm(axes[:, :2], axis=1)
+        factor = np.arctan2(across, axes[:, 2]) / np.maximum(across, 1e-300)
+        bending: Array = np.column_stack([-axes[:, 1], axes[:, 0]]) * factor[:, None]
+        return bending
+
+
+class SpatialChain:
+    """The bodies, springs, loads and guides of a spatial arm, as arrays."""
+
+    def __init__(self, arm: SpatialArm) -> None:
+        """Discretise ``arm``."""
+        self.arm = arm
+        n = arm.bodies_per_segment
+        self.segments, self.joints_per_segment = len(arm.segments), n + 1
+        self.bodies = self.segments * (n + 1)
+        self.last_body = np.arange(1, self.segments + 1) * (n + 1) - 1
+        """Of each segment: the disc above it."""
+        lengths, masses, stiffness = [], [], []
+        for segment, disc in zip(arm.segments, arm.discs[1:], strict=True):
+            lengths += [segment.length / n] * n + [disc.height]
+            masses += [segment.mass / n] * n + [disc.mass]
+            least = min(segment.stiffness_x, segment.stiffness_y)
+            finite = [min(k, RIGID * least) for k in (
+                segment.stiffness_x, segment.stiffness_y, segment.torsional_stiffness)]
+            stiffness += [np.array(finite) / part for part in joint_lengths_of(
+                segment.length, n, arm.discretisation)]
+        self.lengths, self.masses = np.array(lengths), np.array(masses)
+        self.stiffness = np.array(stiffness)
+        self.forces, self.moments = self._loads()
+        self.guides = [self._guides(t) for t in range(len(arm.tendons))]
+        self._spans()
+        self.straight_paths = self.paths(np.tile(np.eye(3), (self.bodies, 1, 1)))
+
+    def _loads(self) -> tuple[Array, Array]:
+        """Return the force that acts at the end of each body's vector, and its dead moment."""
+        arm, bodies = self.arm, self.bodies
+        above = np.cumsum(self.masses[::-1])[::-1] - self.masses + arm.payload
+        forces = (0.5 * self.masses + above)[:, None] * np.array(arm.gravity)
+        moments = np.zeros((bodies, 3))
+        for wrench in arm.wrenches:
+            if wrench.disc > 0:  # the base does not move
+                body = self.last_body[wrench.disc - 1]
+                forces[:body] += wrench.force
+                forces[body] += 0.5 * np.array(wrench.force)
+                moments[body] += wrench.moment
+        return forces, moments
+
+    def _guides(self, number: int) -> list[tuple[int, Array, bool]]:
+        """Return body (-1: base), place from its lower end (3,), whether a span ends there."""
+        arm, tendon, n = self.arm, self.arm.tendons[number], self.arm.bodies_per_segment
+        found: list[tuple[int, Array, bool]] = []
+        height = arm.discs[0].height
+        for s, segment in enumerate(arm.segments[:tendon.end]):
+            for k in range(arm.spacers + 2):
+                part = k / (arm.spacers + 1)
+                z = height + part * segment.length
+                angle, offset = tendon.angle + tendon.twist * z, tendon.offset_at(s, part)
+                place = np.array([offset * np.cos(angle), offset * np.sin(angle), 0.0])
+                body = s * (n + 1) + round(part * n)
+                if k == 0:  # on top of the disc below
+                    body -= 1
+                    place[2] = arm.discs[0].height if s == 0 else self.lengths[body]
+                found.append((body, place, k > 0))
+            height += segment.length + arm.discs[s + 1].height
+        return found
+
+    def _spans(self) -> None:
+        """Lay out the spans: each a sum of vectors of bodies, and of one in base_link."""
+        tendons: list[int] = []
+        of_span: list[int] = []
+        bodies: list[int] = []
+        fixed: list[Array] = []
+        vectors: list[Array] = []
+        for t, guides in enumerate(self.guides):
+            for (low, start, _), (high, end, is_end) in zip(guides, guides[1:], strict=False):
+                if not is_end:
+                    continue
+                span = len(tendons)
+                tendons.append(t)
+                fixed.append(np.zeros(3) if low >= 0 else
+                             np.array([0.0, 0.0, self.arm.discs[0].height]) - start)
+                for j in range(max(low, 0), high + 1):
+                    along = np.array([0.0, 0.0, self.lengths[j]]) if j < high else end
+                    of_span.append(span)
+                    bodies.append(j)
+                    vectors.append(along - start if j == low else along)
+        self.span_tendons = np.array(tendons, dtype=np.int64)
+        self.span_fixed = np.array(fixed, dtype=float).reshape(-1, 3)
+        self.entry_spans = np.array(of_span, dtype=np.int64)
+        self.entry_bodies = np.array(bodies, dtype=np.int64)
+        self.entry_vectors = np.array(vectors, dtype=float).reshape(-1, 3)
+
+    def straight(self) -> SpatialEquilibrium:
+        """Return the straight arm with all tendons just taut, nothing pulled."""
+        return self.state(np.zeros((self.bodies, 3)))
+
+    def state(self, joints: Array) -> SpatialEquilibrium:
+        """Return joints (bodies, 3), rotation vectors in rad, as a held state without tension."""
+        joints = np.array(joints, dtype=float)
+        if joints.shape != (self.bodies, 3) or not np.all(np.isfinite(joints)):
+            raise ValueError(f'joints must be {self.bodies} rotation vectors (rad), '
+                             f'{self.joints_per_segment} for each segment')
+        rotations, turned = np.empty((self.bodies, 3, 3)), np.eye(3)
+        for k, joint in enumerate(joints):
+            rotate(turned, joint)
+            rotations[k] = turned
+        tendons = len(self.arm.tendons)
+        return SpatialEquilibrium(
+            rotations, np.zeros(tendons), self.straight_paths - self.paths(rotations),
+            np.zeros(tendons), 0.0, 0, (True,) * self.segments, joints, chain=self)
+
+    def uniform(self, bending: Sequence[Sequence[float]] | Array) -> SpatialEquilibrium:
+        """Return the held state whose segments bend evenly about x and y, (segments, 2) rad."""
+        each = np.column_stack([np.asarray(bending, dtype=float), np.zeros(self.segments)])
+        return self.state(np.repeat(each / self.joints_per_segment, self.joints_per_segment, 0))
+
+    def joints(self, rotations: Array) -> Array:
+        """Return the rotation vector of every joint, (bodies, 3), rad."""
+        found, before = np.empty((self.bodies, 3)), np.eye(3)
+        for k, rotation in enumerate(rotations):
+            rotation_vector(before.T @ rotation, found[k])
+            before = rotation
+        return found
+
+    def ends(self, rotations: Array) -> Array:
+        """Return the upper end of every body, the base disc first, (bodies + 1, 3), m."""
+        steps = np.concatenate([[[0.0, 0.0, self.arm.discs[0].height]],
+                                self.lengths[:, None] * rotations[:, :, 2]])
+        found: Array = np.cumsum(steps, axis=0)
+        return found
+
+    def points(self, rotations: Array) -> Array:
+        """Return bottom and top centre of every disc, base first, (2 * discs, 3), m."""
+        ends = self.ends(rotations)
+        points = np.zeros((2 * self.segments + 2, 3))
+        points[1], points[2::2], points[3::2] = (
+            ends[0], ends[self.last_body], ends[self.last_body + 1])
+        return points
+
+    def paths(self, rotations: Array) -> Array:
+        """Return the length of the path of each tendon through the segments, (tendons,), m."""
+        spans = self.span_fixed.copy()
+        np.add.at(spans, self.entry_spans, np.einsum(
+            'eij,ej->ei', rotations[self.entry_bodies], self.entry_vectors))
+        return sums(self.span_tendons, np.linalg.norm(spans, axis=1), len(self.arm.tendons))
+
+    def system(self, start: SpatialEquilibrium, soft: Sequence[bool]
+               ) -> tuple[Integers, System, Array]:
+        """
+        Return the arrays of _newton for soft segments, and what of each path nothing changes.
+
+        Bodies whose joints are rigid are one link.  First comes the link of every body (-1: fixed
+        to the base), last (tendons,) m.
+        """
+        rigid = np.repeat([not is_soft and s.jam.rigid for s, is_soft in zip(
+            self.arm.segments, soft, strict=True)], self.joints_per_segment)
+        link = np.cumsum(~rigid) - 1
+        first = np.flatnonzero(~rigid)
+        links = len(first)
+        own = np.concatenate([start.rotations[first], np.eye(3)[None]])[link]
+        inside = np.einsum('kji,kjl->kil', own, start.rotations)  # of each body in its link
+        loads, moments = np.zeros((links + 1, 3, 3)), np.zeros((links + 1, 3))
+        np.add.at(loads, link, self.lengths[:, None, None]
+                  * inside[:, :, 2, None] * self.forces[:, None, :])
+        np.add.at(moments, link, self.moments)
+        joints = np.zeros((links, 3, 3))
+        joints[:, STIFFNESS] = self.stiffness[first]
+        jams = np.array([0.0 if is_soft else s.jam.ratio - 1.0 for s, is_soft in zip(
+            self.arm.segments, soft, strict=True)])[first // self.joints_per_segment]
+        joints[:, JAM] = jams[:, None] * joints[:, STIFFNESS]
+        joints[:, HELD] = start.held[first]
+        before = np.concatenate([np.eye(3)[None], inside])  # a joint is on the body before
+        turns = before[first]
+        # Spans: what moves with one link is one vector.
+        vectors = np.einsum('eij,ej->ei', inside[self.entry_bodies], self.entry_vectors)
+        links_of = link[self.entry_bodies]
+        constants = self.span_fixed.copy()
+        fixed = links_of < 0
+        np.add.at(constants, self.entry_spans[fixed], vectors[fixed])
+        keys, of_entry = np.unique(
+            self.entry_spans[~fixed] * (links + 1) + links_of[~fixed], return_inverse=True)
+        moved = np.zeros((len(keys), 3))
+        np.add.at(moved, of_entry, vectors[~fixed])
+        spans_of, entries = np.divmod(keys, links + 1)
+        ends = np.searchsorted(spans_of, np.arange(len(constants) + 1))
+        moving = np.flatnonzero(np.diff(ends))
+        spans = np.column_stack([self.span_tendons[moving], ends[moving], ends[moving + 1]])
+        still = np.diff(ends) == 0
+        unchanged = sums(self.span_tendons[still], np.linalg.norm(constants[still], axis=1),
+                          len(self.arm.tendons))
+        return link, (joints, turns, loads[:links], moments[:links], entries, moved, spans,
+                      constants[moving]), unchanged
+
+
+def sums(of_tendon: Integers, lengths: Array, tendons: int) -> Array:
+    """Return the sum of the lengths of each tendon's spans, (tendons,), m."""
+    return np.bincount(of_tendon, lengths, tendons).astype(np.float64)

@@ -1,0 +1,60 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Measured poses of the discs as they arrive: checked, and together with others of their time."""
+
+from functools import partial
+from typing import Any
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+
+from soft_continuum.estimation.measuring import DiscMeasurement
+from soft_continuum.hardware.clock import STEADY
+from soft_continuum.nodes.entries import subscribe
+from soft_continuum.ros.conversions import measured_pose_from_ros, seconds
+from soft_continuum.ros.names import MEASURED_POSE
+from soft_continuum.ros.qos import SENSOR
+
+PATIENCE = 0.02  # s for which a pose waits for those of the other discs
+MAX_WAITING = 20
+"""Times of which poses wait; of more, as in a burst, the oldest are left out."""
+MAX_RATE = 60.0
+"""Times per second of which poses are used: each takes some milliseconds."""
+
+
+class MeasuredPoses:
+    """Collects disc_N/measured_pose of all discs but the base, which does not move."""
+
+    def __init__(self, node: Any, discs: int, frame: str) -> None:
+        """Subscribe for ``node``; frame: in which poses have to be."""
+        self._frame = frame
+        self._waiting: dict[float, tuple[float, dict[int, DiscMeasurement]]] = {}
+        self._taken = -1.0
+        self.refused = ''
+        """Why a pose was refused since it was last asked for."""
+        for disc in range(1, discs):
+            subscribe(node, PoseWithCovarianceStamped, MEASURED_POSE.format(disc),
+                      partial(self._on_pose, disc), SENSOR)
+
+    def _on_pose(self, disc: int, message: PoseWithCovarianceStamped) -> None:
+        try:
+            pose, covariance = measured_pose_from_ros(message, self._frame)
+        except ValueError as error:
+            self.refused = f'{MEASURED_POSE.format(disc)} has {error}'
+            return
+        stamp = seconds(message.header.stamp)
+        _, discs = self._waiting.setdefault(stamp, (STEADY(), {}))
+        discs[disc] = DiscMeasurement(disc, pose, covariance)
+        while len(self._waiting) > MAX_WAITING:
+            del self._waiting[next(iter(self._waiting))]
+
+    def take(self) -> list[tuple[float, list[DiscMeasurement]]]:
+        """Return what need not wait any longer: times in s, and what was measured then."""
+        now = STEADY()
+        ready = [stamp for stamp, (came, _) in self._waiting.items() if now - came >= PATIENCE]
+        found = []
+        for stamp in ready:
+            _, discs = self._waiting.pop(stamp)
+            if abs(stamp - self._taken) >= 1.0 / MAX_RATE:
+                self._taken = stamp
+                found.append((stamp, list(discs.values())))
+        return found

@@ -1,0 +1,93 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plans from the present state of the arm, as kinematics reports it, on a thread of their own."""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Equilibrium, RigidChain
+from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.sequencing.aiming import Aim, next_step, Step, worth_setting_again
+from soft_continuum.sequencing.background import PlanningThread
+from soft_continuum.sequencing.closed_loop import Loop
+from soft_continuum.sequencing.planner import (
+    PlanError,
+    Planner,
+    PlanSettings,
+    Shape,
+    ShapePlan,
+)
+from soft_continuum_interfaces.action import RunShapeSequence
+
+Result = TypeVar('Result')
+
+
+class Planning:
+    """Begins to plan; only the newest plan is made."""
+
+    def __init__(self, arm: Arm, parameters: Mapping[str, Any], observed: ArmObserver) -> None:
+        """Plan for what is ``observed`` of ``arm``, within the limits of the parameters."""
+        self._arm, self._parameters, self._observed = arm, parameters, observed
+        self._thread = PlanningThread()
+        self.abandon, self.close = self._thread.abandon, self._thread.close
+
+    def plan(self, shapes: Sequence[Shape]) -> 'Future[list[ShapePlan]]':
+        """Begin to plan shapes one after the other."""
+        return self._start(lambda planner, state, pulls: planner.plan(state, pulls, shapes))
+
+    def loop(self, aim: int) -> Loop:
+        """Return what a run by measurements asks for; aim: of RunShapeSequence."""
+        return Loop(partial(self._aim, aim), self._step, self._again, self._error)
+
+    def _aim(self, kind: int, shape: Shape) -> 'Future[Aim]':
+        settings = PlanSettings.of(self._parameters)
+        return self._start(
+            lambda *_: aim_of(shape, kind, self._arm, settings))
+
+    def _step(self, segments: Sequence[int], aim: Aim) -> 'Future[Step]':
+        dead_band = self._parameters['loop.dead_band']
+        return self._start(lambda planner, state, pulls: next_step(
+            planner, state, pulls, segments, aim, dead_band))
+
+    def _again(self, segments: Sequence[int], aim: Aim, release_limit: float
+               ) -> 'Future[tuple[int, ...]]':
+        lock_in = self._parameters['loop.lock_in_deviation']
+        return self._start(lambda planner, state, pulls: worth_setting_again(
+            planner, state, pulls, segments, aim, lock_in, release_limit))
+
+    def _error(self, aim: Aim) -> float | None:
+        shape = self._observed.shape
+        return None if shape is None else aim.error(shape)
+
+    def _start(self, work: Callable[[Planner, Equilibrium, tuple[float, ...]], Result]
+               ) -> 'Future[Result]':
+        known, pulls = self._observed.shape_and_model, self._observed.pulls
+        if known is None:
+            failed: Future[Result] = Future()
+            failed.set_exception(PlanError('the shape of the arm is not known any more'))
+            return failed
+        state, model = known
+        return self._thread.start(
+            lambda planner: work(planner, state, pulls), model.chain.arm, model.offsets.tolist(),
+            PlanSettings.of(self._parameters).with_slack_for(model.offset_deviations))
+
+
+def aim_of(shape: Shape, kind: int, arm: Arm, settings: PlanSettings) -> Aim:
+    """
+    Return what a shape aims at; kind: of RunShapeSequence.
+
+    Its tip is where its angles bring that of the described ``arm``, set from straight.
+    """
+    angles = np.array(shape.bending_angles)
+    chain = RigidChain(arm)
+    try:
+        state = Planner(arm, settings).plan(
+            chain.straight(), (0.0,) * len(arm.tendon_names), [shape])[0].state
+    except PlanError:  # it can be reached from the present shape only
+        state = chain.uniform(angles)
+    return Aim(angles, state.tip[:2], kind == RunShapeSequence.Goal.TIP)

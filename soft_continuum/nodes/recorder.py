@@ -1,0 +1,128 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The node that records: a service begins and ends files with everything that an arm publishes."""
+
+from pathlib import Path
+from time import strftime
+from typing import Any
+
+from rclpy.node import Node
+from std_srvs.srv import SetBool
+
+from soft_continuum.client.requests import Requests
+from soft_continuum.nodes.entries import repeat, serve
+from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, StatePublisher, Status, WARN
+from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.recordings.about import about, attach_parameters
+from soft_continuum.recordings.bag import BagError
+from soft_continuum.recordings.topics import TopicRecorder
+from soft_continuum.ros.names import RECORDER
+from soft_continuum_interfaces.msg import RecorderState
+
+ANSWER_TIMEOUT = 5.0  # s for the parameters of another node
+REPORT_PERIOD = 0.5  # s
+
+
+class Recorder(Node):
+    """
+    Records what is published in its namespace into MCAP files.
+
+    Serves ~/record (std_srvs/SetBool): true begins a file, false ends it.  Publishes ~/state
+    (RecorderState), ~/status and /diagnostics.  It moves nothing, and no other node needs it.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """Declare parameters and the service; nothing is recorded yet.  Raises ParameterError."""
+        super().__init__(RECORDER, **options)
+        self.parameters = NodeParameters(self, NODE_PARAMETERS[RECORDER])
+        self.status = Status(self, 'recordings')
+        self._states = StatePublisher(self, RecorderState)
+        self._recording: TopicRecorder | None = None  # that runs, or ran last
+        self._file = ''
+        self._requests = Requests(self, ANSWER_TIMEOUT)
+        serve(self, SetBool, '~/record', self._on_record)
+        repeat(self, REPORT_PERIOD, self._report)
+
+    def callback_failed(self, error: Exception) -> None:
+        """Report what a callback raised."""
+        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
+
+    def start(self) -> None:
+        """Wait to be asked."""
+        self._report()
+
+    def quit(self) -> None:
+        """End the recording that runs."""
+        if self._recording is not None:
+            self._recording.close()
+        self._report()
+
+    @property
+    def _runs(self) -> bool:
+        return self._recording is not None and not self._recording.closed
+
+    @property
+    def _problem(self) -> str:
+        """Why the recording ended by itself; empty if it did not."""
+        if self._recording is None or not self._recording.failure:
+            return ''
+        return (f'{self._file}: cannot be written any more: {self._recording.failure}; what was '
+                'recorded before is kept')
+
+    def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        recording = self._recording
+        if request.data == self._runs:
+            response.success = True
+            response.message = (f'already recording into {self._file}' if request.data else
+                                'nothing is being recorded')
+            return response
+        if request.data:
+            response.success, response.message = self._begin()
+        elif recording is not None:
+            recording.close()
+            response.success = not self._problem
+            response.message = (self._problem
+                                or f'{recording.counts.total()} messages in {self._file}')
+        self._report()
+        return response
+
+    def _begin(self) -> tuple[bool, str]:
+        directory = Path(self.parameters['recorder.directory']).expanduser()
+        space = self.get_namespace().strip('/').replace('/', '_') or 'arm'
+        path = directory / f'{space}_{strftime("%Y-%m-%d_%H-%M-%S")}.mcap'
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            recording: TopicRecorder | None = None
+            while recording is None:
+                try:
+                    recording = TopicRecorder(
+                        self, path, about(self), pictures=self.parameters['recorder.pictures'])
+                except FileExistsError:  # of the same second, or of another recorder
+                    path = path.with_name(f'{path.stem}_.mcap')
+        except OSError as error:
+            return False, (f'{path}: cannot be written: {error.strerror}; change '
+                           'recorder.directory')
+        except BagError as error:
+            return False, str(error)
+        self._requests.start(attach_parameters(self._requests, recording.attach))
+        self._recording, self._file = recording, str(path.absolute())
+        return True, f'recording into {self._file}'
+
+    def _report(self) -> None:
+        recording = self._recording
+        if recording is not None and recording.failure:
+            recording.close()
+        state = RecorderState(recording=self._runs, file=self._file, problem=self._problem)
+        if recording is not None:
+            state.messages, state.lost = recording.counts.total(), recording.lost
+        self._states.publish(state)
+        if state.problem:
+            self.status.set(ERROR, state.problem)
+        elif not state.recording:
+            self.status.set(OK, 'not recording', file=self._file)
+        elif state.lost:
+            self.status.set(WARN, f'{state.lost} messages are lost: too large, or the disk is '
+                            'too slow')
+        else:
+            self.status.set(OK, f'recording into {self._file}')

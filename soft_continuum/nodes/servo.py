@@ -1,0 +1,320 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The node that follows a moving target with the segment that is soft."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from geometry_msgs.msg import PointStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
+
+from soft_continuum.hardware.clock import STEADY
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.statics import Statics
+from soft_continuum.nodes.arm_commander import MotionCommander
+from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.nodes.entries import guarded, repeat, serve, subscribe
+from soft_continuum.nodes.model import load_model, loading
+from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.status import FAILURE_PERIOD, OK, Status, WARN
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.ros.age import Age
+from soft_continuum.ros.names import SERVO, SHAPE_SEQUENCER
+from soft_continuum.ros.qos import EVERY_STATE
+from soft_continuum.ros.text import plain
+from soft_continuum.sequencing.bending_curve import CurveLimits
+from soft_continuum.sequencing.servo import (
+    AngleServo,
+    HeldSegmentMovedError,
+    ServoSettings,
+    TargetError,
+)
+from soft_continuum_interfaces.msg import (
+    KinematicsState,
+    ShapeSequencerState,
+    TendonActuationState,
+)
+
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Targets: only the newest counts, from any publisher."""
+MAX_TARGET_BYTES = 1000
+SEQUENCE_TIMEOUT = 3.0  # s after its last state for a sequence to count as ended
+REFUSAL_PERIOD = 5.0  # s for which a refused target is reported
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A shape of the arm, when it had it, and when it was measured last, s (steady) or None."""
+
+    shape: Equilibrium
+    time: float
+    measured_time: float | None
+
+
+class EstimateObserver(ArmObserver):
+    """The arm as ArmObserver has it, and the times of its shape."""
+
+    def __init__(self, node: Any, *arguments: Any) -> None:
+        """Subscribe."""
+        self.estimate: Estimate | None = None
+        super().__init__(node, *arguments)
+
+    def _on_shape(self, message: KinematicsState) -> None:
+        before = self._reported
+        super()._on_shape(message)
+        if self._reported is None or self._reported is before:
+            return
+        now = STEADY()
+        time, measured = self._ros_time.steady(message.stamp), self.measured
+        self.estimate = Estimate(self._reported[0], now if time is None else min(time, now),
+                                 None if measured is None else min(measured, now))
+
+
+class Servo(Node):
+    """
+    Follows a moving target with the segment that is soft, while it is enabled.
+
+    Subscribes to ~/target_angle (std_msgs/Float64), ~/target_tip (geometry_msgs/PointStamped),
+    tendon_states, segment_N/pressure and the ~/state of the four nodes of an arm.  Publishes
+    tendon_actuation/joint_trajectory, ~/status and /diagnostics.  Serves ~/enable
+    (std_srvs/SetBool).
+
+    It moves nothing unless it is enabled, and whatever interferes disables it.  All happens on the
+    thread that spins the node.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """Declare parameters, topics and the service."""
+        super().__init__(SERVO, **options)
+        self.parameters = NodeParameters(self, NODE_PARAMETERS[SERVO])
+        self.status = Status(self, 'servo')
+        arm = arm_from_parameters(self.parameters)
+        self._compiled = False
+        self._servo: AngleServo | None = None  # while it is enabled
+        self._level, self._ended = OK, 'not enabled yet'  # why it is not
+        self._stiff: tuple[bool | None, ...] = ()  # when it was enabled
+        self._stops = 0
+        self._refused, self._refused_age = '', Age()
+        self._targets: dict[type, tuple[float, bytes]] = {}  # newest of each type, not read yet
+        self._estimate: Estimate | None = None  # that was taken in last
+        self._sequence, self._sequence_age = False, Age()
+        self._commander = MotionCommander(self, arm)
+        self._observed = EstimateObserver(self, arm, self.parameters, self._on_tendon_state)
+        subscribe(self, ShapeSequencerState, f'{SHAPE_SEQUENCER}/state', self._on_sequencer,
+                  EVERY_STATE)
+        self._receive(Float64, '~/target_angle')
+        self._receive(PointStamped, '~/target_tip')
+        serve(self, SetBool, '~/enable', self._on_enable)
+        repeat(self, 1.0 / self.parameters['servo.rate'], self._tick)
+        self._report()
+
+    def start(self) -> None:
+        """Load the model; the servo can be enabled once that is done."""
+        load_model(self, self._on_model)
+
+    def _on_model(self) -> None:
+        self._compiled = True
+
+    def quit(self) -> None:
+        """Hold the tendons before the process ends, if it moves them."""
+        self._hold('the node ended', OK)
+        self._report()
+
+    def callback_failed(self, error: Exception) -> None:
+        """Hold, and report what a callback raised."""
+        text = f'{type(error).__name__}: {error}'
+        self.status.alarm('callback', text, FAILURE_PERIOD)
+        self._hold(f'servo failed: {text}')
+
+    # Messages.
+
+    def _receive(self, kind: type, topic: str) -> None:
+        """Keep the newest target; it is read in the next cycle, so that a flood costs little."""
+        def on_target(data: bytes) -> None:
+            self._targets[kind] = STEADY(), data
+
+        self.create_subscription(kind, topic, guarded(self, on_target), NEWEST, raw=True)
+
+    def _on_sequencer(self, state: ShapeSequencerState) -> None:
+        self._sequence = state.running
+        self._sequence_age.refresh()
+        if state.running:
+            self._check()
+
+    def _on_tendon_state(self, state: TendonActuationState) -> None:
+        """Act on a stop or the end of the motion at once, however soon it is resumed."""
+        self._commander.on_tendon_state(state)
+        self._check()
+
+    # Enabling and disabling.
+
+    def _on_enable(self, request: SetBool.Request, response: SetBool.Response
+                   ) -> SetBool.Response:
+        if not request.data:
+            self._hold('it was asked to', OK)
+            response.success, response.message = True, 'disabled'
+        elif self._servo is not None:
+            response.success, response.message = True, 'already enabled'
+        else:
+            problem = self._refusal() or self._enable()
+            response.success = not problem
+            response.message = problem or f'enabled with segment {self._stiff.index(False) + 1}'
+        self._report()
+        return response
+
+    def _refusal(self) -> str:
+        """Return why the servo cannot be enabled now; empty when it can."""
+        observed = self._observed
+        if not self._compiled:
+            return loading()
+        if problem := observed.interlock:
+            return problem
+        if self._sequence_runs:
+            return 'a sequence runs; wait for its end, or cancel it'
+        if observed.moves:
+            return 'the tendons move; wait until they rest'
+        soft = [n for n, stiff in enumerate(observed.stiff, start=1) if not stiff]
+        if len(soft) != 1:
+            return ('exactly one segment has to be soft; soft: '
+                    f'{", ".join(map(str, soft)) or "none"}')
+        vacuum = self.parameters['ambient_pressure'] - observed.pressures[soft[0] - 1]
+        if not vacuum <= self.parameters['soft_vacuum']:
+            return (f'segment {soft[0]} is not soft yet: its vacuum is {vacuum:.0f} Pa; '
+                    f'soft_vacuum: {self.parameters["soft_vacuum"]:g} Pa')
+        if observed.shape is None or observed.estimate is None:
+            return 'the shape of the arm is not known'
+        if observed.shape.stiff != observed.stiff:
+            return 'kinematics does not know yet which segment is soft; try again'
+        return ''
+
+    def _enable(self) -> str:
+        """Enable the servo; return why that failed, empty when it did not."""
+        observed, parameters = self._observed, self.parameters
+        known = observed.shape_and_model
+        if known is None:
+            return 'the shape of the arm is not known'
+        (shape, model), (low, high) = known, parameters['pull_limits']
+        settings = ServoSettings(
+            CurveLimits((low, high), parameters['tension_limit'], parameters['antagonist_slack'],
+                        tuple(model.offsets.tolist())),
+            speed=parameters['tendon_speed'], acceleration=parameters['tendon_acceleration'],
+            period=1.0 / parameters['servo.rate'],
+            **{name: parameters[f'servo.{name}'] for name in (
+                'horizon', 'integral_time', 'response_time', 'extrapolation', 'friction_band',
+                'target_timeout', 'measurement_timeout')})
+        try:
+            self._servo = AngleServo(Statics(model.chain.arm), settings, shape,
+                                     observed.stiff.index(False))
+        except StaticsError as error:
+            return str(error)
+        self._stiff, self._stops = observed.stiff, observed.tendons.stops
+        self._targets.clear()  # an old one must not move the arm
+        self._estimate, self._refused = None, ''
+        self._commander.begin()
+        return ''
+
+    @property
+    def _sequence_runs(self) -> bool:
+        return self._sequence and self._sequence_age.seconds <= SEQUENCE_TIMEOUT
+
+    def _check(self) -> None:
+        """Disable the servo when anything forbids that it goes on."""
+        if self._servo is not None and (problem := self._problem()):
+            self._disable(problem)
+
+    def _problem(self) -> str:
+        observed = self._observed
+        if observed.stopped:
+            return f'tendon motion was stopped: {observed.stopped}'
+        if observed.tendons.stops != self._stops:
+            return 'tendon motion was stopped and resumed'
+        if failure := self._commander.motion_failure:
+            return failure.message
+        if problem := observed.interlock:
+            return problem
+        if observed.stiff != self._stiff:
+            return 'a segment changed between soft and stiff'
+        return 'a sequence runs' if self._sequence_runs else ''
+
+    def _disable(self, reason: str, level: bytes = WARN) -> None:
+        """Send no more: what was sent comes to rest within the horizon."""
+        self._servo, self._level, self._ended = None, level, reason
+        self._commander.begin()
+        self._report()
+
+    def _hold(self, reason: str, level: bytes = WARN) -> None:
+        """Disable the servo, and let the tendons brake at once if it moves them."""
+        if self._servo is not None:
+            self._commander.hold()
+            self._disable(reason, level)
+
+    # Following.
+
+    def _tick(self) -> None:
+        self._check()
+        if self._servo is not None:
+            self._go_on(self._servo)
+        else:
+            self._targets.clear()
+        self._report()
+
+    def _go_on(self, servo: AngleServo) -> None:
+        now, estimate = STEADY(), self._observed.estimate
+        if estimate is not None and estimate is not self._estimate:
+            self._estimate = estimate
+            try:
+                servo.observe(estimate.shape, estimate.time, estimate.measured_time, now)
+            except HeldSegmentMovedError as error:
+                self._hold(str(error))
+                return
+        for kind, (time, data) in sorted(self._targets.items(), key=lambda item: item[1][0]):
+            try:
+                self._take_target(servo, kind, data, time)
+                if self._refused_age.seconds > REFUSAL_PERIOD:
+                    self._refused = ''
+            except TargetError as error:
+                self._refused = f'target refused: {error}'
+                self._refused_age.refresh()
+        self._targets.clear()
+        piece = servo.advance(now, self._observed.pulls)
+        if piece is not None:
+            self._commander.follow(1, piece.start, piece.times, piece.pulls)
+
+    def _take_target(self, servo: AngleServo, kind: type, data: bytes, time: float) -> None:
+        """Follow a target from now on; raises TargetError for one that is not allowed."""
+        if len(data) > MAX_TARGET_BYTES:
+            raise TargetError(f'a message of {len(data)} bytes; allowed: {MAX_TARGET_BYTES}')
+        try:
+            message: Any = deserialize_message(data, kind)
+        except Exception as error:  # whatever the conversion finds wrong
+            raise TargetError(plain(str(error))) from None
+        if kind is Float64:
+            servo.set_angle(message.data, time)
+            return
+        frame = self.parameters['frame_id']
+        if message.header.frame_id != frame:
+            raise TargetError(f'a tip in frame {plain(message.header.frame_id)!r}; needed: '
+                              f'{frame!r}')
+        servo.set_tip(message.point.x, message.point.z, time)
+
+    # What is published.
+
+    def _report(self) -> None:
+        servo, now = self._servo, STEADY()
+        if servo is None:
+            self.status.set(self._level, f'disabled: {self._ended}', enabled='false')
+            return
+        refused = self._refused if self._refused_age.seconds <= REFUSAL_PERIOD else ''
+        text = 'following' if servo.has_target(now) else 'holding: no target'
+        limited = servo.limited if servo.has_target(now) else ''
+        notes = [note for note in (refused, limited and f'limited by {limited}') if note]
+        self.status.set(
+            WARN if notes else OK, '; '.join([text, *notes]), enabled='true',
+            segment=servo.segment + 1, refused=refused, limited=limited,
+            corrected='by measurements' if servo.is_measured(now) else 'no: only predicted')

@@ -1,0 +1,118 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Records a run of an arm from a process of its own: the verb ``record``."""
+
+from math import inf
+from pathlib import Path
+import signal
+import sys
+from time import monotonic
+from typing import Any
+
+from soft_continuum.client.connection import Connection
+from soft_continuum.client.errors import ClientError
+from soft_continuum.client.observed import SEQUENCER_STATE
+from soft_continuum.client.requests import Requests
+from soft_continuum.client.tasks import until
+from soft_continuum.recordings.about import about, attach_parameters
+from soft_continuum.recordings.bag import BagError
+from soft_continuum.recordings.topics import TopicRecorder
+from soft_continuum.ros.names import NODES
+
+DISCOVERY_TIMEOUT = 5.0  # s
+
+
+class Recording:
+    """
+    A recording that ends when it is interrupted, after a time, or with a goal.
+
+    topics: None before it begins.
+    """
+
+    def __init__(self, requests: Requests, path: Path, pictures: bool, goal: bool) -> None:
+        """Write nothing yet."""
+        self.interrupted = False
+        self.topics: TopicRecorder | None = None
+        self._requests, self._path, self._pictures = requests, path, pictures
+        self._goal, self._runs = goal, False
+
+    def _ended(self) -> bool:
+        if self._goal and (state := self._requests.observed.message(SEQUENCER_STATE)) is not None:
+            before, self._runs = self._runs, state.running
+            if before and not self._runs:
+                return True
+        return self.interrupted or bool(self.topics and self.topics.failure)
+
+    async def run(self, duration: float) -> None:
+        """
+        Record from when the tendons are published on.
+
+        Raises ClientError without nodes, OSError when the file cannot be begun, BagError without
+        the packages.
+        """
+        requests, node = self._requests, self._requests.node
+        if not await until(lambda: node.count_publishers('tendon_states') or self._ended(),
+                           min(duration, DISCOVERY_TIMEOUT)):
+            raise requests.not_found('the tendons', NODES, DISCOVERY_TIMEOUT)
+        if self._ended():
+            return
+        self._path.unlink(missing_ok=True)  # that it may be overwritten was asked before
+        self.topics = topics = TopicRecorder(node, self._path, about(node),
+                                             pictures=self._pictures)
+        try:
+            attaching = requests.start(attach_parameters(requests, topics.attach))
+            await until(self._ended, duration)
+            if not topics.failure:
+                await until(attaching.done, 1.0)
+        finally:
+            topics.close()
+
+
+def record(path: Path, *, namespace: str = '', duration: float = inf, goal: bool = False,
+           pictures: bool = False) -> int:
+    """
+    Record until the time is over, a goal has ended, or Ctrl-C; return the exit status.
+
+    path: of the file, which is overwritten.  duration: s.  goal: whether the end of the goal that
+    runs, or begins next, is the end.  pictures: whether those of cameras are recorded too.
+    """
+    begin = monotonic()
+    connection: Connection | None = None
+    try:
+        connection = Connection('record', namespace)
+        requests = connection.requests
+        recording = Recording(requests, path, pictures, goal)
+
+        def interrupt(number: int, _: Any) -> None:
+            # An exception would be lost in a callback, such as those of an import.
+            recording.interrupted = True
+            signal.signal(number, signal.SIG_DFL)
+
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, interrupt)
+        requests.start(recording.run(duration)).result()
+    except (BagError, ClientError) as error:
+        print(f'record: {error}', file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f'record: {path} cannot be written: {error.strerror}; choose another directory with '
+              '--output', file=sys.stderr)
+        return 1
+    finally:
+        if connection is not None:
+            connection.close()
+    topics, seconds = recording.topics, monotonic() - begin
+    if topics is None:
+        print('record: nothing was recorded', file=sys.stderr)
+        return 1
+    if topics.failure:
+        print(f'record: cannot write to {path} any more: {topics.failure}; what was recorded in '
+              f'{seconds:.1f} s is kept', file=sys.stderr)
+        return 1
+    print(f'{seconds:.1f} s recorded in {path}: {topics.counts.total()} messages of '
+          f'{len(topics.counts)} topics')
+    if topics.lost:
+        print(f'record: {topics.lost} messages were lost: too large, or the disk was too slow',
+              file=sys.stderr)
+        return 1
+    return 0

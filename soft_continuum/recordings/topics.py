@@ -1,0 +1,199 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Records every topic of an arm into a bag, as the messages come."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from queue import Empty, Queue
+import threading
+from time import monotonic, monotonic_ns, time_ns
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from soft_continuum.recordings.bag import BagWriter, Topic
+from soft_continuum.ros.definitions import definition, message_class
+from soft_continuum.ros.entry import LOG_PERIOD
+from soft_continuum.ros.names import TWIN
+from soft_continuum.text import MAX_NAME, printable
+
+LOOK_PERIOD = 0.5  # s between two looks for topics that are new
+FLUSH_PERIOD = 0.5  # s
+DEPTH, PICTURE_DEPTH = 100, 5  # messages that wait in the middleware for this process
+MAX_TOPICS = 500
+MAX_BYTES = 1_000_000  # of a message that is no picture
+MAX_WAITING = 10_000  # messages that wait for the disk
+MAX_WAITING_BYTES = 64_000_000
+CLOSE_TIMEOUT = 3.0  # s; what starts this process, and the browser, wait for five
+SHARED = ('/tf', '/tf_static', '/diagnostics', '/rosout', '/clock')
+"""Topics outside of the namespace of an arm that belong to it too."""
+PICTURES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
+QOS = """\
+- history: keep_last
+  depth: {depth}
+  reliability: {reliability}
+  durability: {durability}
+  deadline: {{sec: 9223372036, nsec: 854775807}}
+  lifespan: {{sec: 9223372036, nsec: 854775807}}
+  liveliness: automatic
+  liveliness_lease_duration: {{sec: 9223372036, nsec: 854775807}}
+  avoid_ros_namespace_conventions: false
+"""
+
+
+class TopicRecorder:
+    """
+    Writes what is published in the namespace of a node, and /tf, /diagnostics and /rosout.
+
+    All methods belong on the thread that spins the node; a thread of its own writes.  Hidden
+    topics are left out, and so is the truth of the twin, which no part of the suite looks at.
+
+    counts: messages by topic.  lost: of those, how many were too large or came faster than the
+    disk took them.  failure: why nothing more can be written, such as a full disk.
+    """
+
+    def __init__(self, node: Node, path: Path, about: Mapping[str, str], *,
+                 pictures: bool = False) -> None:
+        """Begin a file that is not there; raises OSError, and BagError without the packages."""
+        self.counts: Counter[str] = Counter()
+        self.lost = 0
+        self.failure = ''
+        self._node, self._pictures = node, pictures
+        self._epoch = time_ns() - monotonic_ns()  # a clock that is set changes nothing
+        self._subscriptions: dict[str, Any] = {}
+        self._left_out: set[str] = set()
+        self._writer = BagWriter(path, about)
+        self._queue: Queue[tuple[Topic, int, bytes]] = Queue(MAX_WAITING)
+        self._lock = threading.Lock()
+        self._waiting = 0  # bytes
+        self._attachments: list[tuple[str, str]] = []
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._write, name='recording', daemon=True)
+        self._thread.start()
+        self._look()
+        self._timer = node.create_timer(LOOK_PERIOD, self._look, clock=Clock(
+            clock_type=ClockType.STEADY_TIME))
+
+    def attach(self, name: str, text: str) -> None:
+        """Add a text file to the recording."""
+        self._attachments.append((name, text))
+
+    @property
+    def closed(self) -> bool:
+        """Whether nothing more is recorded."""
+        return self._closing.is_set()
+
+    def close(self) -> None:
+        """End the recording, in CLOSE_TIMEOUT or with a failure; a second call does nothing."""
+        if self.closed:
+            return
+        self._node.destroy_timer(self._timer)
+        for subscription in self._subscriptions.values():
+            self._node.destroy_subscription(subscription)
+        self._closing.set()
+        self._thread.join(CLOSE_TIMEOUT)
+        if self._thread.is_alive():
+            self.failure = (f'the disk did not take the end of it within {CLOSE_TIMEOUT:g} s; '
+                            'what it took can be read')
+
+    # Which topics there are.
+
+    def _look(self) -> None:
+        space = self._node.get_namespace().rstrip('/') + '/'
+        for name, _ in self._node.get_topic_names_and_types():
+            if (name in self._subscriptions or name in self._left_out
+                    or not (name.startswith(space) or name in SHARED)
+                    or f'/{TWIN}/' in name or '/_' in name
+                    or name.endswith('/parameter_events')):
+                continue
+            publishers = self._node.get_publishers_info_by_topic(name)
+            if not publishers:
+                continue  # somebody listens; nobody speaks yet
+            try:
+                self._subscribe(name, publishers)
+            except Exception as error:  # names and types come from the network
+                self._left_out.add(name)
+                self._node.get_logger().warning(
+                    f'{printable(name, MAX_NAME)} is not recorded: {printable(str(error))}',
+                    throttle_duration_sec=LOG_PERIOD)
+
+    def _subscribe(self, name: str, publishers: Sequence[Any]) -> None:
+        """Subscribe; raises whatever is wrong with a name, a type or a QoS of the network."""
+        kinds = {publisher.topic_type for publisher in publishers}
+        if len(kinds) != 1:
+            raise ValueError(f'it has several types: {", ".join(sorted(kinds))}')
+        kind, = kinds
+        if kind in PICTURES and not self._pictures:
+            self._left_out.add(name)
+            return
+        if len(self._subscriptions) >= MAX_TOPICS:
+            raise ValueError(f'there are more than {MAX_TOPICS} topics')
+        profiles = [publisher.qos_profile for publisher in publishers]
+        reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
+        latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+        topic = Topic(name, kind, definition(kind), QOS.format(
+            depth=max(1, profiles[0].depth),
+            reliability='reliable' if reliable else 'best_effort',
+            durability='transient_local' if latched else 'volatile'))
+        self._subscriptions[name] = self._node.create_subscription(
+            message_class(kind), name, partial(self._on_message, topic), QoSProfile(
+                depth=PICTURE_DEPTH if kind in PICTURES else DEPTH,
+                reliability=(ReliabilityPolicy.RELIABLE if reliable else
+                             ReliabilityPolicy.BEST_EFFORT),
+                durability=(DurabilityPolicy.TRANSIENT_LOCAL if latched else
+                            DurabilityPolicy.VOLATILE)), raw=True)
+
+    # Messages, on their way to the disk.
+
+    def _on_message(self, topic: Topic, data: bytes) -> None:
+        if self.failure or self.closed:
+            return
+        self.counts[topic.name] += 1
+        with self._lock:
+            if (self._waiting > MAX_WAITING_BYTES or self._queue.full()
+                    or (len(data) > MAX_BYTES and topic.kind not in PICTURES)):
+                self.lost += 1
+                return
+            self._waiting += len(data)
+        self._queue.put((topic, self._now(), data))
+
+    def _write(self) -> None:
+        writer = self._writer
+        try:
+            flushed = monotonic()
+            while not (self.closed and self._queue.empty()):
+                try:
+                    topic, time, data = self._queue.get(timeout=FLUSH_PERIOD / 4)
+                except Empty:
+                    pass
+                else:
+                    with self._lock:
+                        self._waiting -= len(data)
+                    writer.write(topic, time, data)
+                self._write_attachments()
+                if monotonic() - flushed >= FLUSH_PERIOD:
+                    writer.flush()
+                    flushed = monotonic()
+            self._write_attachments()
+        except Exception as error:  # a full disk, no memory; nothing here may end unnoticed
+            self.failure = _reason(error)
+        try:
+            writer.close()
+        except Exception as error:
+            self.failure = self.failure or _reason(error)
+
+    def _write_attachments(self) -> None:
+        while self._attachments:
+            self._writer.attach(*self._attachments.pop(0), self._now())
+
+    def _now(self) -> int:
+        return self._epoch + monotonic_ns()
+
+
+def _reason(error: Exception) -> str:
+    return printable(getattr(error, 'strerror', None) or repr(error))

@@ -1,0 +1,126 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The estimate of kinematics as a message, and the model that others make of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from soft_continuum.estimation.unknowns import arm_with, first_values, Layout, limited, Prior
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array, RigidChain
+from soft_continuum.ros.ros_time import stamp_of
+from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
+from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
+
+if TYPE_CHECKING:  # those who only read an estimate need not load it: 0.4 s
+    from soft_continuum.estimation.anomalies import Anomaly
+    from soft_continuum.estimation.estimator import Estimator
+
+PLAUSIBLE_FACTORS = (0.4, 2.5)  # stiffness over the described one
+PLAUSIBLE_OFFSET = 0.005  # m
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """
+    The arm as the others plan and predict with it.
+
+    chain: of the arm as it is described, or estimated.  offsets: (tendons,) m by which each tendon
+    is pulled in beyond what its motor says.  offset_deviations: (tendons,) m.
+    """
+
+    chain: RigidChain
+    offsets: Array
+    offset_deviations: Array
+
+
+def parameter_names(arm: Arm) -> tuple[str, ...]:
+    """Return the names of what is estimated of an arm beside its shape, as they are published."""
+    numbers = range(1, len(arm.segments) + 1)
+    return (*(f'stiffness_factor_{n}' for n in numbers), *(f'stiff_ratio_{n}' for n in numbers),
+            *(f'offset_{name}' for name in arm.tendon_names), 'payload')
+
+
+def estimate_to_ros(estimator: 'Estimator', covariances: Array,
+                    parameters: Sequence[EstimatedParameter], message: KinematicsState) -> None:
+    """
+    Write an estimate into a message.
+
+    covariances: (discs, 3, 3) of the discs' poses, base first.  parameters: of parameters_to_ros.
+    """
+    state = estimator.state
+    message.source = KinematicsState.ESTIMATED
+    if estimator.measured is not None:
+        message.measured = stamp_of(estimator.measured)
+    angles = covariances[:, 2, 2]
+    message.angle_deviations = np.sqrt(angles[1:]).tolist()
+    height = state.chain.arm.discs[-1].height
+    lever = height * np.array([np.cos(state.tip[2]), -np.sin(state.tip[2])])
+    to_tip = np.eye(3)
+    to_tip[:2, 2] = lever
+    message.tip_deviations = np.sqrt(np.diag(to_tip @ covariances[-1] @ to_tip.T)).tolist()
+    message.parameters = parameters
+
+
+def parameters_to_ros(estimator: 'Estimator') -> list[EstimatedParameter]:
+    """Return what is estimated of the arm beside its shape."""
+    where = estimator.layout.parameters
+    rows = zip(parameter_names(estimator.arm), estimator.values[where],
+               estimator.deviations()[where], estimator.determined(), strict=True)
+    found = []
+    for name, value, deviation, determined in rows:
+        if name.startswith('stiff'):  # of their logarithms
+            value = exp(value)
+            deviation *= value
+        found.append(EstimatedParameter(
+            name=name, value=float(value), deviation=float(deviation), determined=bool(determined),
+            problem=_problem(name, float(value))))
+    return found
+
+
+def anomaly_to_ros(anomaly: 'Anomaly') -> AnomalyMessage:
+    """Return an anomaly as a message."""
+    return AnomalyMessage(
+        stamp=stamp_of(anomaly.time), cause=anomaly.cause.value, segment=anomaly.segment,
+        disc=anomaly.disc, tendon=anomaly.tendon, size=anomaly.size, message=anomaly.message)
+
+
+def _problem(name: str, value: float) -> str:
+    """Return why a value is not plausible; empty when it is."""
+    low, high = PLAUSIBLE_FACTORS
+    if name.startswith('stiffness_factor') and not low < value < high:
+        return (f'{value:.2f} times the described stiffness; plausible: {low:g} to {high:g}; is '
+                'the segment the described one, and do its tendons run freely?')
+    if name.startswith('offset') and abs(value) > PLAUSIBLE_OFFSET:
+        return (f'{value * 1e3:.1f} mm; plausible: up to {PLAUSIBLE_OFFSET * 1e3:g} mm; did the '
+                'tendon slip, or was the arm not straight when it was referenced?')
+    return ''
+
+
+def model_from_ros(parameters: Sequence[EstimatedParameter], arm: Arm) -> Model:
+    """
+    Return the model that published parameters make of a described arm.
+
+    Without any, or with those of another arm, it is the arm as described.
+    """
+    layout = Layout(len(arm.segments), len(arm.tendon_names))
+    found = {one.name: one for one in parameters}
+    names = parameter_names(arm)
+    if set(names) != set(found) or not all(
+            np.isfinite(one.value) and np.isfinite(one.deviation) for one in parameters):
+        nothing = np.zeros(layout.tendons)
+        return Model(RigidChain(arm), nothing, nothing)
+    published = np.array([found[name].value for name in names])
+    deviations = np.array([found[name].deviation for name in names])
+    values = first_values(arm, layout, Prior())
+    logarithms = 2 * layout.segments
+    published[:logarithms] = np.log(np.maximum(published[:logarithms], 1e-9))
+    values[layout.parameters] = published
+    values = limited(values, layout)
+    tendons = slice(logarithms, logarithms + layout.tendons)
+    return Model(RigidChain(arm_with(arm, layout, values)), values[layout.offset],
+                 deviations[tendons])

@@ -1,0 +1,54 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Poses in space: arrays (7,) of position x, y, z (m) and quaternion x, y, z, w, of length 1.
+
+The pose of B in A takes coordinates in B to coordinates in A.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array
+
+IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def compose(outer: Array, inner: Array) -> Array:
+    """Return the pose of C in A, from those of B in A (outer) and of C in B (inner)."""
+    return np.concatenate([outer[:3] + rotate(outer[3:], inner[:3]),
+                           _product(outer[3:], inner[3:])])
+
+
+def inverse(pose: Array) -> Array:
+    """Return the pose of A in B, from that of B in A."""
+    back = pose[3:] * np.array([-1.0, -1.0, -1.0, 1.0])
+    return np.concatenate([-rotate(back, pose[:3]), back])
+
+
+def rotate(quaternion: Array, vector: Array) -> Array:
+    """Return a vector (3,) turned by a quaternion."""
+    axis, w = quaternion[:3], quaternion[3]
+    twice = 2.0 * np.cross(axis, vector)
+    turned: Array = vector + w * twice + np.cross(axis, twice)
+    return turned
+
+
+def mean_pose(poses: Sequence[Array]) -> Array:
+    """Return the mean of poses that lie close together; a quaternion counts as its negative."""
+    rows = np.array(poses)
+    quaternions = rows[:, 3:]
+    _, vectors = np.linalg.eigh(quaternions.T @ quaternions)
+    return np.concatenate([rows[:, :3].mean(axis=0), vectors[:, -1]])
+
+
+def angle_between(one: Array, other: Array) -> float:
+    """Return the angle between the orientations of two poses, rad."""
+    turn = _product(one[3:] * np.array([-1.0, -1.0, -1.0, 1.0]), other[3:])
+    return 2.0 * float(np.arctan2(np.linalg.norm(turn[:3]), abs(turn[3])))
+
+
+def _product(a: Array, b: Array) -> Array:
+    vector = a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3])
+    return np.array([*vector, a[3] * b[3] - a[:3] @ b[:3]])

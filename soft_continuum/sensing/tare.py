@@ -1,0 +1,114 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Taring: what sensors say of the straight arm tells how they are mounted on its discs."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.sensing.rigid import angle_between, compose, IDENTITY, inverse, mean_pose
+from soft_continuum.sensing.tilt import SensorError
+
+WINDOW = 1.0
+"""s that are averaged."""
+MIN_SPAN = 0.5
+"""s that have to be covered."""
+MIN_SAMPLES = 5
+MAX_SAMPLES = 300
+MAX_SHIFT, MAX_TURN = 0.001, 0.01
+"""m and rad by which the first and the second half of them may differ."""
+MAX_DISTANCE = 0.3
+"""m between a disc and what is followed of it."""
+MAX_TILT = 0.5
+"""rad by which an IMU may be turned on its disc."""
+
+T = TypeVar('T')
+
+
+def straight_heights(arm: Arm) -> tuple[float, ...]:
+    """Return z of the bottom of each disc of the straight arm, m."""
+    steps = [disc.height + segment.length
+             for disc, segment in zip(arm.discs, arm.segments, strict=False)]
+    return tuple(float(z) for z in np.cumsum([0.0, *steps]))
+
+
+class Window(Generic[T]):
+    """What was measured of a disc in the last second."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._samples: deque[tuple[float, T]] = deque(maxlen=MAX_SAMPLES)
+        self._step = WINDOW / MAX_SAMPLES
+
+    def add(self, now: float, value: T) -> None:
+        """Add what was measured ``now``, s of a clock that nobody sets."""
+        if not self._samples or now - self._samples[-1][0] >= self._step:
+            self._samples.append((now, value))
+
+    def recent(self, now: float) -> list[T]:
+        """
+        Return what was measured in the last second, the oldest first; empty for nothing.
+
+        Raises SensorError when that is too little for a mean.
+        """
+        samples = [s for s in list(self._samples) if now - s[0] <= WINDOW]  # add may interrupt
+        times = [time for time, _ in samples]
+        if not times:
+            return []
+        if len(times) < MIN_SAMPLES or times[-1] - times[0] < MIN_SPAN:
+            raise SensorError(f'only {len(times)} measurements in the last {WINDOW:g} s; needed: '
+                              f'{MIN_SAMPLES}, over {MIN_SPAN:g} s')
+        return [value for _, value in samples]
+
+
+def refuse_motion(shift: float, turn: float) -> None:
+    """Raise SensorError for a motion within half a second, m and rad, that is one."""
+    if shift > MAX_SHIFT or turn > MAX_TURN:
+        raise SensorError(f'it moves, by {shift * 1e3:.1f} mm and {turn:.3f} rad within half a '
+                          'second; wait until the arm rests')
+
+
+def mount_of(followed: Sequence[Array], height: float) -> Array:
+    """
+    Return the pose (7,) of a disc in what is followed, from poses (k, 7) of that in base_link.
+
+    height: z of the bottom of the disc in the straight arm, m.  Raises SensorError when it moves,
+    or is too far away to be mounted on the disc.
+    """
+    half = len(followed) // 2
+    before, after = mean_pose(followed[:half]), mean_pose(followed[half:])
+    shift, turn = float(np.linalg.norm(after[:3] - before[:3])), angle_between(before, after)
+    refuse_motion(shift, turn)
+    straight = np.array(IDENTITY)
+    straight[2] = height
+    mean = mean_pose(followed)
+    distance = float(np.linalg.norm(mean[:3] - straight[:3]))
+    if distance > MAX_DISTANCE:
+        raise SensorError(
+            f'it is {distance:.2f} m from where its disc is in the straight arm; give where '
+            'base_link is (tracker.base_pose)')
+    return compose(inverse(mean), straight)
+
+
+def tilt_of(angles: Sequence[float]) -> float:
+    """
+    Return by what angle (rad) an IMU is turned on its disc, from angles (k,) in the straight arm.
+
+    Raises SensorError when it moves, or is turned by too much.
+    """
+    half = len(angles) // 2
+    turn = _mean_angle(angles[half:]) - _mean_angle(angles[:half])
+    refuse_motion(0.0, abs(turn))
+    mean = _mean_angle(angles)
+    if abs(mean) > MAX_TILT:
+        raise SensorError(f'it is turned by {mean:.2f} rad in the straight arm; set imu.axes, and '
+                          'arm.mounting_angle if the base is turned')
+    return mean
+
+
+def _mean_angle(angles: Sequence[float]) -> float:
+    return float(np.arctan2(np.mean(np.sin(angles)), np.mean(np.cos(angles))))

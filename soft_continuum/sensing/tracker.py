@@ -1,0 +1,109 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Poses of the discs by a tracker, such as motion capture."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import acos, degrees
+from typing import Any, Self
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.sensing.rigid import compose, IDENTITY, inverse, rotate
+from soft_continuum.sensing.tilt import SensorError
+from soft_continuum.text import MAX_NAME, printable
+
+MAX_LENGTH_ERROR = 0.01
+"""By which the length of a quaternion may differ from 1."""
+MAX_LEAN = 0.19
+"""rad by which a disc may lean out of the plane of the arm."""
+MAX_OFF_PLANE = 0.05
+"""m by which it may be off that plane."""
+MAX_BEYOND = 0.1
+"""m by which it may be farther from the base than in the straight arm."""
+
+
+@dataclass(frozen=True)
+class Tracker:
+    """
+    Where a tracker measures, and what it follows on each disc.
+
+    frame: base_link.  own_frame: of the tracker, empty if that is base_link.  to_base: pose (7,)
+    of its frame in base_link.  mounts: by disc, pose (7,) of the disc in what is followed.  reach:
+    m, how far from the base a disc can be.
+    """
+
+    frame: str
+    own_frame: str
+    to_base: Array
+    mounts: tuple[Array, ...]
+    reach: float
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any], discs: int, reach: float) -> Self:
+        """Return the tracker of parameters frame_id and tracker.*; raises ParameterError."""
+        given = values['tracker.mounts']
+        if tuple(given) == (0.0,):
+            given = IDENTITY * discs
+        if len(given) != 7 * discs:
+            raise ParameterError(
+                f'parameter tracker.mounts has {len(given)} numbers; needed: x, y, z and '
+                f'quaternion x, y, z, w for each of {discs} discs, or 0.0 for none')
+        mounts = tuple(_given('tracker.mounts', given[7 * n:7 * n + 7]) for n in range(discs))
+        base = _given('tracker.base_pose', values['tracker.base_pose'])
+        return cls(values['frame_id'], values['tracker.frame_id'], inverse(base), mounts, reach)
+
+    def in_base(self, frame: str, pose: Sequence[float]) -> Array:
+        """
+        Return what is followed as a pose (7,) in base_link.
+
+        Raises SensorError for another frame, and for numbers that are no pose.
+        """
+        row = np.array(pose, dtype=float)
+        if not np.isfinite(row).all():
+            raise SensorError('a pose that is not of finite numbers; is it lost?')
+        length = float(np.linalg.norm(row[3:]))
+        if abs(length - 1.0) > MAX_LENGTH_ERROR:
+            raise SensorError(f'a quaternion of length {length:.3g}, not 1; is it lost?')
+        row[3:] /= length
+        if frame == self.frame:
+            return row
+        if self.own_frame and frame == self.own_frame:
+            return compose(self.to_base, row)
+        raise SensorError(
+            f'poses in {printable(frame, MAX_NAME)!r}; needed: {self.frame!r}, or '
+            + (f'{self.own_frame!r} (tracker.frame_id)' if self.own_frame else
+               'its name in tracker.frame_id and where base_link is in it in tracker.base_pose'))
+
+    def disc(self, n: int, followed: Array) -> Array:
+        """
+        Return the pose (7,) of the bottom of a disc, from that of what is followed.
+
+        Raises SensorError when it is far out of the plane of the arm.
+        """
+        pose = compose(followed, self.mounts[n])
+        if pose[6] < 0.0:
+            pose[3:] *= -1.0
+        lean = acos(min(1.0, float(rotate(pose[3:], np.array([0.0, 1.0, 0.0]))[1])))
+        distance = float(np.linalg.norm(pose[:3]))
+        if distance > self.reach + MAX_BEYOND:
+            raise SensorError(
+                f'{distance:.3g} m from the base, the straight arm has {self.reach:.3g} m; are '
+                'positions in m, is tracker.base_pose right, was ~/tare called?')
+        if lean > MAX_LEAN or abs(pose[1]) > MAX_OFF_PLANE:
+            raise SensorError(
+                f'{degrees(lean):.0f} degrees and {abs(pose[1]) * 1e3:.0f} mm out of the plane of '
+                'the arm; call ~/tare with the arm straight, and check tracker.base_pose')
+        return pose
+
+
+def _given(name: str, numbers: Sequence[float]) -> Array:
+    pose = np.array(numbers, dtype=float)
+    length = float(np.linalg.norm(pose[3:])) if len(pose) == 7 else 0.0
+    if abs(length - 1.0) > MAX_LENGTH_ERROR:
+        raise ParameterError(f'parameter {name} is {list(numbers)}; needed: position x, y, z and '
+                             'quaternion x, y, z, w, of length 1')
+    pose[3:] /= length
+    return pose

@@ -1,0 +1,238 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Setting shapes by measurements: soften, move, measure, correct, stiffen, make up for what that did.
+
+Each correction is a Newton step on the pulls, with the arm as it is estimated to be.  The paper
+asks for it as future work (VI).
+"""
+
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from math import inf, isnan, nan
+
+from soft_continuum.sequencing.aiming import Aim, Step
+from soft_continuum.sequencing.loop_settings import ABORT, LoopSettings, PAUSE
+from soft_continuum.sequencing.planner import Shape
+from soft_continuum.sequencing.progress import Code, Outcome, Phase
+from soft_continuum.sequencing.runner import ArmPort, EndError, Plan, Runner, RunnerSettings
+
+BETTER = 0.8  # of the last change: a correction that shrinks less does not help any more
+GROWS = 1e-3  # rad: nor is a change this small expected to shrink
+
+
+@dataclass(frozen=True)
+class Loop:
+    """
+    What a ClosedLoopRunner asks for; each begins to plan from the present state of the arm.
+
+    aim: of a shape.  step: the next step with segments (0-based) that are still to be locked, of
+    which the first is soft.  again: which of the segments are worth setting again, if softening
+    one may move the tip by so many m.  error: how far the arm is from an aim now, as Aim.error;
+    None where its shape is not known.
+    """
+
+    aim: 'Callable[[Shape], Future[Aim]]'
+    step: 'Callable[[Sequence[int], Aim], Future[Step]]'
+    again: 'Callable[[Sequence[int], Aim, float], Future[tuple[int, ...]]]'
+    error: Callable[[Aim], float | None]
+
+
+class _LostError(Exception):
+    """There are no measurements any more."""
+
+
+class ClosedLoopRunner(Runner):
+    """A Runner that looks at what it does, as long as there are measurements."""
+
+    def __init__(self, shapes: Sequence[Shape], plan: Plan, loop: Loop, port: ArmPort,
+                 settings: RunnerSettings, loop_settings: LoopSettings, tendons: Sequence[str]
+                 ) -> None:
+        """Prepare to run ``shapes``; the other arguments are those of a Runner."""
+        super().__init__(shapes, plan, port, settings, tendons)
+        self._loop = loop
+        self.loop_settings = loop_settings
+        """May be replaced at any time."""
+        self._corrections, self._measured = 0, False
+        self.aim: Aim | None = None
+        """Of the last shape, if it was set by measurements."""
+
+    def _outcome(self, code: Code, message: str) -> Outcome:
+        return replace(super()._outcome(code, message), measured=self._measured,
+                       corrections=self._corrections)
+
+    def _set(self, index: int, shape: Shape) -> Iterator[None]:
+        self._measured, self.warning = self._fresh(self._now), ''
+        if self._measured:
+            try:
+                yield from self._set_measured(index, shape)
+                return
+            except _LostError:
+                self._lost()
+        self.progress = replace(self.progress, error=None, correction=0)
+        yield from self._all_stiff()
+        yield from super()._set(index, shape)
+
+    def _fresh(self, since: float) -> bool:
+        """Whether the arm was measured at most ``sensor_timeout`` before a time."""
+        measured = self._observed.measured
+        return measured is not None and measured >= since - self.loop_settings.sensor_timeout
+
+    def _set_measured(self, index: int, shape: Shape) -> Iterator[None]:
+        yield from self._measure(index, None)
+        plan = yield from self._planned(self._plan([shape]))
+        aim = self.aim = yield from self._planned(self._loop.aim(shape))
+        segments: tuple[int, ...] = tuple(move.segment for move in plan[0].moves)
+        for done, segment in enumerate(segments):
+            self._report(index, done / (len(segments) + 1), Phase.PREPARING)
+            yield from self._set_segment(index, segments[done:], segment, aim)
+        yield from self._measure(index, None)
+        for _ in range(1, self.loop_settings.max_passes):
+            yield from self._set_again(index, shape, aim, inf)
+        error = self._error(aim)
+        if error > self._tolerance(aim):
+            self.warning = f'{shape.name} is {aim.text(error)} off'
+
+    def _set_again(self, index: int, shape: Shape, aim: Aim, release_limit: float
+                   ) -> Generator[None, None, bool]:
+        """Set the segments again that are worth it; return whether any was."""
+        self._report(index, self._part(index), Phase.PREPARING, segment=0)
+        segments = yield from self._planned(self._loop.again(
+            tuple(range(len(shape.bending_angles))), aim, release_limit))
+        for done, segment in enumerate(segments):
+            yield from self._set_segment(index, segments[done:], segment, aim)
+        yield from self._measure(index, None)
+        return bool(segments)
+
+    def _hold(self, index: int, shape: Shape) -> Iterator[None]:
+        until, at_first, within = self._now + shape.hold_time, nan, self._now
+        self._report(index, 1.0, Phase.HOLDING, segment=0)
+        while self._now < until and self._measured and self.aim is not None:
+            aim, settings = self.aim, self.loop_settings
+            self._check_stiff(None)
+            if (yield from self._pause(None)):
+                within = self._now
+            error = self._error(aim)
+            at_first = error if isnan(at_first) else at_first
+            drifts = error > at_first + self._tolerance(aim)
+            if not (drifts and self._fresh(self._now)):
+                within = self._now
+            if self._now >= within + settings.measuring_time:
+                self.warning = (f'{shape.name} drifted while it was held: it is '
+                                f'{aim.text(error)} off')
+                if settings.correct_drift:
+                    yield from self._correct_drift(index, shape, aim)
+                at_first, within = self._error(aim), self._now
+            yield
+        yield from super()._hold(index, replace(shape, hold_time=max(0.0, until - self._now)))
+
+    def _correct_drift(self, index: int, shape: Shape, aim: Aim) -> Iterator[None]:
+        """Set segments again; where that cannot be, say so and hold what there is."""
+        try:
+            done = yield from self._set_again(index, shape, aim, self.loop_settings.release_limit)
+        except _LostError:
+            self._lost()
+            yield from self._all_stiff()
+        except EndError as error:
+            if error.code is not Code.MODEL_FAILURE:
+                raise
+            yield from self._all_stiff()
+            self.warning += f'; it cannot be corrected: {error}'
+        else:
+            if not done:
+                self.warning += ('; setting segments again would not better it, or is more than '
+                                 'loop.release_limit allows')
+            elif self._error(aim) <= self._tolerance(aim):
+                self.warning = ''
+        self._report(index, 1.0, Phase.HOLDING, segment=0)
+
+    def _lost(self) -> None:
+        """Go on as predicted when measurements have stopped, or end the run."""
+        self._measured, self.aim = False, None
+        if self.loop_settings.abort_when_lost:
+            raise EndError(
+                Code.HARDWARE_FAULT, 'the arm has not been measured for '
+                f'{self.loop_settings.sensor_timeout:g} s; what do the camera and the '
+                'other sensors report?')
+
+    def _tolerance(self, aim: Aim) -> float:
+        settings = self.loop_settings
+        return settings.tip_tolerance if aim.on_tip else settings.angle_tolerance
+
+    def _error(self, aim: Aim) -> float:
+        """Return how far the arm is from its aim, and report it; nan where it is not known."""
+        error = self._loop.error(aim)
+        self.progress = replace(self.progress, error=error)
+        return nan if error is None else error
+
+    def _set_segment(self, index: int, left: Sequence[int], segment: int, aim: Aim
+                     ) -> Iterator[None]:
+        yield from self._pause(None)
+        self._report(index, self._part(index), Phase.SOFTENING, segment=segment + 1)
+        yield from self._soften(segment)
+        before = inf
+        for correction in range(self.loop_settings.max_corrections + 1):
+            yield from self._measure(index, segment)
+            step = yield from self._planned(self._loop.step(left, aim), segment)
+            self.progress = replace(self.progress, error=step.error, correction=correction)
+            if step.move is None or (correction > 1
+                                     and abs(step.change) > max(GROWS, BETTER * before)):
+                break
+            before = abs(step.change)
+            self._corrections += correction > 0
+            part = self._part(index)
+            self._report(index, part, Phase.MOVING)
+            yield from self._move(step.move, index, part, 0.0)
+        self._report(index, self._part(index), Phase.STIFFENING)
+        yield from self._stiffen(segment)
+        self.progress = replace(self.progress, correction=0)
+
+    def _part(self, index: int) -> float:
+        """Return the part of the running shape that is done."""
+        return self.progress.fraction * len(self._shapes) - index
+
+    def _measure(self, index: int, soft: int | None) -> Generator[None, None, None]:
+        """Wait until the arm rests and has been measured since."""
+        settings = self.loop_settings
+        self._report(index, self._part(index), Phase.MEASURING,
+                     segment=0 if soft is None else soft + 1)
+        rests = self._now + settings.settling_time
+        while not (self._now >= rests + settings.measuring_time
+                   and self._observed.measured is not None
+                   and self._observed.measured >= rests):
+            self._check_stiff(soft)
+            if (yield from self._pause(soft)):
+                rests = self._now + settings.settling_time
+            if self._now > rests and not self._fresh(self._now):
+                raise _LostError
+            yield
+
+    def _check_motion(self, segment: int) -> None:
+        super()._check_motion(segment)
+        self._check_anomaly()
+
+    def _check_anomaly(self) -> None:
+        if self._observed.anomaly and self.loop_settings.on_anomaly == ABORT:
+            raise EndError(Code.HARDWARE_FAULT, self._observed.anomaly)
+
+    def _pause(self, soft: int | None) -> Generator[None, None, bool]:
+        """
+        Wait if something is said to be wrong with the arm, as long as the settings say so.
+
+        It does not end by itself: somebody may be at the arm.  Returns whether it waited.
+        """
+        self._check_anomaly()
+        if not self._observed.anomaly or self.loop_settings.on_anomaly != PAUSE:
+            return False
+        before, reason = self.progress.phase, self._observed.anomaly
+        self.warning = f'paused: {reason}'
+        self.progress = replace(self.progress, phase=Phase.PAUSED)
+        while self.loop_settings.on_anomaly == PAUSE:
+            self._check_stiff(soft)
+            yield
+        if self.loop_settings.on_anomaly == ABORT:
+            raise EndError(Code.HARDWARE_FAULT, reason)
+        self.warning = ''
+        self.progress = replace(self.progress, phase=before)
+        return True

@@ -1,0 +1,353 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Following a moving target with the one segment that is soft.
+
+The pulls come from the model, at a reference angle: the target plus a correction.  The correction
+is what the reference was when the arm was measured, less the angle that was measured, through a
+low-pass filter.  A constant target is so reached without an error, and a delay that is known from
+the stamps does not count as one: docs/how_to/follow_a_moving_target.md has the proof that this is
+stable.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import copysign, degrees, inf, isfinite, sqrt
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.statics import Statics
+from soft_continuum.sequencing import minimum_jerk
+from soft_continuum.sequencing.bending_curve import bending_curve, CurveLimits
+
+LEAD = 0.035
+"""s from now from which a piece may change what was sent before: tendon_actuation reads ahead."""
+AHEAD_STEPS = 2
+"""Periods that a piece then goes on before it brakes: the next one may come that late."""
+OFFSET_SHARE = 0.25
+"""Part of speed and acceleration for going from the first pulls to those of the curve."""
+MAX_GAP = 0.5  # s between two targets from which its speed is found
+MAX_MEASURING_GAP = 0.2
+"""s that one measurement counts for: the first after a gap is no more certain than others."""
+MEMORY = 5.0  # s for which it is remembered where the reference was
+MAX_HELD_CHANGE = 0.17
+"""rad by which a stiff segment may turn; the curve is that of the shape it had."""
+
+
+class TargetError(ValueError):
+    """A target that is not followed; the message says what is allowed."""
+
+
+class HeldSegmentMovedError(RuntimeError):
+    """A stiff segment does not have the shape any more with which the curve was made."""
+
+
+@dataclass(frozen=True)
+class ServoSettings:
+    """
+    Limits and times of a servo.
+
+    limits: of pulls and tension.  speed, acceleration: of the fastest tendon, m/s and m/s^2.
+    period: s between two pieces.  horizon: s after which the tendons rest when no further piece
+    comes.  integral_time: s, time constant of the correction.  response_time: s by which the arm
+    is later than its pulls were planned.  extrapolation: s for which a target is assumed to go on
+    as it moved.  friction_band: m of pull; a smaller correction is not sent.  target_timeout: s
+    after which a target is no longer followed.  measurement_timeout: s after which the last
+    measurement is old.
+    """
+
+    limits: CurveLimits = CurveLimits()
+    speed: float = 0.015
+    acceleration: float = 0.1
+    period: float = 0.04
+    horizon: float = 0.35
+    integral_time: float = 0.5
+    response_time: float = 0.06
+    extrapolation: float = 0.15
+    friction_band: float = 0.00005
+    target_timeout: float = 0.5
+    measurement_timeout: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Refuse a horizon in which the tendons cannot brake."""
+        if self.braking_time < self.period:
+            raise ValueError(f'a horizon of {self.horizon:g} s is too short for a period of '
+                             f'{self.period:g} s')
+
+    @property
+    def braking_time(self) -> float:
+        """Time that is left to brake in, s."""
+        return self.horizon - LEAD - (AHEAD_STEPS + 2) * self.period
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """
+    A short trajectory, at the end of which the tendons rest.
+
+    start: s, on the clock of the servo.  times: (k,) s from start, the first above zero.  pulls:
+    (k, tendons) m.
+    """
+
+    start: float
+    times: Array
+    pulls: Array
+
+
+@dataclass
+class _Target:
+    """Bending angle (rad) at a time (s), and how fast it moves (rad/s)."""
+
+    angle: float
+    time: float
+    speed: float = 0.0
+
+    def at(self, time: float, extrapolation: float) -> float:
+        return self.angle + self.speed * min(max(0.0, time - self.time), extrapolation)
+
+
+@dataclass
+class _Correction:
+    """Low-pass filter of what the reference was too large by; wanted, and sent: rad."""
+
+    wanted: float = 0.0
+    sent: float = 0.0
+    time: float = -inf  # of the last measurement, s
+    seen: float = -inf  # when it came, s
+
+    def update(self, error: float, time: float, seconds: float, seen: float) -> None:
+        gap = min(max(0.0, time - self.time), MAX_MEASURING_GAP)
+        self.wanted += (error - self.wanted) * -np.expm1(-gap / seconds)
+        self.time, self.seen = time, seen
+
+
+@dataclass(frozen=True)
+class _Point:
+    """
+    Where the reference is, rad, at a time, s.
+
+    followed: s for which a target has been followed until then.
+    """
+
+    time: float
+    angle: float
+    followed: float = 0.0
+
+
+@dataclass
+class _Motion:
+    """What was planned last, its speed (rad/s), and what was before."""
+
+    last: _Point
+    speed: float = 0.0
+    past: deque[_Point] = field(default_factory=deque)
+
+    def go_to(self, point: _Point) -> None:
+        self.speed = (point.angle - self.last.angle) / (point.time - self.last.time)
+        self.last = point
+        self.past.append(point)
+        while self.past[0].time < point.time - MEMORY:
+            self.past.popleft()
+
+    def was(self, time: float) -> float:
+        return float(np.interp(time, [point.time for point in self.past],
+                               [point.angle for point in self.past]))
+
+
+class AngleServo:
+    """
+    Follows a target with the soft segment (0-based); all times are of one steady clock, s.
+
+    It is made for the shape that the arm has when it is enabled, and moves nothing before a
+    target was given.
+    """
+
+    def __init__(self, statics: Statics, settings: ServoSettings, state: Equilibrium,
+                 segment: int) -> None:
+        """Find what the segment can be bent to; raises StaticsError when that is nothing."""
+        self.settings, self.segment = settings, segment
+        self.curve = bending_curve(statics, state, segment, settings.limits)
+        self.limited = ''  # by what, as the target was followed last
+        self._limit = statics.chain.arm.segments[segment].bending_angle_limit
+        self._state = self._made_for = state
+        self._target: _Target | None = None
+        self._correction = _Correction()
+        self._motion: _Motion | None = None
+        self._offset, self._offset_time = np.zeros(2), 1.0
+        self._sent: Array | None = None  # the pulls at the end of the last piece
+        share = 1.0 - OFFSET_SHARE
+        self._acceleration = share * settings.acceleration / self.curve.slope
+        self._speed = min(share * settings.speed / self.curve.slope,
+                          self._acceleration * settings.braking_time)
+        self._ahead: list[_Point] = []  # planned, but not passed yet
+
+    # Targets.
+
+    def set_angle(self, angle: float, now: float) -> None:
+        """Follow a bending angle, rad; raises TargetError and goes on as before."""
+        if not isfinite(angle):
+            raise TargetError(f'a bending angle of {angle} rad; needed: a finite number')
+        if abs(angle) > self._limit:
+            raise TargetError(
+                f'a bending angle of {angle:.4g} rad; allowed by bending_angle_limits: '
+                f'{-self._limit:.4g} to {self._limit:.4g} rad')
+        before, self._target = self._target, _Target(angle, now)
+        if before is None or not 0.0 < now - before.time < MAX_GAP:
+            return
+        speed = (angle - before.angle) / (now - before.time)
+        if abs(speed) <= self._speed:  # else it jumped
+            self._target.speed = (before.speed + speed) / 2.0
+
+    def set_tip(self, x: float, z: float, now: float) -> None:
+        """Follow a point (m) with the tip, as near as this segment can bring it."""
+        if not (isfinite(x) and isfinite(z)):
+            raise TargetError(f'a tip at {x}, {z} m; needed: finite numbers')
+        self.set_angle(self.curve.angle_for_tip(x, z), now)
+
+    def has_target(self, now: float) -> bool:
+        """Whether a target is followed, and not too old."""
+        return (self._target is not None
+                and now - self._target.time <= self.settings.target_timeout)
+
+    # Measurements.
+
+    def observe(self, state: Equilibrium, time: float, measured_time: float | None,
+                now: float) -> None:
+        """
+        Take in an estimate of the arm.
+
+        time: at which the arm had this shape.  measured_time: of the newest measurement in it,
+        None without: then the correction is held.  Raises HeldSegmentMovedError.
+        """
+        self._state = state
+        turned = np.abs(state.bending_angles - self._made_for.bending_angles)
+        turned[self.segment] = 0.0
+        if turned.max() > MAX_HELD_CHANGE:
+            raise HeldSegmentMovedError(
+                f'segment {int(turned.argmax()) + 1} is stiff, but turned by '
+                f'{degrees(turned.max()):.1f} degrees')
+        correction = self._correction
+        if (measured_time is None or measured_time <= correction.time
+                or now - measured_time > self.settings.measurement_timeout):
+            return
+        if self._motion is None:
+            correction.time, correction.seen = measured_time, now
+            return
+        then = self._motion.was(time - self.settings.response_time)
+        error = then - float(state.bending_angles[self.segment])
+        correction.update(error, measured_time, self.settings.integral_time, now)
+
+    def is_measured(self, now: float) -> bool:
+        """Whether the arm was measured, and not too long ago."""
+        return now - self._correction.seen <= self.settings.measurement_timeout
+
+    @property
+    def correction(self) -> float:
+        """What is added to the target, rad."""
+        return self._correction.sent
+
+    # Motion.
+
+    def advance(self, now: float, pulls: Sequence[float] | Array) -> Piece | None:
+        """
+        Return the next piece of trajectory, to be sent now; None when nothing has to move.
+
+        pulls: (tendons,) m, where the tendons are; of interest before the first piece only.
+        """
+        target = self._target if self.has_target(now) else None
+        if self._motion is None:
+            if target is None:
+                return None
+            self._motion = self._begin(now, np.asarray(pulls, dtype=float))
+        motion = self._motion
+        while motion.last.time < now:  # the tendons went on as the last piece says
+            motion.go_to(self._ahead.pop(0) if self._ahead else
+                         replace(motion.last, time=motion.last.time + self.settings.period))
+        self._correct()
+        while motion.last.time < now + LEAD:
+            motion.go_to(self._next(target, motion))
+        self._ahead = self._planned_ahead(target, motion)
+        points = [point for point in motion.past if point.time > now]
+        return self._piece(now, points + self._ahead)
+
+    def _planned_ahead(self, target: _Target | None, motion: _Motion) -> list[_Point]:
+        """Return what the tendons do if no other piece comes: go on for a little, then rest."""
+        ahead = _Motion(motion.last, motion.speed)
+        for _ in range(AHEAD_STEPS):
+            ahead.go_to(self._next(target, ahead))
+        while ahead.speed:
+            ahead.go_to(self._next(None, ahead))
+        return list(ahead.past)
+
+    def _piece(self, now: float, points: list[_Point]) -> Piece | None:
+        low, high = self.settings.limits.pull_limits
+        rows = np.array([
+            np.clip(self.curve.pulls_at(point.angle) + self._offset_at(point.followed), low, high)
+            for point in points])
+        if self._sent is not None and not np.abs(rows - self._sent).any():
+            return None
+        self._sent = rows[-1]
+        return Piece(now, np.array([point.time - now for point in points]), rows)
+
+    def _begin(self, now: float, pulls: Array) -> _Motion:
+        """Begin at the angle that the arm has, or, measured, at that which the pulls stand for."""
+        curve, correction = self.curve, self._correction
+        present = float(self._state.bending_angles[self.segment])
+        angle = curve.clipped(present)
+        if self.is_measured(now):
+            angle = curve.angle_for_pulls(pulls, angle)
+            correction.wanted = correction.sent = angle - present
+        self._offset = pulls - curve.pulls_at(angle)
+        largest = float(np.abs(self._offset).max())
+        speed, acceleration = (OFFSET_SHARE * self.settings.speed,
+                               OFFSET_SHARE * self.settings.acceleration)
+        self._offset_time = max(self.settings.period,
+                                minimum_jerk.duration(largest, speed, acceleration))
+        begin = _Point(now, angle)
+        return _Motion(begin, past=deque([begin]))
+
+    def _offset_at(self, followed: float) -> Array:
+        """Return by how much the pulls are not yet those of the curve, (tendons,), m."""
+        t = min(followed / self._offset_time, 1.0)
+        offset: Array = self._offset * (1.0 - minimum_jerk.progress(t))
+        return offset
+
+    def _correct(self) -> None:
+        """Send the correction if it is more than friction lets through."""
+        correction = self._correction
+        if abs(correction.wanted - correction.sent) * self.curve.slope > (
+                self.settings.friction_band):
+            correction.sent = correction.wanted
+
+    def _next(self, target: _Target | None, motion: _Motion) -> _Point:
+        """Return where to be one period on, on the way to the target, or braking without one."""
+        last, period = motion.last, self.settings.period
+        most, followed = self._acceleration * period, last.followed
+        if target is None:
+            speed = copysign(max(0.0, abs(motion.speed) - most), motion.speed)
+        else:
+            speed = self._speed_towards(target, motion)
+            speed = float(np.clip(speed, motion.speed - most, motion.speed + most))
+            speed = float(np.clip(speed, -self._speed, self._speed))
+            followed += period
+        return _Point(last.time + period, self.curve.clipped(last.angle + speed * period),
+                      followed)
+
+    def _speed_towards(self, target: _Target, motion: _Motion) -> float:
+        """Return the speed (rad/s) that the target asks for."""
+        period = self.settings.period
+        time = motion.last.time + period + self.settings.response_time
+        wanted = target.at(time, self.settings.extrapolation) + self._correction.sent
+        reference = self.curve.clipped(wanted)
+        self.limited = '' if reference == wanted else self.curve.ends[int(wanted > reference)]
+        moves = target.speed if reference == wanted else 0.0
+        away = reference - motion.last.angle
+        # As fast as it can still come to rest relative to the target, in whole periods.
+        step = self._acceleration * period / 2.0
+        fastest = sqrt(2.0 * self._acceleration * abs(away) + step**2) - step
+        speed = away / period
+        if abs(speed - moves) > fastest:
+            speed = moves + copysign(fastest, speed - moves)
+        return speed

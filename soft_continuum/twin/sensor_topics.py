@@ -1,0 +1,64 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The sensors of the twin on the topics on which those of a rig would be."""
+
+import numpy as np
+from sensor_msgs.msg import Imu, JointState
+
+from soft_continuum.ros.names import LOAD_CELLS
+from soft_continuum.ros.qos import STREAM
+from soft_continuum.twin.publisher import Publisher
+from soft_continuum.twin.rig import TwinRig
+from soft_continuum.twin.sensors import Sensors
+
+PERIOD = 0.02  # s
+
+
+class SensorTopics(Publisher):
+    """
+    Publishes load_cells (JointState, effort in N) and disc_N/imu (Imu), N from 0 at the base.
+
+    The frame of an IMU is that of its disc in the URDF; the base disc's is base_link.
+    """
+
+    def __init__(self, rig: TwinRig, namespace: str = '') -> None:
+        """Make the node ``twin_sensors``; raises ClientError, as Publisher does."""
+        super().__init__('twin_sensors', namespace)
+        self._rig, self._sensors = rig, Sensors(rig.plant)
+        given, prefix = rig.plant.differences, namespace.strip('/')
+        self._tensions = JointState(name=list(rig.plant.arm.tendon_names))
+        self._messages = []
+        for n in range(len(rig.plant.arm.discs)):
+            message = Imu()
+            message.header.frame_id = f'{prefix}/' * bool(prefix) + (
+                f'disc_{n}' if n else 'base_link')
+            message.orientation_covariance[0] = -1.0  # there is none
+            message.angular_velocity_covariance = _covariance(given.gyro_noise, given.gyro_bias)
+            message.linear_acceleration_covariance = _covariance(
+                given.accelerometer_noise, given.accelerometer_bias)
+            self._messages.append(message)
+
+    async def _begin(self) -> None:
+        node = self._node
+        self._load_cells = node.create_publisher(JointState, LOAD_CELLS, STREAM)
+        self._imus = [node.create_publisher(Imu, f'disc_{n}/imu', STREAM)
+                      for n in range(len(self._messages))]
+        node.create_timer(PERIOD, self._publish)
+
+    def _publish(self) -> None:
+        with self._rig.lock:
+            tensions, motions = self._sensors.tensions(), self._sensors.motions()
+        stamp = self._node.get_clock().now().to_msg()
+        self._tensions.header.stamp, self._tensions.effort = stamp, tensions.tolist()
+        self._load_cells.publish(self._tensions)
+        for imu, message, motion in zip(self._imus, self._messages, motions.tolist(), strict=True):
+            message.header.stamp = stamp
+            turning, force = message.angular_velocity, message.linear_acceleration
+            turning.x, turning.y, turning.z, force.x, force.y, force.z = motion
+            imu.publish(message)
+
+
+def _covariance(noise: float, bias: float) -> list[float]:
+    """Return a covariance, (9,), of values that have both standard deviations."""
+    covariance: list[float] = ((noise**2 + bias**2) * np.eye(3)).ravel().tolist()
+    return covariance

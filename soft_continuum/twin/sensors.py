@@ -1,0 +1,34 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What load cells and IMUs on the twin show: the truth with the errors of its preset."""
+
+import numpy as np
+
+from soft_continuum.twin.plant import Array, Plant
+
+
+class Sensors:
+    """A load cell in each tendon, and an IMU at the bottom centre of each disc, base first."""
+
+    def __init__(self, plant: Plant) -> None:
+        """Draw the errors that stay; what they are drawn from is apart from that of the plant."""
+        self._plant, given = plant, plant.differences
+        self._random = np.random.default_rng([given.seed, 1])
+        self._zero = self._random.normal(0.0, given.load_cell_zero, 2)
+        self._scale = 1.0 + self._random.normal(0.0, given.load_cell_scale, 2)
+        shape = len(plant.arm.discs), 3
+        self._bias = np.hstack([self._random.normal(0.0, size, shape)
+                                for size in (given.gyro_bias, given.accelerometer_bias)])
+        self._noise = np.repeat([given.gyro_noise, given.accelerometer_noise], 3)
+
+    def tensions(self) -> Array:
+        """Return what the load cells show, (2,), N."""
+        noise = self._random.normal(0.0, self._plant.differences.tension_noise, 2)
+        shown: Array = self._zero + self._scale * self._plant.tensions + noise
+        return shown
+
+    def motions(self) -> Array:
+        """Return angular velocities and specific forces, (discs, 6), as Plant.motions has them."""
+        shown: Array = self._plant.motions + self._bias + self._random.normal(
+            0.0, self._noise, self._bias.shape)
+        return shown

@@ -1,0 +1,137 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What measurements say of the arm is seen in a real browser, beside what the model predicts."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from conftest import address_of, OpenPage, start_view
+from estimated_arm import EstimatedArm, learned
+from page import DEADLINE, Page
+from playwright.sync_api import expect
+from processes import Processes
+import pytest
+
+from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import Anomaly, KinematicsState
+
+pytestmark = pytest.mark.timeout(600)
+ARTEFACT = Path(__file__).resolve().parents[2] / 'log' / 'browser' / 'estimate.png'
+ESTIMATED = {
+    'source': KinematicsState.ESTIMATED, 'angle_deviations': [0.002] * 3,
+    'tip_deviations': [3e-4, 4e-4, 0.01], 'parameters': [
+        learned('stiffness_factor_1', 1.25, 0.05),
+        learned('stiff_ratio_2', 4.1, 0.4, problem='less than 5: is the vacuum full?'),
+        learned('offset_left_tendon', -0.0012, 1e-4),
+        learned('payload', 0.02, 0.03, determined=False)]}
+
+
+def brown(colours: Any) -> Any:
+    """Whether pixels are as brown as the outline of the prediction."""
+    return ((colours[..., 0] > colours[..., 1] + 25) & (colours[..., 1] > colours[..., 2] + 20)
+            & (colours[..., 0] < 190))
+
+
+@pytest.fixture(scope='module')
+def shown(open_page: OpenPage, tmp_path_factory: pytest.TempPathFactory, module_domain: int
+          ) -> Iterator[tuple[EstimatedArm, Page]]:
+    """Return an arm of stand-ins and a page that shows it, for the module."""
+    arm, processes = EstimatedArm(module_domain), Processes(
+        module_domain, tmp_path_factory.mktemp('view'))
+    page = open_page(address_of(start_view(
+        processes, 'browser', '--ros-args', '-r', '__ns:=/arm_under_test')))
+    expect(page.button('c_form')).to_be_visible(timeout=DEADLINE * 1e3)
+    yield arm, page
+    page.close()
+    processes.close()
+    arm.close()
+
+
+@pytest.fixture
+def arm(shown: tuple[EstimatedArm, Page]) -> EstimatedArm:
+    return shown[0]
+
+
+@pytest.fixture
+def page(shown: tuple[EstimatedArm, Page]) -> Page:
+    return shown[1]
+
+
+def test_without_measurements_the_page_says_that_it_shows_a_prediction(
+        page: Page, arm: EstimatedArm) -> None:
+    page.wait_for_text('PREDICTED')
+    page.wait_for_text('never measured')
+    page.wait_for_text('nothing is learned without a sensor')
+    page.wait_for_pixels(brown, 0, 0, 'brown, though nothing is estimated')
+    expect(page.page.locator('#alarm')).to_be_hidden()
+
+
+def test_the_prediction_is_drawn_beside_the_estimate_and_its_distance_is_said(
+        page: Page, arm: EstimatedArm) -> None:
+    arm.age, arm.predicted = 0.05, (0.0, 0.2, -0.3)
+    arm.state = KinematicsState(**ESTIMATED)
+    page.wait_for_text('ESTIMATED')
+    page.wait_for_text('tip ±0.5 mm')
+    page.wait_for_text('from the estimate')
+    page.wait_for_pixels(brown, 40, 10**6, 'brown, as the prediction is')
+    page.wait_for_text('+17.2° ±0.1°')  # the angle of segment 1
+
+
+def test_learned_parameters_have_a_deviation_or_are_not_determined(
+        page: Page, arm: EstimatedArm) -> None:
+    for text in ('stiffness factor, segment 1', '1.25', '0.05', '-1.20', 'less than 5',
+                 'not plausible'):
+        page.wait_for_text(text)
+    row = page.view.get_by_role('row').filter(has_text='payload')
+    expect(row).to_contain_text('not determined')
+
+
+def test_the_measured_error_of_a_run_is_said_in_the_unit_of_its_aim(
+        page: Page, arm: EstimatedArm) -> None:
+    page.view.get_by_label('Aim').first.click()
+    page.view.get_by_role('option', name='tip').click()
+    page.click('c_form')
+    page.wait_for_bar('Setting c_form')
+    assert arm.goals[-1].aim == RunShapeSequence.Goal.TIP
+    arm.feed_back(correction=2, error=0.0031)
+    page.wait_for_bar('correction 2, 3.1 mm off')
+    page.wait_for_text('correction 2')
+    page.wait_for_text('3.1 mm')
+    page.wait_for_text('measured error of the tip: last minute, 0 to 5 mm')
+    arm.end_goal(shapes_completed=1, source=1, bending_angles=[0.1] * 3, tip=[0.0] * 3,
+                 tip_deviations=[3e-4, 4e-4, 0.01], tip_error=6e-4, corrections=4)
+    page.wait_for_bar('reached: tip 0.6 mm from its aim (measured, ±0.5 mm)')
+
+
+def test_the_loop_is_switched_and_another_client_is_followed(
+        page: Page, arm: EstimatedArm) -> None:
+    switch = page.view.get_by_label('Closed loop').first
+    expect(switch).to_be_checked(timeout=DEADLINE * 1e3)
+    switch.click()
+    page.wait_for_bar('by the model alone')
+    assert not arm.closed_loop
+    expect(switch).not_to_be_checked()
+    arm.set_closed_loop(True)
+    expect(switch).to_be_checked(timeout=DEADLINE * 1e3)
+
+
+def test_alarms_are_prominent_and_never_cover_stop(page: Page, arm: EstimatedArm) -> None:
+    usual = page.page.viewport_size
+    arm.state = KinematicsState(**ESTIMATED, anomalies=[
+        Anomaly(cause=Anomaly.TENDON_SLIPPED, tendon='left_tendon', message='look at it ' * 50)
+        ] * 5)
+    alarm = page.page.locator('#alarm')
+    expect(alarm).to_contain_text('Tendon slipped (left_tendon)', timeout=DEADLINE * 1e3)
+    expect(alarm).to_contain_text('2 more under Measured shape')
+    for width, height in ((1280, 800), (390, 844)):
+        page.page.set_viewport_size({'width': width, 'height': height})
+        assert page.is_on_top('stop') and page.is_on_top('resume')
+        box, stop = alarm.bounding_box(), page.button('STOP').bounding_box()
+        assert box['y'] >= stop['y'] + stop['height'] and box['height'] <= 120
+        assert page.view.locator('canvas').first.bounding_box()['height'] > 200
+    page.page.set_viewport_size(usual)
+    arm.state = KinematicsState(**ESTIMATED)
+    expect(alarm).to_be_hidden(timeout=DEADLINE * 1e3)
+    page.wait_for_text('Alarm')  # kept under Messages

@@ -1,0 +1,177 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""``doctor --sensors`` listens to the sensors of an arm and says what is wrong with each."""
+
+from collections.abc import Callable
+from copy import deepcopy
+import json
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
+import numpy as np
+import pytest
+from rclpy.node import Node
+from ros_rig import Rig, STREAM
+from sensor_msgs.msg import Imu, JointState
+
+from soft_continuum.cli import doctor
+from soft_continuum.cli.doctor_sensors import judged
+from soft_continuum.hardware.checks import Check
+from soft_continuum.ros.conversions import measured_pose_to_ros
+
+NOW = 1000.0
+
+
+def heard(message: Any, rate: float = 50.0, delay: float = 0.02, frame: str = 'base_link',
+          noise: Callable[[Any], None] = lambda message: None) -> list[tuple[float, Any]]:
+    """Return messages of 2 s, and when they came."""
+    found = []
+    for time in np.arange(NOW, NOW + 2.0, 1.0 / rate):
+        copy = deepcopy(message)
+        noise(copy)
+        copy.header.frame_id = frame
+        copy.header.stamp.sec, copy.header.stamp.nanosec = divmod(int((time - delay) * 1e9), 10**9)
+        found.append((float(time), copy))
+    return found
+
+
+def pose(variance: float = 1e-6, of_angle: float = 1e-4) -> Any:
+    return measured_pose_to_ros(np.array([0.0, 0.1, 0.0]), np.diag([variance, variance, of_angle]))
+
+
+def imu(x: float = 0.0, z: float = 9.8, bias: float = 0.01) -> Any:
+    message = Imu()
+    message.linear_acceleration.x, message.linear_acceleration.z = x, z
+    message.angular_velocity.y = bias
+    return message
+
+
+def cells(names: list[str], forces: list[float]) -> Any:
+    return JointState(name=names, effort=forces)
+
+
+def only(topic: str, messages: Any, **others: Any) -> Check:
+    found, = judged({topic: messages, **others}, {topic: ('camera',)}, '/')
+    return found
+
+
+def test_a_sound_sensor_is_described() -> None:
+    found = only('disc_1/measured_pose', heard(pose()))
+    assert (found.step, found.status) == ('disc 1 measured pose', 'OK')
+    assert found.message == ('by camera, in base_link, 1.00 mm, 0.57 degrees, 50.0 Hz, '
+                             '20 ms late')
+    assert 'position not measured' in only('disc_1/measured_pose', heard(pose(1e6))).message
+    found = only('load_cells', heard(cells(['a', 'b'], [1.0, 2.5])))
+    assert (found.status, found.message[:15]) == ('OK', 'a 1.0 N, b 2.5 ')
+
+
+@pytest.mark.parametrize(('topic', 'messages', 'status', 'words'), [
+    ('disc_1/measured_pose', heard(pose(), delay=3600.0), 'FAIL', 'stamped 3600.0 s ago; set the'),
+    ('disc_1/measured_pose', heard(pose(), delay=-60.0), 'FAIL', 'stamped -60.0 s ago'),
+    ('disc_1/measured_pose', heard(pose(), delay=0.5), 'WARN', '500 ms late; is a computer'),
+    ('disc_1/measured_pose', heard(pose(), rate=1.0), 'WARN', 'expected: 2 Hz or more'),
+    ('disc_1/measured_pose', heard(pose(-1.0)), 'FAIL', 'not positive definite'),
+    ('disc_3/imu', heard(imu(z=1.0)), 'FAIL', '1.00 m/s^2, at rest it is 9.81; is it in'),
+    ('disc_3/imu', heard(imu(x=float('nan'))), 'FAIL', 'not finite'),
+    ('disc_3/imu', heard(imu()), 'WARN', 'frozen'),
+    ('disc_3/imu', heard(imu(), rate=10.0), 'WARN', 'the same numbers'),
+    ('load_cells', heard(cells(['a', 'a'], [1.0, 2.0])), 'FAIL', 'needed: name and effort'),
+    ('load_cells', heard(cells(['a', 'b'], [1.0])), 'FAIL', 'tensions 1; needed'),
+    ('load_cells', heard(cells(['a'], [float('nan')])), 'FAIL', 'check the cables')])
+def test_what_is_wrong_with_a_sensor_is_said(
+        topic: str, messages: Any, status: str, words: str) -> None:
+    found = only(topic, messages)
+    assert words in found.message
+    assert found.status == status
+
+
+@pytest.mark.parametrize(('bias', 'status', 'words'), [
+    (0.01, 'OK', 'bias 0.5'), (0.3, 'WARN', 'large; is it in rad/s')])
+def test_the_bias_of_an_imu_at_rest_is_told(bias: float, status: str, words: str) -> None:
+    rng = np.random.default_rng(1)
+
+    def noise(message: Any) -> None:
+        message.angular_velocity.y = bias + 0.003 * rng.standard_normal()
+
+    found = only('disc_3/imu', heard(imu(), noise=noise))
+    assert words in found.message
+    assert found.status == status
+
+
+def test_frames_and_tendons_that_are_not_those_of_the_arm_are_told() -> None:
+    model = PoseArray()
+    model.header.frame_id = 'left/base_link'
+    found = only('disc_0/measured_pose', heard(pose()), disc_poses=[(NOW, model)])
+    assert "poses in 'base_link'; needed: 'left/base_link'" in found.message
+    found = only('load_cells', heard(cells(['up'], [1.0])),
+                 tendon_states=[(NOW, cells(['right_tendon', 'left_tendon'], []))])
+    assert found.message.startswith('names up; the tendons are right_tendon, left_tendon')
+
+
+def test_sensors_that_send_nothing_are_a_failure_if_all_of_them_do() -> None:
+    silent = {'disc_0/measured_pose': [], 'disc_1/measured_pose': []}
+    assert [check.status for check in judged(silent, {}, '/')] == ['FAIL', 'WARN', 'WARN']
+    one = silent | {'disc_1/measured_pose': heard(pose())}
+    assert [check.status for check in judged(one, {}, '/')] == ['WARN', 'OK']
+
+
+def test_the_status_of_the_camera_is_repeated_with_what_fits_badly() -> None:
+    message = DiagnosticStatus(level=DiagnosticStatus.OK, message='all discs are seen', values=[
+        KeyValue(key='tags', value='0 1 100'), KeyValue(key='deviation_px', value='1.800')])
+    camera, = list(judged({'camera/status': [(NOW, message)]}, {}, '/'))[-1:]
+    assert camera.status == 'WARN'
+    assert 'tags 0 1 100, corners off by 1.800 px; calibrate the lens' in camera.message
+
+
+def test_it_listens_to_a_running_arm(
+        rig: Rig, here: None, capfd: pytest.CaptureFixture[str]) -> None:
+    arguments = ['--sensors', '--duration', '1', '--namespace', 'arm_under_test']
+    assert doctor.main(arguments) == 1
+    assert 'FAIL  sensors: no sensor publishes in namespace /arm_under_test' in (
+        capfd.readouterr().out)
+    publisher = rig.observer.create_publisher(
+        PoseWithCovarianceStamped, 'disc_2/measured_pose', STREAM)
+
+    def publish() -> None:
+        message = pose()
+        message.header.frame_id = 'base_link'
+        message.header.stamp = rig.observer.get_clock().now().to_msg()
+        publisher.publish(message)
+
+    rig.observer.create_timer(0.05, publish)
+    assert doctor.main([*arguments, '--json']) == 0
+    document = json.loads(capfd.readouterr().out)
+    check, = document['checks']
+    assert (document['result'], check['step']) == ('OK', 'disc 2 measured pose')
+    assert 'by observer, in base_link, 1.00 mm' in check['message']
+
+
+def test_an_imu_that_is_remapped_is_listened_to(
+        rig: Rig, here: None, capfd: pytest.CaptureFixture[str]) -> None:
+    publisher = rig.observer.create_publisher(Imu, '/imu/data_raw', STREAM)
+    listener = Node('disc_sensors', context=rig.context, namespace=rig.namespace)
+    listener.create_subscription(Imu, '/imu/data_raw', lambda message: None, STREAM)
+
+    def publish() -> None:
+        message = imu(z=1.0)
+        message.header.stamp = rig.observer.get_clock().now().to_msg()
+        publisher.publish(message)
+
+    rig.observer.create_timer(0.02, publish)
+    try:
+        assert doctor.main(
+            ['--sensors', '--duration', '1', '--namespace', 'arm_under_test']) == 1
+    finally:
+        listener.destroy_node()
+    assert 'FAIL  /imu/data_raw: 1.00 m/s^2, at rest it is 9.81' in capfd.readouterr().out
+
+
+@pytest.mark.parametrize('arguments', [
+    ['--namespace', 'left'], ['--duration', '2'], ['--sensors', '--params-file', 'my_rig.yaml'],
+    ['--sensors', '--duration', '0']])
+def test_options_that_do_not_belong_together_are_a_usage_error(arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        doctor.main(arguments)
+    assert ended.value.code == 2

@@ -1,0 +1,135 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What measurements say of the arm is seen by clients, and told on the command line."""
+
+from collections.abc import Callable
+import json
+from math import hypot
+import threading
+from typing import Any
+
+from estimated_arm import CHAIN, EstimatedArm, joint_angles, learned
+import pytest
+
+from soft_continuum.client import Arm
+from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import Anomaly, KinematicsState
+
+NAMESPACE = '/arm_under_test'
+
+
+@pytest.fixture
+def arm(estimated_of_module: EstimatedArm) -> EstimatedArm:
+    """Return an arm that is estimated from measurements."""
+    arm = estimated_of_module
+    arm.age, arm.predicted = 0.05, (0.28, 0.2, -0.3)
+    arm.state = KinematicsState(
+        source=KinematicsState.ESTIMATED, angle_deviations=[0.002] * 3,
+        tip_deviations=[3e-4, 4e-4, 0.01], parameters=[
+            learned('stiffness_factor_1', 1.25, 0.05), learned('payload', 0.02, 0.03, False)],
+        anomalies=[Anomaly(cause=Anomaly.NOT_STIFF, segment=2, message='look at its valve')])
+    return arm
+
+
+@pytest.fixture
+def client(arm: EstimatedArm, connect: Callable[..., Arm]) -> Arm:
+    return connect()
+
+
+def test_a_client_sees_how_well_the_shape_is_known_and_what_is_wrong(
+        arm: EstimatedArm, client: Arm) -> None:
+    state = client.wait_for(lambda s: s if s.estimate and s.estimate.measured
+                            and s.predicted_disc_poses else None)
+    estimate = state.estimate
+    assert estimate.age < 2.0
+    assert estimate.tip_deviation == pytest.approx(5e-4)
+    assert estimate.angle_deviations == (0.002,) * 3
+    tip, alone = (CHAIN.points(joint_angles(angles))[-1] for angles in (arm.angles, arm.predicted))
+    assert estimate.predicted_tip_error == pytest.approx(hypot(*(tip - alone)[:2]), abs=1e-6)
+    factor, payload = estimate.parameters
+    assert (factor.kind, factor.segment, factor.determined) == ('stiffness_factor', 1, True)
+    assert (payload.kind, payload.segment, payload.determined) == ('payload', None, False)
+    anomaly, = estimate.anomalies
+    assert (anomaly.cause, anomaly.segment) == ('not stiff', 2)
+
+
+def test_the_status_says_it_in_a_line_each(arm: EstimatedArm, call: Callable[..., Any]) -> None:
+    status, output, _ = call('status')
+    assert status == 0
+    assert 'estimated from measurements; measured just now, tip +-0.5 mm, angles +-0.1' in output
+    assert 'learned    stiffness factor, segment 1: 1.25 +- 0.05' in output
+    assert 'payload' not in output  # of which nothing is known
+    assert 'ALARM      not stiff (segment 2): look at its valve' in output
+
+
+def test_without_measurements_it_is_a_prediction_and_no_more_is_said(
+        arm: EstimatedArm, call: Callable[..., Any]) -> None:
+    arm.state, arm.age = KinematicsState(), None
+    status, output, _ = call('status')
+    assert status == 0
+    assert 'shape      predicted by the model; never measured' in output
+    assert 'learned' not in output and 'ALARM' not in output
+
+
+def test_a_sequence_has_an_aim_and_its_result_says_where_it_ended(
+        arm: EstimatedArm, client: Arm) -> None:
+    running = client.start('c_form', aim='tip')
+    client.wait_for(lambda s: s.progress)
+    assert arm.goals[-1].aim == RunShapeSequence.Goal.TIP
+    arm.feed_back(correction=2, error=0.0031)
+    now = next(now for now in running.updates() if now.correction)
+    assert (now.phase, now.error, now.aim) == ('measuring', 0.0031, 'tip')
+    seen = client.wait_for(lambda s: s.progress and s.progress.correction and s.progress)
+    assert (seen.error, seen.aim) == (0.0031, 'tip')
+    arm.feed_back(correction=3, error=float('nan'))
+    assert client.wait_for(lambda s: s.progress and s.progress.correction == 3
+                           and s.progress).error is None
+    arm.end_goal(shapes_completed=1, source=RunShapeSequence.Result.MEASURED,
+                 bending_angles=[0.1, 0.2, 0.3], angle_deviations=[0.002] * 3,
+                 tip=[0.1, 0.3, 0.6], tip_deviations=[3e-4, 4e-4, 0.01], tip_error=6e-4,
+                 corrections=4)
+    reached = running.result(30.0).reached
+    assert reached is not None and reached.measured
+    assert (reached.tip_error, reached.corrections) == (6e-4, 4)
+    with pytest.raises(ValueError, match="aim is 'toe'; allowed: 'angles' or 'tip'"):
+        client.start('c_form', aim='toe')
+
+
+RESULTS = [
+    ({'source': 1, 'tip_deviations': [3e-4, 4e-4, 0.01], 'corrections': 4},
+     'reached: tip 0.6 mm from its aim (measured, +-0.5 mm), angles +5.7 +11.5 +17.2 deg, '
+     '4 corrections'),
+    ({}, 'predicted: nothing was measured; tip 0.6 mm from its aim by the model')]
+
+
+@pytest.mark.parametrize(('result', 'text'), RESULTS)
+def test_run_says_where_it_ended_and_how_that_is_known(
+        arm: EstimatedArm, call: Callable[..., Any], result: dict[str, Any], text: str) -> None:
+    sent = len(arm.goals)
+
+    def end() -> None:
+        while len(arm.goals) == sent or arm._end is None or arm._end.done():
+            threading.Event().wait(0.02)
+        arm.end_goal(shapes_completed=1, bending_angles=[0.1, 0.2, 0.3], tip=[0.1, 0.3, 0.6],
+                     tip_error=6e-4, **result)
+
+    other = threading.Thread(target=end)
+    other.start()
+    status, output, errors = call('run', 'c_form', '--aim', 'tip')
+    other.join()
+    assert (status, errors) == (0, '')
+    assert output.splitlines()[-2:] == ['done', text]
+    assert arm.goals[-1].aim == RunShapeSequence.Goal.TIP
+
+
+def test_the_loop_is_opened_and_closed(arm: EstimatedArm, client: Arm) -> None:
+    assert client.closed_loop is True
+    client.closed_loop = False
+    assert client.closed_loop is False and arm.closed_loop is False
+    client.closed_loop = True
+
+
+def test_json_has_all_of_it(arm: EstimatedArm, call: Callable[..., Any]) -> None:
+    document = json.loads(call('status', '--json')[1])
+    assert document['estimate']['measured'] is True
+    assert document['estimate']['parameters'][0]['name'] == 'stiffness_factor_1'

@@ -1,0 +1,102 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What was learned of the running arm is saved as far as it is determined, and no further."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from estimated_arm import ARM, EstimatedArm, learned
+import pytest
+
+from soft_continuum.cli.learn import FILE
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm, read_parameter_file
+from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
+
+
+@pytest.fixture
+def arm(estimated_of_module: EstimatedArm) -> EstimatedArm:
+    return estimated_of_module
+
+
+Learn = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def learn(arm: EstimatedArm, call: Callable[..., Any], tmp_path: Path) -> Learn:
+    """Return a function that saves what is learned; None: nothing is estimated."""
+    def run(parameters: list[EstimatedParameter] | None, *options: str) -> tuple[int, str, str]:
+        arm.age = None if parameters is None else 0.05
+        arm.state = KinematicsState(
+            source=KinematicsState.PREDICTED if parameters is None else KinematicsState.ESTIMATED,
+            parameters=parameters or [])
+        return call('learn', '--output', str(tmp_path), *options)  # type: ignore[no-any-return]
+
+    return run
+
+
+def test_what_is_determined_becomes_a_description_that_nodes_read(
+        learn: Learn, tmp_path: Path) -> None:
+    status, output, errors = learn([
+        learned('stiffness_factor_1', 1.25, 0.05),
+        learned('stiffness_factor_2', 0.9, 0.25, determined=False),
+        learned('stiff_ratio_3', 40.0, 4.0), learned('payload', 0.021, 0.002),
+        learned('offset_left_tendon', -0.0012, 1e-4)])
+    assert (status, errors) == (0, '')
+    arm = load_arm(description_file(), tmp_path / FILE)
+    before = [s.bending_stiffness for s in ARM.segments]
+    assert [s.bending_stiffness for s in arm.segments] == pytest.approx(
+        [1.25 * before[0], *before[1:]])
+    assert [s.jam.ratio for s in arm.segments] == pytest.approx(
+        [*(s.jam.ratio for s in ARM.segments[:2]), 40.0])
+    assert arm.payload == pytest.approx(0.021)
+    # Deviations are comments; offsets belong to homing.
+    text = (tmp_path / FILE).read_text(encoding='utf-8')
+    assert f'# E I, segment 1: {1.25 * before[0]:.4g} +- {0.05 * before[0]:.2g} N m^2' in (
+        text.replace('#   ', '# '))
+    assert 'As described: stiffness factor, segment 2: not determined' in text
+    assert 'SIMULATED' not in text
+    assert set(read_parameter_file(tmp_path / FILE)) == {
+        'arm.bending_stiffnesses', 'arm.stiffness_ratios', 'arm.payload'}
+    assert 'left_tendon is pulled in by -1.20 +- 0.1 mm beyond what its motor says' in output
+    assert 'stiffness factor, segment 2: not determined' in output
+    # Nothing is overwritten unless that is asked for.
+    status, _, errors = learn([learned('payload', 0.5, 0.002)])
+    assert status == 2 and 'add --force to overwrite it' in errors
+    assert load_arm(description_file(), tmp_path / FILE).payload == pytest.approx(0.021)
+    assert learn([learned('payload', 0.5, 0.002)], '--force')[0] == 0
+    assert load_arm(description_file(), tmp_path / FILE).payload == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(('parameters', 'reason'), [
+    (None, 'nothing is estimated, the shape is predicted by the model; never measured'),
+    ([learned('stiffness_factor_1', 1.0, 0.25, determined=False)],
+     'nothing that a description has is determined yet: stiffness factor, segment 1: not'),
+    ([learned('offset_left_tendon', 0.001, 1e-4)], 'there are only offsets'),
+    ([learned('stiffness_factor_1', float('nan'), 0.1)], 'nan is not positive'),
+    ([learned('stiffness_factor_7', 1.0, 0.1)], 'this arm has no such segment'),
+    ([learned('colour', 1.0, 0.1)], 'no parameter of a description')])
+def test_what_is_not_determined_is_refused_with_the_reason(
+        learn: Learn, tmp_path: Path, parameters: list[EstimatedParameter] | None, reason: str
+        ) -> None:
+    status, _, errors = learn(parameters)
+    assert status == 1
+    assert reason in errors and errors.count('\n') == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_value_that_is_not_plausible_is_written_with_a_warning(
+        learn: Learn, tmp_path: Path) -> None:
+    status, _, errors = learn([
+        learned('stiff_ratio_2', 4.1, 0.4, problem='less than 5: is the vacuum full?')])
+    assert status == 0
+    assert 'warning: K, segment 2 4.1: less than 5: is the vacuum full?' in errors
+    assert '# NOT PLAUSIBLE: K, segment 2 4.1' in (tmp_path / FILE).read_text(encoding='utf-8')
+
+
+def test_without_nodes_there_is_nothing_to_learn_from(
+        arm: EstimatedArm, call: Callable[..., Any], tmp_path: Path) -> None:
+    status, _, errors = call('learn', '--output', str(tmp_path), namespace='/nobody', timeout=0.5)
+    assert status == 3 and 'do not run' in errors
+    assert not list(tmp_path.iterdir())

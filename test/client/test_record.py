@@ -1,0 +1,251 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A run is recorded by a process of its own, and turned into a page and tables."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+import resource
+import signal
+import subprocess
+import sys
+
+from geometry_msgs.msg import PoseArray
+from mcap.reader import make_reader
+import numpy as np
+import pytest
+from ros_rig import DEADLINE, Rig
+from sensor_msgs.msg import Image, JointState
+from std_srvs.srv import SetBool
+import yaml
+
+from soft_continuum.analysis.bag_tables import read_recording
+from soft_continuum.analysis.recording import BAG, DESCRIPTION
+from soft_continuum.cli.export import main as export
+from soft_continuum.cli.report import main as report
+from soft_continuum.client import Arm
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.recordings.bag import BagReader
+from soft_continuum.recordings.playback import Playback
+from soft_continuum.ros.definitions import DefinitionError, message_class
+from soft_continuum.ros.qos import EVERY_STATE, LATCHED
+from soft_continuum_interfaces.msg import RecorderState
+
+TOPICS = ('tendon_states', 'disc_poses', 'segment_1/pressure', 'jamming_valves/state',
+          'shape_sequencer/state', 'kinematics/state', 'tendon_actuation/status')
+
+
+class RecordProcess:
+    """The command record, of the rig."""
+
+    def __init__(self, rig: Rig, directory: Path, *options: str) -> None:
+        self.directory, self.file = directory, directory / BAG
+        self._rig, self._size = rig, 1000
+        self.process = subprocess.Popen(
+            [sys.executable, '-m', 'soft_continuum', 'record', '--output', str(directory),
+             '--namespace', rig.namespace, *options],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    def seen(self) -> Counter[str]:
+        """Return how many messages of each topic, without the namespace, are on the disk."""
+        with BagReader(self.file) as bag:
+            return Counter(message.topic.name.removeprefix(f'{self._rig.namespace}/')
+                           for message in bag.messages())
+
+    def wait_until_it_records(self) -> None:
+        def recorded() -> bool:
+            assert self.process.poll() is None, self.process.communicate()
+            size = self.file.stat().st_size if self.file.exists() else 0
+            if size <= self._size:  # nothing new to read
+                return False
+            self._size, seen = size, self.seen()
+            return set(TOPICS) <= set(seen) and seen['tendon_states'] > 2
+        self._rig.wait_for(recorded, 'a recording')
+
+    def end(self) -> tuple[int, str, str]:
+        out, err = self.process.communicate(timeout=30)
+        return self.process.returncode, out, err
+
+
+@pytest.fixture
+def recorder(arm: Rig, here: None, tmp_path: Path) -> Iterator[RecordProcess]:
+    found = RecordProcess(arm, tmp_path / 'run', '--goal')
+    found.wait_until_it_records()
+    yield found
+    found.process.kill()
+    found.process.wait()
+
+
+def test_a_goal_is_recorded_to_its_end_reported_and_played(
+        arm: Rig, recorder: RecordProcess) -> None:
+    assert arm.goal('s_form', hold=0.5).result()[0] == 'SUCCEEDED'
+    status, out, err = recorder.end()
+    assert (status, err) == (0, '')
+    assert f's recorded in {recorder.file}: ' in out
+    held, = read_recording(recorder.directory).held_shapes()
+    assert held.shape == 's_form'
+    ends = [(p.position.x, p.position.z) for p in arm.segment_poses.last.poses]
+    assert held.points[2::2, [0, 2]] == pytest.approx(np.array(ends) * 1e3, abs=0.1)
+    assert held.pulls == pytest.approx(np.array(arm.pulls) * 1e3, abs=0.01)
+    assert report([str(recorder.directory)]) == 0
+    page = (recorder.directory / 'report.html').read_text('utf-8')
+    assert 'arm in namespace /arm_under_test' in page
+    assert page.count('data:image/png') == 2
+    assert 's_form: moving segment 2' in page
+    assert 'arm.segment_lengths</td>' in page
+    assert 'http' not in page  # it needs nothing else
+    assert export([str(recorder.directory)]) == 0
+    assert load_arm(recorder.directory / DESCRIPTION) == load_arm(description_file())
+    # Other tools find what they need: every definition, the QoS, the parameters of the nodes.
+    with recorder.file.open('rb') as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None and summary.statistics is not None
+    assert not summary.statistics.channel_message_counts.keys() ^ summary.channels.keys()
+    latched = {c.topic for c in summary.channels.values() if yaml.safe_load(
+        c.metadata['offered_qos_profiles'])[0]['durability'] == 'transient_local'}
+    assert f'{arm.namespace}/jamming_valves/state' in latched
+    assert f'{arm.namespace}/tendon_states' not in latched
+    with BagReader(recorder.file) as bag:
+        for message in bag.messages():
+            bag.decoded(message)
+    values = yaml.safe_load(bag.attachments['parameters.yaml'])
+    assert values['tendon_actuation']['ros__parameters']['tendon_driver'] == 'simulated'
+    assert_played_as_recorded(arm, recorder.file)
+
+
+def assert_played_as_recorded(arm: Rig, file: Path) -> None:
+    """Claim that a playback publishes what was recorded, and has the description of the arm."""
+    with Playback(file) as playback, Arm(playback.namespace, timeout=DEADLINE) as player:
+        arm.wait_for(lambda: player.state.pulls, 'the begin of the recording')
+        assert player.state.pulls == (0.0, 0.0)
+        assert player.description == load_arm(description_file())
+        heard: list[bytes] = []
+        arm.on_ros_thread(lambda: arm.observer.create_subscription(
+            JointState, f'{playback.namespace}/tendon_states', heard.append, 1000, raw=True))
+        arm.wait_for(lambda: len(heard) > 1, 'what stands still to be repeated')
+        playback.play(True)
+        arm.wait_for(lambda: playback.position > 1.0, 'the first second')
+        playback.play(False)
+        with BagReader(file) as bag:
+            recorded = [message.data for message in bag.messages()
+                        if message.topic.name.endswith('/tendon_states')]
+        arm.wait_for(lambda: not playback.playing, 'a pause')
+        begin = heard.index(recorded[1])
+        assert heard[begin:begin + 5] == recorded[1:6]
+        assert set(heard) <= set(recorded)
+        playback.seek(1e9)
+        arm.wait_for(lambda: player.state.pulls == pytest.approx(arm.pulls), 'its end')
+        assert player.state.tip.x == pytest.approx(arm.disc_poses.last.poses[-1].position.x)
+        for wrong in (float('nan'), -float('inf')):
+            playback.seek(wrong)
+        arm.wait_for(lambda: playback.position == playback.duration, 'no other time')
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_what_was_recorded_before_it_was_ended_is_kept(
+        recorder: RecordProcess, number: signal.Signals) -> None:
+    recorder.process.send_signal(number)
+    status, _, err = recorder.end()
+    killed = number == signal.SIGKILL
+    assert status == (-signal.SIGKILL if killed else 0)
+    assert 'Traceback' not in err
+    recording = read_recording(recorder.directory)
+    assert len(recording.tendons) > 2
+    assert bool(recording.damage) == killed
+
+
+def test_a_disk_that_is_full_ends_it_and_keeps_what_there_is(recorder: RecordProcess) -> None:
+    size = recorder.file.stat().st_size + 1000
+    resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (size, size))
+    status, _, err = recorder.end()
+    assert status == 1
+    assert err.startswith(f'record: cannot write to {recorder.file} any more: ')
+    assert len(err.splitlines()) == 1
+    assert len(read_recording(recorder.directory).tendons) > 2
+
+
+@pytest.fixture
+def record(call: Callable[..., tuple[int, str, str]], tmp_path: Path
+           ) -> Callable[..., tuple[int, str, str]]:
+    """Return a function that runs the command in this process: exit status, stdout, stderr."""
+    return lambda *options: call(
+        'record', '--output', str(tmp_path), '--duration', '0.2', *options, timeout=None)
+
+
+def test_without_nodes_it_says_how_to_start_them(
+        record: Callable[..., tuple[int, str, str]]) -> None:
+    status, _, err = record()
+    assert status == 1
+    assert './run up' in err
+
+
+@pytest.fixture
+def ask(arm: Rig, tmp_path: Path) -> Callable[[bool], SetBool.Response]:
+    """Start the node; return a call of its service."""
+    arm.start('recorder', ready=False, recorder__directory=str(tmp_path))
+    return lambda data: arm.call(SetBool, 'recorder/record', data=data)
+
+
+def test_a_service_begins_and_ends_files(
+        arm: Rig, ask: Callable[[bool], SetBool.Response], tmp_path: Path) -> None:
+    states = arm.record(RecorderState, 'recorder/state', EVERY_STATE)
+    left_out = {arm.observer.create_publisher(kind, name, LATCHED): kind() for kind, name in (
+        (Image, 'camera/image_raw'), (PoseArray, 'twin/disc_poses'))}
+    kept = arm.observer.create_publisher(PoseArray, 'other/disc_poses', LATCHED)
+    for publisher, message in (*left_out.items(), (kept, PoseArray())):
+        publisher.publish(message)
+    arm.wait_for(lambda: states and not states.last.recording, 'its state')
+    began = ask(True)
+    assert began.success
+    file = Path(began.message.removeprefix('recording into '))
+    assert file.parent == tmp_path
+    assert 'already' in ask(True).message
+    arm.wait_for(lambda: states.last.recording and states.last.messages > 100, 'messages')
+    ended = ask(False)
+    assert ended.success and str(file) in ended.message
+    assert len(read_recording(file).tendons) > 2
+    assert ask(False).message == 'nothing is being recorded'
+    arm.wait_for(lambda: not states.last.recording, 'its end')
+    assert states.last.file == str(file) and states.last.lost == 0
+    with BagReader(file) as bag:
+        seen = {message.topic.name for message in bag.messages()}
+    # Pictures when they are asked for only; the truth of the twin never.
+    assert kept.topic_name in seen
+    assert not {publisher.topic_name for publisher in left_out} & seen
+    assert ask(True).success  # again
+    assert ask(False).success
+    assert len(list(tmp_path.glob('*.mcap'))) == 2
+
+
+def test_a_type_of_the_network_is_never_imported_as_a_program(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / 'evil').mkdir()
+    (tmp_path / 'evil' / '__init__.py').write_text('raise SystemExit(1)')
+    monkeypatch.syspath_prepend(tmp_path)
+    for kind in ('evil/msg/A', '../evil/msg/A', 'evil', 'std_msgs/srv/String', 'os/msg/A'):
+        with pytest.raises(DefinitionError):
+            message_class(kind)
+    assert message_class('std_msgs/msg/String').__name__ == 'String'
+
+
+def test_without_force_nothing_is_overwritten_and_with_it_not_before_there_is_an_arm(
+        record: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+    before = tmp_path / BAG
+    before.write_text('precious')
+    assert record()[0] == 2
+    status, _, err = record('--force')
+    assert status == 1 and './run up' in err
+    assert before.read_text() == 'precious'
+
+
+def test_a_node_that_cannot_write_says_so_and_goes_on(
+        arm: Rig, tmp_path: Path) -> None:
+    file = tmp_path / 'file'
+    file.touch()
+    arm.start('recorder', ready=False, recorder__directory=str(file / 'below'))
+    answer = arm.call(SetBool, 'recorder/record', data=True)
+    assert not answer.success
+    assert 'change recorder.directory' in answer.message
+    assert not arm.call(SetBool, 'recorder/record', data=True).success

@@ -1,0 +1,179 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from soft_continuum.estimation.anomalies import Anomaly, REPORTED
+from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.hypotheses import camera_directions, Cause
+from soft_continuum.estimation.measuring import DiscMeasurement
+from soft_continuum.estimation.shape import ArmShape
+from soft_continuum.mechanics import Arm, Jam, PointForce, Statics
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
+
+COVARIANCE = np.diag([8e-4, 8e-4, 1e-2])**2
+SEGMENT = 1  # which becomes soft
+ANGLE = 0.35
+
+
+class Rig:
+    """An arm that is not quite as described, at rest after each step, and who watches it."""
+
+    def __init__(self) -> None:
+        described = load_arm(description_file())
+        self.arm: Arm = replace(described, segments=tuple(
+            replace(s, bending_stiffness=factor * s.bending_stiffness, jam=Jam(ratio=50.0))
+            for s, factor in zip(described.segments, (0.9, 1.05, 1.1), strict=True)))
+        self.state = Statics(self.arm).chain.straight()
+        self.shape = ArmShape(described, 5e-4)
+        self.random = np.random.default_rng(1)
+        self.time, self.pulls, self.soft = 0.0, np.zeros(2), [False] * 3
+        self.really_soft: Sequence[bool] | None = None
+        self.vacuum: tuple[float, ...] | None = None
+        self.longer = np.zeros(2)
+        self.seen: Callable[[Array], Array] = lambda poses: poses
+        self.named: list[Anomaly] = []
+
+    def run(self, seconds: float, to: Array | None = None) -> None:
+        """Let time pass, with five pictures a second, while the motors go to pulls."""
+        steps = round(seconds / 0.2)
+        for pulls in np.linspace(self.pulls, self.pulls if to is None else to, steps + 1)[1:]:
+            self.time, self.pulls = self.time + 0.2, pulls
+            statics = Statics(self.arm)
+            self.state = statics.solve(
+                replace(self.state, chain=statics.chain), pulls - self.longer,
+                self.really_soft or self.soft, vacuum=self.vacuum)
+            self.shape.follow(Commands(
+                self.time, pulls, tuple(not one for one in self.soft), None, (0, 0)))
+            noise = self.random.normal(0.0, [1e-4, 1e-4, 1e-3], (4, 3))
+            poses = self.seen(self.state.points[::2] + noise)
+            self.shape.measure(self.time, [
+                DiscMeasurement(n, poses[n], COVARIANCE) for n in (1, 2, 3)])
+            self.named += [one for one in self.shape.anomalies if one not in self.named]
+
+    def soften(self) -> None:
+        self.soft = [n == SEGMENT for n in range(3)]
+
+    def bend(self, angle: float = ANGLE) -> None:
+        """Soften a segment, bend it, and rest."""
+        statics, soft = Statics(self.arm), [n == SEGMENT for n in range(3)]
+        bent = statics.bend(statics.chain.straight(), SEGMENT, angle, soft)
+        self.soften()
+        self.run(2.0)
+        pulls = np.where(bent.tensions > 0.0, bent.pulls, bent.pulls - 2e-3)
+        self.run(1.6, pulls)
+        self.run(2.4)
+
+    @property
+    def causes(self) -> list[Cause]:
+        return [one.cause for one in self.named]
+
+
+@pytest.fixture
+def rig() -> Rig:
+    made = Rig()
+    made.run(1.6)
+    return made
+
+
+def test_an_arm_that_is_stiffer_than_described_is_not_an_anomaly(rig):
+    rig.bend()
+    rig.soft = [False] * 3
+    rig.run(3.0)
+    assert rig.causes == []
+
+
+def test_a_tendon_that_became_longer_at_rest_has_slipped(rig):
+    rig.bend()
+    tendon = int(np.argmax(rig.state.tensions))
+    rig.longer[tendon] = 2e-3
+    rig.run(2.4)
+    assert rig.causes == [Cause.TENDON_SLIPPED]
+    assert rig.named[0].tendon == rig.arm.tendon_names[tendon]
+    assert rig.named[0].size == pytest.approx(2e-3, rel=0.3)
+
+
+def test_a_tendon_that_is_off_after_a_motion_is_of_a_motor_that_lost_steps(rig):
+    rig.bend()
+    tendon = int(np.argmax(rig.state.tensions))
+    way = np.eye(2)[tendon]
+    rig.longer = 3e-3 * way
+    rig.run(0.4, rig.pulls + 4e-3 * way)
+    rig.run(3.0)
+    assert rig.causes == [Cause.STEPS_LOST]
+    assert rig.named[0].tendon == rig.arm.tendon_names[tendon]
+
+
+def test_a_segment_that_does_not_become_soft_is_named(rig):
+    rig.really_soft = [False] * 3
+    rig.bend(-0.6)
+    assert rig.causes == [Cause.NOT_SOFT]
+    assert rig.named[0].segment == SEGMENT + 1
+
+
+def test_a_bent_segment_that_loses_its_vacuum_is_named(rig):
+    rig.bend(0.6)
+    rig.soft = [False] * 3
+    rig.run(2.0)
+    rig.run(1.0, rig.pulls - 5e-3)
+    rig.run(2.0)
+    rig.vacuum = (1.0, 0.1, 1.0)
+    rig.run(2.4)
+    assert rig.causes == [Cause.NOT_STIFF]
+    assert rig.named[0].segment == SEGMENT + 1
+
+
+def test_a_force_on_the_arm_is_a_load(rig):
+    rig.bend()
+    rig.arm = replace(rig.arm, forces=(PointForce(3, 0.4, 0.0),))
+    rig.run(2.4)
+    assert rig.causes == [Cause.LOAD]
+
+
+def test_a_tag_that_was_knocked_is_named_and_then_followed(rig):
+    rig.bend()
+    rig.seen = lambda poses: poses + np.outer(np.arange(4) == 2, [5e-3, -2e-3, 0.05])
+    rig.run(2.4)
+    assert rig.causes == [Cause.SENSOR_MOVED]
+    assert rig.named[0].disc == 2
+    assert np.abs(rig.shape.state.tip[:2] - rig.state.tip[:2]).max() < 1e-3
+
+
+def test_a_camera_that_was_knocked_is_named_and_then_taken_to_be_where_it_is(rig):
+    rig.bend()
+    rig.seen = lambda poses: poses + camera_directions(poses) @ [5e-3, 2e-3, 0.02]
+    rig.run(2.4)
+    assert rig.causes == [Cause.CAMERA_MOVED]
+    rig.run(REPORTED)
+    assert rig.shape.anomalies == ()
+    for part in (0.7, 1.2, 0.8):  # it is not forgotten with motion
+        rig.run(1.6, part * rig.pulls)
+        rig.run(2.4)
+        away = rig.shape.state.tip[:2] - rig.state.tip[:2]
+        assert np.hypot(*away) < 4e-3  # what the camera shows is 8 mm off
+
+
+def test_when_the_clock_is_set_back_the_estimate_begins_anew(rig):
+    rig.bend()
+    rig.longer = np.array([4e-3, 4e-3])
+    rig.run(2.4)
+    assert rig.shape.anomalies
+    rig.time -= 60.0
+    rig.run(0.2)
+    assert rig.shape.anomalies == ()
+    rig.run(2.0)
+    assert rig.time - 0.5 < rig.shape.estimator.measured <= rig.time
+
+
+def test_a_single_wrong_picture_is_nothing(rig):
+    rig.seen = lambda poses: poses + 0.02
+    rig.run(0.2)
+    rig.seen = lambda poses: poses
+    rig.run(2.4)
+    assert rig.causes == []

@@ -1,0 +1,173 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Measured tensions tell how stiff a soft segment is, and are not taken for more than that."""
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from true_arm import ARM, only, Session, STIFF, TrueArm
+
+from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.measuring import predicted
+from soft_continuum.estimation.shape import ArmShape, ShapeError
+from soft_continuum.estimation.unknowns import arm_with, Drift, first_values, Layout, Prior
+from soft_continuum.mechanics import Statics
+from soft_continuum.nodes.measured_tensions import MeasuredTensions, PERIOD
+
+HANGING = replace(ARM, mounting_angle=pi)
+KNOWN = Prior(ratio=0.05, offset=1e-5, payload=1e-3, straight=1e-3)  # all but the stiffness
+NO_DRIFT = Drift(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+FACTORS = (0.8, 1.0, 1.0)
+BENDING = (0.010, -0.020)  # m: the left tendon is slack
+
+
+def bent(prior=KNOWN, **truth):
+    """Return a session that saw nothing; the lowest segment is soft, bent and at rest."""
+    session = Session(TrueArm(arm=HANGING, **truth), HANGING, prior, NO_DRIFT)
+    session.switch(only(0), look=0)
+    session.move(BENDING, look=0)
+    session.wait(1.0)
+    return session
+
+
+def pull(session, **pulled):
+    return session.estimator.measure(session.time, session.truth.pulled(**pulled))
+
+
+def remembered(estimator):
+    return np.concatenate([estimator.values, estimator.covariance.ravel(),
+                           estimator.state.joint_angles])
+
+
+@pytest.mark.parametrize('pulls', [BENDING, (-0.020, 0.010), (0.004, -0.0035)])
+def test_derivatives_are_those_of_the_tensions_and_of_the_slack(pulls):
+    layout = Layout(3, 2)
+    statics = Statics(arm_with(ARM, layout, first_values(ARM, layout, Prior())))
+    state = statics.solve(statics.chain.straight(), pulls, only(0))
+    found, step = predicted(statics, layout, state), 1e-6
+
+    def at(changed):
+        there = statics.solve(state, changed, only(0))
+        return np.where(there.taut, there.tensions, -there.slack / statics.compliance)
+
+    assert found.tensions == pytest.approx(at(pulls), abs=1e-6)
+    for tendon, change in enumerate(step * np.eye(2)):
+        expected = (at(pulls + change) - at(pulls - change)) / (2.0 * step)
+        assert found.tension_rows[:, layout.offset][:, tendon] == pytest.approx(
+            expected, rel=1e-3, abs=1e-2)
+
+
+def test_a_taut_tendon_tells_the_stiffness_of_the_segment_that_it_bends():
+    session = bent(factors=FACTORS)
+    estimator = session.estimator
+    layout, before = estimator.layout, estimator.values.copy()
+    assert session.truth.state.tensions[0] > 1.0
+    for _ in range(10):
+        session.wait(0.1)
+        assert pull(session).used
+    factors = np.exp(estimator.values[layout.stiffness])
+    assert factors == pytest.approx(FACTORS, abs=0.07)
+    assert estimator.state.tensions == pytest.approx(session.truth.state.tensions, abs=0.2)
+    assert estimator.determined()[0]
+    # Nothing else is bent to it, and nobody takes the shape to be measured.
+    for where in (layout.held, layout.ratio, layout.offset, slice(layout.payload, layout.model)):
+        assert np.array_equal(estimator.values[where], before[where])
+    assert estimator.measured is None
+    assert estimator.updated == pytest.approx(session.time)
+
+
+def test_slack_tendons_tell_nothing_of_the_stiffness():
+    session = Session(TrueArm(factors=FACTORS))
+    session.switch(only(0), look=0)
+    session.move((-0.010, -0.010), look=0)
+    session.wait(1.0)
+    for _ in range(10):
+        session.wait(0.1)
+        assert pull(session).used
+    stiffness = session.estimator.layout.stiffness
+    assert np.all(session.estimator.values[stiffness] == 0.0)
+
+
+def test_tensions_are_not_used_in_motion_nor_of_a_stiff_arm():
+    session = bent(factors=FACTORS)
+    session.follow(soft=STIFF)
+    for _ in range(30):
+        session.wait(0.2)
+        assert pull(session) is None
+    session.follow(soft=only(0))
+    session.wait(1.9)  # its vacuum still fades
+    assert pull(session) is None
+    session.wait(0.2)
+    assert pull(session) is not None
+    session.time += 0.02
+    session.follow(pulls=np.array(BENDING) + [1e-4, 0.0])
+    before = remembered(session.estimator)
+    assert pull(session) is None
+    assert np.array_equal(remembered(session.estimator), before)
+
+
+def test_a_load_cell_that_is_far_off_changes_nothing_however_long():
+    session = bent()
+    session.look(5)
+    assert pull(session).used
+    before = remembered(session.estimator)
+    for _ in range(5):
+        assert not pull(session, error=30.0).used
+    assert np.array_equal(remembered(session.estimator), before)
+    assert session.measure().used
+
+
+def test_poses_and_tensions_can_be_given_together():
+    session = bent(Prior(), factors=FACTORS, offsets=(3e-4, -3e-4), payload=0.02)
+    for _ in range(10):
+        session.wait(0.1)
+        together = [*session.truth.seen(session.rng), *session.truth.pulled(0.3)]
+        innovation = session.estimator.measure(session.time, together)
+        assert innovation.used and len(innovation.values) == 11
+    assert session.estimator.measured == pytest.approx(session.time)
+    points, truth = session.estimator.state.points, session.truth.state.points
+    assert np.linalg.norm((points - truth)[:, :2], axis=1).max() < 1e-3
+    assert session.estimator.state.tensions == pytest.approx(session.truth.state.tensions, abs=0.3)
+
+
+def test_tensions_alone_begin_an_estimate_beside_the_prediction():
+    truth, shape = TrueArm(factors=FACTORS, arm=HANGING), ArmShape(HANGING, 1e-3)
+    time = 100.0
+    for pulls, soft in (((0.0, 0.0), STIFF), ((0.0, 0.0), only(0)), (BENDING, only(0))):
+        truth.follow(pulls, soft)
+        for _ in range(25):
+            time += 0.1
+            shape.follow(Commands(time, np.array(pulls), tuple(not s for s in soft), None, (0, 0)))
+            shape.measure(time, truth.pulled())
+    assert shape.estimate is not None and shape.estimate.measured is None
+    off = [abs(one.tensions[0] - truth.state.tensions[0])
+           for one in (shape.state, shape.predicted)]
+    assert off[0] < 0.8 * off[1]
+
+
+def test_tensions_do_not_hide_that_the_shape_is_not_known_any_more():
+    shape = ArmShape(HANGING, 1e-3)
+    truth = TrueArm(factors=FACTORS, arm=HANGING)
+    truth.follow((0.0, 0.0), STIFF)
+    for step in range(1, 6):
+        shape.follow(Commands(0.1 * step, np.zeros(2), (True,) * 3, None, (0, 0)))
+        shape.measure(0.1 * step, truth.pulled())
+    with pytest.raises(ShapeError):
+        shape.follow(Commands(0.7, np.array([0.01, 0.01]), (True,) * 3, None, (0, 0)))
+
+
+def test_ten_tensions_a_second_are_used_of_cells_that_measure():
+    names = ('right_tendon', 'left_tendon')
+    tensions = MeasuredTensions(names, {'estimation.tension_deviation': 0.3,
+                                        'estimation.tension_relative_deviation': 0.1})
+    tensions.put(100.0, {})  # no load cells
+    assert tensions.take() == []
+    used = []
+    for n in range(50):
+        tensions.put(100.0 + 0.02 * n, {names[0]: float('nan'), names[1]: 4.0})
+        used += tensions.take()
+    assert 1.0 / PERIOD - 1 <= len(used) <= 1.0 / PERIOD + 1
+    for _, (one,) in used:
+        assert (one.tendon, one.tension, one.deviation, one.relative) == (1, 4.0, 0.3, 0.1)

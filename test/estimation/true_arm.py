@@ -1,0 +1,129 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""An arm that is not the described one, and what a camera sees of it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.estimator import Estimator
+from soft_continuum.estimation.measuring import DiscMeasurement, TensionMeasurement
+from soft_continuum.estimation.unknowns import Drift, Prior
+from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.laws import Jam
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
+
+ARM = replace(load_arm(description_file()), bodies_per_segment=4)
+DEVIATIONS = np.array([3e-4, 3e-4, 2e-3])  # m, m, rad: of the camera
+COVARIANCE = np.diag(DEVIATIONS**2)
+PERIOD = 0.1  # s between two measurements
+STIFF = (False,) * 3
+PRIOR, DRIFT = Prior(), Drift()
+
+
+def commands(time, pulls, soft):
+    """Return what the estimator is told of motors and valves."""
+    return Commands(time, pulls, tuple(not s for s in soft))
+
+
+def only(segment):
+    """Return the mask in which one segment (0-based) is soft."""
+    return tuple(s == segment for s in range(3))
+
+
+class TrueArm:
+    """The arm as it is: other stiffness, jams that give, tendons of another length, a payload."""
+
+    def __init__(self, factors=(1.0, 1.0, 1.0), ratio=30.0, offsets=(0.0, 0.0), payload=0.0,
+                 arm=ARM):
+        """Begin straight and stiff; ratio: K; the others are those of an Estimator."""
+        self.statics = Statics(replace(arm, payload=payload, segments=tuple(
+            replace(s, bending_stiffness=s.bending_stiffness * f, jam=Jam(ratio))
+            for s, f in zip(arm.segments, factors, strict=True)),
+            tendon=replace(arm.tendon, axial_stiffness=2e4)))
+        self.offsets, self.state = np.array(offsets), self.statics.chain.straight()
+
+    def follow(self, pulls, soft):
+        """Let the motors go to ``pulls``."""
+        self.state = self.statics.solve(self.state, np.asarray(pulls) + self.offsets, soft)
+
+    @property
+    def discs(self):
+        """Poses of the bottoms of all discs."""
+        return self.state.points[::2]
+
+    def seen(self, rng=None, bias=None, own=0.3, discs=(1, 2, 3), covariance=COVARIANCE):
+        """Return what is measured: off by a bias (4, 3) in all, and by noise of its own."""
+        found = []
+        for n in discs:
+            pose = self.discs[n].copy()
+            if bias is not None:
+                pose += bias[n]
+            if rng is not None:
+                pose += own * DEVIATIONS * rng.standard_normal(3)
+            found.append(DiscMeasurement(n, pose, covariance))
+        return found
+
+
+    def pulled(self, deviation=0.1, error=0.0):
+        """Return what load cells show of the tensions, off by an error (N)."""
+        return [TensionMeasurement(t, float(tension) + error, deviation)
+                for t, tension in enumerate(np.nan_to_num(self.state.tensions))]
+
+
+class Session:
+    """A true arm and its estimator, moved together."""
+
+    def __init__(self, truth, arm=ARM, prior=PRIOR, drift=DRIFT, seed=0, **seen):
+        """Begin with a straight arm; seen: arguments of TrueArm.seen."""
+        self.truth, self.seen = truth, seen
+        self.estimator = Estimator(arm, Statics(arm).chain.straight(), prior, drift)
+        self.rng = np.random.default_rng(seed)
+        self.time, self.pulls, self.soft = 100.0, np.zeros(2), STIFF
+        self.follow()
+
+    def follow(self, pulls=None, soft=None):
+        """Let the motors go there at once."""
+        self.pulls = self.pulls if pulls is None else np.array(pulls, dtype=float)
+        self.soft = self.soft if soft is None else soft
+        self.truth.follow(self.pulls, self.soft)
+        self.estimator.follow(commands(self.time, self.pulls, self.soft))
+
+    def wait(self, seconds):
+        """Let time pass, with the motors at rest."""
+        self.time += seconds
+        self.estimator.follow(commands(self.time, self.pulls, self.soft))
+
+    def measure(self, **seen):
+        """Measure now."""
+        return self.estimator.measure(
+            self.time, self.truth.seen(self.rng, **{**self.seen, **seen}))
+
+    def look(self, count=5):
+        """Measure a resting arm some times."""
+        for _ in range(count):
+            self.wait(PERIOD)
+            self.measure()
+
+    def switch(self, soft, look=3):
+        """Soften or stiffen, wait until the shape counts again, and look."""
+        self.follow(soft=soft)
+        self.wait(2.0)
+        self.look(look)
+
+    def move(self, pulls, steps=6, look=1):
+        """Go to pulls slowly, and look on the way."""
+        begin = self.pulls
+        for part in np.arange(1, steps + 1) / steps:
+            self.time += 1.0
+            self.follow(begin + part * (np.asarray(pulls) - begin))
+            self.wait(0.9)
+            self.look(look)
+
+    def set(self, segment, pulls, **steps):
+        """Soften a segment, move, stiffen it."""
+        self.switch(only(segment))
+        self.move(pulls, **steps)
+        self.switch(STIFF)

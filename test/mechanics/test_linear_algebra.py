@@ -1,0 +1,31 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The solver's own linear algebra against NumPy's."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from soft_continuum.mechanics._linear_algebra import negative_eigenvalues
+
+
+@given(st.integers(1, 20), st.integers(0, 2**32 - 1), st.floats(-8, 8), st.integers(0, 3))
+def test_negative_eigenvalues_are_counted_as_lapack_finds_them(size, seed, decades, zeros):
+    random = np.random.default_rng(seed)
+    vectors, _ = np.linalg.qr(random.normal(size=(size, size)))
+    values = random.normal(size=size)
+    values[np.abs(values) < 1e-6] = 1.0
+    values[:min(zeros, size - 1)] = 0.0
+    matrix = 10.0**decades * (vectors * values) @ vectors.T
+    matrix = (matrix + matrix.T) / 2.0
+    assert negative_eigenvalues(matrix.copy()) == np.count_nonzero(values < 0.0)
+
+
+@pytest.mark.parametrize(('matrix', 'count'), [
+    ([[0.0]], 0), ([[-1.0]], 1), (np.zeros((3, 3)), 0), (np.diag([1e-30, -1e-30]), 1),
+    ([[0.0, 1.0], [1.0, 0.0]], 1), (np.ones((4, 4)), 0), (-np.ones((4, 4)), 1),
+    (np.diag([1.0, -1e-13]), 0), ([[1.0, 1e-300], [1e-300, -1.0]], 1),
+])
+def test_special_matrices(matrix, count):
+    assert negative_eigenvalues(np.array(matrix, dtype=float)) == count

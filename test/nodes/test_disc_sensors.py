@@ -1,0 +1,227 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The node disc_sensors on real topics: trackers and IMUs, and what is refused of them."""
+
+from collections.abc import Callable
+from math import cos, pi, sin
+import re
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Pose, PoseArray, PoseStamped, PoseWithCovarianceStamped
+import numpy as np
+import pytest
+from ros_rig import Rig, STREAM
+from sensor_msgs.msg import Imu
+from std_srvs.srv import Trigger
+import yaml
+
+from soft_continuum.nodes.disc_sensors import _Feed, MAX_COUNT
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.conversions import measured_pose_from_ros
+from soft_continuum.ros.qos import LATCHED
+
+GRAVITY = 9.80665
+
+
+class Sensors:
+    """The node, and sensors before it whose messages a test may spoil."""
+
+    def __init__(self, rig: Rig, **parameters: Any) -> None:
+        self.rig = rig
+        self.statuses = rig.record(DiagnosticStatus, 'disc_sensors/status', LATCHED)
+        self.poses = [rig.record(PoseWithCovarianceStamped, f'disc_{n}/measured_pose', STREAM)
+                      for n in range(4)]
+        rig.start('disc_sensors', ready=False, **parameters)
+        self.spoil: Callable[[Any], None] = lambda message: None
+        rig.wait_for(lambda: self.statuses.last, 'a status')
+
+    def publish(self, topic: str, message: Any, frame: str = 'base_link', late: float = 0.0
+                ) -> None:
+        now = self.rig.observer.get_clock().now().nanoseconds - int(late * 1e9)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(now, 10**9)
+        message.header.frame_id = frame
+        self.spoil(message)
+        self.rig.publisher(type(message), topic).publish(message)
+
+    def pose(self, n: int = 1, x: float = 0.02, z: float = 0.1, angle: float = 0.3, **how: Any
+             ) -> None:
+        message = PoseStamped()
+        _set(message.pose, x, z, angle)
+        self.publish(f'disc_{n}/pose', message, **how)
+
+    def array(self, count: int = 4) -> None:
+        message = PoseArray(poses=[Pose() for _ in range(count)])
+        for n, pose in enumerate(message.poses):
+            _set(pose, 0.01 * n, 0.1 * n, 0.1 * n)
+        self.publish('tracker/disc_poses', message)
+
+    def imu(self, n: int = 3, tilt: float = 0.2, **how: Any) -> None:
+        """Tilt, rad, is from upright about y: that of the arm and of its base."""
+        message = Imu()
+        a = message.linear_acceleration
+        a.x, a.z = -GRAVITY * sin(tilt), GRAVITY * cos(tilt)
+        self.publish(f'disc_{n}/imu', message, **how)
+
+    def until(self, send: Callable[[], None], condition: Callable[[], Any], what: str) -> None:
+        def sent() -> Any:
+            send()
+            return condition()
+
+        self.rig.wait_for(sent, what)
+
+    def until_status(self, send: Callable[[], None], words: str) -> None:
+        self.until(send, lambda: words in self.statuses.last.message, words)
+
+    def tare(self) -> Any:
+        return self.rig.call(Trigger, 'disc_sensors/tare')
+
+
+def _set(pose: Pose, x: float, z: float, angle: float) -> None:
+    pose.position.x, pose.position.z = x, z
+    pose.orientation.y, pose.orientation.w = sin(angle / 2), cos(angle / 2)
+
+
+def measured(recording: Any) -> tuple[Any, Any]:
+    return measured_pose_from_ros(recording.last, 'base_link')
+
+
+def test_poses_of_a_tracker_and_tilts_of_an_imu_come_out_with_their_covariances(rig: Rig) -> None:
+    sensors = Sensors(rig)
+    assert 'nothing is measured yet' in sensors.statuses.last.message
+
+    def send() -> None:
+        sensors.pose()
+        sensors.imu()
+
+    sensors.until(send, lambda: len(sensors.poses[1]) and len(sensors.poses[3]) > 20, 'both')
+    pose, covariance = measured(sensors.poses[1])
+    assert pose == pytest.approx([0.02, 0.1, 0.3])
+    assert np.sqrt(np.diag(covariance)) == pytest.approx([0.0005, 0.0005, 0.005])
+    pose, covariance = measured(sensors.poses[3])
+    assert pose[2] == pytest.approx(0.2, abs=1e-3)
+    assert np.diag(covariance)[:2] == pytest.approx(1e6)  # not measured
+    assert 0.01 < np.sqrt(covariance[2, 2]) < 0.15  # the latter after a gap, on a busy machine
+    sensors.until_status(send, 'measured: disc_1/pose, disc_3/imu')
+
+
+def test_a_tracker_of_all_discs_in_its_own_frame_is_turned_into_the_base(rig: Rig) -> None:
+    """The base stands 1 m along x of the tracker, upside down about y."""
+    sensors = Sensors(rig, tracker__frame_id='world',
+                      tracker__base_pose=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+
+    def send() -> None:
+        message = PoseArray(poses=[Pose() for _ in range(4)])
+        for n, pose in enumerate(message.poses):
+            _set(pose, 1.0 - 0.01 * n, -0.1 * n, pi + 0.2)
+        sensors.publish('tracker/disc_poses', message, 'world')
+
+    sensors.until(send, lambda: all(map(len, sensors.poses)), 'all discs')
+    for n, recording in enumerate(sensors.poses):
+        assert measured(recording)[0] == pytest.approx([0.01 * n, 0.1 * n, 0.2])
+
+
+def _covariance(value: float) -> Callable[[Any], None]:
+    def spoil(message: Any) -> None:
+        message.linear_acceleration_covariance[0] = value
+
+    return spoil
+
+
+def _rate(message: Any) -> None:
+    message.angular_velocity.y = float('nan')
+
+
+def _flat(message: Any) -> None:
+    a = message.linear_acceleration
+    a.x, a.y, a.z = 0.0, GRAVITY, 0.0
+
+
+def _lost(message: Any) -> None:
+    message.pose.orientation.w = message.pose.orientation.y = 0.0
+
+
+def _unstamped(message: Any) -> None:
+    message.header.stamp.sec = message.header.stamp.nanosec = 0
+
+
+def test_what_is_wrong_is_said_and_nothing_is_published(rig: Rig) -> None:
+    sensors = Sensors(rig)
+    for send, spoil, words in (
+            (lambda: sensors.pose(frame='world'), None, "disc_1/pose: poses in 'world'; needed"),
+            (lambda: sensors.pose(late=3600.2), None, 'stamped 3600'),
+            (lambda: sensors.imu(late=-3600.2), None, 'disc_3/imu: stamped -3'),
+            (sensors.pose, _unstamped, 'no stamp'),
+            (sensors.pose, _lost, 'length 0'),
+            (lambda: sensors.array(3), None, '3 poses; the arm has 4 discs'),
+            (sensors.imu, _covariance(-1.0), 'says that it measures no linear_acceleration'),
+            (sensors.imu, _covariance(-4.0), 'is no covariance'),
+            (sensors.imu, _covariance(float('nan')), 'is no covariance'),
+            (sensors.imu, _rate, 'not finite'),
+            (sensors.imu, _flat, 'lies flat IMUs tell nothing')):
+        sensors.spoil = spoil or (lambda message: None)
+        sensors.until_status(send, words)
+        assert sensors.statuses.last.level == DiagnosticStatus.ERROR
+    assert not any(map(len, sensors.poses))
+    assert 'nothing was measured' in sensors.tare().message
+    sensors.spoil = lambda message: None
+    sensors.until(sensors.imu, lambda: len(sensors.poses[3]), 'it goes on')
+
+
+def test_two_sources_of_one_disc_are_told(rig: Rig) -> None:
+    sensors = Sensors(rig)
+
+    def both() -> None:
+        sensors.pose()
+        sensors.array()
+
+    sensors.until_status(both, 'one of both is enough')
+
+
+def test_of_a_flood_only_so_much_is_taken() -> None:
+    taken: list[int] = []
+    feed = _Feed('disc_0/imu', 0.02)
+    for n in range(2 * MAX_COUNT):
+        feed.take(taken.append, n)
+    assert taken == list(range(MAX_COUNT))
+    assert 'more than 2000 messages per second' in feed.problem
+
+
+def test_a_tare_takes_the_present_as_straight_and_says_how_to_keep_it(rig: Rig) -> None:
+    sensors = Sensors(rig, arm__mounting_angle=pi)
+
+    def send() -> None:
+        sensors.pose(x=0.03, z=0.08, angle=0.1)
+        sensors.imu(tilt=pi + 0.15)
+
+    moving = iter(np.linspace(0.0, 100.0, 10**5))
+    sensors.until(lambda: sensors.pose(x=next(moving) % 0.1),
+                  lambda: 'it moves' in sensors.tare().message, 'a refusal')
+    sensors.until(send, lambda: 'taken as straight' in sensors.tare().message, 'a tare')
+    answer = sensors.tare()
+    assert answer.success
+    assert 'pose of disc 1; tilt of disc 3' in answer.message
+    found = re.search(r'disc_sensors: (\{.*\})$', answer.message)
+    assert found
+    kept = yaml.safe_load(found[1])['ros__parameters']
+    assert len(kept['tracker']['mounts']) == 28
+    assert kept['imu']['mounting_angles'] == pytest.approx([0.0, 0.0, 0.0, 0.15], abs=0.01)
+    before = len(sensors.poses[1]), len(sensors.poses[3])
+    sensors.until(send, lambda: len(sensors.poses[1]) > before[0] + 1
+                  and len(sensors.poses[3]) > before[1] + 1, 'more')
+    assert measured(sensors.poses[1])[0] == pytest.approx([0.0, 0.1, 0.0], abs=1e-4)
+    assert measured(sensors.poses[3])[0][2] == pytest.approx(0.0, abs=1e-2)
+    values = {pair.key: pair.value for pair in sensors.statuses.last.values}
+    assert values['tared'] == 'pose of disc 1; tilt of disc 3'
+
+
+@pytest.mark.parametrize(('parameters', 'named'), [
+    ({'tracker.mounts': [0.0, 1.0]}, 'tracker.mounts has 2'),
+    ({'tracker.base_pose': [0.0] * 7}, 'of length 1'),
+    ({'imu.axes': ['+x', '+y', '-z']}, 'right-handed'),
+    ({'imu.mounting_angles': [0.0, 0.1]}, 'imu.mounting_angles has 2')])
+def test_parameters_that_cannot_be_are_refused(
+        rig: Rig, parameters: dict[str, Any], named: str) -> None:
+    with pytest.raises(ParameterError, match=named):
+        rig.start('disc_sensors', ready=False, **parameters)

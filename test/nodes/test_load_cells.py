@@ -1,0 +1,86 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Load cells on a topic: they are read, they end motions, and nothing moves without them."""
+
+import pytest
+from ros_rig import Rig, STREAM, trajectory
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from soft_continuum.hardware.simulated_tendons import SimulatedTendons
+
+NAMES = ('right_tendon', 'left_tendon')
+ZEROS, SCALES = (1000.0, -500.0), (0.01, -0.02)  # of amplifiers that show no newtons
+OTHERS = ('jamming_valves', 'kinematics', 'shape_sequencer')
+
+
+class Cells:
+    """Two amplifiers, each with a message of its own, at 50 Hz."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.rig, self.silent = rig, set(NAMES)
+        self.caught = False  # whether the right tendon cannot go beyond 4 mm
+        self.tensions = [0.0, 0.0]  # N
+        self._publisher = rig.observer.create_publisher(JointState, 'load_cells', STREAM)
+        rig.observer.create_timer(0.02, self._publish)
+
+    def _publish(self) -> None:
+        for t, name in enumerate(NAMES):
+            tension = self.tensions[t]
+            if t == 0 and self.caught:
+                tension += 2e4 * max(0.0, self.rig.pulls[0] - 0.004)
+            if name not in self.silent:
+                self._publisher.publish(JointState(
+                    name=[name], effort=[ZEROS[t] + tension / SCALES[t]]))
+
+
+def pull(rig: Rig, *pulls: float, seconds: float = 4.0) -> None:
+    rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(
+        trajectory([(seconds, pulls)]))
+
+
+def test_nothing_moves_without_load_cells_and_what_they_show_ends_a_motion(
+        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SimulatedTendons, 'reference_moves', True)
+    cells = Cells(rig)
+    rig.start('tendon_actuation', *OTHERS, load_cells__used=True, load_cells__zeros=ZEROS,
+              load_cells__scales=SCALES, silence_timeout=1.0, tension_tolerance=10.0)
+    goal = rig.goal('c_form')
+    assert not goal.accepted
+    assert 'the tension of right_tendon, left_tendon is not measured' in rig.rejection(goal)
+    homing = rig.trigger('tendon_actuation/reference')
+    assert not homing.success
+    assert 'right_tendon is not measured' in homing.message
+    rig.soften(3)
+    rig.wait_for_status('kinematics', 'soft', '3')
+
+    pull(rig, 0.010, -0.012)
+    rig.wait_for_status('tendon_actuation', 'refused', 'right_tendon is not measured')
+    cells.silent = {'left_tendon'}
+    rig.wait_for(lambda: rig.tendons.last.effort[0] == pytest.approx(0.0), 'the right cell')
+    pull(rig, 0.010, -0.012)
+    rig.wait_for_status('tendon_actuation', 'refused', 'left_tendon is not measured')
+    assert not rig.moving
+
+    cells.silent = set()
+    cells.tensions, cells.caught = [3.0, 4.0], True
+    rig.wait_for(lambda: list(rig.tendons.last.effort) == pytest.approx([3.0, 4.0]), 'both')
+    pull(rig, 0.010, -0.012)
+    text = rig.wait_for_status('tendon_actuation', 'ended', 'measured tension of right_tendon')
+    assert 'tension_limit: 60 N' in text
+    rig.wait_for(lambda: not rig.moving, 'rest')
+    assert 0.0066 < rig.pulls[0] < 0.0095  # 3 N and 20 N/mm from 4 mm on: 60 N at 6.85 mm
+
+    # What lasts is told from the model by whoever knows both.
+    rig.wait_for(lambda: 'the tension of right_tendon is' in
+                 rig.statuses['kinematics'].last.message, 'the difference')
+    cells.caught = False
+    rig.wait_for(lambda: 'tension of' not in rig.statuses['kinematics'].last.message, 'none')
+
+    pull(rig, 0.0, -0.012, seconds=15.0)
+    rig.wait_for(lambda: rig.moving, 'motion')
+    cells.silent = {'left_tendon'}
+    rig.wait_for_status('tendon_actuation', 'ended', 'left_tendon is not measured')
+    rig.wait_for(lambda: not rig.moving, 'rest')
+    assert rig.pulls[0] > 1e-4

@@ -1,0 +1,292 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The node servo moves the soft segment after a target, and stops whenever anything interferes."""
+
+from collections.abc import Callable, Iterator
+from math import degrees, nan, radians
+import time
+from typing import Any
+from unittest.mock import Mock
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PointStamped
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+from ros_rig import LATCHED, pairs, RELIABLE, Rig, trajectory
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
+from trajectory_msgs.msg import JointTrajectory
+
+from soft_continuum.mechanics import Statics
+from soft_continuum.nodes.servo import EstimateObserver
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.conversions import equilibrium_to_ros
+
+SEGMENT = 2
+PERIOD = 0.05  # s between two targets
+SPEED = 0.02  # m/s: a segment takes a second or two
+
+
+class Follower:
+    """The servo of a running arm, and a publisher of its target."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.rig = rig
+        self.node: Any
+        self.node, = rig.start('servo', ready=False, tendon_speed=SPEED)
+        self.statuses = rig.record(DiagnosticStatus, 'servo/status', LATCHED)
+        self.sent = rig.record(JointTrajectory, 'tendon_actuation/joint_trajectory', RELIABLE)
+        self._target: Any = None
+        self._timer = rig.observer.create_timer(PERIOD, self._publish)
+        self._publishers = {kind: rig.publisher(kind, f'servo/{topic}') for kind, topic in (
+            (Float64, 'target_angle'), (PointStamped, 'target_tip'))}
+
+    def _publish(self) -> None:
+        if self._target is not None:
+            self._publishers[type(self._target)].publish(self._target)
+
+    def enable(self, data: bool = True) -> Any:
+        """Call servo/enable."""
+        return self.rig.call(SetBool, 'servo/enable', data=data)
+
+    def enabled(self) -> None:
+        """Enable it, as soon as it may be."""
+        self.rig.wait_for(lambda: self.enable().success, 'an enabled servo')
+
+    def target(self, angle: float | None) -> None:
+        """Publish a target angle, degrees, all the time from now on; None: none."""
+        self._target = None if angle is None else Float64(data=radians(angle))
+
+    def tip(self, x: float, z: float, frame: str = 'base_link') -> None:
+        """Publish a target of the tip all the time from now on."""
+        self._target = PointStamped()
+        self._target.header.frame_id = frame
+        self._target.point.x, self._target.point.z = x, z
+
+    def wait_for_status(self, text: str, after: int = 0) -> None:
+        """Wait for a status with ``text``."""
+        self.rig.wait_for(
+            lambda: any(text in s.message for s in list(self.statuses)[after:]),
+            f'servo/status: {text}; was: {[s.message for s in self.statuses]}')
+
+    @property
+    def angle(self) -> float:
+        """Bending angle of the segment that is followed, degrees."""
+        joints = self.rig.joints.last
+        return degrees(sum(position for name, position in zip(
+            joints.name, joints.position, strict=True) if name.startswith(f'segment_{SEGMENT}_')))
+
+    def wait_for_angle(self, angle: float, within: float = 0.5) -> None:
+        """Wait until the segment is there, degrees."""
+        self.rig.wait_for(lambda: abs(self.angle - angle) < within, f'{angle} degrees')
+
+    def move(self) -> None:
+        """Enable it and let it move, far from the end of the motion."""
+        self.enabled()
+        self.target(-30.0 if self.angle > 0.0 else 30.0)
+        self.rig.wait_for(lambda: self.rig.moving, 'a motion')
+
+    def end(self) -> None:
+        """End the node."""
+        if self.node is not None:
+            self._timer.cancel()
+            self.rig.end(self.node)
+            self.node = None
+
+
+@pytest.fixture
+def follower(shared_arm: Rig) -> Iterator[Follower]:
+    """Return a servo of an arm with one soft segment, that is not enabled."""
+    rig = shared_arm
+    follower = Follower(rig)
+    rig.soften(SEGMENT)
+    yield follower
+    follower.end()
+    rig.trigger('tendon_actuation/resume')
+    for segment in (1, 2, 3):
+        assert rig.set_stiff(segment, True).success
+
+
+def test_it_follows_an_angle_and_a_tip_and_holds_without_a_target(follower: Follower) -> None:
+    follower.enabled()
+    follower.target(12.0)
+    follower.wait_for_angle(12.0)
+    follower.target(-12.0)
+    follower.wait_for_angle(-12.0)
+    pieces = [m for m in follower.sent if m.points]
+    assert len({m.header.frame_id for m in pieces}) == 1
+    assert all(m.points[-1].time_from_start.nanosec <= 350_000_000 for m in pieces)
+    statics = Statics(load_arm(description_file()))
+    tip = statics.bend(statics.chain.straight(), SEGMENT - 1, radians(8.0)).tip
+    follower.tip(tip[0], tip[1])
+    follower.wait_for_angle(8.0, 1.0)
+    follower.target(None)
+    follower.wait_for_status('holding: no target', after=len(follower.statuses))
+    follower.rig.assert_rests()
+    follower.target(0.0)
+    follower.wait_for_angle(0.0)
+    assert follower.enable(False).success
+    assert pairs(follower.statuses.last)['enabled'] == 'false'
+
+
+@pytest.fixture
+def measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the servo see an arm that turns 0.8 times as far as kinematics predicts, as measured."""
+    on_shape = EstimateObserver._on_shape
+
+    def on_measured(observer: EstimateObserver, message: Any) -> None:
+        message.joint_angles = (0.8 * np.array(message.joint_angles)).tolist()
+        message.held_angles = (0.8 * np.array(message.held_angles)).tolist()
+        message.measured = message.stamp
+        on_shape(observer, message)
+
+    monkeypatch.setattr(EstimateObserver, '_on_shape', on_measured)
+
+
+def test_measurements_correct_it(measured: None, follower: Follower) -> None:
+    follower.enabled()
+    follower.target(10.0)
+    follower.wait_for_angle(12.5, 0.2)
+    follower.wait_for_status('following')
+    assert pairs(follower.statuses.last)['corrected'] == 'by measurements'
+    follower.target(0.0)
+    follower.wait_for_angle(0.0)
+
+
+@pytest.mark.parametrize('resumed', [False, True])
+def test_a_stop_disables_it_also_when_it_is_resumed_at_once(
+        follower: Follower, resumed: bool) -> None:
+    follower.move()
+    follower.rig.trigger('tendon_actuation/stop')
+    if resumed:
+        follower.rig.trigger('tendon_actuation/resume')
+    follower.wait_for_status('disabled: tendon motion was stopped')
+    sent = len(follower.sent)
+    follower.rig.assert_rests()
+    assert len(follower.sent) <= sent + 1
+    if not resumed:
+        answer = follower.enable()
+        assert not answer.success
+        assert 'stopped' in answer.message
+
+
+@pytest.mark.parametrize('killed', [False, True])
+def test_when_it_ends_the_arm_stops(follower: Follower, killed: bool) -> None:
+    rig = follower.rig
+    follower.move()
+    if killed:
+        follower.node._commander._trajectory.publish = lambda _: None
+    else:
+        follower.end()
+    pieces = len(follower.sent)
+    # Not the first message without motion: a piece that was on its way may move it once more.
+    rig.wait_for(lambda: not any(any(s.velocity) for s in list(rig.tendons)[-10:]), 'rest',
+                 within=3.0)
+    rig.assert_rests()
+    assert len(follower.sent) <= pieces + 1  # that was on its way
+
+
+@pytest.mark.parametrize(('send', 'reason'), [
+    (lambda f: f.target(degrees(nan)), 'finite number'),
+    (lambda f: f.target(80.0), 'allowed by bending_angle_limits'),
+    (lambda f: f.tip(0.1, 0.3, 'map'), "a tip in frame 'map'; needed: 'base_link'"),
+    (lambda f: f.tip(nan, 0.3), 'finite numbers'),
+])
+def test_a_bad_target_changes_nothing_and_is_reported(
+        follower: Follower, send: Callable[[Follower], None], reason: str) -> None:
+    follower.enabled()
+    send(follower)
+    follower.wait_for_status(reason)
+    follower.rig.assert_rests(5)
+
+
+def test_what_is_no_message_changes_nothing(follower: Follower) -> None:
+    follower.enabled()
+    follower.node._targets[Float64] = time.monotonic(), b'no message'
+    follower.node._targets[PointStamped] = time.monotonic(), serialize_message(PointStamped()) * 99
+    follower.wait_for_status('a message of')
+    follower.rig.assert_rests(5)
+
+
+def test_a_flood_of_targets_is_read_once_a_cycle(
+        follower: Follower, monkeypatch: pytest.MonkeyPatch) -> None:
+    follower.enabled()
+    taken = []
+    monkeypatch.setattr(follower.node, '_take_target', lambda *target: taken.append(target))
+    publisher = follower._publishers[Float64]
+    begin = time.monotonic()
+    for _ in range(2000):
+        publisher.publish(Float64(data=0.1))
+    assert len(taken) <= 2 + 25.0 * (time.monotonic() - begin) * 2.0
+
+
+def test_it_is_not_enabled_unless_exactly_one_segment_is_soft(follower: Follower) -> None:
+    rig = follower.rig
+    follower.enabled()
+    rig.set_stiff(SEGMENT, True)
+    follower.wait_for_status('disabled: a segment changed between soft and stiff')
+    answer = follower.enable()
+    assert not answer.success
+    assert 'exactly one segment has to be soft; soft: none' in answer.message
+    rig.soften(1)
+    rig.soften(SEGMENT)
+    answer = follower.enable()
+    assert not answer.success
+    assert 'soft: 1, 2' in answer.message
+
+
+def test_a_sequence_ends_it_and_it_is_not_enabled_while_one_runs(follower: Follower) -> None:
+    follower.enabled()
+    goal = follower.rig.goal('c_form')
+    assert goal.accepted
+    follower.wait_for_status('disabled: a se')  # a sequence, or a segment that it stiffens
+    follower.rig.wait_for(lambda: follower.rig.sequencer.last.running, 'a sequence that runs')
+    answer = follower.enable()
+    assert not answer.success
+    assert 'a sequence runs' in answer.message
+    goal.cancel()
+    assert goal.result()[0] == 'CANCELED'
+    straight = follower.rig.goal([0.0, 0.0, 0.0])
+    assert straight.result()[0] == 'SUCCEEDED'
+
+
+def test_it_knows_when_the_arm_had_its_shape_and_when_it_was_measured(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ('ros.ros_time', 'hardware.clock'):
+        monkeypatch.setattr(f'soft_continuum.{module}.monotonic', lambda: 100.0)
+    node = Mock()
+    node.get_publishers_info_by_topic.return_value = []
+    node.get_clock().now().nanoseconds = 105_000_000_000
+    observed = EstimateObserver(
+        node, load_arm(description_file()), {'silence_timeout': 10.0}, Mock())
+    shape = equilibrium_to_ros(observed.chain.straight())
+    shape.stamp = stamp(104.9)
+    observed._on_shape(shape)
+    assert observed.estimate.time == pytest.approx(99.9)
+    assert observed.estimate.measured_time is None  # as kinematics is without sensors
+    shape.measured = stamp(104.7)
+    observed._on_shape(shape)
+    assert observed.estimate.measured_time == pytest.approx(99.7)
+    shape.measured = Time()
+    observed._on_shape(shape)
+    assert observed.estimate.measured_time is None
+
+
+def stamp(seconds: float) -> Time:
+    return Time(sec=int(seconds), nanosec=int(seconds % 1.0 * 1e9))
+
+
+def test_another_trajectory_disables_it(follower: Follower) -> None:
+    rig = follower.rig
+    follower.enabled()
+    follower.target(5.0)
+    follower.wait_for_angle(5.0)
+    follower.target(None)
+    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(
+        trajectory([(0.5, [0.0, -0.001])]))
+    follower.wait_for_status('replaced by another trajectory')

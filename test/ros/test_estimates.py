@@ -1,0 +1,143 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What kinematics publishes of its estimate makes the same model in the other nodes."""
+
+from dataclasses import replace
+from math import exp, log
+
+import numpy as np
+import pytest
+
+from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.estimator import Estimator
+from soft_continuum.estimation.measuring import DiscMeasurement
+from soft_continuum.estimation.unknowns import Drift, Prior
+from soft_continuum.mechanics import Statics
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.estimates import (
+    estimate_to_ros,
+    model_from_ros,
+    parameter_names,
+    parameters_to_ros,
+)
+from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
+
+ARM = replace(load_arm(description_file()), bodies_per_segment=3)
+VALUES = {'stiffness_factor_1': 0.8, 'stiffness_factor_2': 1.2, 'stiffness_factor_3': 1.5,
+          'stiff_ratio_1': 12.0, 'stiff_ratio_2': 20.0, 'stiff_ratio_3': 40.0,
+          'offset_right_tendon': 1e-3, 'offset_left_tendon': -6e-3, 'payload': 0.05}
+
+
+@pytest.fixture
+def estimator():
+    """Return an estimate whose values are those above."""
+    found = Estimator(ARM, Statics(ARM).chain.straight(), Prior(), Drift())
+    values = list(VALUES.values())
+    found.values[found.layout.parameters] = [*np.log(values[:6]), *values[6:]]
+    return found
+
+
+def published(estimator):
+    message = KinematicsState()
+    estimate_to_ros(estimator, estimator.pose_covariances(), parameters_to_ros(estimator), message)
+    return message
+
+
+def parameters(values=VALUES):
+    return [EstimatedParameter(name=name, value=value, deviation=0.1 * abs(value))
+            for name, value in values.items()]
+
+
+def test_an_estimate_is_published_in_units_and_by_name(estimator):
+    message = published(estimator)
+    assert message.source == KinematicsState.ESTIMATED
+    assert {p.name: p.value for p in message.parameters} == pytest.approx(VALUES)
+    deviations = {p.name: p.deviation for p in message.parameters}
+    assert deviations['stiffness_factor_2'] == pytest.approx(1.2 * Prior().stiffness)
+    assert deviations['stiff_ratio_1'] == pytest.approx(12.0 * Prior().ratio)
+    assert deviations['offset_left_tendon'] == pytest.approx(Prior().offset)
+    assert not any(p.determined for p in message.parameters)
+    assert (message.measured.sec, message.measured.nanosec) == (0, 0)
+
+
+def test_the_model_that_others_make_of_it_is_the_estimated_one(estimator):
+    model = model_from_ros(published(estimator).parameters, ARM)
+    for segment, described, n in zip(model.chain.arm.segments, ARM.segments, (1, 2, 3),
+                                     strict=True):
+        assert segment.bending_stiffness == pytest.approx(
+            described.bending_stiffness * VALUES[f'stiffness_factor_{n}'])
+        assert segment.jam.ratio == pytest.approx(VALUES[f'stiff_ratio_{n}'])
+    assert model.offsets == pytest.approx([1e-3, -6e-3])
+    assert model.offset_deviations == pytest.approx([Prior().offset] * 2)
+    assert model.chain.arm.payload == pytest.approx(0.05)
+    assert model.chain.arm.tendon.axial_stiffness < float('inf')
+
+
+def test_parameters_may_come_in_any_order():
+    one, other = (model_from_ros(p, ARM) for p in (parameters(), parameters()[::-1]))
+    assert one.chain.arm == other.chain.arm
+    assert np.array_equal(one.offsets, other.offsets)
+
+
+def test_only_what_is_not_plausible_has_a_problem(estimator):
+    problems = {p.name: p.problem for p in published(estimator).parameters}
+    assert [name for name, problem in problems.items() if problem] == ['offset_left_tendon']
+    assert '-6.0 mm' in problems['offset_left_tendon']
+    estimator.values[estimator.layout.stiffness] = log(0.3), 0.0, log(2.6)
+    problems = [p.name for p in published(estimator).parameters if p.problem]
+    assert problems == ['stiffness_factor_1', 'stiffness_factor_3', 'offset_left_tendon']
+
+
+@pytest.mark.parametrize('wrong', [
+    [], parameters()[:-1], [*parameters(), EstimatedParameter(name='colour')],
+    parameters({**VALUES, 'payload': float('nan')}),
+    parameters({**VALUES, 'stiff_ratio_2': float('inf')}),
+    parameters({name.replace('_3', '_4'): value for name, value in VALUES.items()})],
+    ids=['none', 'one missing', 'one more', 'nan', 'inf', 'of another arm'])
+def test_what_is_not_of_this_arm_leaves_it_as_described(wrong):
+    model = model_from_ros(wrong, ARM)
+    assert model.chain.arm == ARM
+    assert np.all(model.offsets == 0.0)
+    assert np.all(model.offset_deviations == 0.0)
+
+
+def test_values_that_no_arm_has_are_limited():
+    hostile = {**VALUES, 'stiffness_factor_1': -3.0, 'stiffness_factor_2': 1e30,
+               'stiff_ratio_1': 0.0, 'offset_right_tendon': 10.0, 'payload': -1.0}
+    arm = model_from_ros(parameters(hostile), ARM)
+    factors = [s.bending_stiffness / d.bending_stiffness
+               for s, d in zip(arm.chain.arm.segments, ARM.segments, strict=True)]
+    assert factors == pytest.approx([0.2, 5.0, 1.5])
+    assert arm.chain.arm.segments[0].jam.ratio == pytest.approx(2.0)
+    assert arm.offsets == pytest.approx([0.01, -0.006])
+    assert arm.chain.arm.payload == 0.0
+
+
+def test_names_are_those_of_the_arms_segments_and_tendons():
+    two = replace(ARM, segments=ARM.segments[:2], discs=ARM.discs[:3])
+    assert parameter_names(two) == (
+        'stiffness_factor_1', 'stiffness_factor_2', 'stiff_ratio_1', 'stiff_ratio_2',
+        'offset_right_tendon', 'offset_left_tendon', 'payload')
+
+
+def test_the_deviation_of_the_tip_counts_the_lever_of_the_last_disc(estimator):
+    covariances = np.zeros((4, 3, 3))
+    covariances[1:] = np.diag([1e-3, 1e-3, 0.02])**2
+    message = KinematicsState()
+    estimate_to_ros(estimator, covariances, parameters_to_ros(estimator), message)
+    height = ARM.discs[-1].height  # upright: it leans sideways, and does not get longer
+    assert message.tip_deviations == pytest.approx(
+        [np.hypot(1e-3, 0.02 * height), 1e-3, 0.02])
+    assert len(message.angle_deviations) == 3
+
+
+def test_when_it_was_measured_is_published(estimator):
+    estimator.follow(Commands(1234.5, np.zeros(2), (True,) * 3))
+    truth = estimator.state.points
+    estimator.measure(1234.5, [
+        DiscMeasurement(n, truth[2 * n], 1e-6 * np.eye(3)) for n in (1, 2, 3)])
+    message = published(estimator)
+    assert (message.measured.sec, message.measured.nanosec) == (1234, 500_000_000)
+    assert exp(estimator.values[estimator.layout.payload]) >= 1.0

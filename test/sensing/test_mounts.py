@@ -1,0 +1,157 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a tracker follows is mounted somehow on each disc: a tare of the straight arm tells how."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.sensing.imu_axes import imu_rotations
+from soft_continuum.sensing.tag_mounts import mounted, tag_mount, tag_mounts
+from soft_continuum.sensing.tare import mount_of, straight_heights, tilt_of, Window
+from soft_continuum.sensing.tilt import SensorError
+from soft_continuum.sensing.tracker import Tracker
+
+VALUES = {'frame_id': 'base_link', 'tracker.frame_id': 'world', 'tracker.mounts': (0.0,)}
+
+
+def matrix(position, rotation):
+    found = np.eye(4)
+    found[:3, :3], found[:3, 3] = rotation.as_matrix(), position
+    return found
+
+
+def row(pose):
+    return np.array([*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_quat()])
+
+
+def tracker(base, discs=4):
+    return Tracker.of({**VALUES, 'tracker.base_pose': tuple(row(base))}, discs, 0.3)
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_after_a_tare_discs_are_measured_wherever_base_and_markers_are(seed):
+    rng = np.random.default_rng(seed)
+    base = matrix(rng.uniform(-2.0, 2.0, 3), Rotation.random(random_state=seed))
+    mounted = matrix(rng.uniform(-0.1, 0.1, 3), Rotation.random(random_state=seed + 100))
+    straight = matrix((0.0, 0.0, 0.2), Rotation.identity())
+    found = tracker(base)
+    noise = [replace_noise(row(base @ straight @ mounted), rng) for _ in range(50)]
+    mount = mount_of([found.in_base('world', pose) for pose in noise], 0.2)
+    found = replace(found, mounts=(mount,) * 4)
+    for angle in (-1.2, 0.0, 2.9):
+        disc = matrix((0.1, 0.0, 0.15), Rotation.from_euler('y', angle))
+        pose = found.disc(2, found.in_base('world', row(base @ disc @ mounted)))
+        assert pose[:3] == pytest.approx([0.1, 0.0, 0.15], abs=3e-4)
+        turned = Rotation.from_quat(pose[3:]) * Rotation.from_euler('y', angle).inv()
+        assert turned.magnitude() < 1e-3
+
+
+def replace_noise(pose, rng):
+    """Return a pose as a tracker has it: with noise, its quaternion with either sign."""
+    pose[:3] += 1e-4 * rng.standard_normal(3)
+    pose[3:] *= rng.choice([-1.0, 1.0])
+    return pose
+
+
+@pytest.mark.parametrize(('change', 'named'), [
+    ({'frame': 'odom'}, "'odom'; needed: 'base_link', or 'world'"),
+    ({'pose': (0, 0, 0, 0, 0, 0, 0)}, 'length 0, not 1; is it lost'),
+    ({'pose': (0, 0, 0, 0, 0, 0, 1.5)}, 'length 1.5'),
+    ({'pose': (float('nan'), 0, 0, 0, 0, 0, 1)}, 'not of finite numbers'),
+    ({'pose': (float('inf'), 0, 0, 0, 0, 0, 1)}, 'not of finite numbers'),
+    ({'pose': (0, 0.2, 0, 0, 0, 0, 1)}, '200 mm out of the plane'),
+    ({'pose': (0, 0, 300.0, 0, 0, 0, 1)}, '300 m from the base, .* are positions in m'),
+    ({'pose': (0, 0, 0, 0, 0, 1, 0)}, '180 degrees'),
+    ({'pose': (0, 0, 0, 0.5, 0.5, 0.5, 0.5)}, '90 degrees')])
+def test_what_is_no_pose_of_a_disc_in_the_plane_is_refused(change, named):
+    found = tracker(np.eye(4))
+    with pytest.raises(SensorError, match=named):
+        found.disc(0, found.in_base(change.get('frame', 'world'),
+                                    change.get('pose', (0, 0, 0, 0, 0, 0, 1))))
+
+
+def test_without_a_frame_of_the_tracker_the_remedy_is_named():
+    found = replace(tracker(np.eye(4)), own_frame='')
+    with pytest.raises(SensorError, match=r'tracker\.frame_id and where base_link is'):
+        found.in_base('', (0, 0, 0, 0, 0, 0, 1))
+
+
+def test_what_moves_or_is_far_away_is_no_tare():
+    poses = np.zeros((20, 7))
+    poses[:, 6] = 1.0
+    poses[:, 2] = 0.2
+    assert mount_of(list(poses), 0.2) == pytest.approx([0, 0, 0, 0, 0, 0, 1])
+    with pytest.raises(SensorError, match='0.50 m from where its disc is'):
+        mount_of(list(poses), 0.7)
+    poses[:, 0] = np.linspace(0.0, 0.004, 20)
+    with pytest.raises(SensorError, match='it moves, by 2.1 mm'):
+        mount_of(list(poses), 0.2)
+    assert tilt_of([0.1] * 10) == pytest.approx(0.1)
+    with pytest.raises(SensorError, match='it moves, by 0.0 mm and 0.1'):
+        tilt_of(list(np.linspace(0.0, 0.2, 10)))
+    with pytest.raises(SensorError, match=r'imu\.axes'):
+        tilt_of([3.14, -3.14] * 10)
+
+
+def test_a_window_has_the_last_second_or_says_that_it_is_not_enough():
+    window = Window()
+    assert window.recent(0.0) == []
+    for k in range(30):
+        window.add(0.1 * k, k)
+    assert window.recent(2.95) == list(range(20, 30))
+    assert window.recent(10.0) == []
+    with pytest.raises(SensorError, match='only 4 measurements'):
+        window.recent(3.55)
+
+
+def test_the_straight_arm_is_as_high_as_its_parts():
+    arm: Arm = load_arm(description_file())
+    assert straight_heights(arm) == pytest.approx([0.0, 0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize('change', [
+    {'tracker.mounts': (0.0, 1.0)}, {'tracker.mounts': (0.0,) * 28},
+    {'tracker.base_pose': (0.0,) * 7}, {'tracker.base_pose': (1.0,)}])
+def test_parameters_that_are_no_poses_are_refused(change):
+    values = {**VALUES, 'tracker.base_pose': (0, 0, 0, 0, 0, 0, 1), **change}
+    with pytest.raises(ParameterError, match=next(iter(change))):
+        Tracker.of(values, 4, 0.3)
+
+
+def test_tags_that_are_stuck_off_tell_where_the_disc_is_after_a_tare():
+    def turn(angle):  # right and along, as columns of x and z
+        return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+
+    def seen(pose):  # 2 mm to the right of it, 1 mm low, and turned by 0.05 rad
+        return np.array([*(pose[:2] + turn(pose[2]) @ [0.002, -0.001]), pose[2] + 0.05])
+
+    mount = tag_mount([seen(np.array([0.0, 0.2, 0.0]))] * 10, 0.2)
+    for pose in ([0.0, 0.2, 0.0], [0.05, 0.15, 1.0], [-0.1, 0.1, -2.0]):
+        assert mounted(seen(np.array(pose)), mount) == pytest.approx(pose)
+    assert tag_mounts({'tags.mounts': tuple(range(12))}, 4)[2] == pytest.approx([6.0, 7.0, 8.0])
+    with pytest.raises(ParameterError, match=r'tags\.mounts has 11 numbers'):
+        tag_mounts({'tags.mounts': tuple(range(11))}, 4)
+
+
+@pytest.mark.parametrize(('poses', 'named'), [
+    ([[0.03, 0.2, 0.0]] * 10, '30.0 mm and 0.0 degrees from'),
+    ([[0.0, 0.2, 0.3]] * 10, '17.2 degrees from'),
+    ([[0.002 * n, 0.2, 0.0] for n in range(10)], 'it moves, by 10.0 mm'),
+    ([[0.0, 0.2, 0.01 * n] for n in range(10)], 'it moves, by 0.0 mm and 0.050')])
+def test_tags_of_an_arm_that_bends_or_moves_are_not_tared(poses, named):
+    with pytest.raises(SensorError, match=named):
+        tag_mount(poses, 0.2)
+
+
+@pytest.mark.parametrize('axes', [
+    ('+x',), ('+x', '+y', '+x'), ('+x', '+y', '-z'), ('+x', '+y', 'up')])
+def test_axes_that_are_none_are_refused(axes):
+    with pytest.raises(ParameterError, match='imu.axes'):
+        imu_rotations(axes, 4)

@@ -1,0 +1,233 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Angles at which stiff segments that give are to be locked, so that the shape ends right."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from virtual_rig import ARM
+
+from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.laws import Jam
+from soft_continuum.sequencing.aiming import (
+    Aim,
+    angles_to_set,
+    next_step,
+    predicted,
+    worth_setting_again,
+)
+from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings
+
+ELASTIC = replace(ARM, bodies_per_segment=4, segments=tuple(
+    replace(s, jam=Jam(15.0)) for s in ARM.segments))
+SETTINGS = PlanSettings(angle_step=np.radians(6.0))
+ALL = (0, 1, 2)
+C_FORM, S_FORM = np.radians([30.0, 30.0, 30.0]), np.radians([25.0, -25.0, 25.0])
+LOCK_IN = 0.006
+
+
+@pytest.fixture(scope='module')
+def statics():
+    return Statics(ELASTIC)
+
+
+def tip_of(angles):
+    """Return where the tip is when all segments bend evenly by these angles."""
+    return Statics(ELASTIC).chain.uniform(angles).tip[:2]
+
+
+def walk(statics, state, segments, angles):
+    """Set segments one after the other, by the statics alone."""
+    for segment, angle in zip(segments, angles, strict=True):
+        state = statics.bend(state, segment, float(angle))
+    return state
+
+
+def shifted(statics, state, segment, change):
+    """Return a stiff arm whose segment has bent by about ``change`` when it was stiffened."""
+    chain = statics.chain
+    per_segment = chain.joints_per_segment
+    held = state.held_angles.copy()
+    held[segment * per_segment:(segment + 1) * per_segment] += change / per_segment
+    state = replace(state, held_angles=held, stiff=(True,) * 3)
+    return statics.solve(state, state.pulls - 1e-4, (False,) * 3)
+
+
+def again_of(statics, state, *arguments):
+    """Return what is worth setting again of an arm whose motors stand where the tendons do."""
+    return worth_setting_again(Planner(statics.chain.arm, SETTINGS), state, state.pulls,
+                               *arguments)
+
+
+@pytest.mark.parametrize('angles', [C_FORM, S_FORM, -C_FORM], ids=['C', 'S', 'mirrored C'])
+def test_the_angles_are_right_after_the_last_segment_was_set(statics, angles):
+    straight = statics.chain.straight()
+    wanted = Aim(angles, tip_of(angles))
+    found, after = angles_to_set(statics, straight, ALL, wanted)
+    there = walk(statics, straight, ALL, found)
+    naive = walk(statics, straight, ALL, angles)
+    assert np.abs(there.bending_angles - angles).max() < np.radians(0.1)
+    assert np.abs(naive.bending_angles - angles).max() > np.radians(0.9)
+    assert after.joint_angles == pytest.approx(there.joint_angles, abs=1e-9)
+    assert wanted.error(there) == pytest.approx(np.abs(there.bending_angles - angles).max())
+
+
+def test_the_tip_is_right_after_the_last_segment_was_set(statics):
+    straight, aim = statics.chain.straight(), Aim(C_FORM, tip_of(C_FORM), on_tip=True)
+    found, _ = angles_to_set(statics, straight, ALL, aim)
+    there, naive = (walk(statics, straight, ALL, a) for a in (found, C_FORM))
+    assert np.linalg.norm(there.tip[:2] - aim.tip) < 1e-4
+    assert np.linalg.norm(naive.tip[:2] - aim.tip) > 2e-3
+    assert np.abs(there.bending_angles - C_FORM).max() < np.radians(5.0)  # of that kind of shape
+
+
+def test_the_later_segments_bring_the_tip_where_it_belongs_past_a_wrong_first_one(statics):
+    first = statics.bend(statics.chain.straight(), 0, C_FORM[0] + np.radians(4.0))
+    aim = Aim(C_FORM, tip_of(C_FORM), on_tip=True)
+    found, _ = angles_to_set(statics, first, (1, 2), aim)
+    assert np.linalg.norm(walk(statics, first, (1, 2), found).tip[:2] - aim.tip) < 1e-4
+    kept, _ = angles_to_set(statics, first, (1, 2), replace(aim, on_tip=False))
+    there = walk(statics, first, (1, 2), kept)
+    assert there.bending_angles[1:] == pytest.approx(C_FORM[1:], abs=np.radians(0.1))
+    assert np.linalg.norm(there.tip[:2] - aim.tip) > 5e-3  # angles do not make up for it
+
+
+def test_angles_to_set_stay_within_the_limits(statics):
+    limits = np.array([s.bending_angle_limit for s in ELASTIC.segments])
+    aim = Aim(0.6 * limits, np.array([10.0, 0.0]), on_tip=True)  # nobody reaches that
+    found, _ = angles_to_set(statics, statics.chain.straight(), ALL, aim)
+    assert np.all(np.abs(found) <= limits)
+
+
+def test_mirrored_aims_have_mirrored_angles(statics):
+    straight = statics.chain.straight()
+    for on_tip in (False, True):
+        aim = Aim(S_FORM, tip_of(S_FORM), on_tip)
+        image = Aim(-S_FORM, tip_of(S_FORM) * [-1.0, 1.0], on_tip)
+        one, other = (angles_to_set(statics, straight, ALL, a)[0] for a in (aim, image))
+        assert one == pytest.approx(-other, abs=1e-4)
+
+
+def test_prediction_is_one_segment_after_the_other(statics):
+    straight = statics.chain.straight()
+    there = walk(statics, straight, (2, 0), (0.3, -0.2))
+    found = predicted(statics, straight, (2, 0), (0.3, -0.2))
+    assert np.array_equal(found.joint_angles, there.joint_angles)
+
+
+# The next step.
+
+
+def soft(planner, segment, angle=0.3):
+    """Return an arm with one segment soft and bent, and the pulls there."""
+    statics = planner.statics
+    state = statics.bend(statics.chain.straight(), segment, angle)
+    return state, statics.commanded_pulls(state)
+
+
+def test_the_next_step_leads_to_the_angle_that_is_to_be_locked():
+    planner = Planner(ELASTIC, SETTINGS)
+    state, pulls = soft(planner, 0)
+    aim = Aim(C_FORM, tip_of(C_FORM))
+    wanted, _ = angles_to_set(planner.statics, state, ALL, aim)
+    step = next_step(planner, state, pulls, ALL, aim, 5e-5)
+    assert step.change == pytest.approx(wanted[0] - 0.3, abs=1e-6)
+    assert step.error == pytest.approx(np.abs(C_FORM - state.bending_angles).max())
+    assert step.predicted < np.radians(0.1)
+    there = planner.statics.solve(state, step.move.pulls[-1], (True, False, False))
+    assert there.bending_angles[0] == pytest.approx(wanted[0], abs=np.radians(0.1))
+    assert step.move.pulls[0] == pytest.approx(pulls)
+
+
+@pytest.mark.parametrize('dead_band', [5e-5, 1.0])
+def test_what_friction_does_not_let_through_is_not_sent(dead_band):
+    planner = Planner(ELASTIC, SETTINGS)
+    state, pulls = soft(planner, 2)
+    angles = state.bending_angles + [0.0, 0.0, np.radians(0.2)]  # more than the tolerance
+    step = next_step(planner, state, pulls, (2,), Aim(angles, tip_of(angles)), dead_band)
+    assert step.change == pytest.approx(np.radians(0.2), rel=0.1)
+    assert (step.move is None) == (dead_band > 0.01)
+
+
+def test_a_segment_within_tolerance_is_not_moved():
+    planner = Planner(ELASTIC, SETTINGS)
+    state, pulls = soft(planner, 2)
+    angles = state.bending_angles + [0.0, 0.0, 0.5 * SETTINGS.angle_tolerance]
+    assert next_step(planner, state, pulls, (2,), Aim(angles, tip_of(angles)), 0.0).move is None
+
+
+def test_a_step_beyond_the_limits_names_its_segment():
+    planner = Planner(ELASTIC, replace(SETTINGS, pull_limits=(-0.012, 0.012)))
+    state, pulls = soft(planner, 1, 0.2)
+    with pytest.raises(PlanError, match='segment 2: .*pull_limits'):
+        next_step(planner, state, pulls, (1,), Aim(2.0 * C_FORM, tip_of(C_FORM)), 5e-5)
+
+
+# Again.
+
+
+@pytest.fixture(scope='module')
+def good(statics):
+    """Return an aim, and a stiff arm that was set to it."""
+    aim = Aim(C_FORM, tip_of(C_FORM))
+    angles, after = angles_to_set(statics, statics.chain.straight(), ALL, aim)
+    state = statics.solve(after, after.pulls, (False,) * 3)
+    return Aim(state.bending_angles, state.tip[:2]), state
+
+
+@pytest.mark.parametrize('on_tip', [False, True])
+def test_a_good_shape_is_not_set_again(statics, good, on_tip):
+    aim, state = good
+    assert again_of(statics, state, ALL, replace(aim, on_tip=on_tip), LOCK_IN) == ()
+
+
+def test_a_last_segment_that_shifted_is_set_again(statics, good):
+    aim, state = good
+    off = shifted(statics, state, 2, 0.05)
+    assert np.abs(off.bending_angles - aim.bending_angles).argmax() == 2
+    assert again_of(statics, off, ALL, aim, LOCK_IN) == (2,)
+
+
+@pytest.mark.parametrize('segment', [0, 1])
+def test_a_segment_that_shifted_is_set_again_with_those_after_it(statics, good, segment):
+    aim, state = good
+    off = shifted(statics, state, segment, 0.05)
+    assert again_of(statics, off, ALL, aim, LOCK_IN) == ALL[segment:]
+
+
+def test_the_tip_is_brought_back_by_as_few_segments_as_will_do(statics, good):
+    aim, state = good
+    off = shifted(statics, state, 0, 0.05)
+    again = again_of(statics, off, ALL, replace(aim, on_tip=True), LOCK_IN)
+    assert again in ((1, 2), (2,))  # the first one may stay as it is
+
+
+def test_what_stiffening_would_shift_as_much_again_is_left(statics, good):
+    aim, state = good
+    off = shifted(statics, state, 2, 0.05)
+    assert again_of(statics, off, ALL, aim, 0.1) == ()
+
+
+def test_what_would_fall_is_not_softened_by_itself(good):
+    aim, state = good
+    planner = Planner(ELASTIC, SETTINGS, offsets=(5e-4, -5e-4))
+    off = shifted(planner.statics, state, 1, 0.05)
+    # As it comes over ROS: joint angles alone, and nothing of the tendons.
+    seen = replace(planner.statics.chain.state(off.joint_angles), held_angles=off.held_angles)
+    limit = 0.01
+    taut = off.pulls - (5e-4, -5e-4)
+    assert worth_setting_again(planner, seen, taut, ALL, aim, LOCK_IN, limit) == (1, 2)
+    slack = taut - 0.01  # nothing but the jams holds the arm up
+    assert worth_setting_again(planner, seen, slack, ALL, aim, LOCK_IN, limit) == ()
+    assert worth_setting_again(planner, seen, slack, ALL, aim, LOCK_IN) != ()
+
+
+def test_a_jam_that_seems_to_yield_is_not_set_to_an_angle_again(good):
+    aim, state = good
+    for ratio, again in ((9.0, ALL), (7.0, ())):
+        weak = Statics(replace(ELASTIC, segments=tuple(
+            replace(s, jam=Jam(ratio)) for s in ELASTIC.segments)))
+        off = shifted(weak, replace(state, chain=weak.chain), 0, 0.05)
+        assert again_of(weak, off, ALL, aim, LOCK_IN) == again
+        assert again_of(weak, off, ALL, replace(aim, on_tip=True), LOCK_IN)

@@ -1,0 +1,434 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Shapes set by measurements on an arm that is not the model's, and what happens without them."""
+
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+from virtual_rig import (
+    ARM,
+    one_soft_at_most_and_none_moved_stiff,
+    PLAN_SETTINGS,
+    STEP,
+    TICK_STEPS,
+    VirtualRig,
+)
+
+from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.measuring import DiscMeasurement
+from soft_continuum.estimation.shape import ArmShape
+from soft_continuum.mechanics import Statics
+from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
+from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
+from soft_continuum.sequencing.loop_settings import LoopSettings
+from soft_continuum.sequencing.planner import Planner, Shape
+from soft_continuum.sequencing.progress import Code, Phase
+
+ARM = replace(ARM, bodies_per_segment=4)
+SHAPE = Shape('bow', tuple(np.radians([25.0, -20.0, 30.0])), 0.2)
+OFFSETS = (6e-4, -1.2e-3)  # m by which the tendons are pulled in beyond what motors say
+LOOP = LoopSettings(settling_time=0.3, measuring_time=0.6, sensor_timeout=2.0)
+REACHED = np.radians(0.6)  # the plant's jams are rigid, those of the estimate give a little
+PERIOD = 0.1  # s between two measurements
+COVARIANCE = np.diag([3e-4, 3e-4, 2e-3])**2
+
+
+class OffsetStatics(Statics):
+    """Statics of an arm whose tendons are not as long as the model's."""
+
+    def solve(self, start, pulls, *arguments, **more):
+        return super().solve(start, np.asarray(pulls) + OFFSETS, *arguments, **more)
+
+
+@dataclass
+class MeasuredRig(VirtualRig):
+    """
+    A rig with another arm than the model's, whose true shape is measured, and estimated.
+
+    lost_after: s of the run, after which nothing is measured any more.  anomaly: what is reported.
+    shift: rad by which a segment bends when it becomes stiff, once each.
+    """
+
+    arm: object = ARM
+    loop: LoopSettings = LOOP
+    lost_after: float = np.inf
+    anomaly: str = ''
+    shift: dict = field(default_factory=dict)
+    open_loop: bool = False
+
+    def __post_init__(self):
+        self.begin, self.shape = self.now, ArmShape(self.arm, 1e-3)
+        super().__post_init__()
+        self.statics = OffsetStatics(replace(self.arm, segments=tuple(
+            replace(s, bending_stiffness=1.3 * s.bending_stiffness) for s in self.arm.segments)))
+        self.before = list(self.soft)
+        self.look()
+
+    def estimated(self):
+        """Return a planner with the estimated arm, and the state that is estimated."""
+        estimator = self.shape.estimator
+        if estimator is None:
+            return Planner(self.arm, self.plan_settings), self.shape.state
+        return (Planner(estimator.arm, self.plan_settings, offsets=estimator.offsets),
+                estimator.state)
+
+    def planned(self, shape):
+        planner, state = self.estimated()
+        return planner.plan(state, self.tendons.reading.pulls, [shape])[0]
+
+    def run_of(self, shapes, plan=None):
+        if self.open_loop:
+            return super().run_of(shapes, plan)
+        return ClosedLoopRunner(shapes, plan or self.plan, Loop(
+            lambda shape: self.asked(lambda *_: self.aim(shape)),
+            lambda segments, aim: self.asked(lambda planner, state: next_step(
+                planner, state, self.tendons.reading.pulls, segments, aim, 5e-5)),
+            lambda segments, aim, limit: self.asked(lambda planner, state: worth_setting_again(
+                planner, state, self.tendons.reading.pulls, segments, aim, 0.006, limit)),
+            lambda aim: aim.error(self.estimated()[1])),
+            self, self.settings, self.loop, self.arm.tendon_names)
+
+    def aim(self, shape):
+        chain = self.planner.statics.chain  # of the description
+        return Aim(np.array(shape.bending_angles), chain.uniform(shape.bending_angles).tip[:2])
+
+    def asked(self, work):
+        future = Future()
+        try:
+            future.set_result(work(*self.estimated()))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    def look(self):
+        """Let the estimate follow what motors and valves report, and what is measured."""
+        self.shape.follow(Commands(
+            self.now, np.array(self.tendons.reading.pulls), tuple(self.jamming.stiff), None,
+            (0, 0)))
+        if self.now - self.begin < self.lost_after:
+            self.shape.measure(self.now, [
+                DiscMeasurement(n, self.state.points[2 * n], COVARIANCE) for n in (1, 2, 3)])
+
+    def observe(self):
+        if self.count % round(PERIOD / STEP) == 0:
+            self.look()
+        estimator = self.shape.estimator
+        return replace(super().observe(), anomaly=self.anomaly,
+                       measured=None if estimator is None else estimator.measured)
+
+    def step(self):
+        super().step()
+        for segment, (was, now) in enumerate(zip(self.before, self.soft, strict=True)):
+            if was and not now and segment in self.shift:
+                self.bend_by_itself(segment, self.shift.pop(segment))
+        self.before = list(self.soft)
+
+    def bend_by_itself(self, segment, change):
+        per_segment = self.statics.chain.joints_per_segment
+        angles = self.state.joint_angles.copy()
+        angles[segment * per_segment:(segment + 1) * per_segment] += change / per_segment
+        self.state = replace(self.statics.chain.state(angles))
+
+    @property
+    def error(self):
+        """By how much the worst segment is off, rad."""
+        wanted = np.array(self.runner._shapes[-1].bending_angles)
+        return float(np.abs(self.angles - wanted).max())
+
+
+def at_rest_and_stiff(rig):
+    commands = list(rig.commands)
+    for _ in range(2):
+        assert not rig.moving and not rig.tendons.following
+        assert all(rig.jamming.stiff)
+        rig.go_on(0.3)
+    assert rig.commands == commands
+
+
+def asked_to_soften(rig):
+    return [command[2] for command in rig.commands if command[1:2] + command[3:] == (
+        'set_stiff', False)]
+
+
+def measuring(segment=1, **changes):
+    """Return a rig that measures a soft segment (1-based)."""
+    rig = MeasuredRig((SHAPE,), **changes)
+    rig.run(until=lambda rig: rig.runner.progress.phase == Phase.MEASURING
+            and rig.runner.progress.segment == segment)
+    assert rig.runner.outcome is None
+    return rig
+
+
+@pytest.fixture(scope='module')
+def corrected():
+    """A run by measurements, checked at every step."""
+    rig = MeasuredRig((SHAPE,))
+    rig.run(one_soft_at_most_and_none_moved_stiff)
+    return rig
+
+
+# By measurements.
+
+
+def test_without_them_this_arm_misses_its_shape():
+    rig = MeasuredRig((SHAPE,), open_loop=True)
+    assert rig.run().code is Code.SUCCESSFUL
+    assert rig.error > np.radians(1.0)
+
+
+def test_measurements_bring_every_segment_within_tolerance(corrected):
+    outcome = corrected.runner.outcome
+    assert (outcome.code, outcome.message, outcome.shapes_completed) == (Code.SUCCESSFUL, '', 1)
+    assert corrected.error < REACHED
+    assert outcome.measured
+    at_rest_and_stiff(corrected)
+
+
+def test_at_most_three_corrections_are_made_of_a_segment(corrected):
+    made = [p.correction for p in corrected.progress]
+    assert 1 <= max(made) <= LOOP.max_corrections
+    assert 1 <= corrected.runner.outcome.corrections <= 3 * LOOP.max_corrections
+    assert asked_to_soften(corrected) == [0, 1, 2]  # nothing is worth a second pass
+
+
+def test_progress_says_how_far_the_shape_is_from_its_aim(corrected):
+    errors = [p.error for p in corrected.progress if p.error is not None]
+    assert max(errors) == pytest.approx(np.abs(SHAPE.bending_angles).max(), abs=0.1)
+    assert errors[-1] < 0.05 * max(errors)
+    fractions = [p.fraction for p in corrected.progress]
+    assert fractions[0] >= 0.0 and fractions[-1] == 1.0
+    assert fractions == sorted(fractions)
+
+
+def test_nothing_is_measured_before_the_arm_rests(corrected):
+    begins, rest = [], None
+    for before, now in zip(corrected.progress, corrected.progress[1:], strict=False):
+        if before.phase != Phase.MEASURING and now.phase == Phase.MEASURING:
+            rest = 0
+        elif rest is not None and now.phase == Phase.MEASURING:
+            rest += 1
+        elif rest is not None:
+            begins.append(rest * TICK_STEPS * STEP)
+            rest = None
+    assert len(begins) >= 6
+    assert min(begins) >= LOOP.settling_time + LOOP.measuring_time - 4 * TICK_STEPS * STEP
+
+
+def test_no_correction_when_none_is_allowed(corrected):
+    rig = MeasuredRig((SHAPE,), loop=replace(LOOP, max_corrections=0, max_passes=1))
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
+    assert (outcome.code, outcome.corrections) == (Code.SUCCESSFUL, 0)
+    assert rig.error > corrected.error
+
+
+@pytest.mark.parametrize('passes', [1, 2])
+def test_a_second_pass_makes_up_for_what_stiffening_shifted(passes):
+    rig = MeasuredRig((SHAPE,), loop=replace(LOOP, max_passes=passes), shift={2: 0.05})
+    assert rig.run(one_soft_at_most_and_none_moved_stiff).code is Code.SUCCESSFUL
+    again = asked_to_soften(rig)[3:]
+    assert again in ([[]] if passes == 1 else [[2], [1, 2], [0, 1, 2]])
+    assert (rig.error < 1.5 * REACHED) == (passes == 2)
+    assert ('degrees off' in rig.runner.warning) == (passes == 1)
+
+
+def test_several_shapes_are_set_one_after_the_other():
+    other = Shape('back', tuple(np.radians([-20.0, 10.0, 20.0])), 0.0)
+    rig = MeasuredRig((SHAPE, other))
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
+    assert (outcome.code, outcome.shapes_completed) == (Code.SUCCESSFUL, 2)
+    assert rig.error < REACHED
+
+
+# Held.
+
+
+def held(**changes):
+    """Return a rig that holds the shape for long, after it drifted."""
+    rig = MeasuredRig((replace(SHAPE, hold_time=15.0),), **changes)
+    rig.run(until=lambda rig: rig.runner.progress.phase == Phase.HOLDING)
+    rig.softened = len(asked_to_soften(rig))
+    rig.go_on(3.0)
+    assert rig.runner.warning == ''
+    rig.bend_by_itself(2, 0.08)
+    return rig
+
+
+def test_a_drift_is_reported_and_moves_nothing():
+    rig = held()
+    commands = list(rig.commands)
+    assert rig.run().code is Code.SUCCESSFUL
+    assert 'bow drifted' in rig.runner.warning
+    assert 'degrees' in rig.runner.warning
+    assert rig.commands == commands
+
+
+def test_a_drift_is_corrected_when_that_is_asked_for():
+    rig = held(loop=replace(LOOP, correct_drift=True, release_limit=0.1))
+    assert rig.error > 0.07
+    assert rig.run(one_soft_at_most_and_none_moved_stiff).code is Code.SUCCESSFUL
+    assert rig.error < 1.5 * REACHED
+    assert len(asked_to_soften(rig)) > rig.softened
+    assert rig.runner.warning == ''
+
+
+@pytest.mark.parametrize('aborts', [False, True])
+def test_measurements_that_stop_while_a_drift_is_corrected(aborts):
+    rig = held(loop=replace(LOOP, correct_drift=True, release_limit=0.1, abort_when_lost=aborts))
+    rig.run(until=lambda rig: len(asked_to_soften(rig)) > rig.softened)
+    rig.lost_after = 0.0
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
+    assert outcome.code is (Code.HARDWARE_FAULT if aborts else Code.SUCCESSFUL)
+    assert not outcome.measured
+    at_rest_and_stiff(rig)
+
+
+def test_a_correction_that_cannot_be_planned_leaves_the_shape_as_it_is():
+    rig = held(loop=replace(LOOP, correct_drift=True, release_limit=0.1))
+    rig.plan_settings = replace(PLAN_SETTINGS, pull_limits=(-1e-4, 1e-4))
+    assert rig.run(one_soft_at_most_and_none_moved_stiff).code is Code.SUCCESSFUL
+    assert 'pull_limits' in rig.runner.warning
+    at_rest_and_stiff(rig)
+
+
+def test_what_carries_too_much_is_not_softened_to_correct_a_drift():
+    rig = held(loop=replace(LOOP, correct_drift=True, release_limit=0.0))
+    assert rig.run().code is Code.SUCCESSFUL
+    assert len(asked_to_soften(rig)) == rig.softened
+    assert 'release_limit' in rig.runner.warning
+
+
+# Without.
+
+
+def test_without_measurements_it_does_just_what_an_open_loop_does():
+    one, other = (MeasuredRig((SHAPE,), lost_after=-1.0, open_loop=o) for o in (True, False))
+    outcomes = [rig.run(one_soft_at_most_and_none_moved_stiff) for rig in (one, other)]
+    assert outcomes[0] == outcomes[1]
+    assert not outcomes[1].measured and outcomes[1].corrections == 0
+    assert len(one.commands) == len(other.commands)
+    for ours, theirs in zip(one.commands, other.commands, strict=True):
+        assert ours[:2] == theirs[:2]
+        for a, b in zip(ours[2:], theirs[2:], strict=True):
+            assert np.array_equal(a, b)
+    assert [replace(p, error=0.0) for p in one.progress] == [
+        replace(p, error=0.0) for p in other.progress]
+
+
+@pytest.mark.parametrize('lost_after', [1.0, 3.5, 6.0])
+def test_when_measurements_stop_it_goes_on_as_predicted(lost_after):
+    rig = MeasuredRig((SHAPE,), lost_after=lost_after)
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
+    assert (outcome.code, outcome.shapes_completed) == (Code.SUCCESSFUL, 1)
+    assert not outcome.measured
+    assert rig.runner.aim is None
+    at_rest_and_stiff(rig)
+
+
+@pytest.mark.parametrize('lost_after', [1.0, 3.5, 6.0])
+def test_when_measurements_stop_it_can_end_with_every_segment_stiff(lost_after):
+    rig = MeasuredRig((SHAPE,), lost_after=lost_after, loop=replace(LOOP, abort_when_lost=True))
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
+    assert (outcome.code, outcome.shapes_completed) == (Code.HARDWARE_FAULT, 0)
+    assert 'measured' in outcome.message
+    assert not outcome.measured
+    at_rest_and_stiff(rig)
+
+
+# Ended early.
+
+
+def test_an_anomaly_ends_it_with_every_segment_stiff():
+    rig = measuring(loop=replace(LOOP, on_anomaly='abort'))
+    rig.anomaly = 'the right tendon slipped'
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff, most=5.0)
+    assert (outcome.code, outcome.message) == (Code.HARDWARE_FAULT, 'the right tendon slipped')
+    at_rest_and_stiff(rig)
+
+
+def test_an_anomaly_in_a_motion_ends_it_there():
+    rig = MeasuredRig((SHAPE,), loop=replace(LOOP, on_anomaly='abort'))
+    rig.run(until=lambda rig: rig.runner.progress.phase == Phase.MOVING and rig.moving)
+    rig.anomaly = 'the right tendon slipped'
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff, most=5.0)
+    assert outcome.code is Code.HARDWARE_FAULT
+    at_rest_and_stiff(rig)
+
+
+def test_an_anomaly_may_pause_it_until_somebody_says_go_on():
+    rig = measuring(loop=replace(LOOP, on_anomaly='pause'))
+    rig.anomaly = 'the right tendon slipped'
+    rig.go_on(0.5)
+    commands = list(rig.commands)
+    rig.go_on(5.0)
+    assert rig.runner.progress.phase == Phase.PAUSED
+    rig.anomaly = ''  # which does not mean that nobody is at the arm
+    rig.go_on(5.0)
+    assert rig.runner.progress.phase == Phase.PAUSED
+    assert 'slipped' in rig.runner.warning
+    assert rig.commands == commands
+    rig.runner.loop_settings = LOOP
+    assert rig.run(one_soft_at_most_and_none_moved_stiff).code is Code.SUCCESSFUL
+    assert rig.error < REACHED
+
+
+@pytest.mark.parametrize('on_anomaly', ['pause', 'abort'])
+def test_nothing_is_softened_any_more_after_an_anomaly(on_anomaly):
+    rig = MeasuredRig((SHAPE,), loop=replace(LOOP, on_anomaly=on_anomaly))
+    rig.run(until=lambda rig: rig.runner.progress.phase == Phase.STIFFENING)
+    rig.anomaly, before = 'the right tendon slipped', asked_to_soften(rig)
+    rig.go_on(5.0)
+    assert asked_to_soften(rig) == before == [0]
+    assert all(rig.jamming.stiff)
+
+
+def test_canceled_while_it_is_paused_it_ends_stiff():
+    rig = measuring(loop=replace(LOOP, on_anomaly='pause'))
+    rig.anomaly = 'the right tendon slipped'
+    rig.go_on(0.5)
+    rig.runner.cancel(Code.CANCELED, 'enough')
+    assert rig.run(one_soft_at_most_and_none_moved_stiff, most=5.0).code is Code.CANCELED
+    at_rest_and_stiff(rig)
+
+
+def test_an_anomaly_may_be_passed_over():
+    rig = measuring()
+    rig.anomaly = 'the right tendon slipped'
+    assert rig.run(one_soft_at_most_and_none_moved_stiff).code is Code.SUCCESSFUL
+
+
+@pytest.mark.parametrize('segment', [0, 1, 3])
+def test_canceled_while_it_measures_it_ends_stiff(segment):
+    rig = measuring(segment)
+    rig.runner.cancel(Code.CANCELED, 'enough')
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff, most=5.0)
+    assert (outcome.code, outcome.message) == (Code.CANCELED, 'enough')
+    at_rest_and_stiff(rig)
+
+
+@pytest.mark.parametrize('segment', [1, 2])
+def test_stopped_while_it_measures_it_leaves_everything_as_it_is(segment):
+    rig = measuring(segment)
+    commands = list(rig.commands)
+    rig.tendons.stop('e-stop')
+    assert rig.run(most=2.0).code is Code.STOPPED
+    assert rig.commands == commands
+    assert rig.soft[segment - 1]
+
+
+def test_a_segment_that_loses_its_stiffness_while_it_measures_ends_it():
+    rig = measuring(2)
+    rig.leaking.add(0)
+    outcome = rig.run(most=10.0)
+    assert outcome.code is Code.HARDWARE_FAULT
+    assert 'segment 1' in outcome.message
+
+
+def test_a_step_that_cannot_be_planned_ends_it_stiff():
+    rig = measuring()
+    rig.plan_settings = replace(PLAN_SETTINGS, pull_limits=(-1e-4, 1e-4))
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff, most=5.0)
+    assert outcome.code is Code.MODEL_FAILURE
+    assert 'pull_limits' in outcome.message
+    at_rest_and_stiff(rig)
