@@ -538,8 +538,9 @@ class Rig:
 
     @property
     def moving(self) -> bool:
-        """Whether a tendon moved when it was last heard."""
-        return any(self.tendons.last.velocity)
+        """Whether a tendon moved or had still to, when it was last heard."""
+        # Between two set-points of a busy computer a tendon may stand.
+        return any(self.tendons.last.velocity) or self.states['tendon_actuation'].last.moving
 
     @property
     def pulls(self) -> tuple[float, float]:
