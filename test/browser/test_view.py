@@ -109,7 +109,7 @@ def test_stop_stops_a_sequence_and_resume_is_needed_to_go_on(page: Page, rig: Ri
     expect(page.button('soften', 2)).to_be_disabled()
     page.click('STOP')
     rig.wait_for_status('tendon_actuation', 'stopped', 'stop was called')
-    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
     rig.assert_rests(5)
     page.wait_for_bar('STOPPED')
     page.wait_for_bar('press Resume')

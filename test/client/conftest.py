@@ -65,7 +65,7 @@ def arm(arm_of_module: Any) -> Any:
     rig.wait_for(lambda: not rig.sequencer.last.running, 'no goal')
     assert rig.trigger('tendon_actuation/resume').success
     assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
-    rig.wait_for(lambda: rig.all_stiff and not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.all_stiff and rig.at_rest, 'rest')
     return rig
 
 

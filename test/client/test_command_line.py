@@ -151,7 +151,7 @@ def test_an_interrupted_jog_holds_the_tendons(new_arm, command):
     new_arm.wait_for(lambda: new_arm.pulls[0] > 1e-3, 'a motion')
     jog.process.send_signal(signal.SIGINT)
     assert jog.end() == (INTERRUPTED, '', '')
-    new_arm.wait_for(lambda: not new_arm.moving, 'rest')
+    new_arm.wait_for(lambda: new_arm.at_rest, 'rest')
     assert new_arm.pulls[0] < 11e-3
 
 

@@ -37,6 +37,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from soft_continuum.nodes import tendon_control
 from soft_continuum.nodes.runtime import node_class
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_description
@@ -72,6 +73,8 @@ QUICK = {
     'silence_timeout': 10.0,
 }
 """An arm that sets a segment in half a second, and nodes that wait for a busy machine."""
+tendon_control.MAX_LATENESS = DEADLINE
+"""Here the nodes share one interpreter: that a control cycle comes late is no fault of theirs."""
 STREAM = QoSProfile(depth=5000, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE,
@@ -538,9 +541,14 @@ class Rig:
 
     @property
     def moving(self) -> bool:
-        """Whether a tendon moved or had still to, when it was last heard."""
+        """Whether a tendon moved when it was last heard."""
+        return any(self.tendons.last.velocity)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no tendon moved, nor had still to, when they were last heard."""
         # Between two set-points of a busy computer a tendon may stand.
-        return any(self.tendons.last.velocity) or self.states['tendon_actuation'].last.moving
+        return not (self.moving or self.states['tendon_actuation'].last.moving)
 
     @property
     def pulls(self) -> tuple[float, float]:

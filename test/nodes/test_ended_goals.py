@@ -146,7 +146,7 @@ def test_after_a_stop_nothing_moves_until_resume_and_then_from_where_the_arm_is(
     rig.wait_for(lambda: rig.tendons.last.position[0] > 0.001, 'a pull')
     assert rig.trigger('tendon_actuation/stop').success
     assert goal.result()[1].error_code == Result.STOPPED
-    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
     stopped_at = rig.pulls
     assert 0.0 < stopped_at[0] < 0.006
 
@@ -211,7 +211,7 @@ def test_a_stop_that_is_resumed_at_once_ends_the_goal_all_the_same(
     rig.wait_for(lambda: rig.tendons.last.position[0] > 0.001, 'a pull')
     away(rig)
     assert goal.result()[1].error_code in (Result.STOPPED, Result.HARDWARE_FAULT)
-    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
     rig.assert_rests()
     assert 0.0 < rig.pulls[0] < 0.006
 

@@ -77,7 +77,7 @@ def test_a_callback_that_fails_in_mid_motion_ends_the_goal_and_nothing_else(
     assert status == 'ABORTED'
     assert 'ZeroDivisionError: half a shape' in result.error_string
     assert 'half a shape' in rig.statuses['shape_sequencer'].last.message
-    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
     rig.assert_rests()
     monkeypatch.undo()
     assert rig.goal((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'

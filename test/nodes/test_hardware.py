@@ -163,7 +163,7 @@ def test_a_stop_in_motion_rests_at_the_reported_step_and_resume_goes_on(bench: B
     goal = rig.goal_in_motion(BEND)
     assert rig.trigger('tendon_actuation/stop').success
     assert goal.result()[1].error_code == Result.STOPPED
-    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
     bench.assert_steps_agree()
     assert rig.trigger('tendon_actuation/resume').success
     assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
@@ -182,7 +182,7 @@ def test_valves_unplugged_in_motion_end_the_goal_and_switch_nothing_when_back(
     assert status == 'ABORTED'
     assert 'jamming_valves' in result.error_string
     assert error_in_diagnostics(rig, 'jamming_valves')
-    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
     rig.wait_for(lambda: not any(flag.last.data for flag in rig.stiff), 'no stiffness known')
     bench.modbus.plug()
     rig.wait_for(lambda: rig.statuses['jamming_valves'].last.level == DiagnosticStatus.OK,
@@ -268,7 +268,7 @@ def test_an_emergency_stop_ends_the_motion_until_it_is_off_and_resumed(
     status, result = goal.result()
     assert (status, result.error_code) == ('ABORTED', Result.STOPPED)
     assert 'emergency_stop' in result.error_string
-    arm.wait_for(lambda: not arm.moving, 'rest')
+    arm.wait_for(lambda: arm.at_rest, 'rest')
     arm.assert_rests()
     soft = arm.soft_segments()
     assert not arm.trigger('tendon_actuation/resume').success

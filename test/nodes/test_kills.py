@@ -46,7 +46,7 @@ def assert_aborted(goal: Goal, *reasons: str) -> None:
 
 
 def assert_rests_short(rig: Rig) -> None:
-    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
     rig.assert_rests()
     assert 0.0 < rig.pulls[0] < FULL_PULL
 

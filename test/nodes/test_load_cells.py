@@ -61,7 +61,7 @@ def test_nothing_moves_without_load_cells_and_what_they_show_ends_a_motion(
     rig.wait_for(lambda: rig.tendons.last.effort[0] == pytest.approx(0.0), 'the right cell')
     pull(rig, 0.010, -0.012)
     rig.wait_for_status('tendon_actuation', 'refused', 'left_tendon is not measured')
-    assert not rig.moving
+    assert rig.at_rest
 
     cells.silent = set()
     cells.tensions, cells.caught = [3.0, 4.0], True
@@ -69,7 +69,7 @@ def test_nothing_moves_without_load_cells_and_what_they_show_ends_a_motion(
     pull(rig, 0.010, -0.012)
     text = rig.wait_for_status('tendon_actuation', 'ended', 'measured tension of right_tendon')
     assert 'tension_limit: 60 N' in text
-    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
     assert 0.0066 < rig.pulls[0] < 0.0095  # 3 N and 20 N/mm from 4 mm on: 60 N at 6.85 mm
 
     # What lasts is told from the model by whoever knows both.
@@ -82,5 +82,5 @@ def test_nothing_moves_without_load_cells_and_what_they_show_ends_a_motion(
     rig.wait_for(lambda: rig.moving, 'motion')
     cells.silent = {'left_tendon'}
     rig.wait_for_status('tendon_actuation', 'ended', 'left_tendon is not measured')
-    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
     assert rig.pulls[0] > 1e-4

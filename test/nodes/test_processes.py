@@ -82,7 +82,7 @@ def test_a_node_ends_in_peace_in_the_middle_of_a_sequence(
     node.send(number)
     assert_ended_in_peace(node)
     if name == 'shape_sequencer':
-        rig.wait_for(lambda: not rig.moving, 'rest')
+        rig.wait_for(lambda: rig.at_rest, 'rest')
         rig.assert_rests()
         assert rig.pulls[0] < 0.005
     else:

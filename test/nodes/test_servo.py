@@ -183,9 +183,7 @@ def test_when_it_ends_the_arm_stops(follower: Follower, killed: bool) -> None:
     else:
         follower.end()
     pieces = len(follower.sent)
-    # Not the first message without motion: a piece that was on its way may move it once more.
-    rig.wait_for(lambda: not any(any(s.velocity) for s in list(rig.tendons)[-10:]), 'rest',
-                 within=3.0)
+    rig.wait_for(lambda: rig.at_rest, 'rest', within=3.0)
     rig.assert_rests()
     assert len(follower.sent) <= pieces + 1  # that was on its way
 
@@ -286,7 +284,7 @@ def test_another_trajectory_disables_it(follower: Follower) -> None:
     follower.target(5.0)
     follower.wait_for_angle(5.0)
     follower.target(None)
-    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
     rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(
         trajectory([(0.5, [0.0, -0.001])]))
     follower.wait_for_status('replaced by another trajectory')

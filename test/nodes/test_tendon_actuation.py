@@ -16,6 +16,7 @@ from ros_rig import RELIABLE, Rig, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
+from soft_continuum.nodes import tendon_control
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum_interfaces.msg import MotionRequest
 
@@ -59,7 +60,7 @@ def wait_for_pull(rig: Rig) -> None:
 
 
 def arrives(rig: Rig, pulls: tuple[float, float]) -> None:
-    rig.wait_for(lambda: not rig.moving and np.allclose(rig.pulls, pulls, atol=1e-5),
+    rig.wait_for(lambda: rig.at_rest and np.allclose(rig.pulls, pulls, atol=1e-5),
                  f'tendons at {pulls}')
 
 
@@ -197,7 +198,7 @@ def test_a_motion_that_was_stopped_takes_no_further_parts(tendons: Rig) -> None:
     wait_for_pull(tendons)
     for service in ('stop', 'resume'):
         assert tendons.trigger(f'tendon_actuation/{service}').success
-    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    tendons.wait_for(lambda: tendons.at_rest, 'rest')
     refused(tendons, part, 'me/1', 'has ended', 'stop')
     part.header.frame_id = 'me/2'
     send(tendons, part)
@@ -217,14 +218,16 @@ def test_a_motion_that_was_replaced_takes_no_further_parts(tendons: Rig) -> None
     assert state.last.accepted.id == 'somebody_else'
 
 
-def test_a_control_cycle_that_comes_late_ends_the_motion(rig: Rig) -> None:
+def test_a_control_cycle_that_comes_late_ends_the_motion(
+        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tendon_control, 'MAX_LATENESS', 0.5)
     node, *_ = rig.start('tendon_actuation', *OTHERS)
     make_soft(rig, 3)
     send(rig, SLOW_PULL)
     wait_for_pull(rig)
     node.loop.call(threading.Event().wait, 1.0)
     assert 'late' in rig.wait_for_status('tendon_actuation', 'ended')
-    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
     rig.assert_rests()
 
 
@@ -247,7 +250,7 @@ def test_a_jump_of_ros_time_ends_only_a_motion_that_follows_it(
     monkeypatch.setattr(RosTime, '_now', lambda self: now(self) + 5.0)
     tendons.wait_for(lambda: accepted.last.accepted.reason == MotionRequest.CLOCK, 'its end')
     assert 'jumped by 5.0' in accepted.last.accepted.message
-    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    tendons.wait_for(lambda: tendons.at_rest, 'rest')
 
 
 def test_a_trajectory_far_in_the_future_is_refused(shared_tendons: Rig) -> None:
@@ -309,7 +312,7 @@ def test_a_node_that_falls_silent_ends_the_motion(
     wait_for_pull(rig)
     silent = silence(rig, kinematics)
     assert silent in rig.wait_for_status('tendon_actuation', 'ended', silent)
-    rig.wait_for(lambda: not rig.moving, 'rest')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
     rig.assert_rests()
     assert 0.0 < rig.pulls[0] < 0.009
     refused(rig, PULL, silent)
@@ -322,7 +325,7 @@ def test_a_segment_that_changes_in_mid_motion_ends_the_motion(
     wait_for_pull(tendons)
     assert tendons.set_stiff(segment, stiff).success
     assert 'segment' in tendons.wait_for_status('tendon_actuation', 'ended')
-    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    tendons.wait_for(lambda: tendons.at_rest, 'rest')
     tendons.assert_rests()
     assert 0.0 < tendons.pulls[0] < 0.009
 
@@ -331,7 +334,7 @@ def test_a_trajectory_without_points_brakes_and_holds(tendons: Rig) -> None:
     send(tendons, SLOW_PULL)
     wait_for_pull(tendons)
     send(tendons, trajectory([]))
-    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    tendons.wait_for(lambda: tendons.at_rest, 'rest')
     tendons.assert_rests()
     assert 0.0 < tendons.pulls[0] < 0.009
     send(tendons, PULL)  # no resume is needed
@@ -342,7 +345,7 @@ def test_a_stop_brakes_and_lasts_until_resume(tendons: Rig) -> None:
     send(tendons, SLOW_PULL)
     wait_for_pull(tendons)
     assert tendons.trigger('tendon_actuation/stop').success
-    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    tendons.wait_for(lambda: tendons.at_rest, 'rest')
     tendons.assert_rests()
     stopped_at = tendons.pulls
     assert 0.0 < stopped_at[0] < 0.009
@@ -429,7 +432,7 @@ def test_deactivating_in_mid_motion_holds_and_activating_moves_nothing(tendons: 
     assert tendons.lifecycle_state('tendon_actuation') == 'inactive'
     assert tendons.transition('tendon_actuation', 'activate')
     tendons.wait_for_more(tendons.tendons, 1)
-    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    tendons.wait_for(lambda: tendons.at_rest, 'rest')
     tendons.assert_rests()
     assert 0.0 < tendons.pulls[0] < 0.009
 
@@ -486,7 +489,7 @@ def test_a_measured_tension_beyond_the_limit_ends_the_motion_and_letting_go_is_a
     name = ('right_tendon', 'left_tendon')[tendon]
     text = tendons.wait_for_status('tendon_actuation', 'ended', f'measured tension of {name}')
     assert 'tension_limit: 60 N' in text
-    tendons.wait_for(lambda: not tendons.moving, 'rest')
+    tendons.wait_for(lambda: tendons.at_rest, 'rest')
     assert 0.0066 < tendons.pulls[tendon] < 0.0078  # 60 N at 6.75 mm
     goal[tendon] = 0.0
     send(tendons, trajectory([(1.0, tuple(goal))]))
