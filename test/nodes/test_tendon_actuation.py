@@ -16,6 +16,7 @@ from ros_rig import RELIABLE, Rig, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
+from soft_continuum.nodes import tendon_control
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum_interfaces.msg import MotionRequest
 
@@ -139,7 +140,7 @@ def test_a_bad_trajectory_is_refused_with_the_reason_and_moves_nothing(
     refused(tendons, message, *reasons)
     send(tendons, PULL)  # and the node lives on
     arrives(tendons, (0.004, -0.005))
-    assert tendons.status_value('tendon_actuation', 'refused') == ''
+    tendons.wait_for(lambda: not tendons.status_value('tendon_actuation', 'refused'), 'no refusal')
     send(tendons, BACK)
     arrives(tendons, (0.0, 0.0))
 
@@ -175,15 +176,16 @@ def test_a_stop_does_not_wait_for_a_trajectory_that_is_judged_and_wins(
         assert go.wait(30.0)
 
     monkeypatch.setattr('soft_continuum.nodes.prediction.TensionPrediction.check', slow)
-    rig.start('tendon_actuation', *OTHERS)
+    node, *_ = rig.start('tendon_actuation', *OTHERS)
     make_soft(rig, 3)
     send(rig, PULL)
     assert judging.wait(30.0)
+    before = node._control.revocations
     if how == 'stop':
         assert rig.trigger('tendon_actuation/stop').success
     else:
         send(rig, trajectory([]))
-        rig.trigger('tendon_actuation/reference')  # after it, in order
+        rig.wait_for(lambda: node._control.revocations > before, 'the hold')
     go.set()
     assert how in rig.wait_for_status('tendon_actuation', 'refused')
     rig.assert_rests()
@@ -217,11 +219,13 @@ def test_a_motion_that_was_replaced_takes_no_further_parts(tendons: Rig) -> None
     assert state.last.accepted.id == 'somebody_else'
 
 
-def test_a_control_cycle_that_comes_late_ends_the_motion(rig: Rig) -> None:
+def test_a_control_cycle_that_comes_late_ends_the_motion(
+        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     node, *_ = rig.start('tendon_actuation', *OTHERS)
     make_soft(rig, 3)
     send(rig, SLOW_PULL)
     wait_for_pull(rig)
+    monkeypatch.setattr(tendon_control, 'MAX_LATENESS', 0.5)
     node.loop.call(threading.Event().wait, 1.0)
     assert 'late' in rig.wait_for_status('tendon_actuation', 'ended')
     rig.wait_for(lambda: not rig.moving, 'rest')

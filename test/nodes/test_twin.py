@@ -34,7 +34,7 @@ def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
     cells = rig.record(JointState, 'load_cells', STREAM)
     imus = [rig.record(Imu, f'disc_{n}/imu', STREAM) for n in range(4)]
     rig.start_arm(**driving_parameters(**links), tendon_speed=0.01, tendon_acceleration=0.1,
-                  speed_limit=0.03, acceleration_limit=0.3, silence_timeout=2.0)
+                  speed_limit=0.03, acceleration_limit=0.3)
     assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
     rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
     assert rig.trigger('tendon_actuation/reference').success
