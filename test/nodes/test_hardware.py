@@ -298,10 +298,16 @@ HOMED = [-0.006, -0.005]  # m: switches at -7 and -6 mm of a straight arm, and 1
 
 
 @pytest.fixture
-def homing(rig: Rig, tmp_path: Path) -> Iterator[Bench]:
+def switches() -> tuple[float, float]:
+    """Return where the switches are, steps."""
+    return -1400, -1200
+
+
+@pytest.fixture
+def homing(rig: Rig, tmp_path: Path, switches: tuple[float, float]) -> Iterator[Bench]:
     """Return the nodes on a stepper board with limit switches, the arm straight and stiff."""
     settings = {22: 1, 23: 3, 130: 20000, 131: 20000}
-    with (GrblEmulator(str(tmp_path / 'grbl'), settings=settings, switches=(-1400, -1200)) as grbl,
+    with (GrblEmulator(str(tmp_path / 'grbl'), settings=settings, switches=switches) as grbl,
           ModbusEmulator(link=tmp_path / 'modbus') as modbus):
         bench = Bench(rig, grbl, modbus, tmp_path)
         bench.start(**{'grbl.homed_pulls': HOMED})
@@ -325,6 +331,7 @@ def test_homing_waits_for_a_stiff_arm_and_ends_with_a_known_straight_one(homing:
     homing.assert_steps_agree()
 
 
+@pytest.mark.parametrize('switches', [(-100_000, -100_000)], ids=['far'])  # to be met on the way
 @pytest.mark.parametrize('how', ['stop', 'soften'])
 def test_homing_ends_when_it_is_stopped_or_the_arm_becomes_soft(homing: Bench, how: str) -> None:
     rig = homing.rig
