@@ -21,7 +21,7 @@ assert _spec is not None and _spec.loader is not None
 _fixtures = module_from_spec(_spec)
 _spec.loader.exec_module(_fixtures)
 
-_compiled = _fixtures._compiled
+_compiled, _patient = _fixtures._compiled, _fixtures._patient
 take_domain = _fixtures.take_domain
 domain = _fixtures.domain
 module_domain = _fixtures.module_domain
@@ -34,10 +34,10 @@ from estimated_arm import EstimatedArm  # noqa: E402
 from ros_rig import Rig  # noqa: E402
 
 from soft_continuum.cli.main import main  # noqa: E402
-from soft_continuum.client import Arm  # noqa: E402
+from soft_continuum.client import Arm, requests  # noqa: E402
 
 NAMESPACE = '/arm_under_test'  # of the rigs
-TIMEOUT = 30.0  # s, on a loaded machine
+TIMEOUT = 60.0  # s, on a loaded machine
 
 
 # Not so quick that a motion may be over before a busy machine has delivered it, and at a rate that
@@ -58,7 +58,13 @@ def arm_of_module(module_domain: int) -> Iterator[Any]:
 
 
 @pytest.fixture
-def arm(arm_of_module: Any) -> Any:
+def settling(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let clients in this process wait longer for topics of which a busy machine is late."""
+    monkeypatch.setattr(requests, 'SETTLING_TIMEOUT', 5.0)
+
+
+@pytest.fixture
+def arm(arm_of_module: Any, settling: None) -> Any:
     """Return the shared arm at rest, stiff and without a goal, in whatever shape it was left."""
     rig = arm_of_module
     rig.call(CancelGoal, 'run_shape_sequence/_action/cancel_goal')
@@ -78,7 +84,7 @@ def estimated_of_module(module_domain: int) -> Iterator[EstimatedArm]:
 
 
 @pytest.fixture
-def new_arm(rig: Any) -> Any:
+def new_arm(rig: Any, settling: None) -> Any:
     """Return the four nodes of a quick arm of its own, straight and stiff."""
     rig.start_arm(**QUICK)
     return rig

@@ -4,6 +4,7 @@
 """The zero and the scale of load cells are found, whichever way they are mounted."""
 
 from collections.abc import Callable, Iterator
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,12 @@ def cells(module_domain: int) -> Iterator[dict[str, float]]:
     """Publish raw numbers of two cells; return the tensions that they carry, N, to be changed."""
     rig, tensions = Rig(module_domain), dict.fromkeys(NAMES, 0.0)
     publisher = rig.observer.create_publisher(JointState, 'load_cells', STREAM)
+    noise = cycle((0.5, -0.5))
 
     def publish() -> None:
-        noise = 0.5 if rig.observer.get_clock().now().nanoseconds // 10**6 % 2 else -0.5
+        more = next(noise)
         publisher.publish(JointState(name=list(tensions), effort=[
-            zero + tension / scale + noise
+            zero + tension / scale + more
             for zero, scale, tension in zip(ZEROS, SCALES, tensions.values(), strict=False)]))
 
     rig.observer.create_timer(0.01, publish)
@@ -43,11 +45,12 @@ def run(cells: dict[str, float], module_domain: int, tmp_path: Path,
     monkeypatch.setenv('ROS_DOMAIN_ID', str(module_domain))
     monkeypatch.setattr(calibrate_load_cells, 'DURATION', 1.0)
 
-    def call(hung: Callable[[str], str], *options: str) -> tuple[int, str]:
+    def call(hung: Callable[[str], str], *options: str, timeout: float = 60.0
+             ) -> tuple[int, str]:
         monkeypatch.setattr('builtins.input', lambda question: hung(
             question + capfd.readouterr().out))
-        status = calibrate.main(['load_cells', '--namespace', 'arm_under_test', '--timeout', '2',
-                                 '--output', str(tmp_path), *options])
+        status = calibrate.main(['load_cells', '--namespace', 'arm_under_test', '--timeout',
+                                 str(timeout), '--output', str(tmp_path), *options])
         return status, capfd.readouterr().err
 
     return call
@@ -82,7 +85,7 @@ def test_without_a_cell_of_each_tendon_nothing_is_written(
         run: Callable[..., tuple[int, str]], cells: dict[str, float], tmp_path: Path) -> None:
     left = cells.pop('left_tendon')
     try:
-        status, said = run(lambda question: 'yes', '--zero-only', '--yes')
+        status, said = run(lambda question: 'yes', '--zero-only', '--yes', timeout=2.0)
     finally:
         cells['left_tendon'] = left
     assert status != 0

@@ -33,7 +33,7 @@ from soft_continuum.parameters.files import load_arm, load_shapes
 from soft_continuum_interfaces.msg import MotionRequest
 
 matplotlib.use('Agg')
-DEADLINE = 30.0  # s
+DEADLINE = 60.0  # s
 LEAN = (0.2, 0.1, -0.1)  # rad
 STRAIGHT = (0.0, 0.0, 0.0)
 
@@ -43,6 +43,11 @@ def wait_until(condition):
     while not condition():
         assert monotonic() < deadline
         sleep(0.01)
+
+
+def moves_or_has_moved(running):
+    """Whether a sequence moves the arm; a late test may find it held only."""
+    return running.progress and running.progress.phase in ('moving', 'stiffening', 'holding')
 
 
 # State.
@@ -87,10 +92,13 @@ def test_the_shape_library_and_the_description_are_those_of_the_nodes(rig, conne
 
 def test_a_plot_and_a_notebook_show_the_shape_that_the_arm_has(client):
     client.run(LEAN)
-    axes = client.plot()
-    points = axes.get_lines()[-1].get_xydata()
-    tip = client.state.tip
-    np.testing.assert_allclose(points[-1], [tip.x * 1e3, tip.z * 1e3], atol=1e-6)
+
+    def tip_is_that_of_the_state():
+        drawn = client.plot().get_lines()[-1].get_xydata()[-1]
+        tip = client.state.tip
+        return np.allclose(drawn, [tip.x * 1e3, tip.z * 1e3], rtol=0.0, atol=1e-6)
+
+    wait_until(tip_is_that_of_the_state)  # they come on two topics
     own = Figure().subplots()
     assert client.plot(own) is own
     page = client._repr_html_()
@@ -104,9 +112,9 @@ def test_a_plot_and_a_notebook_show_the_shape_that_the_arm_has(client):
 
 def test_a_sequence_reaches_its_shapes_and_reports_its_progress(client):
     seen = []
-    result = client.run('s_form', LEAN, hold=0.1, progress=seen.append)
+    result = client.run('s_form', LEAN, hold=0.5, progress=seen.append)
     assert (result.outcome, result.message, result.shapes_completed) == ('SUCCESSFUL', '', 2)
-    assert client.state.bending_angles == pytest.approx(LEAN, abs=2e-3)
+    wait_until(lambda: client.state.bending_angles == pytest.approx(LEAN, abs=2e-3))
     fractions = [now.fraction for now in seen]
     assert fractions == sorted(fractions) and fractions[-1] == pytest.approx(1.0)
     assert all(one != next for one, next in pairwise(seen))  # called on change only
@@ -155,7 +163,7 @@ def test_a_sequence_can_be_awaited_while_others_work(client):
 
 def test_a_task_that_no_longer_awaits_leaves_the_sequence_running(client):
     async def work():
-        running = client.start(LEAN)
+        running = client.start(LEAN, hold=600.0)
         with pytest.raises(TimeoutError):
             await asyncio.wait_for(_awaited(running), 0.01)
         return running
@@ -163,19 +171,22 @@ def test_a_task_that_no_longer_awaits_leaves_the_sequence_running(client):
     async def _awaited(running):
         return await running
 
-    assert alone(work()).result(DEADLINE).outcome == 'SUCCESSFUL'
+    running = alone(work())
+    assert client.run(LEAN).outcome == 'SUCCESSFUL'
+    with pytest.raises(SequenceError, match='PREEMPTED'):  # not CANCELED before
+        running.result(DEADLINE)
 
 
 def test_a_canceled_sequence_ends_stiff(client):
     running = client.start('c_form', hold=600.0)
-    wait_until(lambda: running.progress and running.progress.phase == 'moving')
+    wait_until(lambda: moves_or_has_moved(running))
     running.cancel()
     with pytest.raises(SequenceError, match='CANCELED') as raised:
         running.result(DEADLINE)
     assert raised.value.result.outcome == 'CANCELED'
     assert raised.value.result.shapes_completed == 0
     assert running.done
-    assert client.state.stiff == (True, True, True)
+    wait_until(lambda: client.state.stiff == (True, True, True))
 
 
 def test_waiting_too_briefly_says_that_it_still_runs(client):
@@ -227,8 +238,8 @@ def test_a_sequencer_that_dies_does_not_keep_its_client_waiting(rig, connect, mo
 
 def test_a_stop_of_another_client_ends_the_sequence_and_lasts_until_resumed(client, connect):
     other = connect()
-    running = client.start('c_form')
-    wait_until(lambda: running.progress and running.progress.phase == 'moving')
+    running = client.start('c_form', hold=600.0)
+    wait_until(lambda: moves_or_has_moved(running))
     assert 'nothing moves before' in other.stop()
     with pytest.raises(SequenceError, match='STOPPED'):
         running.result(DEADLINE)
@@ -248,9 +259,8 @@ def test_a_softened_segment_is_full_of_air_and_a_stiffened_one_evacuated(client)
     assert state.stiff == (True, False, True)
     assert state.pressures[1] > 91e3
     client.stiffen(2)
-    state = client.state
-    assert state.stiff == (True, True, True)
-    assert state.pressures[1] < 60e3
+    assert client.state.stiff == (True, True, True)
+    wait_until(lambda: client.state.pressures[1] < 60e3)  # it comes on another topic
 
 
 @pytest.mark.parametrize('segment', [0, 4, -1])
@@ -285,26 +295,26 @@ def test_a_stopped_jog_is_refused_with_the_reason(new_client, connect):
 
     def jog():
         try:
-            new_client.jog(right=0.012, left=-0.014)
+            new_client.jog(left=-0.05)
         except ClientError as error:
             caught.append(error)
 
     thread = threading.Thread(target=jog)
     thread.start()
     try:
-        wait_until(lambda: other.state.pulls[0] > 0.001)
+        wait_until(lambda: other.state.pulls[1] < -0.001)
         other.stop()
     finally:
         thread.join(DEADLINE)
     assert isinstance(caught[0], RefusedError) and 'stop was called' in str(caught[0])
-    assert other.state.pulls[0] < 0.012
+    assert other.state.pulls[1] > -0.05
 
 
 def test_of_two_jogs_at_once_the_newer_one_replaces_the_older(new_client, connect):
     new_client.soften(3)
     other = connect()
     with ThreadPoolExecutor(1) as pool:
-        older = pool.submit(new_client.jog, left=-0.03)
+        older = pool.submit(new_client.jog, left=-0.05)
         other.wait_for(lambda state: state.pulls[1] < -0.001)
         other.jog(left=0.001)
         with pytest.raises(MotionEndedError, match='newer trajectory') as ended:
@@ -389,12 +399,12 @@ def test_a_stop_that_gets_no_answer_is_asked_for_again(
     def stop(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         asked.append(monotonic())
         if len(asked) == 1:  # as if its answer were lost
-            sleep(1.5)
+            sleep(3.0)
         response.success = len(asked) > 1
         return response
 
     arm.observer.create_service(Trigger, '/deaf/tendon_actuation/stop', stop)
-    connection = Connection('asker', 'deaf', timeout=4.0)
+    connection = Connection('asker', 'deaf', timeout=10.0)
     try:
         connection.requests.start(connection.requests.stop()).result()
     finally:

@@ -141,7 +141,7 @@ def test_it_listens_to_a_running_arm(
         publisher.publish(message)
 
     rig.observer.create_timer(0.05, publish)
-    assert doctor.main([*arguments, '--json']) == 0
+    assert doctor.main([*arguments, '--duration', '3', '--json']) == 0
     document = json.loads(capfd.readouterr().out)
     check, = document['checks']
     assert (document['result'], check['step']) == ('OK', 'disc 2 measured pose')
@@ -162,7 +162,7 @@ def test_an_imu_that_is_remapped_is_listened_to(
     rig.observer.create_timer(0.02, publish)
     try:
         assert doctor.main(
-            ['--sensors', '--duration', '1', '--namespace', 'arm_under_test']) == 1
+            ['--sensors', '--duration', '3', '--namespace', 'arm_under_test']) == 1
     finally:
         listener.destroy_node()
     assert 'FAIL  /imu/data_raw: 1.00 m/s^2, at rest it is 9.81' in capfd.readouterr().out

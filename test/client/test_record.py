@@ -65,7 +65,7 @@ class RecordProcess:
         self._rig.wait_for(recorded, 'a recording')
 
     def end(self) -> tuple[int, str, str]:
-        out, err = self.process.communicate(timeout=30)
+        out, err = self.process.communicate(timeout=DEADLINE)
         return self.process.returncode, out, err
 
 
@@ -182,10 +182,11 @@ def test_without_nodes_it_says_how_to_start_them(
 
 
 @pytest.fixture
-def ask(arm: Rig, tmp_path: Path) -> Callable[[bool], SetBool.Response]:
+def ask(arm: Rig, tmp_path: Path) -> Iterator[Callable[[bool], SetBool.Response]]:
     """Start the node; return a call of its service."""
-    arm.start('recorder', ready=False, recorder__directory=str(tmp_path))
-    return lambda data: arm.call(SetBool, 'recorder/record', data=data)
+    node, = arm.start('recorder', ready=False, recorder__directory=str(tmp_path))
+    yield lambda data: arm.call(SetBool, 'recorder/record', data=data)
+    arm.end(node)  # the next test has one of its own
 
 
 def test_a_service_begins_and_ends_files(

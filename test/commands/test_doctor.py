@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 
-from emulated_rig import emulated_rig, reference
+from emulated_rig import emulated_rig, reference, TIMEOUT
 import pytest
 import serial
 
@@ -262,8 +262,11 @@ def test_a_board_that_misses_a_reply_now_and_then_is_noticed(rig, ask):
 
 
 def test_slow_replies_are_measured_against_the_timeout(rig, ask):
-    rig.parameters(modbus__timeout=1.0)
-    rig.modbus.late = 0.6
+    def one_is_late(reply):
+        rig.modbus.late = 0.0 if rig.modbus.late else 0.6 * TIMEOUT
+        rig.modbus.transform = None if rig.modbus.late == 0.0 else one_is_late
+        return reply
+    rig.modbus.transform = one_is_late
     status, message = ask(rig.file)[1]['modbus round trip']
     assert status == 'WARN'
     assert 'modbus.timeout is 1000 ms; set it to' in message

@@ -300,7 +300,7 @@ def test_the_emulator_runs_as_a_program(tmp_path):
             return False
         until(STEADY, lost)
         tendons.close()
-        output, _ = process.communicate('nonsense\nstate\nquit\n', timeout=20)
+        output, _ = process.communicate('nonsense\nstate\nquit\n', timeout=60)
         assert process.returncode == 0
         assert f'port: {link}' in output
         assert 'nonsense is no command' in output and 'holding' in output

@@ -21,7 +21,9 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'  # LOCALHOST woul
 from processes import Processes  # noqa: E402
 from ros_rig import Rig  # noqa: E402
 
+from soft_continuum.hardware import tendon_controller  # noqa: E402
 from soft_continuum.mechanics.statics import warm_up  # noqa: E402
+from soft_continuum.nodes import tendon_control  # noqa: E402
 
 DOMAINS = range(1, 102)  # ROS 2: above these, ports overlap with those that Linux gives away
 _turn = itertools.count()
@@ -35,6 +37,15 @@ def _compiled() -> None:
         warm_up()
     gc.collect()
     gc.freeze()  # else every collection looks through all that was imported
+
+
+@pytest.fixture(scope='module', autouse=True)
+def _patient() -> Iterator[None]:
+    """Let the nodes in this process go on when a busy machine kept them waiting."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tendon_control, 'MAX_LATENESS', 20.0)
+        patch.setattr(tendon_controller, 'MAX_DELAY', 20.0)
+        yield
 
 
 def _used_ports() -> set[int]:

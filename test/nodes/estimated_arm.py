@@ -74,6 +74,7 @@ class EstimatedArm:
         self.age: float | None = None
         self.goals: list[RunShapeSequence.Goal] = []
         self._end: Any = None
+        self._feedback: RunShapeSequence.Feedback | None = None
         self._running = ShapeSequencerState()
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain)
@@ -132,13 +133,14 @@ class EstimatedArm:
         return result
 
     def feed_back(self, **feedback: Any) -> None:
-        """Publish feedback of the goal that runs."""
-        self._handle.publish_feedback(RunShapeSequence.Feedback(
+        """Publish feedback of the goal that runs, again and again as shape_sequencer does."""
+        self._feedback = RunShapeSequence.Feedback(
             shape=self._running.shape, segment=2, phase='measuring',
-            aim=self.goals[-1].aim, **feedback))
+            aim=self.goals[-1].aim, **feedback)
 
     def end_goal(self, **result: Any) -> None:
         """End the goal that runs."""
+        self._feedback = None
         self._end.set_result(RunShapeSequence.Result(**result))
 
     # What is published.
@@ -169,6 +171,8 @@ class EstimatedArm:
                 full_poses(CHAIN.points(joint_angles(self.predicted))), PoseArray())
         for name, message in streams.items():
             self._streams[name].publish(message)
+        if self._feedback is not None and self._running.running:
+            self._handle.publish_feedback(self._feedback)
         self._states['tendon_actuation'].publish(TendonActuationState(
             tendons=list(TENDONS), connected=True, referenced=True))
         self._states['jamming_valves'].publish(JammingValvesState(

@@ -18,7 +18,7 @@ from ament_index_python.packages import get_package_prefix
 from soft_continuum.nodes.processes import END_TIMEOUT
 from soft_continuum.nodes.up import description_file
 
-DEADLINE = 30.0  # s
+DEADLINE = 60.0  # s
 
 
 def module_command(name: str) -> list[str]:

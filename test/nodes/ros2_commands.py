@@ -24,8 +24,7 @@ import yaml
 
 from soft_continuum.ros.qos import SENSOR
 
-GRAPH_TIMEOUT = 5.0  # s
-SEQUENCE_TIMEOUT = 60.0  # s
+SEQUENCE_TIMEOUT = 120.0  # s
 OF_THE_READER = ('/my_camera/tip_pose',)
 Action = Callable[[], object]
 
@@ -74,7 +73,7 @@ def fill(message: Any, values: dict[str, Any]) -> Any:
 
 
 def _type(rig: Rig, found: Callable[[], list[tuple[str, list[str]]]], name: str) -> str:
-    types = rig.wait_for(lambda: dict(found()).get(name), name, GRAPH_TIMEOUT)
+    types = rig.wait_for(lambda: dict(found()).get(name), name)
     return str(types[0])
 
 
@@ -87,8 +86,7 @@ def topic_echo(rig: Rig, words: Sequence[str]) -> Action:
     given = Options(words, 'topic', '--once --full-length --field=').given
     topic = without_namespace(given.topic)
     kind = _topic_type(rig, topic)
-    publishers = rig.wait_for(
-        lambda: rig.observer.get_publishers_info_by_topic(topic), topic, GRAPH_TIMEOUT)
+    publishers = rig.wait_for(lambda: rig.observer.get_publishers_info_by_topic(topic), topic)
     assert given.field is None or given.field in kind.get_fields_and_field_types()
 
     def receive() -> None:
@@ -106,7 +104,7 @@ def topic_pub(rig: Rig, words: Sequence[str]) -> Action:
         words, 'topic kind values',
         '--once --rate= --qos-durability= --qos-reliability=').given
     assert _topic_type(rig, given.topic) is interface(given.kind)
-    assert rig.observer.get_subscriptions_info_by_topic(given.topic), given.topic
+    rig.wait_for(lambda: rig.observer.get_subscriptions_info_by_topic(given.topic), given.topic)
     message = fill(interface(given.kind)(), yaml.safe_load(given.values))
     durability = DurabilityPolicy[(given.qos_durability or 'volatile').upper()]
     return lambda: rig.publisher(
@@ -140,7 +138,7 @@ def action_send_goal(rig: Rig, words: Sequence[str]) -> Action:
         client = ActionClient(rig.observer, interface(given.kind), given.name)
         rig.wait_for(client.server_is_ready, given.name)
         handle = rig.wait_future(rig.on_ros_thread(client.send_goal_async, goal), 'an answer')
-        assert handle.accepted, rig.rejected()
+        assert handle.accepted, rig.sequencer.last
         result = rig.wait_future(rig.on_ros_thread(handle.get_result_async), 'a result',
                                  SEQUENCE_TIMEOUT).result
         assert result.error_code == 0, result.error_string
@@ -156,7 +154,7 @@ def param(verb: str, rig: Rig, words: Sequence[str]) -> Action:
     if verb == 'list':
         return lambda: rig.call(ListParameters, f'{node}/list_parameters')
     described, = rig.call(
-        DescribeParameters, f'{node}/describe_parameters', GRAPH_TIMEOUT, names=[name]).descriptors
+        DescribeParameters, f'{node}/describe_parameters', names=[name]).descriptors
     assert described.type, f'{node} has no parameter {name}'
     if verb == 'set':
         assert not described.read_only, f'{name} is read-only'

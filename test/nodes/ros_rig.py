@@ -37,7 +37,6 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from soft_continuum.nodes import tendon_control
 from soft_continuum.nodes.runtime import node_class
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_description
@@ -53,8 +52,8 @@ from soft_continuum_interfaces.msg import (
     TendonActuationState,
 )
 
-ASKED_AGAIN = (GetState, SetBool, SetParameters)  # services
-DEADLINE = 30.0  # s: for what takes a fraction of a second on an idle machine
+DEADLINE = 60.0  # s: for what takes a fraction of a second on an idle machine
+ANSWER_TIMEOUT = 10.0  # s after which a service is asked again
 SEGMENTS = 3
 TENDONS = ('right_tendon', 'left_tendon')
 ALL = tuple(NODES)
@@ -73,8 +72,6 @@ QUICK = {
     'silence_timeout': 10.0,
 }
 """An arm that sets a segment in half a second, and nodes that wait for a busy machine."""
-tendon_control.MAX_LATENESS = DEADLINE
-"""Here the nodes share one interpreter: that a control cycle comes late is no fault of theirs."""
 STREAM = QoSProfile(depth=5000, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE,
@@ -184,7 +181,9 @@ class Observer(Node):
 
     def __init__(self, **options: Any) -> None:
         super().__init__('observer', **options)
-        self.action = ActionClient(self, RunShapeSequence, 'run_shape_sequence')
+        # Of an observer that comes late no feedback is dropped.
+        self.action = ActionClient(
+            self, RunShapeSequence, 'run_shape_sequence', feedback_sub_qos_profile=RELIABLE)
 
     def quit(self) -> None:
         """Take down the action client before the node, as rclpy needs it."""
@@ -249,8 +248,10 @@ class Goal:
         assert self.accepted, f'the goal was rejected: {self._rig.rejected()}'
 
         def found() -> Any:
-            assert not self.ended, f'ended before {phase}: {self._result.result()}'
-            return next((f for _, f in self.feedback if f.phase == phase), None)
+            ended = self.ended  # before its feedback is looked at
+            first = next((f for _, f in self.feedback if f.phase == phase), None)
+            assert first or not ended, f'ended before {phase}: {self._result.result()}'
+            return first
         return self._rig.wait_for(found, f'phase {phase}')
 
     @property
@@ -273,6 +274,7 @@ class Rig:
         self._recordings: dict[str, Recording] = {}
         self._clients: dict[str, Any] = {}
         self._publishers: dict[str, Any] = {}
+        self._last_goal: Goal | None = None
         self.action = self.observer.action
         self.statuses = {
             name: self.record(DiagnosticStatus, f'{name}/status', LATCHED) for name in ALL}
@@ -316,10 +318,10 @@ class Rig:
     def wait_until_ready(self, *names: str) -> None:
         """Wait until the named nodes say what they have to say."""
         heard = {
-            'tendon_actuation': [self.tendons],
+            'tendon_actuation': [self.tendons, self.states['tendon_actuation']],
             'jamming_valves': self.pressures,
             'kinematics': [self.statuses['kinematics']],
-            'shape_sequencer': [self.statuses['shape_sequencer']],
+            'shape_sequencer': [self.statuses['shape_sequencer'], self.sequencer],
         }
         self.wait_for(lambda: all(all(map(len, heard[name])) for name in names),
                       f'words from {", ".join(names)}')
@@ -394,11 +396,20 @@ class Rig:
             self.observer.executor.create_task(function, *arguments), f'a call of {function}')
 
     def wait_for_more(self, recording: Recording, count: int = 10) -> list[Any]:
-        """Return ``count`` messages that came after this call."""
-        before = len(recording)
-        self.wait_for(lambda: len(recording) >= before + count,
-                      f'{count} more messages on {recording.topic}')
-        return list(recording)[before:]
+        """
+        Return ``count`` messages that were written after this call.
+
+        What was written before may still be on its way, behind the news of other topics.
+        """
+        begin, before = time.time_ns(), len(recording)
+
+        def written() -> list[Any]:
+            found = [h.message for h in recording.heard[before:] if h.time > begin]
+            return found if len(found) >= count else []
+
+        found: list[Any] = self.wait_for(
+            written, f'{count} more messages on {recording.topic}')
+        return found
 
     # Topics, services, parameters.
 
@@ -439,14 +450,14 @@ class Rig:
         Call a service and return its response.
 
         What may be asked twice is asked again: DDS drops the answer of a node that has not yet
-        found who asks, which happens when it has just been started.
+        found who asks, which happens when one of both has just been started.
         """
         if name not in self._clients:
             self._clients[name] = self.observer.create_client(kind, name)
         client = self._clients[name]
         self.wait_for(client.service_is_ready, f'service {name}')
         future = client.call_async(kind.Request(**request))
-        if kind in ASKED_AGAIN and not self.until(future.done, within / 3):
+        if kind is not ChangeState and not self.until(future.done, ANSWER_TIMEOUT):
             client.remove_pending_request(future)
             future = client.call_async(kind.Request(**request))
         return self.wait_future(future, f'an answer of {name}', within)
@@ -457,10 +468,14 @@ class Rig:
 
     def set_stiff(self, segment: int, stiff: bool) -> Any:
         """Switch a segment (from 1), wait until it is confirmed, return the answer."""
+        flags = self.stiff[segment - 1]
+        before = len(flags)
         answer = self.call(SetBool, f'jamming_valves/segment_{segment}/set_stiff', data=stiff)
         if answer.success:
-            self.wait_for(lambda: self.stiff[segment - 1].last.data == stiff,
-                          f'segment {segment} {"stiff" if stiff else "soft"}')
+            # A sequence may have switched it back before this is looked at.
+            self.wait_for(lambda: flags.last.data == stiff or any(
+                m.data == stiff for m in list(flags)[before:]),
+                f'segment {segment} {"stiff" if stiff else "soft"}')
         return answer
 
     def soften(self, segment: int) -> None:
@@ -505,7 +520,8 @@ class Rig:
              aim: int = 0) -> Goal:
         """Send shapes by name or by angles (rad)."""
         self.wait_for(self.action.server_is_ready, 'the action server')
-        return Goal(self, [shape_message(shape, hold) for shape in shapes], aim)
+        self._last_goal = Goal(self, [shape_message(shape, hold) for shape in shapes], aim)
+        return self._last_goal
 
     def goal_when_heard(self, *shapes: str | Sequence[float] | Shape, hold: float = 0.0) -> Goal:
         """Send shapes to a sequencer that may not have found all the others yet."""
@@ -514,10 +530,14 @@ class Rig:
             return goal if goal.accepted else None
         return self.wait_for(accepted, 'an accepted goal')  # type: ignore[no-any-return]
 
-    def goal_in_motion(self, *shapes: str | Sequence[float] | Shape) -> Goal:
-        """Return an accepted goal once it moves the tendons, of nodes that may only start."""
+    def goal_in_motion(self, *shapes: str | Sequence[float] | Shape, hold: float = 600.0) -> Goal:
+        """
+        Return an accepted goal once it moves the tendons, of nodes that may only start.
+
+        It is held, so that it has not ended before a late test does something to it.
+        """
         def moving() -> Goal | None:
-            goal = self.goal_when_heard(*shapes)
+            goal = self.goal_when_heard(*shapes, hold=hold)
             self.wait_for(lambda: goal.ended or (self.moving and abs(self.pulls[0]) > 1e-4),
                           'a motion')
             if not goal.ended:
@@ -527,8 +547,8 @@ class Rig:
 
     def rejected(self) -> str:
         """Return why the last goal was rejected, as the state of the sequencer says."""
-        return str(self.wait_for(
-            lambda: self.sequencer.last and self.sequencer.last.rejected, 'a rejection'))
+        assert self._last_goal is not None, 'no goal was sent'
+        return self.rejection(self._last_goal)
 
     def rejection(self, goal: Goal) -> str:
         """Return why ``goal`` was rejected, as the state of the sequencer says."""
@@ -578,7 +598,9 @@ class Rig:
     def assert_stiff_since(self, goal: Goal | None = None) -> None:
         """Claim that every segment is stiff, at the latest since a goal ended."""
         # The last of the flags may still be on its way to the observer.
-        self.wait_for(lambda: self.all_stiff, 'a stiff arm', within=5.0)
+        self.wait_for(lambda: self.all_stiff, 'a stiff arm')
+        if goal is not None:
+            assert max(r.heard[-1].time for r in self.stiff) <= goal.ended_time, 'stiff too late'
 
     def assert_only_one_was_soft(self) -> None:
         """Claim that at no time more than one segment was soft, by flag and by pressure."""

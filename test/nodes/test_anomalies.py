@@ -9,7 +9,7 @@ import time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 import numpy as np
-from ros_rig import LATCHED, RELIABLE, Rig
+from ros_rig import DEADLINE, LATCHED, RELIABLE, Rig
 from sensor_msgs.msg import JointState
 
 from soft_continuum.estimation.unknowns import STRETCH
@@ -81,10 +81,9 @@ def test_a_tendon_that_slipped_is_named(rig: Rig) -> None:
     rig.wait_for(lambda: states.last.source == KinematicsState.ESTIMATED, 'an estimate')
     assert not states.last.anomalies
     camera.longer = np.array([SLIPPED, 0.0])
-    for _ in range(40):
+    deadline = time.monotonic() + DEADLINE
+    while not states.last.anomalies and time.monotonic() < deadline:
         camera.show(PULLS)
-        if states.last.anomalies:
-            break
     anomaly, = states.last.anomalies
     assert anomaly.cause == Anomaly.TENDON_SLIPPED
     assert anomaly.tendon == 'right_tendon'

@@ -128,7 +128,7 @@ def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
     driver = Driver(rig, drawn)
     wait_for(rig, driver.statuses, 'no picture from /arm_under_test/camera/image_raw')
     for words, how in (
-            ('stamped 3600', {'late': 3600.2}), ('stamped -3', {'late': -3600.2}),
+            ('stamped 36', {'late': 3600.2}), ('stamped -3', {'late': -3600.2}),
             ("encoding 'bayer", {'encoding': 'bayer_rggb8'})):
         driver.send_until(lambda w=words: w in driver.status,  # type: ignore[misc]
                           words, picture, **how)

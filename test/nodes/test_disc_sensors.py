@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Pose, PoseArray, PoseStamped, PoseWithCovarianceStamped
 import numpy as np
 import pytest
-from ros_rig import Rig, STREAM
+from ros_rig import pairs, Rig, STREAM
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 import yaml
@@ -64,15 +64,17 @@ class Sensors:
         a.x, a.z = -GRAVITY * sin(tilt), GRAVITY * cos(tilt)
         self.publish(f'disc_{n}/imu', message, **how)
 
-    def until(self, send: Callable[[], None], condition: Callable[[], Any], what: str) -> None:
+    def until(self, send: Callable[[], None], condition: Callable[[], Any], what: str) -> Any:
         def sent() -> Any:
             send()
             return condition()
 
-        self.rig.wait_for(sent, what)
+        return self.rig.wait_for(sent, what)
 
-    def until_status(self, send: Callable[[], None], words: str) -> None:
-        self.until(send, lambda: words in self.statuses.last.message, words)
+    def until_status(self, send: Callable[[], None], words: str) -> DiagnosticStatus:
+        """Return the status with the words: it may be another one soon."""
+        return self.until(send, lambda: next(
+            (s for s in [self.statuses.last] if words in s.message), None), words)
 
     def tare(self) -> Any:
         return self.rig.call(Trigger, 'disc_sensors/tare')
@@ -102,7 +104,9 @@ def test_poses_of_a_tracker_and_tilts_of_an_imu_come_out_with_their_covariances(
     pose, covariance = measured(sensors.poses[3])
     assert pose[2] == pytest.approx(0.2, abs=1e-3)
     assert np.diag(covariance)[:2] == pytest.approx(1e6)  # not measured
-    assert 0.01 < np.sqrt(covariance[2, 2]) < 0.15  # the latter after a gap, on a busy machine
+    # Gaps of a busy machine make it larger.
+    assert 0.01 < min(np.sqrt(measured_pose_from_ros(message, 'base_link')[1][2, 2])
+                      for message in sensors.poses[3]) < 0.15
     sensors.until_status(send, 'measured: disc_1/pose, disc_3/imu')
 
 
@@ -150,7 +154,7 @@ def test_what_is_wrong_is_said_and_nothing_is_published(rig: Rig) -> None:
     sensors = Sensors(rig)
     for send, spoil, words in (
             (lambda: sensors.pose(frame='world'), None, "disc_1/pose: poses in 'world'; needed"),
-            (lambda: sensors.pose(late=3600.2), None, 'stamped 3600'),
+            (lambda: sensors.pose(late=3600.2), None, 'stamped 36'),
             (lambda: sensors.imu(late=-3600.2), None, 'disc_3/imu: stamped -3'),
             (sensors.pose, _unstamped, 'no stamp'),
             (sensors.pose, _lost, 'length 0'),
@@ -161,8 +165,7 @@ def test_what_is_wrong_is_said_and_nothing_is_published(rig: Rig) -> None:
             (sensors.imu, _rate, 'not finite'),
             (sensors.imu, _flat, 'lies flat IMUs tell nothing')):
         sensors.spoil = spoil or (lambda message: None)
-        sensors.until_status(send, words)
-        assert sensors.statuses.last.level == DiagnosticStatus.ERROR
+        assert sensors.until_status(send, words).level == DiagnosticStatus.ERROR
     assert not any(map(len, sensors.poses))
     assert 'nothing was measured' in sensors.tare().message
     sensors.spoil = lambda message: None
@@ -198,10 +201,11 @@ def test_a_tare_takes_the_present_as_straight_and_says_how_to_keep_it(rig: Rig) 
     moving = iter(np.linspace(0.0, 100.0, 10**5))
     sensors.until(lambda: sensors.pose(x=next(moving) % 0.1),
                   lambda: 'it moves' in sensors.tare().message, 'a refusal')
-    sensors.until(send, lambda: 'taken as straight' in sensors.tare().message, 'a tare')
-    answer = sensors.tare()
+    answer = sensors.until(send, lambda: next((
+        a for a in [sensors.tare()] if 'pose of disc 1; tilt of disc 3' in a.message), None),
+        'a tare')
     assert answer.success
-    assert 'pose of disc 1; tilt of disc 3' in answer.message
+    assert 'taken as straight' in answer.message
     found = re.search(r'disc_sensors: (\{.*\})$', answer.message)
     assert found
     kept = yaml.safe_load(found[1])['ros__parameters']
@@ -212,8 +216,8 @@ def test_a_tare_takes_the_present_as_straight_and_says_how_to_keep_it(rig: Rig) 
                   and len(sensors.poses[3]) > before[1] + 1, 'more')
     assert measured(sensors.poses[1])[0] == pytest.approx([0.0, 0.1, 0.0], abs=1e-4)
     assert measured(sensors.poses[3])[0][2] == pytest.approx(0.0, abs=1e-2)
-    values = {pair.key: pair.value for pair in sensors.statuses.last.values}
-    assert values['tared'] == 'pose of disc 1; tilt of disc 3'
+    rig.wait_for(lambda: pairs(sensors.statuses.last).get('tared')
+                 == 'pose of disc 1; tilt of disc 3', 'a status that says so')
 
 
 @pytest.mark.parametrize(('parameters', 'named'), [

@@ -34,8 +34,9 @@ from ros_rig import QUICK, Rig, STREAM
 from sensor_msgs.msg import Imu, JointState
 import yaml
 
+from soft_continuum.arguments import COMMON_OPTIONS
 from soft_continuum.cli.main import main
-from soft_continuum.client import demo
+from soft_continuum.client import Arm, demo
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_description
 from soft_continuum.ros.names import NODES
@@ -154,6 +155,9 @@ def terminal(arm: Rig, make_rig: Callable[..., Rig], processes: Processes, tmp_p
     monkeypatch.chdir(directory)
     monkeypatch.setenv('ROS_DOMAIN_ID', str(arm.context.get_domain_id()))
     monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
+    # On a busy machine nodes answer later than a reader would wait.
+    monkeypatch.setitem(COMMON_OPTIONS['--timeout'], 'default', START_TIMEOUT)
+    monkeypatch.setitem(Arm.__init__.__kwdefaults__, 'timeout', START_TIMEOUT)
     return Terminal(arm, directory, make_rig(namespace='/'), processes)
 
 

@@ -7,23 +7,25 @@ Goals that end early: canceled, superseded, stopped, or because of another node.
 That they do so in every phase is claimed in test/sequencing, without ROS.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+import threading
 
 import numpy as np
 import pytest
 from ros_rig import Rig, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
+from soft_continuum.sequencing.runner import Runner
 from soft_continuum_interfaces.action import RunShapeSequence
 
 Result = RunShapeSequence.Result
 # Slow enough to be met in the phase, however busy the machine is.
 SLOW = {
-    'softening': {'simulated_jamming__venting_time': 1.0},
-    'moving': {'tendon_speed': 0.01},
-    'stiffening': {'simulated_jamming__evacuation_time': 1.0},
+    'softening': {'simulated_jamming__venting_time': 2.0},  # if slower, a valve counts as stuck
+    'moving': {'tendon_speed': 0.001},
     'holding': {},
 }
+PULLED = 1e-5  # m: of some 7 mm
 BEND = (0.0, 0.0, 0.4)
 BEND_MORE = (0.0, 0.0, 0.6)
 
@@ -31,6 +33,24 @@ BEND_MORE = (0.0, 0.0, 0.6)
 def slow_arm(rig: Rig, phase: str) -> Rig:
     rig.start_arm(**SLOW[phase])
     return rig
+
+
+def wait_for_pull(rig: Rig) -> None:
+    rig.wait_for(lambda: rig.pulls[0] > PULLED, 'a pull')
+
+
+@pytest.fixture
+def go(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """Return what a goal that is ended early waits for before it is wound down."""
+    event, wind_down = threading.Event(), Runner._wind_down
+
+    def patiently(runner: Runner) -> Iterator[None]:
+        while not event.is_set():
+            yield
+        yield from wind_down(runner)
+
+    monkeypatch.setattr(Runner, '_wind_down', patiently)
+    return event
 
 
 def assert_bends(rig: Rig, angles: tuple[float, ...]) -> None:
@@ -57,7 +77,7 @@ def test_cancel_leaves_the_arm_at_rest_with_every_segment_stiff(rig: Rig, phase:
 def test_cancel_in_mid_motion_stops_short_and_the_next_goal_goes_on_from_there(rig: Rig) -> None:
     slow_arm(rig, 'moving')
     goal = rig.goal(BEND)
-    rig.wait_for(lambda: rig.tendons.last and rig.tendons.last.position[0] > 0.001, 'a pull')
+    wait_for_pull(rig)
     goal.cancel()
     assert goal.result()[0] == 'CANCELED'
     rig.assert_rests_stiff(goal)
@@ -71,7 +91,7 @@ def test_cancel_in_mid_motion_stops_short_and_the_next_goal_goes_on_from_there(r
 def test_cancel_while_the_arm_is_made_ready_ends_stiff(rig: Rig) -> None:
     rig.start_arm(simulated_jamming__initially_stiff=False,
                   simulated_jamming__evacuation_time=1.0)
-    goal = rig.goal(BEND)
+    goal = rig.goal(BEND, hold=60.0)
     goal.wait_for_phase('preparing')
     goal.cancel()
     assert goal.result()[0] == 'CANCELED'
@@ -95,13 +115,15 @@ def test_a_new_goal_aborts_the_running_one_and_succeeds(rig: Rig, phase: str) ->
     rig.assert_never_moved_all_stiff()
 
 
-def test_of_the_goals_that_wait_only_the_newest_runs(rig: Rig) -> None:
-    slow_arm(rig, 'stiffening')
+def test_of_the_goals_that_wait_only_the_newest_runs(rig: Rig, go: threading.Event) -> None:
+    rig.start_arm()
     first = rig.goal(BEND, hold=60.0)
-    first.wait_for_phase('stiffening')
+    first.wait_for_phase('softening')
     second = rig.goal((0.0, 0.0, -0.5), hold=60.0)
     assert second.accepted
     third = rig.goal(BEND_MORE)
+    assert third.accepted
+    go.set()
     status, result = second.result()
     assert (status, result.error_code, result.shapes_completed) == ('ABORTED', Result.PREEMPTED, 0)
     assert 'superseded' in result.error_string
@@ -111,15 +133,17 @@ def test_of_the_goals_that_wait_only_the_newest_runs(rig: Rig) -> None:
     assert_bends(rig, BEND_MORE)
 
 
-def test_a_goal_can_be_canceled_while_it_waits_for_its_turn(rig: Rig) -> None:
-    slow_arm(rig, 'stiffening')
+def test_a_goal_can_be_canceled_while_it_waits_for_its_turn(
+        rig: Rig, go: threading.Event) -> None:
+    rig.start_arm()
     first = rig.goal(BEND, hold=60.0)
-    first.wait_for_phase('stiffening')
+    first.wait_for_phase('softening')
     second = rig.goal(BEND_MORE)
     assert second.accepted
     second.cancel()
     status, result = second.result()
     assert (status, result.error_code) == ('CANCELED', Result.CANCELED)
+    go.set()
     assert first.result()[1].error_code == Result.PREEMPTED
     rig.assert_rests_stiff()
 
@@ -143,7 +167,7 @@ def test_a_stop_aborts_the_goal_and_leaves_the_valves_as_they_are(rig: Rig, phas
 def test_after_a_stop_nothing_moves_until_resume_and_then_from_where_the_arm_is(rig: Rig) -> None:
     slow_arm(rig, 'moving')
     goal = rig.goal(BEND)
-    rig.wait_for(lambda: rig.tendons.last.position[0] > 0.001, 'a pull')
+    wait_for_pull(rig)
     assert rig.trigger('tendon_actuation/stop').success
     assert goal.result()[1].error_code == Result.STOPPED
     rig.wait_for(lambda: rig.at_rest, 'rest')
@@ -165,10 +189,11 @@ def test_after_a_stop_nothing_moves_until_resume_and_then_from_where_the_arm_is(
     rig.assert_never_moved_all_stiff()
 
 
+@pytest.mark.usefixtures('go')
 def test_a_stop_also_ends_a_goal_that_waits(rig: Rig) -> None:
-    slow_arm(rig, 'stiffening')
+    rig.start_arm()
     first = rig.goal(BEND, hold=60.0)
-    first.wait_for_phase('stiffening')
+    first.wait_for_phase('softening')
     second = rig.goal(BEND_MORE)
     assert second.accepted
     assert rig.trigger('tendon_actuation/stop').success
@@ -200,15 +225,18 @@ def deactivate_and_activate(rig: Rig) -> None:
 
 @pytest.mark.parametrize('away', [stop_and_resume, deactivate_and_activate])
 def test_a_stop_that_is_resumed_at_once_ends_the_goal_all_the_same(
-        rig: Rig, away: Callable[[Rig], None]) -> None:
+        rig: Rig, away: Callable[[Rig], None], monkeypatch: pytest.MonkeyPatch) -> None:
     slow_arm(rig, 'moving')
-    goal = rig.goal(BEND)
-    goal.wait_for_phase('softening')
-    away(rig)
-    assert goal.result()[1].error_code == Result.STOPPED
+    with monkeypatch.context() as patch:
+        patch.setattr(Runner, '_soften', lambda runner, segment: runner._switch(
+            segment, False, bool))  # never soft enough
+        goal = rig.goal(BEND)
+        goal.wait_for_phase('softening')
+        away(rig)
+        assert goal.result()[1].error_code == Result.STOPPED
     assert rig.pulls == (0.0, 0.0)
     goal = rig.goal_when_heard(BEND)
-    rig.wait_for(lambda: rig.tendons.last.position[0] > 0.001, 'a pull')
+    wait_for_pull(rig)
     away(rig)
     assert goal.result()[1].error_code in (Result.STOPPED, Result.HARDWARE_FAULT)
     rig.wait_for(lambda: rig.at_rest, 'rest')
@@ -219,7 +247,7 @@ def test_a_stop_that_is_resumed_at_once_ends_the_goal_all_the_same(
 def test_a_motion_that_is_replaced_by_others_ends_the_goal(rig: Rig) -> None:
     slow_arm(rig, 'moving')
     goal = rig.goal(BEND)
-    rig.wait_for(lambda: rig.tendons.last.position[0] > 0.001, 'a pull')
+    wait_for_pull(rig)
     message = trajectory([(1.0, rig.pulls)])
     message.header.frame_id = 'somebody_else/1'
     rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(message)
@@ -245,8 +273,8 @@ def soften_another(rig: Rig) -> None:
 ])
 def test_a_disturbance_in_mid_motion_ends_the_goal_with_its_name(
         rig: Rig, disturb: Callable[[Rig], None], named: str) -> None:
-    rig.start_arm(tendon_speed=0.01, silence_timeout=1.0, jamming_timeout=1.0,
-                  settle_timeout=1.0)
+    silence = {'silence_timeout': 1.0} if disturb is deactivate_valves else {}
+    rig.start_arm(**SLOW['moving'], jamming_timeout=1.0, settle_timeout=1.0, **silence)
     goal = rig.goal(BEND)
     goal.wait_for_phase('moving')
     rig.wait_for(lambda: rig.moving, 'motion')

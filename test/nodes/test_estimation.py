@@ -67,8 +67,8 @@ class FakeArm:
 
     def show_until(self, points: Array, pulls: tuple[float, float],
                    condition: Callable[[], Any], what: str,
-                   spoil: Callable[[Any], None] = lambda message: None) -> None:
-        """Show the discs again and again until something is so."""
+                   spoil: Callable[[Any], None] = lambda message: None) -> Any:
+        """Show the discs again and again until something is so; return that."""
         begun = [0.0]
 
         def shown() -> Any:
@@ -78,7 +78,7 @@ class FakeArm:
                 self.show(points, spoil)
             return condition()
 
-        self.rig.wait_for(shown, what)
+        return self.rig.wait_for(shown, what)
 
     @property
     def angles(self) -> Array:
@@ -98,9 +98,10 @@ def fake(rig: Rig) -> FakeArm:
 
 
 def test_without_measurements_all_is_as_predicted(fake: FakeArm) -> None:
-    for _ in range(5):
+    for count in range(len(fake.state) + 1, len(fake.state) + 6):
         fake.pull((0.0, 0.0))
-        last = fake.rig.wait_for_more(fake.state, 1)[-1]
+        fake.rig.wait_for(lambda c=count: len(fake.state) >= c, 'a shape')
+    last = fake.state.last
     assert last.source == KinematicsState.PREDICTED
     assert not last.parameters
     assert not len(last.angle_deviations) and not len(last.tip_deviations)
@@ -117,12 +118,12 @@ def test_measured_tensions_correct_the_stiffness_but_measure_no_shape(fake: Fake
 
     def pulled() -> Any:
         fake.pull(pulls, (0.0, 1.2 * state.tensions[1]))
-        return fake.state.last.source == KinematicsState.ESTIMATED
+        values = {p.name: p.value for p in fake.state.last.parameters}
+        return values.get('stiffness_factor_2', 1.0) > 1.01
 
-    fake.rig.wait_for(pulled, 'an estimate')
-    last = fake.rig.wait_for_more(fake.state, 1)[-1]
-    factors = {p.name: p.value for p in last.parameters if p.name.startswith('stiffness_factor')}
-    assert factors['stiffness_factor_2'] > 1.01
+    fake.rig.wait_for(pulled, 'a stiffer segment')
+    last = fake.state.last
+    assert last.source == KinematicsState.ESTIMATED
     assert (last.measured.sec, last.measured.nanosec) == (0, 0)
     fake.rig.wait_for(lambda: 'measured tensions' in
                       fake.rig.statuses['kinematics'].last.message, 'its source')
@@ -209,8 +210,8 @@ def test_another_shape_than_the_one_that_was_followed_is_an_anomaly(fake: FakeAr
                     lambda: fake.state.last.source == KinematicsState.ESTIMATED, 'an estimate')
     assert not fake.state.last.anomalies
     bent = Statics(ARM).chain.uniform(BENT).points
-    fake.show_until(bent, (0.0, 0.0), lambda: fake.state.last.anomalies, 'an anomaly')
-    assert fake.state.last.anomalies[0].cause == Anomaly.UNKNOWN
+    found = fake.show_until(bent, (0.0, 0.0), lambda: fake.state.last.anomalies, 'an anomaly')
+    assert found[0].cause == Anomaly.UNKNOWN
     fake.rig.wait_for(
         lambda: 'no known cause' in fake.rig.statuses['kinematics'].last.message, 'an error')
 

@@ -3,13 +3,14 @@
 
 """The pages of msg_docs list the topics, services and actions of the nodes: no more, no less."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 import re
 
 import pytest
 from rclpy.action import get_action_server_names_and_types_by_node
-from ros_rig import ALL, Rig
+from ros_rig import ALL, DEADLINE, Rig
 
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO
 
@@ -71,12 +72,17 @@ def in_graph(rig: Rig, node: str, found: Iterable[tuple[str, list[str]]]) -> dic
     return names
 
 
-def assert_same(node: str, kind: str, on_page: dict[str, str], in_graph: dict[str, str]) -> None:
+def assert_same(node: str, kind: str, on_page: dict[str, str],
+                in_graph: Callable[[], dict[str, str]], rig: Rig) -> None:
     """Claim that page and graph agree; what every lifecycle node has may be left out."""
     on_page = {name: re.sub('/(msg|srv|action)/', '/', of) for name, of in on_page.items()}
-    in_graph = {name: of for name, of in in_graph.items()
+
+    def found() -> dict[str, str]:
+        return {name: of for name, of in in_graph().items()
                 if name in on_page or name not in LIFECYCLE}
-    assert on_page == in_graph, f'msg_docs/{node}.md, {kind}: the page has the first, the graph'
+
+    rig.until(lambda: on_page == found(), DEADLINE)
+    assert on_page == found(), f'msg_docs/{node}.md, {kind}: the page has the first, the graph'
 
 
 @pytest.mark.parametrize('node', [*ALL, DISC_SENSORS, RECORDER, SERVO])
@@ -85,14 +91,15 @@ def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node
     observer, space = rig.observer, rig.namespace
     for kind, on_page, found in (
             ('publishes topics', documented(node, 'Topics', 'publishes'),
-             observer.get_publisher_names_and_types_by_node(node, space)),
+             observer.get_publisher_names_and_types_by_node),
             ('subscribes topics', documented(node, 'Topics', 'subscribes'),
-             observer.get_subscriber_names_and_types_by_node(node, space)),
+             observer.get_subscriber_names_and_types_by_node),
             ('serves services', documented(node, 'Services', 'serves'),
-             observer.get_service_names_and_types_by_node(node, space)),
+             observer.get_service_names_and_types_by_node),
             ('serves actions', documented(node, 'Actions', 'serves'),
-             get_action_server_names_and_types_by_node(observer, node, space))):
-        assert_same(node, kind, on_page, in_graph(rig, node, found))
+             partial(get_action_server_names_and_types_by_node, observer))):
+        assert_same(node, kind, on_page, lambda of=found: in_graph(rig, node, of(node, space)),
+                    rig)
 
 
 def test_there_is_a_page_for_every_node_and_no_other_node() -> None:

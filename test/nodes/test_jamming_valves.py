@@ -71,9 +71,9 @@ def test_a_segment_that_is_vented_is_not_called_stiff_any_more_at_once(rig: Rig)
 
 def test_a_leaking_segment_is_stiff_until_the_release_vacuum_and_again_from_the_stiff_one(
         rig: Rig) -> None:
-    # A pump that cannot reach its thresholds: the vacuum hovers between the two.
-    rig.start('jamming_valves', simulated_jamming__leak_rate=4e4,
-              simulated_jamming__evacuation_time=1.0, simulated_jamming__ultimate_vacuum=94e3,
+    # The vacuum hovers; it takes seconds to fall through the release vacuum, as a busy machine.
+    rig.start('jamming_valves', simulated_jamming__leak_rate=4e3,
+              simulated_jamming__evacuation_time=0.3, simulated_jamming__ultimate_vacuum=61e3,
               pump_start_vacuum=55e3, pump_stop_vacuum=60e3)
     rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
     rig.wait_for(lambda: vacuum(rig, 1) < 58e3, 'a leak')
@@ -165,8 +165,9 @@ def test_a_soft_rig_starts_soft_and_is_left_so(rig: Rig) -> None:
 
 
 def test_the_pump_rests_at_its_stop_vacuum_and_starts_again_at_its_start_vacuum(rig: Rig) -> None:
-    rig.start('jamming_valves', simulated_jamming__leak_rate=4e4,
-              simulated_jamming__evacuation_time=0.2)
+    rig.start('jamming_valves', simulated_jamming__leak_rate=4e3,
+              simulated_jamming__evacuation_time=0.2, simulated_jamming__ultimate_vacuum=84e3,
+              pump_start_vacuum=80e3, pump_stop_vacuum=82e3)
     for pump in ('off', 'on', 'off'):
         said = len(rig.statuses['jamming_valves'])
         rig.wait_for_status('jamming_valves', 'pump', pump, after=said)

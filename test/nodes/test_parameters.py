@@ -35,7 +35,7 @@ def start(domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFix
 
     def start(node: str, *arguments: str) -> tuple[int, str]:
         # A node that should have refused would run on: ended, it has exit status 0.
-        guard = threading.Timer(10.0, os.kill, (os.getpid(), signal.SIGTERM))
+        guard = threading.Timer(60.0, os.kill, (os.getpid(), signal.SIGTERM))
         guard.start()
         try:
             status = run(node, [node, '--ros-args', '--log-level', 'fatal', *arguments])

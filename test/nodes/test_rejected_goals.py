@@ -143,19 +143,22 @@ def test_a_goal_that_runs_can_be_canceled_while_its_next_shape_is_being_planned(
 
 def test_a_rejected_goal_leaves_the_running_one_alone_and_its_reason_stays(
         shared_arm: Rig) -> None:
-    running = shared_arm.goal((0.0, 0.0, 0.3), hold=20.0)
+    running = shared_arm.goal((0.0, 0.0, 0.3), hold=60.0)
     running.wait_for_phase('softening')
     rejected = shared_arm.goal('d_form')
     assert not rejected.accepted
+    shared_arm.rejection(rejected)
     running.wait_for_phase('holding')
+    shared_arm.wait_for(lambda: "'d_form'" in shared_arm.status_value(
+        'shape_sequencer', 'rejected'), 'the reason in the status')
     # A late joiner gets the latest state and status only.
     last = shared_arm.sequencer.last
     assert (last.running, last.goal_id) == (True, running.goal_id)
     assert last.rejected_goal_id == rejected.goal_id
     assert "'d_form'" in last.rejected
-    assert "'d_form'" in shared_arm.status_value('shape_sequencer', 'rejected')
     running.cancel()
     assert running.result()[0] == 'CANCELED'
+    shared_arm.wait_for(lambda: not shared_arm.sequencer.last.running, 'its end')
     assert shared_arm.sequencer.last.error_code == RunShapeSequence.Result.CANCELED
 
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a node reports of itself reaches the log too."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -26,11 +27,13 @@ def logged(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_what_changes_fast_is_logged_once_it_lasts(
         rig: Rig, logged: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, 'LOG_PERIOD', 0.1)
+    now = [0.0]
+    monkeypatch.setattr(module, 'time', SimpleNamespace(monotonic=lambda: now[0]))
     status = rig.on_ros_thread(Status, rig.observer, 'arm')
     for message in ('first', 'second', 'last'):
         rig.on_ros_thread(status.set, WARN, message)
     assert logged == ['first']
+    now[0] = 2.0 * module.LOG_PERIOD
     rig.wait_for(lambda: len(logged) > 1, 'the last message in the log')
     assert logged == ['first', 'last']
 

@@ -140,7 +140,7 @@ def test_a_bad_trajectory_is_refused_with_the_reason_and_moves_nothing(
     refused(tendons, message, *reasons)
     send(tendons, PULL)  # and the node lives on
     arrives(tendons, (0.004, -0.005))
-    assert tendons.status_value('tendon_actuation', 'refused') == ''
+    tendons.wait_for(lambda: not tendons.status_value('tendon_actuation', 'refused'), 'no refusal')
     send(tendons, BACK)
     arrives(tendons, (0.0, 0.0))
 
@@ -176,15 +176,16 @@ def test_a_stop_does_not_wait_for_a_trajectory_that_is_judged_and_wins(
         assert go.wait(30.0)
 
     monkeypatch.setattr('soft_continuum.nodes.prediction.TensionPrediction.check', slow)
-    rig.start('tendon_actuation', *OTHERS)
+    node, *_ = rig.start('tendon_actuation', *OTHERS)
     make_soft(rig, 3)
     send(rig, PULL)
     assert judging.wait(30.0)
+    before = node._control.revocations
     if how == 'stop':
         assert rig.trigger('tendon_actuation/stop').success
     else:
         send(rig, trajectory([]))
-        rig.trigger('tendon_actuation/reference')  # after it, in order
+        rig.wait_for(lambda: node._control.revocations > before, 'the hold')
     go.set()
     assert how in rig.wait_for_status('tendon_actuation', 'refused')
     rig.assert_rests()
@@ -220,11 +221,11 @@ def test_a_motion_that_was_replaced_takes_no_further_parts(tendons: Rig) -> None
 
 def test_a_control_cycle_that_comes_late_ends_the_motion(
         rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tendon_control, 'MAX_LATENESS', 0.5)
     node, *_ = rig.start('tendon_actuation', *OTHERS)
     make_soft(rig, 3)
     send(rig, SLOW_PULL)
     wait_for_pull(rig)
+    monkeypatch.setattr(tendon_control, 'MAX_LATENESS', 0.5)
     node.loop.call(threading.Event().wait, 1.0)
     assert 'late' in rig.wait_for_status('tendon_actuation', 'ended')
     rig.wait_for(lambda: rig.at_rest, 'rest')

@@ -19,6 +19,7 @@ from soft_continuum.ros.conversions import planar_poses, poses_from_ros
 from soft_continuum.ros.names import NODES
 
 BEND = (0.0, 0.3, -0.2)
+START_TIMEOUT = 120.0  # s for eight processes to import what they need, on a busy machine
 
 
 def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
@@ -34,7 +35,7 @@ def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
     cells = rig.record(JointState, 'load_cells', STREAM)
     imus = [rig.record(Imu, f'disc_{n}/imu', STREAM) for n in range(4)]
     rig.start_arm(**driving_parameters(**links), tendon_speed=0.01, tendon_acceleration=0.1,
-                  speed_limit=0.03, acceleration_limit=0.3, silence_timeout=2.0)
+                  speed_limit=0.03, acceleration_limit=0.3)
     assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
     rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
     assert rig.trigger('tendon_actuation/reference').success
@@ -90,8 +91,9 @@ def test_up_starts_the_twin_and_a_camera_too_and_both_end_with_it(
     up = processes.start(
         [*module_command('up'), '--twin', 'ideal', '--camera', '--namespace', rig.namespace,
          '--params-file', str(own)], environment={'TMPDIR': str(tmp_path)})
-    rig.wait_for(lambda: 'position not referenced' in up.output, 'the answer of a board')
-    rig.wait_for(lambda: len(tip), 'a measured disc')
+    rig.wait_for(lambda: 'position not referenced' in up.output, 'the answer of a board',
+                 START_TIMEOUT)
+    rig.wait_for(lambda: len(tip), 'a measured disc', START_TIMEOUT)
     assert children(up) == {*NODES, 'camera', 'twin', 'twin_camera'}
     assert tip.last.pose.pose.position.z == pytest.approx(0.3, abs=1e-3)
     rig.wait_for(lambda: rig.tendons.last and
