@@ -55,9 +55,9 @@ distribution = setup(
 )
 
 # With colcon the solver is compiled now, rather than in the first start: beside its source, or,
-# where that stays in the workspace, into the cache of the user.  ./run does that itself.
-if (os.environ.get('COLCON') == '1' and os.environ.get('SOFT_CONTINUUM_COMPILE') != '0'
-        and {'install', 'develop'} & set(sys.argv) and '--uninstall' not in sys.argv):
+# where that stays in the workspace, into the cache of the user.
+if (os.environ.get('COLCON') == '1' and {'install', 'develop'} & set(sys.argv)
+        and '--uninstall' not in sys.argv):
     installing = 'install' in sys.argv
     directory = distribution.get_command_obj('install').install_lib if installing else os.getcwd()
     print('compiling the model, which takes up to a minute ...', flush=True)
