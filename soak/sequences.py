@@ -86,7 +86,8 @@ def _run_on(bench: Workbench, watch: Watch, tally: Tally, random: Random,
         try:
             if not _round(bench, tally, random, fault) and not _round(
                     bench, tally, random, fault):
-                raise ClaimError(f'no goal is accepted: {bench.rig.rejected()}')
+                raise ClaimError(
+                    f'no goal is accepted: {bench.rig.sequencer.last.rejected}')
             tally.faults[name] += 1
             bench.check_nodes()
         except FAILED as error:

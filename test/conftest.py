@@ -2,7 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which tests run: all, or with ``--quick`` those that take little time."""
 
+from contextlib import suppress
 from pathlib import Path
+
+with suppress(ImportError, AttributeError):  # an older hypothesis knows no such thing
+    from hypothesis.internal.conjecture import providers
+
+    # It draws numbers of whatever modules of ours are imported by then: in every worker others.
+    providers._get_local_constants = providers.Constants
 
 SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation.py',
         'test_examples.py', 'analysis/test_commands.py', 'analysis/test_identification.py',

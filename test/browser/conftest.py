@@ -19,7 +19,8 @@ _spec = importlib.util.spec_from_file_location('node_fixtures', NODES / 'conftes
 assert _spec is not None and _spec.loader is not None
 _fixtures = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(_fixtures)
-_compiled, take_domain, domain = _fixtures._compiled, _fixtures.take_domain, _fixtures.domain
+_compiled, _patient = _fixtures._compiled, _fixtures._patient
+take_domain, domain = _fixtures.take_domain, _fixtures.domain
 make_rig, processes = _fixtures.make_rig, _fixtures.processes
 module_domain = _fixtures.module_domain
 
@@ -28,8 +29,6 @@ from playwright.sync_api import expect  # noqa: E402
 from processes import NodeProcess, Processes  # noqa: E402
 from ros_rig import Rig  # noqa: E402
 from std_srvs.srv import SetBool  # noqa: E402
-
-from soft_continuum_interfaces.msg import TendonActuationState  # noqa: E402
 
 BROWSERS = ('chromium', 'chromium-browser', 'google-chrome')
 FLAGS = ('--no-sandbox', '--disable-gpu', '--enable-unsafe-swiftshader', '--disable-quic',
@@ -122,10 +121,9 @@ def rig(shared: tuple[Rig, Page, str]) -> Iterator[Rig]:
     rig = shared[0]
     yield rig
     actuation = rig.states['tendon_actuation']
-    # A page sends STOP when the button goes down and when it is released; the second may be late.
-    while actuation.last.stopped and rig.trigger('tendon_actuation/resume').success:
-        rig.until(lambda: actuation.last.stopped == TendonActuationState.NOT_STOPPED, DEADLINE)
-        rig.until(lambda: actuation.last.stopped, 1.0)
+    if actuation.last.stopped:
+        assert rig.trigger('tendon_actuation/resume').success
+        rig.wait_for(lambda: not actuation.last.stopped, 'no stop')
     rig.wait_for(lambda: rig.statuses['shape_sequencer'].last.message == 'idle', 'no sequence')
     assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
     rig.wait_for(lambda: rig.all_stiff, 'all stiff')

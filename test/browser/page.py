@@ -15,12 +15,14 @@ from PIL import Image
 from playwright.sync_api import expect
 
 DEADLINE = 90.0  # s: everything is rendered in software
+expect.set_options(timeout=DEADLINE * 1e3)
 
 
 class Page:
     """A page of the view."""
 
     def __init__(self, page: Any) -> None:
+        page.set_default_timeout(DEADLINE * 1e3)
         self.page = page
 
     def close(self) -> None:
@@ -76,6 +78,13 @@ class Page:
         colours = np.asarray(Image.open(io.BytesIO(data)).convert('RGB')).astype(int)
         rows, columns, _ = colours.shape
         return colours[rows // 5:, columns * 20 // 100:columns * 42 // 100]
+
+    def wait_for(self, condition: Callable[[], Any], what: str) -> None:
+        """Wait until something is so, as after another layout."""
+        deadline = time.monotonic() + DEADLINE
+        while not condition():
+            assert time.monotonic() < deadline, f'never: {what}'
+            self.page.wait_for_timeout(100.0)
 
     def wait_for_pixels(self, has_colour: Callable[[Any], Any], low: int, high: int,
                         what: str) -> None:

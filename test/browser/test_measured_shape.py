@@ -127,10 +127,14 @@ def test_alarms_are_prominent_and_never_cover_stop(page: Page, arm: EstimatedArm
     expect(alarm).to_contain_text('2 more under Measured shape')
     for width, height in ((1280, 800), (390, 844)):
         page.page.set_viewport_size({'width': width, 'height': height})
-        assert page.is_on_top('stop') and page.is_on_top('resume')
-        box, stop = alarm.bounding_box(), page.button('STOP').bounding_box()
-        assert box['y'] >= stop['y'] + stop['height'] and box['height'] <= 120
-        assert page.view.locator('canvas').first.bounding_box()['height'] > 200
+        page.wait_for(lambda: page.is_on_top('stop') and page.is_on_top('resume'), 'on top')
+
+        def is_below() -> bool:
+            box, stop = alarm.bounding_box(), page.button('STOP').bounding_box()
+            return box['y'] >= stop['y'] + stop['height'] and box['height'] <= 120
+        page.wait_for(is_below, f'an alarm below STOP at {width} x {height}')
+        page.wait_for(lambda: page.view.locator(
+            'canvas').first.bounding_box()['height'] > 200, 'a scene')
     page.page.set_viewport_size(usual)
     arm.state = KinematicsState(**ESTIMATED)
     expect(alarm).to_be_hidden(timeout=DEADLINE * 1e3)

@@ -69,9 +69,10 @@ def test_statics_of_a_random_arm(arm, data):
     reach = sum(min(s.guide_offsets) for s in arm.segments)
     for _ in range(2):
         soft = data.draw(masks(arm))
-        # Without any pull two tendons are just taut: which of them carries is left to rounding.
+        # Without any pull two tendons are just taut: which of them carries is left to rounding, as
+        # is the side to which an arm folds that both squeeze.
         pull = data.draw(between(0.001, 0.3)) * reach
-        rest = data.draw(st.sampled_from([0.0, SLACK, -1.1 * pull, -1.5 * pull, 0.5 * pull]))
+        rest = data.draw(st.sampled_from([SLACK, -1.1 * pull, -1.5 * pull]))
         signs = data.draw(st.sampled_from([(0, 0), (1, 0), (-1, -1)]))
         segment = soft.index(True)
         for name, given_, back, more in (
