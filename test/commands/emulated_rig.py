@@ -17,6 +17,7 @@ import yaml
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.hardware import grbl_session
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.grbl_motion import Motors
 from soft_continuum.hardware.grbl_tendons import GrblTendons
@@ -25,6 +26,7 @@ from soft_continuum.mechanics.arm import TENDONS
 DEADLINE = 60.0  # s until a test gives up waiting; a loaded computer is slow
 SPEED = 4.0
 """By which emulators, and the drivers and verbs in this process, live faster."""
+PATIENCE = 50  # queries to the stepper board in this process: a busy computer answers late
 TIMEOUT = 1.0  # s that a Modbus reply may take on one
 
 
@@ -52,6 +54,7 @@ class Rig:
 def emulated_rig(folder, settings=None):
     """A rig that is soft, without a reference, as after it was switched on."""
     with (patch.object(STEADY, '_factor', SPEED),
+          patch.object(grbl_session, 'MAX_UNANSWERED_QUERIES', PATIENCE),
           GrblEmulator(str(folder / 'grbl'), settings=settings) as grbl,
           ModbusEmulator(link=folder / 'modbus') as modbus):
         rig = Rig(grbl, modbus, folder / 'rig.yaml')

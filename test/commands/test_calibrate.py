@@ -295,10 +295,11 @@ def test_the_vacuum_test_finds_what_the_emulated_plant_is(rig, run):
     assert status == 0, output
     assert output.count(' good') == 1
     found = with_results(rig, 'calibration_vacuum.yaml')
-    # What the emulated rig is made of; a busy computer samples it coarsely.
-    for name, true in (('ultimate_vacuum', 94e3), ('evacuation_time', 0.4),
-                       ('venting_time', 0.6), ('leak_rate', 500.0)):
-        assert found[f'simulated_jamming.{name}'] == pytest.approx(true, rel=0.3), name
+    # What the emulated rig is made of.  A busy computer samples it coarsely, so that times seem
+    # longer; test/hardware/test_calibration.py claims them in time of its own.
+    for name, true, longer in (('ultimate_vacuum', 94e3, 1.0), ('evacuation_time', 0.4, 3.0),
+                               ('venting_time', 0.6, 3.0), ('leak_rate', 500.0, 1.0)):
+        assert 0.7 * true < found[f'simulated_jamming.{name}'] < 1.3 * longer * true, name
     assert rig.modbus.coils == (False,) * 4
 
 
