@@ -266,7 +266,7 @@ class Estimator:
             for part in STEP_PARTS:
                 tried = weights + part * (wanted - weights)
                 try:
-                    there = self._linearised(told * (spread @ tried), past, measurements)
+                    there = self._linearised(told * (spread @ tried), past, measurements, point)
                 except StaticsError:
                     continue
                 if there.misfit + tried @ spread @ tried < cost:
@@ -274,8 +274,9 @@ class Estimator:
             else:
                 return point
             gained = cost - there.misfit - float(tried @ spread @ tried)
+            foretold = there.rows is point.rows
             point, weights, cost = there, tried, cost - gained
-            if gained < ENOUGH * cost:
+            if foretold or gained < ENOUGH * cost:
                 break
         return point
 
@@ -326,9 +327,13 @@ class Estimator:
                             if row < self.layout.segments else 0.0)
                 self.covariance[row, row] += REOPENED**2 * first
 
-    def _linearised(self, change: Array, past: Commands, measurements: Sequence[Measurement]
-                    ) -> Point:
-        """Return what would be measured if the unknowns changed; raises StaticsError."""
+    def _linearised(self, change: Array, past: Commands, measurements: Sequence[Measurement],
+                    before: Point | None = None) -> Point:
+        """
+        Return what would be measured if the unknowns changed; raises StaticsError.
+
+        With the derivatives of ``before`` where they hold: new ones cost as much as all the rest.
+        """
         layout, state = self.layout, self.state
         unknowns = limited(self.values + change, layout)
         unknowns[layout.held] = 0.0  # it is in the held angles
@@ -343,24 +348,25 @@ class Estimator:
             there = statics.solve(start, past.pulls + unknowns[layout.offset],
                                   [not s for s in state.stiff], vacuum=state.vacuum or None,
                                   sliding=past.sliding)
-        there_predicted = predicted(statics, layout, there, past.sliding)
-        values, rows, noise, biases = [], [], [], []
-        for one in measurements:
-            found = one.residual(there_predicted, unknowns)
-            self._expect_biases(found.biases, np.diag(found.covariance))
-            values.append(found.values)
-            rows.append(found.rows)
-            noise.append(OWN_SHARE * found.covariance)
-            biases.append(found.biases)
-        jacobian, sizes = np.concatenate(rows), np.cumsum([0, *map(len, noise)])
-        total = np.zeros((sizes[-1], sizes[-1]))
-        for begin, end, block in zip(sizes, sizes[1:], noise, strict=False):
-            total[begin:end, begin:end] = block
+        expected = predicted(statics, layout, there, past.sliding)
+        values = np.concatenate([one.away(expected, unknowns) for one in measurements])
+        if before is not None and before.foretells(change, there, values):
+            return replace(before, change=change, unknowns=unknowns, statics=statics,
+                           start=start, state=there, values=values)
+        found = [one.observation(expected) for one in measurements]
+        for one in found:
+            self._expect_biases(one.biases, np.diag(one.covariance))
+        jacobian = np.concatenate([one.rows for one in found])
+        noise, end = np.zeros((len(jacobian),) * 2), 0
+        for one in found:
+            begin, end = end, end + len(one.rows)
+            noise[begin:end, begin:end] = OWN_SHARE * one.covariance
         # A moving arm is behind its statics as if its tendons were.
         late = jacobian[:, layout.offset] * (self._speeds * LAG)
-        discs, coordinates = np.divmod(np.concatenate(biases) - layout.model, POSE)
-        return Point(change, unknowns, statics, start, there, discs, coordinates,
-                     np.concatenate(values), jacobian, total + late @ late.T)
+        discs, coordinates = np.divmod(
+            np.concatenate([one.biases for one in found]) - layout.model, POSE)
+        return Point(change, unknowns, statics, start, there, discs, coordinates, values,
+                     jacobian, noise + late @ late.T)
 
     def _expect_biases(self, biases: NDArray[np.intp], variances: Array) -> None:
         """Take what a sensor says of itself as what is wrong in all its measurements alike."""

@@ -4,6 +4,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import hypot
 
 import numpy as np
@@ -21,6 +22,7 @@ MODEL_ERROR = np.diag([3e-4, 3e-4, 3e-3])**2
 GATES = (15.1, 18.4, 21.1, 23.5, 25.7, 27.9, 29.9, 31.8, 33.7, 35.6, 37.4, 39.1, 40.9)
 """Squared distances of 1 and more values that one in 10,000 exceeds: chi2."""
 CARRIES = 3.0  # deviations of a tension, beyond which the tendon is not slack
+FORETOLD = 1e-6  # squared distance over its expected value, by which derivatives may be wrong
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,30 +30,44 @@ class Predicted:
     """
     What the statics have at the time of a measurement, and how it changes with the unknowns.
 
-    layout: of the unknowns.  poses, pose_rows: (discs, 3) of the discs' bottoms, m and rad, and
-    (discs, 3, size).  tensions, tension_rows: (tendons,) N and (tendons, size); a slack tendon has
-    the tension below 0 by which it would have to push to become so short.
+    layout: of the unknowns.  poses: (discs, 3) of the discs' bottoms, m and rad.  tensions:
+    (tendons,) N; a slack tendon has the tension below 0 by which it would have to push to become
+    so short.  The derivatives cost more, and are found when they are asked for.
     """
 
+    statics: Statics
     layout: Layout
+    state: Equilibrium
+    sliding: Sequence[int]
     poses: Array
-    pose_rows: Array
     tensions: Array
-    tension_rows: Array
+
+    @cached_property
+    def pose_rows(self) -> Array:
+        """Derivatives of the poses, (discs, 3, size)."""
+        return disc_poses(self.statics.chain, self.state.joint_angles,
+                          self._rates.joint_angles)[1]
+
+    @property
+    def tension_rows(self) -> Array:
+        """Derivatives of the tensions, (tendons, size)."""
+        return self._rates.tensions
+
+    @cached_property
+    def _rates(self) -> 'Rates':
+        return rates(self.statics, self.layout, self.state, self.sliding)
 
 
 @dataclass(frozen=True, eq=False)
-class Residual:
+class Observation:
     """
-    By how much k measured values differ from what is predicted.
+    How k measured values depend on the unknowns.
 
-    biases: (k,) where in the unknowns stands what is wrong alike in all such measurements.
-    values: (k,) measured less predicted.  rows: (k, size) derivatives of what is predicted.
-    covariance: (k, k) of sensor and model.
+    biases: (k,) where in the unknowns stands what is wrong alike in all such measurements.  rows:
+    (k, size) derivatives of what is predicted.  covariance: (k, k) of sensor and model.
     """
 
     biases: NDArray[np.intp]
-    values: Array
     rows: Array
     covariance: Array
 
@@ -74,18 +90,26 @@ class DiscMeasurement:
         """Whether the angle is measured."""
         return bool(self.covariance[2, 2] < MAX_VARIANCE)
 
-    def residual(self, predicted: Predicted, unknowns: Array) -> Residual:
-        """Return how it differs from what is predicted with ``unknowns`` (size,)."""
-        bias = predicted.layout.bias(self.disc)
-        known = np.flatnonzero(np.diag(self.covariance) < MAX_VARIANCE)
-        away = self.pose - predicted.poses[self.disc] - unknowns[bias]
+    @cached_property
+    def _known(self) -> NDArray[np.intp]:
+        """Coordinates that are measured."""
+        return np.flatnonzero(np.diag(self.covariance) < MAX_VARIANCE)
+
+    def away(self, predicted: Predicted, unknowns: Array) -> Array:
+        """Return by how much it differs from what is predicted with ``unknowns``, (k,)."""
+        away = self.pose - predicted.poses[self.disc] - unknowns[predicted.layout.bias(self.disc)]
         away[2] = wrapped(away[2])
+        found: Array = away[self._known]
+        return found
+
+    def observation(self, predicted: Predicted) -> Observation:
+        """Return how it depends on the unknowns."""
+        bias, known = predicted.layout.bias(self.disc), self._known
         rows = predicted.pose_rows[self.disc].copy()
         rows[:, bias] = np.eye(POSE)
         # However good the sensor is, the model is not better than its own error.
         covariance = self.covariance + MODEL_ERROR
-        return Residual(bias.start + known, away[known], rows[known],
-                        covariance[np.ix_(known, known)])
+        return Observation(bias.start + known, rows[known], covariance[np.ix_(known, known)])
 
 
 @dataclass(frozen=True)
@@ -102,21 +126,30 @@ class TensionMeasurement:
     deviation: float
     relative: float = 0.0
 
-    def residual(self, predicted: Predicted, unknowns: Array) -> Residual:
-        """
-        Return how it differs from what is predicted with ``unknowns`` (size,).
+    def away(self, predicted: Predicted, unknowns: Array) -> Array:
+        """Return by how much it differs from what is predicted with ``unknowns``, (1,)."""
+        expected = 0.0 if self._slack(predicted) else predicted.tensions[self.tendon]
+        bias = unknowns[predicted.layout.tension_bias(self.tendon)]
+        return np.array([self.tension - expected - bias])
 
-        That a tendon is slack says nothing of how much, unless the prediction has it taut.
-        """
+    def observation(self, predicted: Predicted) -> Observation:
+        """Return how it depends on the unknowns."""
         bias = predicted.layout.tension_bias(self.tendon)
-        expected = predicted.tensions[self.tendon]
         row = predicted.tension_rows[self.tendon].copy()
-        deviation = hypot(self.deviation, self.relative * max(self.tension, expected, 0.0))
-        if expected < 0.0 and self.tension < CARRIES * deviation:
-            expected, row[:] = 0.0, 0.0
+        if self._slack(predicted):
+            row[:] = 0.0
         row[bias] = 1.0
-        return Residual(np.array([bias]), np.array([self.tension - expected - unknowns[bias]]),
-                        row[None], np.array([[deviation**2]]))
+        return Observation(
+            np.array([bias]), row[None], np.array([[self._deviation(predicted)**2]]))
+
+    def _slack(self, predicted: Predicted) -> bool:
+        """Whether it is slack as predicted: that says nothing of how much."""
+        return bool(predicted.tensions[self.tendon] < 0.0
+                    and self.tension < CARRIES * self._deviation(predicted))
+
+    def _deviation(self, predicted: Predicted) -> float:
+        return hypot(self.deviation, self.relative * max(
+            self.tension, predicted.tensions[self.tendon], 0.0))
 
 
 Measurement = DiscMeasurement | TensionMeasurement
@@ -152,6 +185,11 @@ class Point:
     def misfit(self) -> float:
         """What is left, by its noise."""
         return float(self.values @ np.linalg.solve(self.noise, self.values))
+
+    def foretells(self, change: Array, state: Equilibrium, values: Array) -> bool:
+        """Whether its derivatives hold for another change: they foretell the values there."""
+        wrong = self.values - self.rows @ (change - self.change) - values
+        return state.taut == self.state.taut and relative_distance(wrong, self.noise) < FORETOLD
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,10 +247,8 @@ def rates(statics: Statics, layout: Layout, state: Equilibrium,
 def predicted(statics: Statics, layout: Layout, state: Equilibrium,
               sliding: Sequence[int] = (0, 0)) -> Predicted:
     """Return what would be measured of a state of an arm whose tendons give."""
-    change = rates(statics, layout, state, sliding)
-    poses, rows = disc_poses(statics.chain, state.joint_angles, change.joint_angles)
     tensions = np.where(state.taut, state.tensions, -state.slack / statics.compliance)
-    return Predicted(layout, poses, rows, tensions, change.tensions)
+    return Predicted(statics, layout, state, sliding, state.points[::2], tensions)
 
 
 def disc_poses(chain: RigidChain, angles: Array, joints: Array) -> tuple[Array, Array]:

@@ -67,7 +67,9 @@ class Linearisation:
         self._state = state
         problem = statics.problem(
             state, [not s for s in state.stiff], np.zeros(2), state.vacuum or None)
-        problem = problem.with_friction(chain, state.joint_angles, sliding)
+        friction = chain.arm.tendon.friction > 0.0 and any(sliding)
+        if friction:
+            problem = problem.with_friction(chain, state.joint_angles, sliding)
         self._groups = groups = problem.groups
         self._system, compliance = problem.system, problem.drive.compliance
         joints = self._system.joints
@@ -81,7 +83,7 @@ class Linearisation:
         self.hessian, self._force, self._reach = _kernel.functions().dense_system(
             self.theta, self.tensions, tuple(self._system), groups)
         self._stretch_rates = np.zeros((groups, 2))
-        if chain.arm.tendon.friction > 0.0 and any(sliding):
+        if friction:
             self._add_friction(sliding)
         self._taut = [t for t in (0, 1) if self.tensions[t] > 0.0
                       and (compliance[t] > 0.0 or self._reach[:, t].any())]
