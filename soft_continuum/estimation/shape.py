@@ -55,8 +55,10 @@ class ArmShape:
         """
         self.settings = settings
         self.statics = Statics(arm)
-        self.predicted: Equilibrium | None = None
         self.estimator: Estimator | None = None
+        self.unpredicted: Exception | None = None
+        """Why the model alone has no shape now."""
+        self._path: Equilibrium | None = None  # what it had last
         self._watch = Watch()
         self._arm, self._tolerance = arm, straight_tolerance
         self._commands: Commands | None = None
@@ -66,8 +68,13 @@ class ArmShape:
 
     @property
     def state(self) -> Equilibrium | None:
-        """The shape: the estimate, or without any measurement the prediction."""
-        return self.predicted if self.estimate is None else self.estimate.state
+        """The shape: the estimate, or without any measurement the last prediction."""
+        return self._path if self.estimate is None else self.estimate.state
+
+    @property
+    def predicted(self) -> Equilibrium | None:
+        """The shape by motors and valves alone; None while the model finds none."""
+        return self._path if self.unpredicted is None else None
 
     @property
     def estimate(self) -> Estimator | None:
@@ -90,13 +97,9 @@ class ArmShape:
         """
         if self._commands is not None and commands.time < self._commands.time - HISTORY:
             self._forget_estimate()  # the clock was set back: nothing of it can be compared
-        self._commands = commands
+        before, self._commands = self._commands, commands
         self._watch.follow(commands)
-        problem: Exception | None = None
-        try:
-            self._predict(commands)
-        except (ShapeError, StaticsError) as error:
-            problem = error
+        self._predict(commands, before or commands)
         if self.estimator is not None and self.estimate is None:
             try:  # it has not told anything yet, and need not be there
                 self.estimator.follow(commands)
@@ -104,8 +107,9 @@ class ArmShape:
                 self.estimator = None
         elif self.estimator is not None:
             self._follow_estimate(self.estimator, commands)
-        if problem is not None and (self.estimate is None or self.estimate.measured is None):
-            raise problem
+        if self.unpredicted is not None and (
+                self.estimate is None or self.estimate.measured is None):
+            raise self.unpredicted.with_traceback(None)
 
     def _follow_estimate(self, estimator: Estimator, commands: Commands) -> None:
         try:
@@ -120,7 +124,10 @@ class ArmShape:
     def _begin_anew(self) -> None:
         """Forget the estimate: the next measurement of all discs begins another."""
         self._forget_estimate()
-        self.predicted, self._solved = None, ()
+        self._begin_prediction(None)
+
+    def _begin_prediction(self, state: Equilibrium | None) -> None:
+        self._path, self.unpredicted, self._solved = state, None, ()
 
     def _forget_estimate(self) -> None:
         self.estimator, self._measured, self._watch = None, None, Watch()
@@ -128,26 +135,39 @@ class ArmShape:
             self._watch.follow(self._commands)
         self._failures = self._far_off = 0
 
-    def _predict(self, commands: Commands) -> None:
-        if self.predicted is None and np.abs(commands.pulls).max() <= STRAIGHT_PULLS:
-            self.predicted = self.statics.chain.straight()
-        if self.predicted is None:
-            raise UnknownShapeError('the shape is unknown: the tendons were pulled before this '
-                                    'node started')
+    def _predict(self, commands: Commands, before: Commands) -> None:
+        """Let the prediction follow, from where it was last found; or say why it cannot."""
+        if self.unpredicted is not None and any(
+                now and not was for was, now in zip(before.stiff, commands.stiff, strict=True)):
+            self._begin_prediction(None)  # what is held now was not predicted
+        if self._path is None and np.abs(commands.pulls).max() <= STRAIGHT_PULLS:
+            self._begin_prediction(self.statics.chain.straight())
+        if self._path is None:
+            self.unpredicted = UnknownShapeError(
+                'the shape is unknown: the tendons were pulled before this node started, or a '
+                'segment was stiffened where the model found no shape')
+            return
         key = (*np.round(commands.pulls / PULL_RESOLUTION), *commands.stiff,
                *(commands.vacuum or ()))
         if key == self._solved:
             return
-        pulls, soft = commands.pulls, commands.soft
-        if not any(soft):
-            short = pulls - np.asarray(self.predicted.pulls)
+        self._solved = key
+        try:
+            self._path, self.unpredicted = self._followed(self._path, commands), None
+        except (ShapeError, StaticsError) as error:
+            self.unpredicted = error
+
+    def _followed(self, start: Equilibrium, commands: Commands) -> Equilibrium:
+        """Return the state that ``start`` becomes; raises ShapeError and StaticsError."""
+        pulls = commands.pulls
+        if all(commands.stiff):
+            short = pulls - np.asarray(start.pulls)
             if short.max() > self._tolerance:
                 raise ShapeError('the tendons do not fit the stiff arm: its shape is unknown',
                                  short=short)
             # A locked arm does not yield to the last step of a stepper.
-            pulls = np.minimum(pulls, self.predicted.pulls)
-        self.predicted = self._equilibrium(self.predicted, pulls, commands)
-        self._solved = key
+            pulls = np.minimum(pulls, start.pulls)
+        return self._equilibrium(start, pulls, commands)
 
     def _equilibrium(self, start: Equilibrium, pulls: Array, commands: Commands) -> Equilibrium:
         """
@@ -173,15 +193,15 @@ class ArmShape:
 
     def set_straight(self) -> None:
         """Take the arm to be straight."""
-        self._begin_anew()
-        self.predicted = self.statics.chain.straight()
+        self._forget_estimate()
+        self._begin_prediction(self.statics.chain.straight())
 
     def set_soft(self, pulls: Array) -> None:
         """Take the shape that the pulls alone make, every segment soft; raises StaticsError."""
         state = self.statics.solve(self.statics.chain.straight(), pulls,
                                    [True] * self.statics.chain.segments)
-        self._begin_anew()
-        self.predicted = state
+        self._forget_estimate()
+        self._begin_prediction(state)
 
     # Measurements.
 
@@ -208,8 +228,7 @@ class ArmShape:
             except (StaticsError, np.linalg.LinAlgError):
                 self._watch.forget()
             self._far_off = self._far_off + 1 if innovation.distance > FAR_OFF else 0
-            seen = self._seen(discs, commands)
-            if self._far_off >= MAX_FAR_OFF and seen is not None:
+            if self._far_off >= MAX_FAR_OFF and (seen := self._seen(discs, commands)) is not None:
                 self._far_off = 0
                 self.estimator = self._estimator(seen, commands)
         return innovation
@@ -218,14 +237,14 @@ class ArmShape:
         """Return why a measurement of that time cannot be used; empty when it can."""
         if self._commands is None:
             return 'tendons and valves are not known yet'
-        if self.estimator is None and self.predicted is None:
+        if self.estimator is None and self._path is None:
             return 'the shape is unknown until every disc is measured at once'
         return '' if self.estimator is None else self.estimator.ready(time)
 
     def _first_estimator(self, time: float, discs: Sequence[DiscMeasurement], commands: Commands
                          ) -> Estimator | None:
-        if self.predicted is not None:
-            return self._estimator(self.predicted, commands)
+        if self._path is not None:
+            return self._estimator(self._path, commands)
         seen = self._seen(discs, commands)
         if seen is None:
             return None

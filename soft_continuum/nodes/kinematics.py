@@ -325,7 +325,8 @@ class Kinematics(Node):
             OK, f'following the arm{self._source()}',
             soft=' '.join(str(i + 1) for i, stiff in enumerate(self._stiff) if not stiff),
             **self._named('tension', state.tensions, digits=2),
-            **self._named('slack', state.slack))
+            **self._named('slack', state.slack),
+            **{} if (alone := self._shape.unpredicted) is None else {'prediction': alone})
         return True
 
     def _source(self) -> str:
@@ -336,7 +337,9 @@ class Kinematics(Node):
         if estimator.measured is None:
             return ', corrected by measured tensions'
         late = seconds(self.get_clock().now().to_msg()) - estimator.measured
-        return ', measured' if late < FRESH else ', predicted since it was last measured'
+        source = ', measured' if late < FRESH else ', predicted since it was last measured'
+        return source + (
+            '' if self._shape.unpredicted is None else '; the model alone finds no shape')
 
     def _named(self, quantity: str, values: Iterable[float], digits: int = 6) -> dict[str, str]:
         """Return values of the status, one for each tendon."""

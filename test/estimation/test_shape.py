@@ -198,6 +198,50 @@ def test_the_prediction_goes_on_beside_the_estimate():
     assert off[0] < 0.2 * off[1]
 
 
+def test_while_the_model_finds_no_shape_there_is_no_prediction_beside_the_estimate():
+    truth, shape = TrueArm(), ArmShape(ARM, TOLERANCE)
+    pulls, soft, time = (0.003, -0.006), only(2), 100.0
+
+    def go(pulls, soft):
+        nonlocal time
+        for _ in range(4):
+            time += 0.5
+            shape.follow(commands(time, pulls, soft))
+            shape.measure(time, discs(truth.state.points))
+
+    go((0.0, 0.0), STIFF)
+    go((0.0, 0.0), soft)
+    truth.follow(pulls, soft)
+    go(pulls, soft)
+    go(pulls, STIFF)
+    before = shape.predicted
+    go((0.005, -0.006), STIFF)  # what is held leaves the right tendon no room
+    assert shape.predicted is None
+    assert 'do not fit' in str(shape.unpredicted)
+    assert shape.state is shape.estimate.state
+    assert shape.state.bending_angles == pytest.approx(truth.state.bending_angles, abs=0.01)
+    go(pulls, STIFF)
+    assert shape.unpredicted is None
+    assert np.array_equal(shape.predicted.joint_angles, before.joint_angles)
+
+
+def test_what_is_stiffened_where_the_model_found_no_shape_is_not_known():
+    shape = ArmShape(ARM, TOLERANCE)
+    shape.follow(commands(100.0, (0.0, 0.0), only(2)))
+    for _ in range(2):  # each tendon is shorter than the discs it runs along
+        with pytest.raises(StaticsError):
+            shape.follow(commands(101.0, (0.5, 0.5), only(2)))
+    with pytest.raises(UnknownShapeError):
+        shape.follow(commands(102.0, (0.5, 0.5), STIFF))
+    with pytest.raises(UnknownShapeError):
+        shape.follow(commands(103.0, (0.003, -0.006), only(1)))
+    assert shape.state is None
+    assert shape.refusal(103.0)
+    shape.set_straight()
+    shape.follow(commands(104.0, (0.003, -0.006), only(1)))
+    assert shape.state.bending_angles[1] > 0.1
+
+
 def test_taken_to_be_straight_or_soft_it_forgets_the_estimate():
     shape = lost()
     shape.measure(100.0, discs(bent_points()))
