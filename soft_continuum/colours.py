@@ -3,7 +3,7 @@
 """
 The colours of the arm in every live view, red, green and blue from 0 to 255.
 
-Each has one meaning.  Red is none of them: it is STOP, and what is wrong.
+Each has one meaning.  Red is STOP, and what is wrong.
 """
 
 from math import isnan
@@ -24,6 +24,8 @@ MODEL: Colour = (235, 60, 200)
 """Of the arm as the model has it, over a picture of it."""
 PREDICTED: Colour = (150, 92, 44)
 """Of the arm as the model alone has it, beside the one that is measured."""
+WRONG: Colour = (214, 40, 40)
+"""Of what is wrong."""
 LOCKED: Colour = (142, 68, 173)
 """Of a tendon that stiff segments hold: nothing determines its tension."""
 TENSIONS: tuple[Colour, ...] = ((130, 196, 240), (30, 120, 220), (10, 40, 150))

@@ -31,13 +31,13 @@ from soft_continuum.colours import (
     tension_colour,
     TENSIONS,
     UNKNOWN,
+    WRONG,
 )
 from soft_continuum_interfaces.msg import RecorderState
 
 WARNING: Colour = (255, 222, 89)
-BAD: Colour = (214, 40, 40)
 PLAIN: Colour = (255, 255, 255)
-LEVELS = {'ok': PLAIN, 'warn': WARNING, 'error': BAD}
+LEVELS = {'ok': PLAIN, 'warn': WARNING, 'error': WRONG}
 DARK_TEXT = (PLAIN, WARNING, TENSIONS[0], SOFT)
 MAX_ROWS, MAX_ALARM_ROWS = 30, 10  # of what others publish
 VACUUM_END = 100.0  # kPa, where its axis ends
@@ -55,7 +55,7 @@ def _node_row(report: NodeReport) -> tuple[str, str]:
     if report.stale:
         # Rounded, or the text would change all the time.
         age = f'{report.age:.0f} s' if report.age < 60 else f'{report.age / 60:.0f} min'
-        return _chip('stale', BAD), f'{name}last message {age} ago'
+        return _chip('stale', WRONG), f'{name}last message {age} ago'
     level = report.level or 'ok'
     return _chip(level.upper(), LEVELS[level]), name + _text(report.message)
 
@@ -66,12 +66,12 @@ def recording_html(state: RecorderState | None) -> str:
         return _table([(_chip('absent', UNKNOWN), 'to record, start: '
                         '<code>ros2 run soft_continuum recorder</code>')])
     if state.problem:
-        return _table([(_chip('ERROR', BAD), _text(state.problem))])
+        return _table([(_chip('ERROR', WRONG), _text(state.problem))])
     if not state.recording:
         return _text(f'last: {state.file}' if state.file else 'nothing yet')
     lost = f', {state.lost} lost' if state.lost else ''
     text = f'{state.messages} messages{lost}, in {state.file}'
-    return _table([(_chip('REC', BAD), _text(text))])
+    return _table([(_chip('REC', WRONG), _text(text))])
 
 
 def segments_html(state: ArmState, description: Description, history: History) -> str:
@@ -137,7 +137,7 @@ def source_html(state: ArmState, history: History) -> str:
     estimate = state.estimate
     if estimate is None:
         return _small('kinematics says nothing of it')
-    rows = [(_chip(' ALARM ', BAD), _text(anomaly_text(anomaly)))
+    rows = [(_chip(' ALARM ', WRONG), _text(anomaly_text(anomaly)))
             for anomaly in estimate.anomalies[:MAX_ALARM_ROWS]]
     if not estimate.measured:
         rows.append((_chip('PREDICTED', UNKNOWN),
@@ -246,7 +246,7 @@ def sequence_html(state: ArmState) -> str:
 
 def notices_html(notices: Iterable[Notice]) -> str:
     """Return notices, the newest first."""
-    red = f' style="color:{_css(BAD)}"'
+    red = f' style="color:{_css(WRONG)}"'
     rows = [(f'<small>{notice.clock}</small>',
              f'<b{red if notice.is_problem else ""}>{escape(notice.title)}</b><br>'
              f'{escape(notice.text)}{notice.times}') for notice in notices]

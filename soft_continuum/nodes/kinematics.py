@@ -25,11 +25,11 @@ from soft_continuum.estimation.shape import (
     UnknownShapeError,
 )
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import repeat, serve, subscribe
-from soft_continuum.nodes.markers import shape_markers
+from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
 from soft_continuum.nodes.measured_poses import MeasuredPoses
 from soft_continuum.nodes.measured_tensions import MeasuredTensions
 from soft_continuum.nodes.model import load_model, loading
@@ -274,9 +274,18 @@ class Kinematics(Node):
         now = STEADY()
         if now - self._marked >= MARKER_PERIOD and self._markers.get_subscription_count():
             self._marked = now
-            self._markers.publish(shape_markers(
-                state.chain, state, self._stiff, self.parameters['tension_limit'],
-                self.parameters['frame_id'], stamp))
+            self._markers.publish(self._make_markers(state, stamp))
+
+    def _make_markers(self, state: Equilibrium, stamp: Any) -> MarkerArray:
+        frame, shape = self.parameters['frame_id'], self._shape
+        found = shape_markers(state.chain, state, self._stiff, self.parameters['tension_limit'],
+                              frame, stamp)
+        if shape.estimate is not None and shape.predicted is not None:
+            found.markers.append(prediction_marker(shape.predicted, frame, stamp))
+        if shape.anomalies:
+            found.markers.append(alarm_marker([one.message for one in shape.anomalies],
+                                              1.1 * self._arm.length, frame, stamp))
+        return found
 
     def _uncertainty(self, stamp: Any) -> tuple[Array, list[EstimatedParameter]]:
         """Return covariances of the discs (discs, 3, 3), which it publishes, and parameters."""

@@ -4,8 +4,9 @@
 """The arm, and the shape that is being set, as markers for RViz and Foxglove."""
 
 from collections.abc import Sequence
+from textwrap import fill
 
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Point
 import numpy as np
 from std_msgs.msg import ColorRGBA
@@ -16,10 +17,16 @@ from soft_continuum.colours import (
     DISC,
     GHOST,
     GHOST_OPACITY,
+    PREDICTED,
     segment_colour,
     tension_colour,
+    WRONG,
 )
 from soft_continuum.mechanics.chain import Array, Equilibrium, orientation, RigidChain
+
+LIFETIME = Duration(nanosec=500_000_000)
+"""Of what is not always there: it goes when it is not published any more."""
+TEXT_HEIGHT, TEXT_WIDTH = 0.012, 60  # m, characters
 
 
 def shape_markers(chain: RigidChain, state: Equilibrium, stiff: Sequence[bool | None],
@@ -61,15 +68,37 @@ def shape_markers(chain: RigidChain, state: Equilibrium, stiff: Sequence[bool | 
 def target_markers(chain: RigidChain, bending_angles: Sequence[float], frame: str, stamp: Time
                    ) -> MarkerArray:
     """Return the ghost of a shape with these bending angles, rad; without any, its removal."""
-    marker = _marker('target', 0, Marker.LINE_STRIP, GHOST, frame, stamp)
-    marker.color.a = GHOST_OPACITY
-    marker.scale.x = 0.3 * chain.arm.segments[0].outer_diameter
-    if bending_angles:
-        angles = chain.uniform(bending_angles).joint_angles
-        marker.points = _points(np.vstack([[0.0, 0.0], chain.backbone(angles)[:, :2]]))
-    else:
+    angles = chain.uniform(bending_angles or [0.0] * chain.segments).joint_angles
+    marker = _ghost('target', chain, angles, GHOST, frame, stamp)
+    if not bending_angles:
         marker.action = Marker.DELETE
     return MarkerArray(markers=[marker])
+
+
+def prediction_marker(predicted: Equilibrium, frame: str, stamp: Time) -> Marker:
+    """Return the ghost of the shape that the model alone has."""
+    marker = _ghost('prediction', predicted.chain, predicted.joint_angles, PREDICTED, frame, stamp)
+    marker.lifetime = LIFETIME
+    return marker
+
+
+def alarm_marker(alarms: Sequence[str], height: float, frame: str, stamp: Time) -> Marker:
+    """Return what is wrong with the arm as a text; height: m, where it begins above the base."""
+    marker = _marker('alarms', 0, Marker.TEXT_VIEW_FACING, WRONG, frame, stamp)
+    marker.lifetime = LIFETIME
+    marker.text = '\n'.join(fill(alarm, TEXT_WIDTH) for alarm in alarms)
+    marker.scale.z = TEXT_HEIGHT
+    marker.pose.position.z = height + TEXT_HEIGHT * marker.text.count('\n')  # of its middle
+    return marker
+
+
+def _ghost(namespace: str, chain: RigidChain, angles: Array, colour: Colour, frame: str,
+           stamp: Time) -> Marker:
+    marker = _marker(namespace, 0, Marker.LINE_STRIP, colour, frame, stamp)
+    marker.color.a = GHOST_OPACITY
+    marker.scale.x = 0.3 * chain.arm.segments[0].outer_diameter
+    marker.points = _points(np.vstack([[0.0, 0.0], chain.backbone(angles)[:, :2]]))
+    return marker
 
 
 def _marker(namespace: str, number: int, kind: int, colour: Colour, frame: str, stamp: Time

@@ -217,7 +217,7 @@ def test_one_colour_has_one_meaning() -> None:
     named = {'stiff': colours.STIFF, 'soft': colours.SOFT, 'unknown': colours.UNKNOWN,
              'disc': colours.DISC, 'target': colours.GHOST, 'held': colours.LOCKED,
              'predicted': colours.PREDICTED,
-             'wrong': html.BAD, 'warning': html.WARNING,
+             'wrong': colours.WRONG, 'warning': html.WARNING,
              **{f'tension {i}': c for i, c in enumerate(colours.TENSIONS)}}
     for name, colour in named.items():
         for other, meaning in meanings.items():

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from ros_rig import LATCHED, Recording, RELIABLE, Rig, STREAM
 from sensor_msgs.msg import JointState
+from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.mechanics import Equilibrium, Statics, StaticsError
 from soft_continuum.mechanics.chain import Array
@@ -26,6 +27,7 @@ ARM = load_arm(description_file())
 COVARIANCE = np.diag([3e-4, 3e-4, 2e-3])**2
 BENT = (0.2, -0.15, 0.25)
 SLACK_PULLS = (-0.02, -0.02)  # m
+TOO_SHORT = (0.004, 0.0)  # m
 RATE = 20.0  # Hz
 
 
@@ -153,6 +155,26 @@ def test_measured_poses_correct_the_shape_and_say_how_well_it_is_known(fake: Fak
                       'a status that says so')
 
 
+def test_a_prediction_that_fails_is_not_shown_until_it_is_found_again(fake: FakeArm) -> None:
+    points, statuses = Statics(ARM).chain.straight().points, fake.rig.statuses['kinematics']
+    markers = fake.rig.record(MarkerArray, 'shape_markers', RELIABLE)
+
+    def ghost() -> bool:
+        return len(markers) > 0 and 'prediction' in {m.ns for m in markers.last.markers}
+
+    fake.show_until(points, (0.0, 0.0), lambda: len(fake.predicted) and ghost(), 'a prediction')
+    # Shorter by more than straight_tolerance: only the jams of the estimate give.
+    fake.show_until(points, TOO_SHORT, lambda: 'finds no shape' in statuses.last.message
+                    and not ghost(), 'a status that says so')
+    assert 'do not fit' in {v.key: v.value for v in statuses.last.values}['prediction']
+    states, shown = len(fake.state), len(fake.predicted)
+    fake.show_until(points, TOO_SHORT, lambda: len(fake.state) > states + 5, 'the estimate')
+    assert len(fake.predicted) == shown
+    fake.show_until(points, (0.0, 0.0), lambda: len(fake.predicted) > shown and ghost(),
+                    'a prediction again')
+    fake.rig.wait_for(lambda: 'no shape' not in statuses.last.message, 'a status without it')
+
+
 def _frame(message: Any) -> None:
     message.header.frame_id = 'camera'
 
@@ -209,11 +231,14 @@ def test_another_shape_than_the_one_that_was_followed_is_an_anomaly(fake: FakeAr
     fake.show_until(straight, (0.0, 0.0),
                     lambda: fake.state.last.source == KinematicsState.ESTIMATED, 'an estimate')
     assert not fake.state.last.anomalies
+    markers = fake.rig.record(MarkerArray, 'shape_markers', RELIABLE)
     bent = Statics(ARM).chain.uniform(BENT).points
     found = fake.show_until(bent, (0.0, 0.0), lambda: fake.state.last.anomalies, 'an anomaly')
     assert found[0].cause == Anomaly.UNKNOWN
     fake.rig.wait_for(
         lambda: 'no known cause' in fake.rig.statuses['kinematics'].last.message, 'an error')
+    fake.show_until(bent, (0.0, 0.0), lambda: len(markers) and any(
+        'no known cause' in marker.text for marker in markers.last.markers), 'an alarm in RViz')
 
 
 def test_an_aim_that_does_not_exist_is_rejected(rig: Rig) -> None:
