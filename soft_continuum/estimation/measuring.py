@@ -259,11 +259,10 @@ def disc_poses(chain: RigidChain, angles: Array, joints: Array) -> tuple[Array, 
     and angle in rad, and (discs, 3, n).
     """
     theta, turned = np.cumsum(angles), np.cumsum(joints, axis=0)
-    along = chain.body_lengths[:, None] * turned
-    x = np.cumsum(np.cos(theta)[:, None] * along, axis=0)
-    z = np.cumsum(-np.sin(theta)[:, None] * along, axis=0)
+    below = chain.body_lengths * (np.arange(chain.joints) < chain.last_joint[:, None])
     poses = chain.points(angles)[::2]
     rows = np.zeros((len(poses), POSE, joints.shape[1]))
-    rows[1:, 0], rows[1:, 1] = x[chain.last_joint - 1], z[chain.last_joint - 1]
+    rows[1:, 0] = (below * np.cos(theta)) @ turned
+    rows[1:, 1] = (below * -np.sin(theta)) @ turned
     rows[1:, 2] = turned[chain.last_joint]
     return poses, rows

@@ -245,7 +245,8 @@ class Linearisation:
         tensions = np.zeros((2, right_side.shape[1]))
         tensions[self._taut] = solution[self._groups:]
         paths = self._reach.T @ solution[:self._groups]
-        lengths, theta = chain.body_lengths[:, None], self.theta[:, None]
-        tip = np.stack([(lengths * np.cos(theta) * moved).sum(axis=0),
-                        (-lengths * np.sin(theta) * moved).sum(axis=0), moved[-1]])
-        return Sensitivity(np.diff(moved, axis=0, prepend=0.0), tensions, paths, tip)
+        tip = np.stack([(chain.body_lengths * np.cos(self.theta)) @ moved,
+                        (-chain.body_lengths * np.sin(self.theta)) @ moved, moved[-1]])
+        angles = moved.copy()
+        angles[1:] -= moved[:-1]
+        return Sensitivity(angles, tensions, paths, tip)

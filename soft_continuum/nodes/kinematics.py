@@ -59,7 +59,7 @@ TENSION_PERIOD = 1.0  # s for which a tension that was wrong is shown
 MIN_PERIOD = 0.005  # s between two shapes at least
 CHECK_PERIOD = 0.02  # s after which what came sooner than that is followed
 MIN_VACUUM = 0.01  # part of the full vacuum that a stiff segment has at least
-COVARIANCE_PERIOD = 0.05  # s between two covariances, which cost more than the shape
+COVARIANCE_PERIOD = 0.1  # s between two covariances, which cost more than the shape
 REFUSAL_PERIOD = 1.0  # s for which it is shown why a measurement was not used
 FRESH = 3.0  # s: an older measurement is not the shape's any more
 

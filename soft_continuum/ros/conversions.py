@@ -11,7 +11,7 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from soft_continuum.mechanics.chain import Array, Equilibrium, orientation, RigidChain
+from soft_continuum.mechanics.chain import Array, Equilibrium, RigidChain
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.ros.text import plain
 from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
@@ -42,7 +42,7 @@ def full_poses(planar: Array) -> Array:
     """
     poses = np.zeros((len(planar), 7))
     poses[:, 0], poses[:, 2] = planar[:, 0], planar[:, 1]
-    poses[:, 3:] = [orientation(float(angle)) for angle in planar[:, 2]]
+    poses[:, 4], poses[:, 6] = np.sin(planar[:, 2] / 2.0), np.cos(planar[:, 2] / 2.0)
     return poses
 
 
