@@ -20,15 +20,24 @@ if TYPE_CHECKING:
         Wrench,
     )
     from soft_continuum.mechanics.spatial.chain import SpatialChain, SpatialEquilibrium
+    from soft_continuum.mechanics.spatial.sensitivity import (
+        SpatialLinearisation,
+        SpatialSensitivity,
+    )
     from soft_continuum.mechanics.spatial.statics import SpatialStatics
 
-__all__ = ['SpatialArm', 'SpatialChain', 'SpatialDisc', 'SpatialEquilibrium', 'SpatialSegment',
-           'SpatialStatics', 'SpatialTendon', 'Wrench', 'spatial']
+__all__ = [
+    'SpatialArm', 'SpatialChain', 'SpatialDisc', 'SpatialEquilibrium', 'SpatialLinearisation',
+    'SpatialSegment', 'SpatialSensitivity', 'SpatialStatics', 'SpatialTendon', 'Wrench', 'spatial',
+]
+
+# Cheap ones first, as in the plane: who solves does not load SciPy.
+_MODULES = ('arm', 'chain', 'statics', 'sensitivity')
 
 
 def __getattr__(name: str) -> Any:
     if name in __all__:
-        for module in ('arm', 'chain', 'statics'):
+        for module in _MODULES:
             found = import_module(f'{__name__}.{module}')
             if hasattr(found, name):
                 return getattr(found, name)
