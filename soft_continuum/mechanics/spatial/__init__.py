@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from soft_continuum.mechanics.spatial import constant_curvature
     from soft_continuum.mechanics.spatial.arm import (
         spatial,
         SpatialArm,
@@ -28,19 +29,20 @@ if TYPE_CHECKING:
 
 __all__ = [
     'SpatialArm', 'SpatialChain', 'SpatialDisc', 'SpatialEquilibrium', 'SpatialLinearisation',
-    'SpatialSegment', 'SpatialSensitivity', 'SpatialStatics', 'SpatialTendon', 'Wrench', 'spatial',
+    'SpatialSegment', 'SpatialSensitivity', 'SpatialStatics', 'SpatialTendon', 'Wrench',
+    'constant_curvature', 'spatial',
 ]
 
 # Cheap ones first, as in the plane: who solves does not load SciPy.
-_MODULES = ('arm', 'chain', 'statics', 'sensitivity')
+_MODULES = ('arm', 'chain', 'statics', 'sensitivity', 'constant_curvature')
 
 
 def __getattr__(name: str) -> Any:
     if name in __all__:
-        for module in _MODULES:
+        for module in [name] if name in _MODULES else _MODULES:
             found = import_module(f'{__name__}.{module}')
-            if hasattr(found, name):
-                return getattr(found, name)
+            if module == name or hasattr(found, name):
+                return getattr(found, name, found)
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 
 
