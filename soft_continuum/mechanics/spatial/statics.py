@@ -204,6 +204,8 @@ class SpatialStatics:
         turned = np.concatenate([
             links.rotations @ start.rotations[first].transpose(0, 2, 1), np.eye(3)[None]])
         every = turned[link] @ start.rotations
+        # Three factors: what rounding takes of orthogonality would triple with every solve.
+        every = 1.5 * every - 0.5 * every @ every.transpose(0, 2, 1) @ every
         paths = chain.paths(every)
         allowed = np.where(by_force, paths,
                            chain.straight_paths - pulls + self._compliance * links.tension)
