@@ -24,7 +24,7 @@ def test_in_one_plane_it_is_the_planar_one():
     solid, bending = spatial(flat), [(0.0, angle) for angle in ANGLES]
     assert constant_curvature.pulls(solid, bending) == pytest.approx(
         planar.pulls(flat, ANGLES), abs=1e-14)
-    assert constant_curvature.points(solid, bending)[:, [0, 2]] == pytest.approx(
+    assert constant_curvature.poses(solid, bending)[0][:, [0, 2]] == pytest.approx(
         planar.poses(flat, ANGLES)[:, :2], abs=1e-14)
 
 
@@ -36,7 +36,7 @@ def test_in_any_plane_it_is_the_planar_one_turned(angle):
     bending = turn.apply([(0.0, a, 0.0) for a in ANGLES])[:, :2]
     assert constant_curvature.pulls(solid, bending) == pytest.approx(
         planar.pulls(flat, ANGLES), abs=1e-14)
-    there = turn.inv().apply(constant_curvature.points(solid, bending))
+    there = turn.inv().apply(constant_curvature.poses(solid, bending)[0])
     assert there[:, [0, 2]] == pytest.approx(planar.poses(flat, ANGLES)[:, :2], abs=1e-14)
     assert there[:, 1] == pytest.approx(0.0, abs=1e-14)
 
@@ -49,9 +49,9 @@ def test_a_chain_of_many_even_bodies_lies_on_the_arcs(spacers, twist):
                                 replace(arm.tendons[4], end=2, offset=(0.02, 0.015, 0.01, 0.01))))
     chain = SpatialChain(arm)
     state = chain.uniform(BENDING)
-    assert constant_curvature.points(arm, BENDING) == pytest.approx(state.points, abs=2e-4)
-    assert constant_curvature.orientations(arm, BENDING) == pytest.approx(
-        state.orientations, abs=1e-12)
+    points, orientations = constant_curvature.poses(arm, BENDING)
+    assert points == pytest.approx(state.points, abs=2e-4)
+    assert orientations == pytest.approx(state.orientations, abs=1e-12)
     assert constant_curvature.pulls(arm, BENDING) == pytest.approx(state.pulls, abs=2e-4)
 
 
@@ -94,7 +94,7 @@ def test_what_the_tendons_do_not_determine_is_refused(tendons, soft):
 @pytest.mark.parametrize('bending', [[(0.0, 0.1)], [(0.0, nan)] * 3, [0.1, 0.2, 0.3],
                                      [(0.0, inf)] * 3])
 def test_wrong_bending_is_refused(bending):
-    for function in (constant_curvature.pulls, constant_curvature.points):
+    for function in (constant_curvature.pulls, constant_curvature.poses):
         with pytest.raises(ArmError, match='two finite numbers'):
             function(three_segments(), bending)
 

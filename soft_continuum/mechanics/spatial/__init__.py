@@ -21,20 +21,28 @@ if TYPE_CHECKING:
         Wrench,
     )
     from soft_continuum.mechanics.spatial.chain import SpatialChain, SpatialEquilibrium
+    from soft_continuum.mechanics.spatial.inverse import (
+        BendingFit,
+        pulls_for_bending,
+        set_shape,
+    )
     from soft_continuum.mechanics.spatial.sensitivity import (
         SpatialLinearisation,
         SpatialSensitivity,
     )
     from soft_continuum.mechanics.spatial.statics import SpatialStatics
+    from soft_continuum.mechanics.spatial.tip import bending_for_tip, SpatialTipFit, workspace
 
 __all__ = [
-    'SpatialArm', 'SpatialChain', 'SpatialDisc', 'SpatialEquilibrium', 'SpatialLinearisation',
-    'SpatialSegment', 'SpatialSensitivity', 'SpatialStatics', 'SpatialTendon', 'Wrench',
-    'constant_curvature', 'spatial',
+    'BendingFit', 'SpatialArm', 'SpatialChain', 'SpatialDisc', 'SpatialEquilibrium',
+    'SpatialLinearisation', 'SpatialSegment', 'SpatialSensitivity', 'SpatialStatics',
+    'SpatialTendon', 'SpatialTipFit', 'Wrench', 'bending_for_tip', 'constant_curvature',
+    'pulls_for_bending', 'set_shape', 'spatial', 'workspace',
 ]
 
 # Cheap ones first, as in the plane: who solves does not load SciPy.
-_MODULES = ('arm', 'chain', 'statics', 'sensitivity', 'constant_curvature')
+_MODULES = ('arm', 'chain', 'statics', 'sensitivity', 'constant_curvature', 'inverse',
+            'tip')
 
 
 def __getattr__(name: str) -> Any:

@@ -23,14 +23,28 @@ from soft_continuum.mechanics.spatial.arm import SpatialArm
 DETERMINED = 1e-3  # least over largest singular value of pulls by bendings
 
 
-def points(arm: SpatialArm, bending: ArrayLike) -> Array:
-    """Return bottom and top centre of every disc, base first, (2 * discs, 3), m."""
-    return _chain(arm, bending)[0]
+def poses(arm: SpatialArm, bending: ArrayLike) -> tuple[Array, Array]:
+    """
+    Return where the discs are for bending (segments, 2), rad.
 
-
-def orientations(arm: SpatialArm, bending: ArrayLike) -> Array:
-    """Return the orientation of every disc, base first, (discs, 3, 3)."""
-    return _chain(arm, bending)[1]
+    Those are bottom and top centre of every disc, base first, (2 * discs, 3), m, and the
+    orientation of every disc, (discs, 3, 3).  For many shapes (..., segments, 2) at once both
+    have as many.  Raises ArmError for bending that is not that of the arm.
+    """
+    bent = _checked(arm, bending)
+    many = bent.shape[:-2]
+    turns, place, turn = _rotations(bent), np.zeros((*many, 3)), np.eye(3)
+    places, oriented = [], []
+    for k, disc in enumerate(arm.discs):
+        oriented.append(np.broadcast_to(turn, (*many, 3, 3)))
+        places.append(place)
+        place = place + disc.height * turn[..., 2]
+        places.append(place)
+        if k < len(arm.segments):
+            arc = _along_arc(arm.segments[k].length, np.ones(1), bent[..., k, :])
+            place = place + (turn @ arc[..., 0, :, None])[..., 0]
+            turn = turn @ turns[..., k, :, :]
+    return np.stack(places, axis=-2), np.stack(oriented, axis=-3)
 
 
 def pulls(arm: SpatialArm, bending: ArrayLike) -> Array:
@@ -41,7 +55,10 @@ def pulls(arm: SpatialArm, bending: ArrayLike) -> Array:
     Raises ArmError for bending that is not that of the arm.
     """
     found = np.zeros(len(arm.tendons))
-    for segment, bend in enumerate(_checked(arm, bending)):
+    bent = _checked(arm, bending)
+    if bent.ndim != 2:
+        raise ArmError(f'one shape at a time; given: {bending!r}')
+    for segment, bend in enumerate(bent):
         found += segment_pulls(arm, segment, bend)
     return found
 
@@ -109,22 +126,22 @@ def bending_axes(arm: SpatialArm) -> np.ndarray[tuple[int, int], np.dtype[np.boo
 
 
 def _rotations(vectors: Array) -> Array:
-    """Return the rotations (n, 3, 3) by rotation vectors about x and y (n, 2), by Rodrigues."""
-    angle = np.linalg.norm(vectors, axis=1)
-    cross = np.zeros((len(vectors), 3, 3))
-    cross[:, 0, 2], cross[:, 2, 0] = vectors[:, 1], -vectors[:, 1]
-    cross[:, 2, 1], cross[:, 1, 2] = vectors[:, 0], -vectors[:, 0]
-    found: Array = (np.eye(3) + np.sinc(angle / np.pi)[:, None, None] * cross
-                    + 0.5 * (np.sinc(0.5 * angle / np.pi)**2)[:, None, None] * (cross @ cross))
+    """Return the rotations (..., 3, 3) by rotation vectors about x and y (..., 2): Rodrigues."""
+    angle = np.hypot(vectors[..., 0], vectors[..., 1])[..., None, None]
+    cross = np.zeros((*vectors.shape[:-1], 3, 3))
+    cross[..., 0, 2], cross[..., 2, 0] = vectors[..., 1], -vectors[..., 1]
+    cross[..., 2, 1], cross[..., 1, 2] = vectors[..., 0], -vectors[..., 0]
+    found: Array = (np.eye(3) + np.sinc(angle / np.pi) * cross
+                    + 0.5 * np.sinc(0.5 * angle / np.pi)**2 * (cross @ cross))
     return found
 
 
 def _along_arc(length: float, parts: Array, bend: Array) -> Array:
-    """Return points (n, 3), m, at parts (n,) along an arc that begins along z."""
-    angle = parts * np.hypot(*bend)
+    """Return points (..., n, 3), m, at parts (n,) along arcs (..., 2) that begin along z."""
+    angle = parts * np.hypot(bend[..., 0], bend[..., 1])[..., None]
     aside = 0.5 * np.sinc(0.5 * angle / np.pi)**2 * parts
-    found: Array = (length * parts)[:, None] * np.column_stack(
-        [aside * bend[1], -aside * bend[0], np.sinc(angle / np.pi)])
+    found: Array = (length * parts)[:, None] * np.stack(
+        [aside * bend[..., 1, None], -aside * bend[..., 0, None], np.sinc(angle / np.pi)], axis=-1)
     return found
 
 
@@ -135,26 +152,9 @@ def _guides_on_arc(length: float, parts: Array, bend: Array, guides: Array) -> A
     return found
 
 
-def _chain(arm: SpatialArm, bending_of: ArrayLike) -> tuple[Array, Array]:
-    """Return points and orientations of the discs."""
-    bent = _checked(arm, bending_of)
-    turns = _rotations(bent)
-    place, turn = np.zeros(3), np.eye(3)
-    places, oriented = [], []
-    for k, disc in enumerate(arm.discs):
-        oriented.append(turn)
-        places.append(place)
-        place = place + disc.height * turn[:, 2]
-        places.append(place)
-        if k < len(bent):
-            place = place + turn @ _along_arc(arm.segments[k].length, np.ones(1), bent[k])[0]
-            turn = turn @ turns[k]
-    return np.array(places), np.array(oriented)
-
-
 def _checked(arm: SpatialArm, bending_of: ArrayLike) -> Array:
     bent = np.asarray(bending_of, dtype=float)
-    if bent.shape != (len(arm.segments), 2) or not np.all(np.isfinite(bent)):
+    if bent.shape[-2:] != (len(arm.segments), 2) or not np.all(np.isfinite(bent)):
         raise ArmError(f'bending must be two finite numbers (rad), about x and y, for each of the '
                        f'{len(arm.segments)} segments; given: {bending_of!r}')
     return bent
