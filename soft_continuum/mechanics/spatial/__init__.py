@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         SpatialTendon,
         Wrench,
     )
+    from soft_continuum.mechanics.spatial.batch import solve_batch, solve_path, SpatialBatch
     from soft_continuum.mechanics.spatial.chain import SpatialChain, SpatialEquilibrium
     from soft_continuum.mechanics.spatial.inverse import (
         BendingFit,
@@ -34,15 +35,16 @@ if TYPE_CHECKING:
     from soft_continuum.mechanics.spatial.tip import bending_for_tip, SpatialTipFit, workspace
 
 __all__ = [
-    'BendingFit', 'SpatialArm', 'SpatialChain', 'SpatialDisc', 'SpatialEquilibrium',
-    'SpatialLinearisation', 'SpatialSegment', 'SpatialSensitivity', 'SpatialStatics',
-    'SpatialTendon', 'SpatialTipFit', 'Wrench', 'bending_for_tip', 'constant_curvature',
-    'pulls_for_bending', 'set_shape', 'spatial', 'workspace',
+    'BendingFit', 'SpatialArm', 'SpatialBatch', 'SpatialChain', 'SpatialDisc',
+    'SpatialEquilibrium', 'SpatialLinearisation', 'SpatialSegment', 'SpatialSensitivity',
+    'SpatialStatics', 'SpatialTendon', 'SpatialTipFit', 'Wrench', 'bending_for_tip',
+    'constant_curvature', 'pulls_for_bending', 'set_shape', 'solve_batch', 'solve_path', 'spatial',
+    'workspace',
 ]
 
 # Cheap ones first, as in the plane: who solves does not load SciPy.
-_MODULES = ('arm', 'chain', 'statics', 'sensitivity', 'constant_curvature', 'inverse',
-            'tip')
+_MODULES = ('arm', 'chain', 'statics', 'batch', 'sensitivity', 'constant_curvature',
+            'inverse', 'tip')
 
 
 def __getattr__(name: str) -> Any:
