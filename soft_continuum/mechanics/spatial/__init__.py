@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         pulls_for_bending,
         set_shape,
     )
+    from soft_continuum.mechanics.spatial.self_contact import self_intersections, wound_up
     from soft_continuum.mechanics.spatial.sensitivity import (
         SpatialLinearisation,
         SpatialSensitivity,
@@ -38,13 +39,13 @@ __all__ = [
     'BendingFit', 'SpatialArm', 'SpatialBatch', 'SpatialChain', 'SpatialDisc',
     'SpatialEquilibrium', 'SpatialLinearisation', 'SpatialSegment', 'SpatialSensitivity',
     'SpatialStatics', 'SpatialTendon', 'SpatialTipFit', 'Wrench', 'bending_for_tip',
-    'constant_curvature', 'pulls_for_bending', 'set_shape', 'solve_batch', 'solve_path', 'spatial',
-    'workspace',
+    'constant_curvature', 'pulls_for_bending', 'self_intersections', 'set_shape', 'solve_batch',
+    'solve_path', 'spatial', 'workspace', 'wound_up',
 ]
 
 # Cheap ones first, as in the plane: who solves does not load SciPy.
-_MODULES = ('arm', 'chain', 'statics', 'batch', 'sensitivity', 'constant_curvature',
-            'inverse', 'tip')
+_MODULES = ('arm', 'chain', 'statics', 'batch', 'self_contact', 'sensitivity',
+            'constant_curvature', 'inverse', 'tip')
 
 
 def __getattr__(name: str) -> Any:
