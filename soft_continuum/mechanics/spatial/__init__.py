@@ -3,8 +3,8 @@
 """
 Statics of spatial arms: any number of tendons, routed anyhow, segments that bend in any direction.
 
-``SpatialStatics(arm)`` solves for the equilibrium; docs/explanation/space.md says how, and what is
-not there yet.
+``SpatialStatics(arm)`` solves for the equilibrium; ``pulls_for_bending`` and its neighbours go the
+other way.  docs/explanation/space.md says how, and what is not there yet.
 """
 
 from importlib import import_module

@@ -64,13 +64,23 @@ def add_half_cross(vector, times, matrix):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def joint_law(joint, angle, moment, slope):  # type: ignore[no-untyped-def]
+    """Write the moment (3,) of a joint at a rotation vector, and its derivative D (3, 3)."""
+    for i in range(3):
+        moment[i] = (joint[STIFFNESS, i] * angle[i]
+                     + joint[JAM, i] * (angle[i] - joint[HELD, i]))
+        for j in range(3):
+            slope[i, j] = joint[STIFFNESS, i] + joint[JAM, i] if i == j else 0.0
+
+
+@compiled
 def springs(rotations, system, gradient, diagonal, lower):  # type: ignore[no-untyped-def]
     """Add the moments of the joints and their derivatives; lower: d(g of k) by k - 1."""
     joints, turns = system[0], system[1]
     before, relative = np.empty((3, 3)), np.empty((3, 3))
     jacobian, transpose, slope = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     left, product, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    angle, moment = np.empty(3), np.empty(3)
+    angle, moment, law = np.empty(3), np.empty(3), np.empty((3, 3))
     for k in range(len(rotations)):
         if k > 0:
             multiply(rotations[k - 1], turns[k], before)
@@ -79,15 +89,13 @@ def springs(rotations, system, gradient, diagonal, lower):  # type: ignore[no-un
         transposed_multiply(before, rotations[k], relative)
         rotation_vector(relative, angle)
         inverse_jacobian(angle, jacobian)
-        for i in range(3):
-            moment[i] = (joints[k, STIFFNESS, i] * angle[i]
-                         + joints[k, JAM, i] * (angle[i] - joints[k, HELD, i]))
+        joint_law(joints[k], angle, moment, law)
         turned_moment_slope(angle, moment, slope)
+        transposed_multiply(jacobian, law, left)
         for i in range(3):
             for j in range(3):
                 transpose[i, j] = jacobian[j, i]
-                left[i, j] = (jacobian[j, i] * (joints[k, STIFFNESS, j] + joints[k, JAM, j])
-                              + slope[i, j])
+                left[i, j] += slope[i, j]
         # On the link: J^-T M and (J^-T D + slope) J^-1, less what the turning frame adds.
         multiply(left, jacobian, product)
         apply(transpose, moment, angle)
@@ -106,10 +114,10 @@ def springs(rotations, system, gradient, diagonal, lower):  # type: ignore[no-un
                 lower[k, i, j] -= (product[i, 0] * turn[j, 0] + product[i, 1] * turn[j, 1]
                                    + product[i, 2] * turn[j, 2])
         # On the link before: -J^-1 M, the same with the rotation vector reversed.
+        multiply(jacobian, law, left)
         for i in range(3):
             for j in range(3):
-                left[i, j] = (jacobian[i, j] * (joints[k, STIFFNESS, j] + joints[k, JAM, j])
-                              + slope[i, j])
+                left[i, j] += slope[i, j]
         add_half_cross(moment, -2.0, left)
         multiply(left, transpose, product)
         apply(jacobian, moment, angle)

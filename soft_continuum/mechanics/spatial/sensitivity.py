@@ -79,6 +79,7 @@ class SpatialLinearisation:
         self._link, self._system, _ = chain.system(state, [not stiff for stiff in state.stiff])
         first = np.flatnonzero(np.diff(self._link, prepend=-1))
         self._segment = first // chain.joints_per_segment  # of each link's joint
+        self._soft = ~np.array(state.stiff)[self._segment]
         self._rotations = np.ascontiguousarray(state.rotations[first])
         diagonal, lower, across, forces, self._slopes = _kernel.functions().spatial_linearise(
             self._rotations, state.tensions, self._system)
@@ -114,8 +115,8 @@ class SpatialLinearisation:
     def stiffness_ratio(self) -> SpatialSensitivity:
         """Return the derivatives by the ratio K of every stiff segment; 0 if soft or rigid."""
         def weigh(joints: Array, here: Booleans) -> None:
-            jammed = here[:, None] & (joints[:, JAM] > 0.0)
-            joints[:, JAM] = np.where(jammed, joints[:, STIFFNESS], 0.0)
+            jammed = here & ~self._soft
+            joints[:, JAM] = np.where(jammed[:, None], joints[:, STIFFNESS], 0.0)
             joints[:, STIFFNESS] = 0.0
         return self._solve(-self._by_springs(weigh))
 
@@ -177,6 +178,7 @@ class SpatialLinearisation:
         nothing = np.zeros_like(loads), np.zeros_like(moments)
         for segment in range(self._chain.segments):
             weighed = joints.copy()
+            weighed[self._soft, JAM] = 0.0
             weigh(weighed, self._segment == segment)
             found[:, segment] = _kernel.functions().spatial_balance(self._rotations, slack, (
                 weighed, turns, *nothing, *spans)).ravel()
