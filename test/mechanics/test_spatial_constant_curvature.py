@@ -55,6 +55,18 @@ def test_a_chain_of_many_even_bodies_lies_on_the_arcs(spacers, twist):
     assert constant_curvature.pulls(arm, BENDING) == pytest.approx(state.pulls, abs=2e-4)
 
 
+def test_many_shapes_at_once_are_as_one_by_one():
+    arm = three_segments()
+    many = np.random.default_rng(0).uniform(-1.5, 1.5, (2, 4, 3, 2))
+    points, orientations = constant_curvature.poses(arm, many)
+    assert points.shape == (2, 4, 8, 3)
+    alone = constant_curvature.poses(arm, many[1, 2])
+    assert points[1, 2] == pytest.approx(alone[0], abs=1e-15)
+    assert orientations[1, 2] == pytest.approx(alone[1], abs=1e-15)
+    with pytest.raises(ArmError, match='one shape at a time'):
+        constant_curvature.pulls(arm, many)
+
+
 @pytest.mark.parametrize('tendons', [2, 3, 4, 6])
 def test_pulls_are_those_of_arcs_and_the_other_way_round(tendons):
     turn = 0.4 if tendons != 2 else 0.0

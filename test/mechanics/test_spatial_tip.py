@@ -95,12 +95,12 @@ def sampled():
 
 
 @pytest.mark.parametrize('goal', [(0.3, 0.1, 0.0), (0.0, -0.3, 0.1), (0.02, 0.0, -0.2)])
-def test_out_of_reach_no_sampled_tip_is_much_nearer(sampled, goal):
+def test_out_of_reach_no_sampled_tip_is_nearer(sampled, goal):
     statics, tips, _ = sampled
     fit = bending_for_tip(statics, goal)
     assert not fit.reached
     assert fit.distance == pytest.approx(np.linalg.norm(fit.state.tip - goal), abs=1e-12)
-    assert fit.distance <= np.linalg.norm(tips - goal, axis=1).min() + 1e-3
+    assert fit.distance <= np.linalg.norm(tips - goal, axis=1).min() + 1e-6
     assert np.linalg.norm(fit.bending, axis=1).max() <= np.pi / 2 + 1e-6
 
 

@@ -4,10 +4,12 @@
 Bending for a tip position or pose, and the workspace of an arm set segment by segment.
 
 Constant curvature is fitted to the tip; by how much the statics end beside it is then taken off
-the tip that is fitted, until that changes no more.
+the tip that is fitted, until that changes no more.  Where that does not lead there, near the edge
+of what the arm reaches and beyond it, the statics are fitted at last, which takes longer.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -35,8 +37,9 @@ FITTED = 1e-4  # m: a tip by constant curvature this close is as good as reached
 NEAR = 0.02  # m: tips by constant curvature this close may be reached by the statics
 MAX_ROUNDS = 20
 ROUGH, EXACT = 1e-6, 1e-13  # relative tolerances of fits by constant curvature
-DIFFERENCE = 1e-5  # rad
-SETTLED = 1e-8  # m: the tip moves no more
+DIFFERENCE = 1e-5  # rad, of bending
+SETTLED = 1e-8  # m: nearer need no tip be
+SLOW = 0.9  # of the error before: it hardly falls any more
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +73,10 @@ def bending_for_tip(statics: SpatialStatics, position: ArrayLike,
     position: (3,) m, of the top of the last disc in base_link.  orientation: (3, 3) of that disc,
     wanted as well; it counts as 0.1 m per rad where both cannot be had.  start: the present shape
     (default: straight); segments that keep their bending need not be softened.  Out of reach, a
-    near tip is returned with its distance: the nearest by constant curvature, corrected by the
-    statics.  Raises StaticsError where no tendon holds the segments on the way, ValueError for
-    other shapes or numbers.
+    tip is returned that no small change brings nearer, with its distance; that takes seconds.
+
+    Raises StaticsError where no tendon holds the segments on the way, ValueError for other shapes
+    or numbers.
     """
     goal = real_array(position, 'the tip wanted must be x, y and z in m')
     turn = None if orientation is None else real_array(
@@ -103,7 +107,7 @@ def bending_for_tip(statics: SpatialStatics, position: ArrayLike,
         best = next((fit for _, search in far if (fit := search.run()) is not None), None)
     if best is None:
         raise StaticsError('no tendon holds the segments on the way to that tip', begin)
-    return best
+    return _Fit(statics, begin, best.softened, goal, turn).by_statics(best)
 
 
 def _better(one: SpatialTipFit | None, other: SpatialTipFit | None) -> SpatialTipFit | None:
@@ -250,15 +254,47 @@ class _Fit:
         for _ in range(MAX_ROUNDS):
             state = set_shape(self.statics, bending, self.begin, self.segments)
             fit = self.fit(state)
-            if best is not None and _error(fit) > _error(best) - SETTLED:
+            before = np.inf if best is None else _error(best)
+            if _error(fit) < before:
+                best = fit
+            if _error(fit) < SETTLED or _error(fit) > SLOW * before:  # there, or out of reach
                 break
-            best = fit
             points, turns = constant_curvature.poses(arm, bending)
             goal = self.goal - (state.tip - points[-1])
             if self.turn is not None:
                 turn = turns[-1] @ state.orientations[-1].T @ self.turn
             bending, _ = self.arc(bending, goal, turn, EXACT)
         assert best is not None
+        return best
+
+    def by_statics(self, near: SpatialTipFit) -> SpatialTipFit:
+        """Return the fit of the statics from one nearby on, by differences of solves."""
+        best = near
+
+        def left(values: Array) -> Array:
+            nonlocal best
+            bending = self.present.copy()
+            bending[self.free] = values
+            fit = self.fit(set_shape(self.statics, bending, self.begin, self.segments))
+            over = np.linalg.norm(bending, axis=1) - self.limits
+            if over.max() <= SAME_BENDING and _error(fit) < _error(best):
+                best = fit
+            away = fit.state.tip - self.goal
+            if self.turn is not None:
+                away = np.concatenate([away, METRES_PER_RADIAN * Rotation.from_matrix(
+                    self.turn.T @ fit.state.orientations[-1]).as_rotvec()])
+            return np.concatenate([away, BEYOND * np.maximum(over, 0.0)])
+
+        def slopes(values: Array) -> Array:
+            here = left(values)
+            return np.column_stack([(left(values + step) - here) / DIFFERENCE
+                                    for step in DIFFERENCE * np.eye(len(values))])
+
+        if not self.segments or (best.reached and best.turn < TURNED):
+            return best
+        with suppress(StaticsError):  # what was found before that stays
+            least_squares(left, near.bending[self.free], slopes, xtol=1e-9, ftol=1e-9,
+                          gtol=1e-12, max_nfev=MAX_ROUNDS)
         return best
 
     def fit(self, state: SpatialEquilibrium) -> SpatialTipFit:
