@@ -35,7 +35,7 @@ GUESSES, REFINED = 1000, 4  # shapes drawn, and the best of them that are fitted
 MAX_EVALUATIONS = 60
 FITTED = 1e-4  # m: a tip by constant curvature this close is as good as reached
 NEAR = 0.02  # m: tips by constant curvature this close may be reached by the statics
-MAX_ROUNDS = 20
+MAX_ROUNDS, MAX_FITS = 20, 8
 ROUGH, EXACT = 1e-6, 1e-13  # relative tolerances of fits by constant curvature
 DIFFERENCE = 1e-5  # rad, of bending
 SETTLED = 1e-8  # m: nearer need no tip be
@@ -294,7 +294,7 @@ class _Fit:
             return best
         with suppress(StaticsError):  # what was found before that stays
             least_squares(left, near.bending[self.free], slopes, xtol=1e-9, ftol=1e-9,
-                          gtol=1e-12, max_nfev=MAX_ROUNDS)
+                          gtol=1e-12, max_nfev=MAX_FITS)
         return best
 
     def fit(self, state: SpatialEquilibrium) -> SpatialTipFit:
