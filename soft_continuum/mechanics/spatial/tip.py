@@ -125,7 +125,7 @@ def workspace(statics: SpatialStatics, angles: int = 2, directions: int = 6
     Every segment is straight, or bent by each of ``angles`` evenly spaced angles up to its limit
     in each of ``directions`` evenly spaced directions.  Returns tips (m, 3), m, and bending
     (m, segments, 2), rad.  Shapes that no tendon holds are left out.  There are
-    (1 + angles * directions) ** segments of them, some 20 ms each.
+    (1 + angles * directions) ** segments of them, some 10 ms each.
     """
     for name, count in (('angles', angles), ('directions', directions)):
         if not whole(count) or count < 1:
