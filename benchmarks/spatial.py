@@ -4,6 +4,7 @@
 
 from collections.abc import Callable
 from itertools import islice
+from math import nan
 import time
 
 import numpy as np
@@ -11,7 +12,19 @@ import numpy as np
 from benchmarks.rods import Rod, shapes, STEEL, TPU
 from benchmarks.tables import machine, number, Section, table
 from soft_continuum.mechanics import _kernel, Statics
-from soft_continuum.mechanics.spatial import spatial, SpatialStatics
+from soft_continuum.mechanics.spatial import (
+    bending_for_tip,
+    pulls_for_bending,
+    set_shape,
+    solve_path,
+    spatial,
+    SpatialArm,
+    SpatialDisc,
+    SpatialLinearisation,
+    SpatialSegment,
+    SpatialStatics,
+    SpatialTendon,
+)
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 
@@ -27,7 +40,8 @@ def run(quick: bool) -> Section:
     head = ('rod', 'bodies', 'shapes solved', 'tip, mm: mean', 'worst', 'all stations, mm: mean',
             'worst', 'ms for a shape, median', 'worst')
     return Section('space.md', 'spatial', '\n\n'.join([
-        f'{machine()}', table(head, rows), _beside_the_plane(20 if quick else REPEATS)]))
+        f'{machine()}', table(head, rows), _beside_the_plane(20 if quick else REPEATS),
+        _questions(3 if quick else 30)]))
 
 
 def _row(rod: Rod, bodies: int, most: int | None) -> tuple[str, ...]:
@@ -53,12 +67,41 @@ def _beside_the_plane(repeats: int) -> str:
     solves: dict[str, Callable[[], object]] = {
         'in the plane': lambda: planar.solve(planar.chain.straight(), PULLS, soft),
         'in space': lambda: solid.solve(solid.chain.straight(), PULLS, soft)}
-    times: dict[str, list[float]] = {name: [] for name in solves}
+    return _times('the arm of the paper, from straight', solves, repeats)
+
+
+def _questions(repeats: int) -> str:
+    """Return how long what is asked of an arm of three segments and tendons takes."""
+    arm = SpatialArm(
+        (SpatialSegment(0.07, 0.02, 0.02, 0.015, 0.05),) * 3, (SpatialDisc(0.02, 0.02),) * 4,
+        tuple(SpatialTendon(f't{i}', 2.0944 * i, 0.025, 3) for i in range(3)),
+        gravity=(0.0, 0.0, 9.8))
+    statics = SpatialStatics(arm)
+    straight, soft, pulls = statics.chain.straight(), [True, False, False], (0.006, -0.004, -0.003)
+    state = statics.solve(straight, pulls, soft)
+    bend = [(0.4, 0.6), (nan, nan), (nan, nan)]
+    there = set_shape(statics, [(0.4, 0.6), (-0.5, 0.2), (0.3, 0.7)])
+    path = np.linspace(straight.pulls, state.pulls, 50)
+    asked: dict[str, Callable[[], object]] = {
+        'one solve': lambda: statics.solve(straight, pulls, soft),
+        'derivatives by all pulls': lambda: SpatialLinearisation(statics, state).pulls(),
+        'a path of 50 rows': lambda: solve_path(statics, straight, path, soft),
+        'pulls for a bending': lambda: pulls_for_bending(statics, straight, bend, soft),
+        'three segments set': lambda: set_shape(statics, there.bending),
+        'bending for a tip position': lambda: bending_for_tip(statics, there.tip),
+        'bending for a tip pose': lambda: bending_for_tip(
+            statics, there.tip, there.orientations[-1])}
+    return _times('three segments, three tendons, 12 bodies a segment', asked, repeats)
+
+
+def _times(title: str, asked: dict[str, Callable[[], object]], repeats: int) -> str:
+    """Return how long each takes, in turns."""
+    times: dict[str, list[float]] = {name: [] for name in asked}
     for _ in range(repeats):
-        for name, solve in solves.items():
+        for name, answer in asked.items():
             begin = time.perf_counter()
-            solve()
+            answer()
             times[name].append(1e3 * (time.perf_counter() - begin))
-    head = ('the arm of the paper, from straight', 'ms, median', '99 %')
+    head = (title, 'ms, median', '99 %')
     return table(head, [(name, number(float(np.median(each))), number(float(np.quantile(
         each, 0.99)))) for name, each in times.items()])

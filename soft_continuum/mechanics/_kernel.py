@@ -53,6 +53,9 @@ SIGNATURES = {
         f'Tuple((i8, i8, f8, b1))({TENSOR}, {VECTOR}, b1[:], {LINKS}, '
         f'Tuple(({INDICES}, {VECTOR}, {VECTOR}, {MATRIX}, f8)), i8)',
     'spatial_balance': f'f8[:, ::1]({TENSOR}, {VECTOR}, {LINKS})',
+    'spatial_linearise':
+        'Tuple((f8[:, :, ::1], f8[:, :, ::1], f8[:, ::1], f8[::1], f8[:, ::1]))'
+        f'({TENSOR}, {VECTOR}, {LINKS})',
 }
 PASSING = 3  # exit status of a build that may do another time: no numba yet, no space
 KEPT = 8  # versions in the cache of the user
@@ -78,12 +81,13 @@ class Functions(NamedTuple):
     dense_system: Function
     spatial_newton: Function
     spatial_balance: Function
+    spatial_linearise: Function
     runs_in: str
 
 
 SOURCE = Functions(_newton.newton, _newton.newton_batch, _assembly.moment_balance,
                    _assembly.dense_system, _spatial_newton.newton,
-                   _spatial_assembly.balance, 'python')
+                   _spatial_assembly.balance, _spatial_assembly.linearise, 'python')
 """The functions as they are written."""
 
 

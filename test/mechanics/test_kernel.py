@@ -25,7 +25,7 @@ from soft_continuum.mechanics import (
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.mechanics.spatial import spatial, SpatialStatics
+from soft_continuum.mechanics.spatial import spatial, SpatialLinearisation, SpatialStatics
 
 HERE = Path(__file__).parent
 
@@ -249,6 +249,7 @@ def test_the_extension_is_given_arrays_of_the_types_that_it_is_built_for(monkeyp
     solve_batch(hanging, hanging.chain.straight(), [0, 0.001], [1, 0, 0])
     solid = SpatialStatics(spatial(paper.build(bodies_per_segment=2, mounting_angle=np.pi)))
     bent = solid.solve(solid.chain.straight(), [0, -1], [1, 1, 0], tensions=[np.nan, 0])
-    solid.solve(bent, bent.pulls - 0.001, (False, True, False))
+    bent = solid.solve(bent, bent.pulls - 0.001, (False, True, False))
+    SpatialLinearisation(solid, bent).stiffness_factors()
     assert len(states) == 6 and called == set(_kernel.SIGNATURES)
     assert not wrong

@@ -111,6 +111,16 @@ def test_helical_tendons_twist_an_arm_towards_their_straightening(twist):
     assert np.hypot(*pulled.tip[:2]) < 1e-6
 
 
+def test_orientations_stay_orthogonal_over_many_solves():
+    statics = SpatialStatics(arm(bodies_per_segment=2))
+    state = statics.chain.straight()
+    for k in range(60):
+        part = cos(k / 9.0)
+        state = statics.solve(state, (0.006 * part, -0.004, -0.006 * part), (True, False, False))
+    squares = state.rotations @ state.rotations.transpose(0, 2, 1)
+    assert squares == pytest.approx(np.tile(np.eye(3), (len(squares), 1, 1)), abs=1e-14)
+
+
 # Energy.
 
 

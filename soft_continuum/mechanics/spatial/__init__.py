@@ -3,14 +3,15 @@
 """
 Statics of spatial arms: any number of tendons, routed anyhow, segments that bend in any direction.
 
-``SpatialStatics(arm)`` solves for the equilibrium; docs/explanation/space.md says how, and what is
-not there yet.
+``SpatialStatics(arm)`` solves for the equilibrium; ``pulls_for_bending`` and its neighbours go the
+other way.  docs/explanation/space.md says how, and what is not there yet.
 """
 
 from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from soft_continuum.mechanics.spatial import constant_curvature
     from soft_continuum.mechanics.spatial.arm import (
         spatial,
         SpatialArm,
@@ -19,19 +20,40 @@ if TYPE_CHECKING:
         SpatialTendon,
         Wrench,
     )
+    from soft_continuum.mechanics.spatial.batch import solve_batch, solve_path, SpatialBatch
     from soft_continuum.mechanics.spatial.chain import SpatialChain, SpatialEquilibrium
+    from soft_continuum.mechanics.spatial.inverse import (
+        BendingFit,
+        pulls_for_bending,
+        set_shape,
+    )
+    from soft_continuum.mechanics.spatial.self_contact import self_intersections, wound_up
+    from soft_continuum.mechanics.spatial.sensitivity import (
+        SpatialLinearisation,
+        SpatialSensitivity,
+    )
     from soft_continuum.mechanics.spatial.statics import SpatialStatics
+    from soft_continuum.mechanics.spatial.tip import bending_for_tip, SpatialTipFit, workspace
 
-__all__ = ['SpatialArm', 'SpatialChain', 'SpatialDisc', 'SpatialEquilibrium', 'SpatialSegment',
-           'SpatialStatics', 'SpatialTendon', 'Wrench', 'spatial']
+__all__ = [
+    'BendingFit', 'SpatialArm', 'SpatialBatch', 'SpatialChain', 'SpatialDisc',
+    'SpatialEquilibrium', 'SpatialLinearisation', 'SpatialSegment', 'SpatialSensitivity',
+    'SpatialStatics', 'SpatialTendon', 'SpatialTipFit', 'Wrench', 'bending_for_tip',
+    'constant_curvature', 'pulls_for_bending', 'self_intersections', 'set_shape', 'solve_batch',
+    'solve_path', 'spatial', 'workspace', 'wound_up',
+]
+
+# Cheap ones first, as in the plane: who solves does not load SciPy.
+_MODULES = ('arm', 'chain', 'statics', 'batch', 'self_contact', 'sensitivity',
+            'constant_curvature', 'inverse', 'tip')
 
 
 def __getattr__(name: str) -> Any:
     if name in __all__:
-        for module in ('arm', 'chain', 'statics'):
+        for module in [name] if name in _MODULES else _MODULES:
             found = import_module(f'{__name__}.{module}')
-            if hasattr(found, name):
-                return getattr(found, name)
+            if module == name or hasattr(found, name):
+                return getattr(found, name, found)
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 
 

@@ -17,7 +17,11 @@ from math import sqrt
 import numpy as np
 
 from soft_continuum.mechanics._compile import compiled
-from soft_continuum.mechanics.spatial._rotations import inverse_jacobian, rotation_vector
+from soft_continuum.mechanics.spatial._rotations import (
+    inverse_jacobian,
+    rotation_vector,
+    turned_moment_slope,
+)
 
 STIFFNESS, JAM, HELD = 0, 1, 2
 
@@ -41,12 +45,42 @@ def transposed_multiply(one, other, product):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def apply(matrix, vector, product):  # type: ignore[no-untyped-def]
+    """Write the product of a (3, 3) matrix and a vector (3,)."""
+    for i in range(3):
+        product[i] = matrix[i, 0] * vector[0] + matrix[i, 1] * vector[1] + matrix[i, 2] * vector[2]
+
+
+@compiled
+def add_half_cross(vector, times, matrix):  # type: ignore[no-untyped-def]
+    """Add half of the matrix of a cross product with a vector (3,), times a number."""
+    x, y, z = 0.5 * times * vector[0], 0.5 * times * vector[1], 0.5 * times * vector[2]
+    matrix[0, 1] -= z
+    matrix[1, 0] += z
+    matrix[0, 2] += y
+    matrix[2, 0] -= y
+    matrix[1, 2] -= x
+    matrix[2, 1] += x
+
+
+@compiled
+def joint_law(joint, angle, moment, slope):  # type: ignore[no-untyped-def]
+    """Write the moment (3,) of a joint at a rotation vector, and its derivative D (3, 3)."""
+    for i in range(3):
+        moment[i] = (joint[STIFFNESS, i] * angle[i]
+                     + joint[JAM, i] * (angle[i] - joint[HELD, i]))
+        for j in range(3):
+            slope[i, j] = joint[STIFFNESS, i] + joint[JAM, i] if i == j else 0.0
+
+
+@compiled
 def springs(rotations, system, gradient, diagonal, lower):  # type: ignore[no-untyped-def]
     """Add the moments of the joints and their derivatives; lower: d(g of k) by k - 1."""
     joints, turns = system[0], system[1]
     before, relative = np.empty((3, 3)), np.empty((3, 3))
-    jacobian, weighted, product = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    turned, angle, moment = np.empty((3, 3)), np.empty(3), np.empty(3)
+    jacobian, transpose, slope = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    left, product, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    angle, moment, law = np.empty(3), np.empty(3), np.empty((3, 3))
     for k in range(len(rotations)):
         if k > 0:
             multiply(rotations[k - 1], turns[k], before)
@@ -55,60 +89,52 @@ def springs(rotations, system, gradient, diagonal, lower):  # type: ignore[no-un
         transposed_multiply(before, rotations[k], relative)
         rotation_vector(relative, angle)
         inverse_jacobian(angle, jacobian)
-        for i in range(3):
-            moment[i] = (joints[k, STIFFNESS, i] * angle[i]
-                         + joints[k, JAM, i] * (angle[i] - joints[k, HELD, i]))
-            for j in range(3):
-                weighted[i, j] = (joints[k, STIFFNESS, i] + joints[k, JAM, i]) * jacobian[i, j]
+        joint_law(joints[k], angle, moment, law)
+        turned_moment_slope(angle, moment, slope)
+        transposed_multiply(jacobian, law, left)
         for i in range(3):
             for j in range(3):
-                gradient[k, i] += jacobian[j, i] * moment[j]
-        transposed_multiply(jacobian, weighted, product)
+                transpose[i, j] = jacobian[j, i]
+                left[i, j] += slope[i, j]
+        # On the link: J^-T M and (J^-T D + slope) J^-1, less what the turning frame adds.
+        multiply(left, jacobian, product)
+        apply(transpose, moment, angle)
+        add_half_cross(angle, -1.0, product)
         for i in range(3):
+            gradient[k, i] += angle[i]
             for j in range(3):
                 diagonal[k, i, j] += product[i, j]
         if k == 0:
             continue
-        # That of the link before is the transpose, in the frame of its upper joint.
-        for i in range(3):
-            total = 0.0
-            for j in range(3):
-                total += jacobian[i, j] * moment[j]
-            angle[i] = total
-            for j in range(3):
-                weighted[i, j] = (joints[k, STIFFNESS, i] + joints[k, JAM, i]) * jacobian[j, i]
-        multiply(jacobian, weighted, product)
+        # By the link before, in the frame of its upper joint: by -J^-T there.
         turn = turns[k]
+        multiply(left, transpose, product)
         for i in range(3):
             for j in range(3):
-                gradient[k - 1, i] -= turn[i, j] * angle[j]
+                lower[k, i, j] -= (product[i, 0] * turn[j, 0] + product[i, 1] * turn[j, 1]
+                                   + product[i, 2] * turn[j, 2])
+        # On the link before: -J^-1 M, the same with the rotation vector reversed.
+        multiply(jacobian, law, left)
+        for i in range(3):
+            for j in range(3):
+                left[i, j] += slope[i, j]
+        add_half_cross(moment, -2.0, left)
+        multiply(left, transpose, product)
+        apply(jacobian, moment, angle)
+        add_half_cross(angle, 1.0, product)
         multiply(turn, product, turned)
         for i in range(3):
             for j in range(3):
+                gradient[k - 1, i] -= turn[i, j] * angle[j]
                 diagonal[k - 1, i, j] += (turned[i, 0] * turn[j, 0] + turned[i, 1] * turn[j, 1]
                                           + turned[i, 2] * turn[j, 2])
-        # d2/(d before)(d after) = -J^-1 D J^-1 + [M]x / 2, before rows: the transpose here.
-        for i in range(3):
-            for j in range(3):
-                weighted[i, j] = (joints[k, STIFFNESS, i] + joints[k, JAM, i]) * jacobian[i, j]
-        multiply(jacobian, weighted, product)
-        product[0, 1] += 0.5 * moment[2]
-        product[0, 2] -= 0.5 * moment[1]
-        product[1, 0] -= 0.5 * moment[2]
-        product[1, 2] += 0.5 * moment[0]
-        product[2, 0] += 0.5 * moment[1]
-        product[2, 1] -= 0.5 * moment[0]
-        for i in range(3):
-            for j in range(3):
-                lower[k, j, i] -= (turn[i, 0] * product[0, j] + turn[i, 1] * product[1, j]
-                                   + turn[i, 2] * product[2, j])
 
 
 @compiled
 def dead_loads(rotations, system, gradient, diagonal):  # type: ignore[no-untyped-def]
     """Add the moments of dead forces and moments, and their derivatives."""
     loads, moments = system[2], system[3]
-    turned = np.empty((3, 3))
+    turned, moment = np.empty((3, 3)), np.empty(3)
     for k in range(len(rotations)):
         multiply(loads[k], rotations[k], turned)  # sum of v (R^T w)^T
         gradient[k, 0] -= turned[1, 2] - turned[2, 1]
@@ -128,12 +154,8 @@ def dead_loads(rotations, system, gradient, diagonal):  # type: ignore[no-untype
         gradient[k, 1] -= y
         gradient[k, 2] -= z
         # Half of the derivative: the frame in which moments balance turns as well.
-        diagonal[k, 0, 1] += 0.5 * z
-        diagonal[k, 1, 0] -= 0.5 * z
-        diagonal[k, 0, 2] -= 0.5 * y
-        diagonal[k, 2, 0] += 0.5 * y
-        diagonal[k, 1, 2] += 0.5 * x
-        diagonal[k, 2, 1] -= 0.5 * x
+        moment[0], moment[1], moment[2] = x, y, z
+        add_half_cross(moment, -1.0, diagonal[k])
 
 
 @compiled
@@ -194,6 +216,36 @@ def add_neighbours(  # type: ignore[no-untyped-def]
 
 
 @compiled
+def across_spans(  # type: ignore[no-untyped-def]
+        rotations, system, tension, units, lengths, columns, used, of_span, diagonal, lower):
+    """
+    Add how tensions hold the spans against what is across them; return the columns used.
+
+    The tension over the length, N/m, of the span ``of_span`` acts along each two new columns
+    (3 links, :).  Spans between neighbours go into the blocks instead.
+    """
+    spans = system[6]
+    one, other = np.empty(3), np.empty(3)
+    for s in range(len(spans)):
+        begin, end = spans[s, 1], spans[s, 2]
+        if tension[spans[s, 0]] == 0.0:
+            continue
+        across(units[s], one, other)
+        if end - begin <= 2 and system[4][end - 1] - system[4][begin] <= 1:
+            force = tension[spans[s, 0]] / lengths[s]
+            for way in (one, other):
+                add_neighbours(way, force, rotations, system, begin, end, diagonal, lower)
+            continue
+        for e in range(begin, end):
+            k = system[4][e]
+            add_lever(one, rotations[k], system[5][e], columns, k, used)
+            add_lever(other, rotations[k], system[5][e], columns, k, used + 1)
+        of_span[used], of_span[used + 1] = s, s
+        used += 2
+    return used
+
+
+@compiled
 def tendons(  # type: ignore[no-untyped-def]
         rotations, system, tension, units, gradient, diagonal, slopes):
     """Add the moments of the tendons; slopes: (3 links, tendons), m, of the paths."""
@@ -235,3 +287,29 @@ def balance(rotations, tension, system):  # type: ignore[no-untyped-def]
     span_lengths(rotations, system, units, lengths, paths)
     tendons(rotations, system, tension, units, gradient, diagonal, slopes)
     return gradient
+
+
+@compiled
+def linearise(rotations, tension, system):  # type: ignore[no-untyped-def]
+    """
+    Return the derivative of the unbalanced moments, with tensions that stay.
+
+    That is diagonal and lower blocks (links, 3, 3), whose transposes are the upper ones, and
+    columns (3 links, c) times forces (c,) in N/m times the same columns.  Last slopes
+    (3 links, tendons), m, of the paths, which are also the derivatives by the tensions.
+    """
+    links, count, spans = len(rotations), len(tension), system[6]
+    gradient, diagonal = np.zeros((links, 3)), np.zeros((links, 3, 3))
+    lower, slopes = np.zeros((links, 3, 3)), np.empty((3 * links, count))
+    units, lengths = np.empty((len(spans), 3)), np.empty(len(spans))
+    paths, of_span = np.empty(count), np.empty(2 * len(spans), np.int64)
+    columns, forces = np.zeros((3 * links, 2 * len(spans))), np.empty(2 * len(spans))
+    springs(rotations, system, gradient, diagonal, lower)
+    dead_loads(rotations, system, gradient, diagonal)
+    span_lengths(rotations, system, units, lengths, paths)
+    tendons(rotations, system, tension, units, gradient, diagonal, slopes)
+    used = across_spans(rotations, system, tension, units, lengths, columns, 0, of_span,
+                        diagonal, lower)
+    for c in range(used):
+        forces[c] = tension[spans[of_span[c], 0]] / lengths[of_span[c]]
+    return diagonal, lower, columns[:, :used].copy(), forces[:used].copy(), slopes

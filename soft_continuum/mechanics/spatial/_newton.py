@@ -22,13 +22,12 @@ import numpy as np
 from soft_continuum.mechanics._compile import compiled
 from soft_continuum.mechanics._linear_algebra import negative_eigenvalues, small_solve
 from soft_continuum.mechanics.spatial._assembly import (
-    across,
-    add_lever,
-    add_neighbours,
+    across_spans,
     dead_loads,
     multiply,
     span_lengths,
     springs,
+    STIFFNESS,
     tendons,
 )
 from soft_continuum.mechanics.spatial._rotations import rotate
@@ -41,6 +40,8 @@ LENGTH_TOLERANCE = 1e-11  # m
 SET_TOLERANCE = 1e-4  # rad: near enough to see which tendons carry
 STEP_TOLERANCE = 1e-9  # rad: the next step would be far below rounding
 TENSION_TOLERANCE = 1e-9  # N
+NEUTRAL = 1e-7
+"""Of the stiffness of a joint, against its turning: a round column may buckle to any side."""
 
 
 @compiled
@@ -114,7 +115,7 @@ def newton(rotations, tension, taut, system, drive, most):  # type: ignore[no-un
     units, lengths, paths = np.empty((len(spans), 3)), np.empty(len(spans)), np.empty(count)
     small, whole, right = np.empty((size, size)), np.empty((size, size)), np.empty(size)
     of_column, of_span = np.empty(size, np.int64), np.empty(size, np.int64)
-    one, other, step = np.empty(3), np.empty(3), np.empty(3)
+    step = np.empty(3)
     sets, used, negatives = 0, 0, 0
     residual = 0.0
     for t in range(count):
@@ -127,8 +128,9 @@ def newton(rotations, tension, taut, system, drive, most):  # type: ignore[no-un
             for i in range(3):
                 gradient[k, i] = -bias[k, i]
                 for j in range(3):
-                    diagonal[k, i, j] = damping if i == j else 0.0
+                    diagonal[k, i, j] = 0.0
                     lower[k, i, j] = 0.0
+                diagonal[k, i, i] = damping + NEUTRAL * system[0][k, STIFFNESS].min()
         springs(rotations, system, gradient, diagonal, lower)
         dead_loads(rotations, system, gradient, diagonal)
         span_lengths(rotations, system, units, lengths, paths)
@@ -143,21 +145,8 @@ def newton(rotations, tension, taut, system, drive, most):  # type: ignore[no-un
                     raw[row, used] = slopes[row, t]
                 used += 1
         active = used
-        for s in range(len(spans)):
-            begin, end = spans[s, 1], spans[s, 2]
-            if tension[spans[s, 0]] != 0.0:
-                across(units[s], one, other)
-                if end - begin <= 2 and system[4][end - 1] - system[4][begin] <= 1:
-                    force = tension[spans[s, 0]] / lengths[s]
-                    for way in (one, other):
-                        add_neighbours(way, force, rotations, system, begin, end, diagonal, lower)
-                    continue
-                for e in range(begin, end):
-                    k = system[4][e]
-                    add_lever(one, rotations[k], system[5][e], raw, k, used)
-                    add_lever(other, rotations[k], system[5][e], raw, k, used + 1)
-                of_span[used], of_span[used + 1] = s, s
-                used += 2
+        used = across_spans(rotations, system, tension, units, lengths, raw, used, of_span,
+                            diagonal, lower)
         for k in range(links):
             for i in range(3):
                 raw[3 * k + i, used] = -gradient[k, i]

@@ -67,3 +67,34 @@ def inverse_jacobian(vector, matrix):  # type: ignore[no-untyped-def]
     matrix[0, 1], matrix[1, 0] = factor * x * y - 0.5 * z, factor * x * y + 0.5 * z
     matrix[0, 2], matrix[2, 0] = factor * x * z + 0.5 * y, factor * x * z - 0.5 * y
     matrix[1, 2], matrix[2, 1] = factor * y * z - 0.5 * x, factor * y * z + 0.5 * x
+
+
+@compiled
+def turned_moment_slope(vector, moment, matrix):  # type: ignore[no-untyped-def]
+    """Write how J^-T times a moment (3,) that stays changes with the rotation vector, (3, 3)."""
+    x, y, z = vector[0], vector[1], vector[2]
+    square = x * x + y * y + z * z
+    if square < 0.04:  # below 0.2 rad the terms left out are 1e-8 of it
+        factor = 1.0 / 12.0 + square / 720.0 + square * square / 30240.0
+        slope = 1.0 / 360.0 + square / 7560.0 + square * square / 201600.0
+    else:
+        angle = sqrt(square)
+        half = 0.5 * angle
+        cotangent = cos(half) / sin(half)
+        factor = 1.0 / square - 0.5 * cotangent / angle
+        slope = (0.25 / sin(half)**2 + 0.5 * cotangent / angle - 2.0 / square) / square
+    a, b, c = moment[0], moment[1], moment[2]
+    u, v, w = y * c - z * b, z * a - x * c, x * b - y * a  # vector x moment
+    dot = x * a + y * b + z * c
+    # [m]x / 2 - f ([v x m]x + [v]x [m]x) + f' / |v| (v x (v x m)) v^T
+    cross = y * w - z * v, z * u - x * w, x * v - y * u
+    for i in range(3):
+        for j in range(3):
+            matrix[i, j] = (slope * cross[i] * vector[j] - factor * moment[i] * vector[j]
+                            + (factor * dot if i == j else 0.0))
+    matrix[0, 1] += factor * w - 0.5 * c
+    matrix[1, 0] += 0.5 * c - factor * w
+    matrix[0, 2] += 0.5 * b - factor * v
+    matrix[2, 0] += factor * v - 0.5 * b
+    matrix[1, 2] += factor * u - 0.5 * a
+    matrix[2, 1] += 0.5 * a - factor * u

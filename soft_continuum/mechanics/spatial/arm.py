@@ -39,6 +39,7 @@ class SpatialSegment:
     length: m.  stiffness_x, stiffness_y: E I about the x and y axes of its cross-section, N m^2;
     inf for a hinge about the other axis, as a leaf spring is.  torsional_stiffness: G J, N m^2.
     mass: kg.  jam: how it is stiffened; a yield moment or a law of its own is not supported.
+    bending_angle_limit: largest bending angle in any direction that inverse problems may use, rad.
     """
 
     length: float
@@ -47,9 +48,11 @@ class SpatialSegment:
     torsional_stiffness: float = inf
     mass: float = 0.0
     jam: Jam = field(default_factory=Jam)
+    bending_angle_limit: float = pi / 2
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical segment."""
+        check_range('bending angle limit', self.bending_angle_limit, 1e-3, pi, 'rad')
         check_range('segment length', self.length, *LENGTH_RANGE, 'm')
         for name in ('stiffness_x', 'stiffness_y', 'torsional_stiffness'):
             if getattr(self, name) != inf:
@@ -209,8 +212,8 @@ def spatial(arm: Arm) -> SpatialArm:
     angle = arm.mounting_angle
     last = len(arm.segments)
     return SpatialArm(
-        tuple(SpatialSegment(s.length, inf, s.bending_stiffness, inf, s.mass, s.jam)
-              for s in arm.segments),
+        tuple(SpatialSegment(s.length, inf, s.bending_stiffness, inf, s.mass, s.jam,
+                             min(s.bending_angle_limit, pi)) for s in arm.segments),
         tuple(SpatialDisc(d.height, d.mass) for d in arm.discs),
         (SpatialTendon(arm.tendon_names[0], 0.0, offsets, last),
          SpatialTendon(arm.tendon_names[1], radians(180.0), offsets, last)),

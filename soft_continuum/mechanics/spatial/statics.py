@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics import _kernel
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.spatial._assembly import STIFFNESS
 from soft_continuum.mechanics.spatial._newton import CONVERGED, LENGTH, TENSION
@@ -131,19 +131,22 @@ class SpatialStatics:
         """
         Return the equilibrium that follows from ``start``.
 
-        pulls: (tendons,) m; a slack tendon carries nothing.  soft: one flag per segment.
-        tensions: (tendons,) N of tendons that are pulled by a force instead, nan for those that
-        are not (default: none).  Raises ValueError for other shapes or numbers,
+        pulls: (tendons,) m; a slack tendon carries nothing, one of SLACK never.  soft: one flag
+        per segment.  tensions: (tendons,) N of tendons that are pulled by a force instead, nan
+        for those that are not (default: none).  Raises ValueError for other shapes or numbers,
         OverconstrainedError when tendons are too short for a locked arm, StaticsError when no
         equilibrium is found.
         """
         tendons, segments = len(self.chain.arm.tendons), self.chain.segments
         wanted = np.array(pulls, dtype=float)
-        if wanted.shape != (tendons,) or not np.all(np.isfinite(wanted)):
-            raise ValueError(f'pulls must be {tendons} finite numbers (m), one for each tendon')
+        if wanted.shape != (tendons,) or not np.all(np.isfinite(wanted) | (wanted == SLACK)):
+            raise ValueError(f'pulls must be {tendons} finite numbers (m), one for each tendon, '
+                             'or SLACK')
         given = np.full(tendons, np.nan) if tensions is None else np.array(tensions, dtype=float)
         if given.shape != (tendons,) or np.any(np.isinf(given)) or np.any(given < 0.0):
             raise ValueError(f'tensions must be {tendons} numbers of 0 N and more, or nan')
+        given = np.where((wanted == SLACK) & np.isnan(given), 0.0, given)
+        wanted = np.where(wanted == SLACK, start.pulls, wanted)
         mask = tuple(bool(one) for one in soft)
         if len(mask) != segments:
             raise ValueError(f'soft has {len(mask)} flags; needed: {segments}')
@@ -204,6 +207,8 @@ class SpatialStatics:
         turned = np.concatenate([
             links.rotations @ start.rotations[first].transpose(0, 2, 1), np.eye(3)[None]])
         every = turned[link] @ start.rotations
+        # Three factors: what rounding takes of orthogonality would triple with every solve.
+        every = 1.5 * every - 0.5 * every @ every.transpose(0, 2, 1) @ every
         paths = chain.paths(every)
         allowed = np.where(by_force, paths,
                            chain.straight_paths - pulls + self._compliance * links.tension)

@@ -1,0 +1,269 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Pulls for the bending of soft segments, with the least tension, and shapes set one by one.
+
+A bending has an angle and a direction, so it takes two tendons at least: of three or more, many
+tensions hold the same bending.  Newton's method for the bending chooses, in each step, the least
+sum of squares of the tensions among those that none falls below the pretension (a quadratic
+program, as for cable-driven parallel robots: Pott, Cable-Driven Parallel Robots, 2018, ch. 3).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import lsq_linear
+
+from soft_continuum.mechanics._checks import finite, listed, real_array, soft_flags, whole
+from soft_continuum.mechanics.chain import Array, SLACK
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.spatial.arm import SpatialArm, SpatialTendon
+from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
+from soft_continuum.mechanics.spatial.constant_curvature import bending_axes
+from soft_continuum.mechanics.spatial.sensitivity import SpatialLinearisation
+from soft_continuum.mechanics.spatial.statics import Booleans, SpatialStatics
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
+
+SAME_BENDING = 1e-8  # rad: a segment this close has its bending
+HELD = 1e-7  # rad: a bending this close is held
+STEP = 0.3  # rad of bending at first
+ENOUGH = 0.01  # of a change: tensions that miss it by less bring it about
+LEAST_STEP = 1e-3  # of the way of Newton's method
+MAX_STEPS = 100
+MAX_PASSES = 100  # over all segments, before elastic ones are taken not to fit together
+WEIGHT = 1e6  # N/rad of an error of bending against the tensions, in the choice of tensions
+NO_TENSION = 1e-6  # N above the pretension: a tendon this close does not carry
+SETTLED = 1e-7  # of the tensions: they change no more
+ONE_PLANE = 1e-3  # least over largest singular value of what tendons do to a segment
+
+
+@dataclass(frozen=True, eq=False)
+class BendingFit:
+    """
+    Pulls at which soft segments have their bending.
+
+    pulls: (tendons,) m at the motors (stretch included), SLACK for a tendon that does not carry.
+    error: (segments, 2) rad, reached minus wanted; nan where nothing was wanted.
+    """
+
+    state: SpatialEquilibrium
+    pulls: Array
+    error: Array
+
+
+def pulls_for_bending(statics: SpatialStatics, start: SpatialEquilibrium, bending: ArrayLike,
+                      soft: Sequence[bool], *, pretension: float = 0.0) -> BendingFit:
+    """
+    Return the pulls at which soft segments have given bending, with the least tensions.
+
+    bending: (segments, 2) rad about x and y, as SpatialEquilibrium.bending; nan for what may be
+    anything.  pretension: N that every tendon carries at least; with 0 a tendon may be slack.
+    Where several tensions do, the sum of their squares is least.  Followed from ``start``.
+
+    Raises StaticsError that names what cannot be held: a segment that no tendon passes, a
+    direction to which none bends it, more bendings than tendons; ValueError for other sizes.
+    """
+    wanted, chosen = _wanted(statics, bending, soft)
+    if not (finite(pretension) and pretension >= 0.0):
+        raise ValueError(f'the pretension must be a number of 0 N and more; given: {pretension!r}')
+    _refuse_unreachable(statics, start, chosen)
+    search = _Search(statics, wanted, chosen, tuple(soft), pretension)
+    state = search.run(start)
+    error = np.where(chosen, state.bending - wanted, np.nan)
+    if np.nanmax(np.abs(error)) > HELD:
+        raise StaticsError(search.why_not(state), state)
+    return BendingFit(state, search.pulls(state), error)
+
+
+def set_shape(statics: SpatialStatics, bending: ArrayLike,
+              start: SpatialEquilibrium | None = None, order: Sequence[int] | None = None, *,
+              pretension: float = 0.0) -> SpatialEquilibrium:
+    """
+    Return the arm with its segments set one after the other, base first unless ``order`` says so.
+
+    bending: (segments, 2) rad, of which only those of the segments in ``order`` count.  A segment
+    that already has its bending is left alone.  Where stiff segments give way, each is bent so far
+    that it has its bending in the end.  pretension: as of pulls_for_bending.  Raises StaticsError
+    where a segment is not held at its bending or where they cannot all have theirs, ValueError for
+    bending or an order that are not those of the arm.
+    """
+    segments = statics.chain.segments
+    wanted = real_array(bending, 'bending must be numbers (rad)')
+    turns = list(range(segments)) if order is None else listed(order)
+    if (len(set(turns)) < len(turns)
+            or not all(whole(turn) and 0 <= turn < segments for turn in turns)):
+        raise ValueError(f'order must name segments, 0 to {segments - 1}, each once at most; '
+                         f'given: {order!r}')
+    if wanted.shape != (segments, 2) or not np.isfinite(wanted[turns]).all():
+        raise ValueError('bending must be two finite numbers in rad, about x and y, for each of '
+                         f'the {segments} segments; given: {bending!r}')
+    goal, begin = wanted.copy(), statics.chain.straight() if start is None else start
+    for _ in range(MAX_PASSES):
+        state = begin
+        for s in turns:
+            if np.abs(state.bending[s] - goal[s]).max() > SAME_BENDING:
+                soft = [i == s for i in range(segments)]
+                state = pulls_for_bending(statics, state, goal, soft, pretension=pretension).state
+        missed = (wanted - state.bending)[turns]
+        if np.abs(missed).max(initial=0.0) <= SAME_BENDING:
+            return state
+        goal[turns] += missed
+    raise StaticsError(
+        f'segments {[s + 1 for s in turns]} give way to each other and are still '
+        f'{np.degrees(missed).round(3).tolist()} degrees from their bending after {MAX_PASSES} '
+        'passes; take smaller angles or stiffer jams', state)
+
+
+def _wanted(statics: SpatialStatics, bending: ArrayLike, soft: Sequence[bool]
+            ) -> tuple[Array, Booleans]:
+    """Return the bending wanted, and what of it counts: (segments, 2) each."""
+    arm, segments = statics.chain.arm, statics.chain.segments
+    wanted = real_array(bending, 'bending must be numbers (rad), or nan')
+    flags = np.array(soft_flags(soft, segments))
+    if wanted.shape != (segments, 2) or np.any(np.isinf(wanted)):
+        raise ValueError('bending must be two numbers (rad) or nan, about x and y, for each of '
+                         f'the {segments} segments; given: {bending!r}')
+    chosen = np.isfinite(wanted) & flags[:, None]
+    hinged = chosen & ~bending_axes(arm)
+    for s, axis in np.argwhere(hinged & (np.nan_to_num(wanted) != 0.0)):
+        raise ValueError(f'segment {s + 1} does not bend about {"xy"[axis]}: its stiffness is '
+                         'infinite')
+    chosen &= ~hinged
+    if not chosen.any():
+        raise ValueError('bending must have a number for a soft segment at least; given: '
+                         f'{bending!r}')
+    return wanted, chosen
+
+
+def _refuse_unreachable(statics: SpatialStatics, start: SpatialEquilibrium, chosen: Booleans
+                        ) -> None:
+    """Refuse what no tension whatsoever can choose."""
+    tendons = statics.chain.arm.tendons
+    for s in np.flatnonzero(chosen.any(axis=1)):
+        if not any(tendon.end > s for tendon in tendons):
+            raise StaticsError(f'no tendon passes segment {s + 1}, so its bending cannot be '
+                               'chosen', start)
+    if chosen.sum() > len(tendons):
+        raise StaticsError(
+            f'{chosen.sum()} bendings cannot be chosen with {len(tendons)} tendons; let fewer '
+            'segments be soft, or give nan for what may be anything', start)
+
+
+class _Search:
+    """Newton's method for bendings (segments, 2) rad, of which some are chosen."""
+
+    def __init__(self, statics: SpatialStatics, wanted: Array, chosen: Booleans,
+                 soft: tuple[bool, ...], pretension: float) -> None:
+        self.statics, self.wanted, self.chosen, self.soft = statics, wanted, chosen, soft
+        self.pretension = pretension
+        self.compliance = np.array([t.compliance for t in statics.chain.arm.tendons])
+
+    def run(self, start: SpatialEquilibrium) -> SpatialEquilibrium:
+        """Return where the bendings are those wanted, or as near as the tendons bring them."""
+        # Tendons that all are just taut hold each other: a little slack shows which carry.
+        state = self.statics.solve(
+            start, self.motors(start) - start.slack - SLACK_ALLOWANCE, self.soft)
+        part = 1.0
+        for _ in range(MAX_STEPS):
+            left = (self.wanted - state.bending)[self.chosen]
+            most = min(1.0, STEP / max(float(np.abs(left).max()), 1e-300))
+            tensions, pulls, reaches = self.step(state, min(part, most) * left)
+            settled = np.abs(tensions - state.tensions).max() <= SETTLED * (
+                1.0 + np.abs(tensions).max())
+            try:
+                there = self.solve(state, tensions, pulls)
+            except StaticsError as error:
+                if not reaches:
+                    raise StaticsError(self.why_not(state), state) from None
+                part = 0.25 * min(part, most)
+                if part < LEAST_STEP:
+                    raise StaticsError(f'on the way to that bending: {error}', state) from None
+                continue
+            part, state = min(1.0, 2.0 * part), there
+            if settled:
+                break
+        return state
+
+    def motors(self, state: SpatialEquilibrium) -> Array:
+        """Return the pulls at the motors, (tendons,), m: those of the paths, and the stretch."""
+        found: Array = state.pulls + self.compliance * state.tensions
+        return found
+
+    def pulls(self, state: SpatialEquilibrium) -> Array:
+        """Return the pulls at the motors, (tendons,), m, SLACK where nothing is carried."""
+        return np.where(state.tensions > NO_TENSION, self.motors(state), SLACK)
+
+    def by_tensions(self, state: SpatialEquilibrium) -> tuple[Array, Array]:
+        """Return how bendings chosen (k, tendons) and paths (tendons, tendons) change by them."""
+        found = SpatialLinearisation(self.statics, state, tensions=state.tensions).tensions()
+        return found.bending[self.chosen], found.paths
+
+    def step(self, state: SpatialEquilibrium, change: Array) -> tuple[Array, Array, bool]:
+        """
+        Return least tensions (tendons,) N for a change (k,) rad, and pulls at the motors, m.
+
+        Last, whether they bring about that change, as far as this derivative tells.
+        """
+        slopes, paths = self.by_tensions(state)
+        needed = change + slopes @ state.tensions
+        tensions: Array = lsq_linear(
+            np.vstack([WEIGHT * slopes, np.eye(len(self.compliance))]),
+            np.concatenate([WEIGHT * needed, np.zeros(len(self.compliance))]),
+            (self.pretension, np.inf), method='bvls').x
+        # Exactly, with the tendons that carry: those at the pretension stay there.
+        carries = tensions > self.pretension + NO_TENSION
+        tensions[~carries] = self.pretension
+        tensions[carries] = np.linalg.lstsq(
+            slopes[:, carries], needed - slopes[:, ~carries] @ tensions[~carries])[0]
+        more = tensions - state.tensions
+        missed = np.abs(slopes @ tensions - needed).max()
+        return (tensions, self.motors(state) - paths @ more + self.compliance * more,
+                bool(missed <= ENOUGH * np.abs(change).max()))
+
+    def solve(self, state: SpatialEquilibrium, tensions: Array, pulls: Array
+              ) -> SpatialEquilibrium:
+        """Solve by the lengths of the tendons that carry: by tensions less is stable."""
+        carries = tensions > self.pretension + NO_TENSION
+        there = self.statics.solve(state, pulls, self.soft,
+                                   tensions=np.where(carries, np.nan, self.pretension))
+        if there.jumped:
+            raise StaticsError('the tendons can bend the arm so, but not hold it: the '
+                               'equilibrium is not stable', state)
+        return there
+
+    def why_not(self, state: SpatialEquilibrium) -> str:
+        """Return what cannot be held, at the state where the search ended."""
+        arm = self.statics.chain.arm
+        missed = np.where(self.chosen, state.bending - self.wanted, 0.0)
+        worst = int(np.argmax(np.abs(missed).max(axis=1)))
+        passing = [tendon for tendon in arm.tendons if tendon.end > worst]
+        places = np.array([_place(arm, tendon, worst) for tendon in passing])
+        names = ', '.join(f'{tendon.name} at {_degrees(place):.0f}'
+                          for tendon, place in zip(passing, places, strict=True))
+        off = (f'segment {worst + 1} cannot be held at its bending: '
+               f'{np.degrees(np.linalg.norm(missed[worst])):.2f} degrees are left')
+        values = np.linalg.svd(places, compute_uv=False)
+        if len(passing) < 2 or values[1] < ONE_PLANE * values[0]:
+            return (f'{off}, and the tendons that pass it lie in one plane ({names} degrees about '
+                    'z from x); another plane needs a tendon beside it')
+        if self.chosen.any(axis=1).sum() > 1:
+            return (f'{off}; the tendons do not hold those of all soft segments at once, so let '
+                    'fewer be soft')
+        towards = _degrees(np.array([-missed[worst, 1], missed[worst, 0]]))
+        return (f'{off}, and no tendon pulls it on towards {towards:.0f} degrees about z from '
+                f'x; those that pass it are {names}')
+
+
+def _place(arm: SpatialArm, tendon: SpatialTendon, segment: int) -> Array:
+    """Return (x, y) of a tendon in the middle of a segment, m."""
+    below = sum(s.length for s in arm.segments[:segment]) + sum(
+        d.height for d in arm.discs[:segment + 1])
+    angle = tendon.angle + tendon.twist * (below + 0.5 * arm.segments[segment].length)
+    return tendon.offset_at(segment, 0.5) * np.array([np.cos(angle), np.sin(angle)])
+
+
+def _degrees(across: Array) -> float:
+    """Return the angle about z from x of (x, y), degrees from 0 to 360."""
+    return float(np.degrees(np.arctan2(across[1], across[0]))) % 360.0

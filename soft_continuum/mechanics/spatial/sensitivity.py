@@ -1,0 +1,260 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How a spatial equilibrium changes with pulls, loads and stiffness.
+
+As in the plane, F(orientations, tensions; p) = 0 is differentiated: the derivatives are
+-K^-1 dF/dp with K the matrix of the last Newton step.  Its blocks are eliminated as a band, what
+borders them (taut tendons, and what holds spans across) as a small dense system.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import lu_factor, lu_solve
+from scipy.linalg.lapack import dgbtrf, dgbtrs
+
+from soft_continuum.mechanics import _kernel
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.spatial._assembly import HELD, JAM, STIFFNESS
+from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
+from soft_continuum.mechanics.spatial.statics import Booleans, SpatialStatics
+
+BAND = 5  # entries beside the diagonal in a block tridiagonal matrix with blocks (3, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialSensitivity:
+    """
+    Derivatives of a spatial equilibrium with respect to k parameters.
+
+    rotations: (bodies, 3, k), of every body, as rotation vectors in base_link, rad per unit.
+    tensions: (tendons, k) N per unit.  paths: (tendons, k) m per unit, of the lengths of the
+    tendons' paths.  points: (2 * discs, 3, k) m per unit, bottom and top centre of every disc.
+    orientations: (discs, 3, k) rad per unit, of every disc, as rotations.  bending:
+    (segments, 2, k) rad per unit.
+    """
+
+    rotations: Array
+    tensions: Array
+    paths: Array
+    points: Array
+    orientations: Array
+    bending: Array
+
+    @property
+    def tip(self) -> Array:
+        """Of the top of the last disc: x, y, z (m), then its rotation vector (rad), (6, k)."""
+        found: Array = np.concatenate([self.points[-1], self.orientations[-1]])
+        return found
+
+
+class SpatialLinearisation:
+    """
+    The linearised statics at one equilibrium, for the stiff segments that it was found with.
+
+    A slack tendon stays slack and a taut one taut: where that changes, the derivatives are
+    one-sided.
+    """
+
+    def __init__(self, statics: SpatialStatics, state: SpatialEquilibrium, *,
+                 tensions: ArrayLike | None = None) -> None:
+        """
+        Factor the matrix.
+
+        tensions: as in SpatialStatics.solve: a number for each tendon whose tension is given and
+        not its length, else nan (default: all lengths).  Raises ValueError for a state of another
+        arm, or tensions of the wrong size.
+        """
+        chain = statics.chain
+        if state.chain.arm != chain.arm:
+            raise ValueError('this is a state of another arm')
+        count = len(chain.arm.tendons)
+        given = np.full(count, np.nan) if tensions is None else np.array(tensions, dtype=float)
+        if given.shape != (count,):
+            raise ValueError(f'tensions must be {count} numbers (N), or nan')
+        self._chain, self._state, self._by_force = chain, state, ~np.isnan(given)
+        self._link, self._system, _ = chain.system(state, [not stiff for stiff in state.stiff])
+        first = np.flatnonzero(np.diff(self._link, prepend=-1))
+        self._segment = first // chain.joints_per_segment  # of each link's joint
+        self._soft = ~np.array(state.stiff)[self._segment]
+        self._rotations = np.ascontiguousarray(state.rotations[first])
+        diagonal, lower, across, forces, self._slopes = _kernel.functions().spatial_linearise(
+            self._rotations, state.tensions, self._system)
+        compliance = np.array([tendon.compliance for tendon in chain.arm.tendons])
+        self._taut = np.flatnonzero(
+            (state.tensions > 0.0) & ~self._by_force
+            & ((compliance > 0.0) | self._slopes.any(axis=0)))
+        self._columns = np.hstack([self._slopes[:, self._taut], across])
+        self._band, self._pivots = _factored_band(diagonal, lower)
+        self._inside = self._without_tendons(self._columns)
+        self._border = lu_factor(
+            self._columns.T @ self._inside
+            + np.diag(np.concatenate([compliance[self._taut], 1.0 / forces])), check_finite=False)
+
+    def pulls(self) -> SpatialSensitivity:
+        """Return the derivatives by the pull of each tendon, per m; 0 where tension is given."""
+        return self._solve(pulls=np.eye(len(self._by_force)))
+
+    def tensions(self) -> SpatialSensitivity:
+        """Return the derivatives by the tension of each tendon, per N; 0 where length is given."""
+        return self._solve(tensions=np.diag(self._by_force.astype(float)))
+
+    def stiffness_factors(self) -> SpatialSensitivity:
+        """
+        Return the derivatives by a factor, now 1, of every stiffness of each segment.
+
+        Those are its bending, torsional and jam stiffness.
+        """
+        def weigh(joints: Array, here: Booleans) -> None:
+            joints[~here] = 0.0
+        return self._solve(-self._by_springs(weigh))
+
+    def stiffness_ratio(self) -> SpatialSensitivity:
+        """Return the derivatives by the ratio K of every stiff segment; 0 if soft or rigid."""
+        def weigh(joints: Array, here: Booleans) -> None:
+            jammed = here & ~self._soft
+            joints[:, JAM] = np.where(jammed[:, None], joints[:, STIFFNESS], 0.0)
+            joints[:, STIFFNESS] = 0.0
+        return self._solve(-self._by_springs(weigh))
+
+    def held_shape(self) -> SpatialSensitivity:
+        """
+        Return the derivatives by the shape that the jam of every segment holds.
+
+        Per rad of its bending about x, then y, of each segment in turn, spread evenly over its
+        joints; 0 for one that is soft, or rigid.
+        """
+        def weigh(axis: int, more: float) -> Callable[[Array, Booleans], None]:
+            def weigh(joints: Array, here: Booleans) -> None:
+                joints[:, STIFFNESS] = 0.0
+                joints[here, HELD, axis] += more / self._chain.joints_per_segment
+            return weigh
+        # What springs do is linear in the shape that they hold: a difference is exact.
+        each = [self._by_springs(weigh(axis, 0.0)) - self._by_springs(weigh(axis, 1.0))
+                for axis in (0, 1)]
+        return self._solve(np.stack(each, axis=2).reshape(len(each[0]), -1))
+
+    def payload(self) -> SpatialSensitivity:
+        """Return the derivatives by a mass at the tip, per kg."""
+        return self._solve(self._by_torques(np.cross(
+            self._vectors(), np.array(self._chain.arm.gravity))[:, :, None]))
+
+    def forces(self) -> SpatialSensitivity:
+        """
+        Return the derivatives by forces on the discs, per N.
+
+        In turn x, y and z (base_link) at the centre of every disc but the base, as a Wrench.
+        """
+        chain, bodies = self._chain, np.arange(self._chain.bodies)
+        below = (bodies < chain.last_body[:, None]) + 0.5 * (bodies == chain.last_body[:, None])
+        levers = np.cross(self._vectors()[:, None], np.eye(3)).transpose(0, 2, 1)
+        each = below.T[:, None, :, None] * levers[:, :, None, :]
+        return self._solve(self._by_torques(each.reshape(chain.bodies, 3, -1)))
+
+    def moments(self) -> SpatialSensitivity:
+        """Return the derivatives by dead moments on the discs, per N m, in turn as ``forces``."""
+        chain = self._chain
+        each = np.zeros((chain.bodies, 3, chain.segments, 3))
+        each[chain.last_body, :, np.arange(chain.segments)] = np.eye(3)
+        return self._solve(self._by_torques(each.reshape(chain.bodies, 3, -1)))
+
+    def _vectors(self) -> Array:
+        """Return the vector from the lower to the upper end of each body, (bodies, 3), m."""
+        found: Array = self._chain.lengths[:, None] * self._state.rotations[:, :, 2]
+        return found
+
+    def _by_springs(self, weigh: Callable[[Array, Booleans], None]) -> Array:
+        """
+        Return the moments of springs that ``weigh`` makes of those there are, (3 links, segments).
+
+        It gets joints, to be changed, and which of them are in the segment.
+        """
+        joints, turns, loads, moments, *spans = self._system
+        found = np.zeros((3 * len(joints), self._chain.segments))
+        slack = np.zeros(len(self._by_force))
+        nothing = np.zeros_like(loads), np.zeros_like(moments)
+        for segment in range(self._chain.segments):
+            weighed = joints.copy()
+            weighed[self._soft, JAM] = 0.0
+            weigh(weighed, self._segment == segment)
+            found[:, segment] = _kernel.functions().spatial_balance(self._rotations, slack, (
+                weighed, turns, *nothing, *spans)).ravel()
+        return found
+
+    def _by_torques(self, torques: Array) -> Array:
+        """Return what torques (bodies, 3, k) in base_link on the bodies do to the links."""
+        on_links = np.zeros((len(self._rotations) + 1, *torques.shape[1:]))  # last: the base
+        np.add.at(on_links, self._link, torques)
+        turned: Array = self._rotations.transpose(0, 2, 1) @ on_links[:-1]
+        return turned.reshape(-1, torques.shape[2])
+
+    def _without_tendons(self, columns: Array) -> Array:
+        """Solve with the blocks alone."""
+        if not columns.size:
+            return columns
+        found: Array = dgbtrs(self._band, BAND, BAND, columns, self._pivots)[0]
+        return found
+
+    def _solve(self, moments: Array | None = None, *, pulls: Array | None = None,
+               tensions: Array | None = None) -> SpatialSensitivity:
+        """Return what follows from moments (3 links, k), pulls and tensions (tendons, k)."""
+        chain, taut = self._chain, self._taut
+        parameters = next(a for a in (moments, pulls, tensions) if a is not None).shape[1]
+        change = np.zeros((len(self._by_force), parameters)) if tensions is None else tensions
+        right = (np.zeros((len(self._columns), parameters)) if moments is None else moments
+                 ) - self._slopes @ change
+        alone = self._without_tendons(right)
+        border = self._columns.T @ alone
+        if pulls is not None:
+            border[:len(taut)] += pulls[taut]
+        carried = lu_solve(self._border, border, check_finite=False) if len(border) else border
+        turned = alone - self._inside @ carried
+        change = change.copy()
+        change[taut] += carried[:len(taut)]
+        links = np.concatenate([self._rotations @ turned.reshape(-1, 3, parameters),
+                                np.zeros((1, 3, parameters))])
+        rotations = links[self._link]
+        ends = np.zeros((chain.bodies + 1, 3, parameters))
+        np.cumsum(np.cross(rotations, self._vectors()[:, :, None], axis=1), axis=0, out=ends[1:])
+        points = np.zeros((2 * chain.segments + 2, 3, parameters))
+        points[2::2], points[3::2] = ends[chain.last_body], ends[chain.last_body + 1]
+        orientations = np.concatenate([
+            np.zeros((1, 3, parameters)), rotations[chain.last_body]])
+        return SpatialSensitivity(rotations, change, self._slopes.T @ turned, points, orientations,
+                                  _bending(self._state.orientations, orientations))
+
+
+def _factored_band(diagonal: Array, lower: Array) -> tuple[Array, NDArray[np.int32]]:
+    """Return the LU factors of block tridiagonal (links, 3, 3) as LAPACK has bands."""
+    links = len(diagonal)
+    band = np.zeros((3 * BAND + 1, 3 * links))
+    for i in range(3):
+        for j in range(3):
+            on = 2 * BAND + i - j
+            band[on, j::3] = diagonal[:, i, j]
+            band[on + 3, j:-3:3] = lower[1:, i, j]
+            band[on - 3, j + 3::3] = lower[1:, j, i]
+    factors, pivots, _ = dgbtrf(band, BAND, BAND) if links else (band, np.zeros(0, np.int32), 0)
+    return factors, pivots
+
+
+def _bending(orientations: Array, turned: Array) -> Array:
+    """Return how bending (segments, 2, k) changes as the discs (discs, 3, k) turn."""
+    below, above = orientations[:-1], orientations[1:, :, 2]
+    axes = np.einsum('sji,sj->si', below, above)  # of each upper disc, in the frame below
+    moved = np.einsum('sji,sjk->sik', below,
+                      np.cross(turned[1:] - turned[:-1], above[:, :, None], axis=1))
+    sine = np.linalg.norm(axes[:, :2], axis=1)
+    angle = np.arctan2(sine, axes[:, 2])
+    small = sine < 1e-4
+    safe = np.where(small, 1.0, sine)
+    factor = np.where(small, 1.0, angle / safe)
+    # The cosine changes by -sine d(angle), so angle / sine by minus this times d(cosine).
+    weight = np.where(small, 1.0 / 3.0, (sine - angle * axes[:, 2]) / safe**3)
+    found = (factor[:, None, None] * moved[:, :2]
+             - (weight[:, None] * moved[:, 2])[:, None] * axes[:, :2, None])
+    bending: Array = np.stack([-found[:, 1], found[:, 0]], axis=1)
+    return bending

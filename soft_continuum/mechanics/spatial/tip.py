@@ -1,0 +1,305 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Bending for a tip position or pose, and the workspace of an arm set segment by segment.
+
+Constant curvature is fitted to the tip; by how much the statics end beside it is then taken off
+the tip that is fitted, until that changes no more.  Where that does not lead there, near the edge
+of what the arm reaches and beyond it, the statics are fitted at last, which takes longer.
+"""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from soft_continuum.mechanics._checks import real_array, whole
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.spatial import constant_curvature
+from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
+from soft_continuum.mechanics.spatial.constant_curvature import bending_axes
+from soft_continuum.mechanics.spatial.inverse import SAME_BENDING, set_shape
+from soft_continuum.mechanics.spatial.statics import SpatialStatics
+
+METRES_PER_RADIAN = 0.1  # what an orientation that is wanted as well counts
+REACHED = 1e-6  # m: a tip this close is where it was wanted
+TURNED = 1e-4  # rad: an orientation this close is the one wanted
+BEYOND = 10.0  # m per rad by which a bending angle is beyond its limit
+GUESSES, REFINED = 1000, 4  # shapes drawn, and the best of them that are fitted
+MAX_EVALUATIONS = 60
+FITTED = 1e-4  # m: a tip by constant curvature this close is as good as reached
+NEAR = 0.02  # m: tips by constant curvature this close may be reached by the statics
+MAX_ROUNDS, MAX_FITS = 20, 8
+ROUGH, EXACT = 1e-6, 1e-13  # relative tolerances of fits by constant curvature
+DIFFERENCE = 1e-5  # rad, of bending
+SETTLED = 1e-8  # m: nearer need no tip be
+SLOW = 0.9  # of the error before: it hardly falls any more
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialTipFit:
+    """
+    Bending that brings the tip where it is wanted, or near.
+
+    bending: (segments, 2) rad.  state: the arm with it.  distance: m from the tip to where it was
+    wanted.  turn: rad from its orientation to the one wanted, 0 if none was.  softened: the
+    segments (0-based) that must be softened, base first.
+    """
+
+    bending: Array
+    state: SpatialEquilibrium
+    distance: float
+    turn: float
+    softened: tuple[int, ...]
+
+    @property
+    def reached(self) -> bool:
+        """Whether the tip is where it was wanted."""
+        return self.distance <= REACHED
+
+
+def bending_for_tip(statics: SpatialStatics, position: ArrayLike,
+                    orientation: ArrayLike | None = None,
+                    start: SpatialEquilibrium | None = None) -> SpatialTipFit:
+    """
+    Return bending within the limits whose tip is at a position, with the fewest softenings.
+
+    position: (3,) m, of the top of the last disc in base_link.  orientation: (3, 3) of that disc,
+    wanted as well; it counts as 0.1 m per rad where both cannot be had.  start: the present shape
+    (default: straight); segments that keep their bending need not be softened.  Out of reach, a
+    tip is returned that no small change brings nearer, with its distance; that takes seconds.
+
+    Raises StaticsError where no tendon holds the segments on the way, ValueError for other shapes
+    or numbers.
+    """
+    goal = real_array(position, 'the tip wanted must be x, y and z in m')
+    turn = None if orientation is None else real_array(
+        orientation, 'the orientation wanted must be a (3, 3) rotation matrix')
+    if goal.shape != (3,) or not np.all(np.isfinite(goal)):
+        raise ValueError(f'the tip wanted must be x, y and z in m; given: {position!r}')
+    if turn is not None and (turn.shape != (3, 3) or not np.allclose(turn.T @ turn, np.eye(3))
+                             or np.linalg.det(turn) < 0.0):
+        raise ValueError('the orientation wanted must be a (3, 3) rotation matrix; given: '
+                         f'{orientation!r}')
+    begin = statics.chain.straight() if start is None else start
+    best: SpatialTipFit | None = None
+    far: list[tuple[float, _Fit]] = []
+    for count in range(statics.chain.segments + 1):
+        for segments in combinations(range(statics.chain.segments), count):
+            search = _Fit(statics, begin, segments, goal, turn)
+            if not search.within_limits():
+                continue
+            error = search.by_arcs()
+            if error > NEAR:
+                far.append((error, search))
+            else:
+                best = _better(best, search.run())
+        if best is not None and best.reached and best.turn < TURNED:
+            return best
+    if best is None:
+        far.sort(key=lambda one: round(one[0] / REACHED))  # of equal ones the fewest
+        best = next((fit for _, search in far if (fit := search.run()) is not None), None)
+    if best is None:
+        raise StaticsError('no tendon holds the segments on the way to that tip', begin)
+    return _Fit(statics, begin, best.softened, goal, turn).by_statics(best)
+
+
+def _better(one: SpatialTipFit | None, other: SpatialTipFit | None) -> SpatialTipFit | None:
+    """Return the fit with the smaller error, of equal ones the first."""
+    if one is None or (other is not None and _error(other) < _error(one) - REACHED):
+        return other
+    return one
+
+
+def workspace(statics: SpatialStatics, angles: int = 2, directions: int = 6
+              ) -> tuple[Array, Array]:
+    """
+    Return tips that the arm reaches when it is set base first, and their bending.
+
+    Every segment is straight, or bent by each of ``angles`` evenly spaced angles up to its limit
+    in each of ``directions`` evenly spaced directions.  Returns tips (m, 3), m, and bending
+    (m, segments, 2), rad.  Shapes that no tendon holds are left out.  There are
+    (1 + angles * directions) ** segments of them, some 10 ms each.
+    """
+    for name, count in (('angles', angles), ('directions', directions)):
+        if not whole(count) or count < 1:
+            raise ValueError(f'{name} is {count!r}; a whole number, at least 1, is needed')
+    arm, free = statics.chain.arm, bending_axes(statics.chain.arm)
+    found = [statics.chain.straight()]
+    for s, segment in enumerate(arm.segments):
+        sizes = segment.bending_angle_limit * np.linspace(0.0, 1.0, angles + 1)[1:]
+        ways = 2.0 * np.pi * np.arange(directions) / directions
+        bends = [(0.0, 0.0), *(
+            (-size * np.sin(way), size * np.cos(way)) for size in sizes for way in ways)]
+        after = []
+        for state in found:
+            for bend in bends:
+                if np.any(np.abs(np.array(bend)[~free[s]]) > SAME_BENDING):
+                    continue  # a hinge about the other axis
+                wanted = np.full((len(arm.segments), 2), np.nan)
+                wanted[s] = np.where(free[s], bend, 0.0)
+                try:
+                    after.append(set_shape(statics, wanted, state, (s,)))
+                except StaticsError:
+                    continue
+        found = after
+    return (np.array([state.tip for state in found]).reshape(-1, 3),
+            np.array([state.bending for state in found]).reshape(-1, len(arm.segments), 2))
+
+
+def _error(fit: SpatialTipFit) -> float:
+    return float(np.hypot(fit.distance, METRES_PER_RADIAN * fit.turn))
+
+
+class _Fit:
+    """Bending of some segments for one tip."""
+
+    def __init__(self, statics: SpatialStatics, begin: SpatialEquilibrium,
+                 segments: Sequence[int], goal: Array, turn: Array | None) -> None:
+        arm = statics.chain.arm
+        self.statics, self.begin, self.segments = statics, begin, tuple(segments)
+        self.goal, self.turn = goal, turn
+        self.present = begin.bending
+        self.limits = np.array([s.bending_angle_limit for s in arm.segments])
+        self.free = np.zeros_like(self.present, dtype=bool)
+        self.free[list(segments)] = bending_axes(arm)[list(segments)]
+
+    def within_limits(self) -> bool:
+        """Tell whether the segments that keep their bending are within their limits."""
+        kept = [s not in self.segments for s in range(len(self.limits))]
+        beyond = np.linalg.norm(self.present, axis=1) > self.limits + SAME_BENDING
+        return not np.any(beyond & kept)
+
+    def by_arcs(self) -> float:
+        """Fit the bending by constant curvature; return the error, m."""
+        guesses = self.guesses()
+        errors = np.linalg.norm(self.missed(guesses, self.goal, self.turn), axis=1)
+        self.bending, least = self.present, np.inf
+        for guess in guesses[np.argsort(errors, kind='stable')[:REFINED]]:
+            bending, error = self.arc(guess, self.goal, self.turn, ROUGH)
+            if error < least - ROUGH:
+                self.bending, least = bending, error
+            if least < FITTED:
+                break
+        return least
+
+    def run(self) -> SpatialTipFit | None:
+        """Return the fit of the statics near that by arcs; None where no tendon holds it."""
+        try:
+            return self.correct(self.bending) if self.segments else self.fit(self.begin)
+        except StaticsError:
+            return None
+
+    def guesses(self) -> Array:
+        """Return bendings to begin at, (m, segments, 2), rad: drawn evenly from the limits."""
+        if not self.free.any():
+            return self.present[None]
+        draw = np.random.default_rng(0)
+        size = np.sqrt(draw.uniform(size=(GUESSES, len(self.limits)))) * self.limits
+        way = draw.uniform(0.0, 2.0 * np.pi, size.shape)
+        drawn = np.stack([size * np.cos(way), size * np.sin(way)], axis=-1)
+        return np.where(self.free, drawn, self.present)
+
+    def missed(self, bending: Array, goal: Array, turn: Array | None) -> Array:
+        """Return by how much tips by constant curvature miss, (..., 3 or 6), m."""
+        points, turns = constant_curvature.poses(self.statics.chain.arm, bending)
+        away: Array = points[..., -1, :] - goal
+        if turn is None:
+            return away
+        turned = Rotation.from_matrix((turn.T @ turns[..., -1, :, :]).reshape(-1, 3, 3))
+        return np.concatenate(
+            [away, METRES_PER_RADIAN * turned.as_rotvec().reshape(away.shape)], axis=-1)
+
+    def arc(self, guess: Array, goal: Array, turn: Array | None, tolerance: float
+            ) -> tuple[Array, float]:
+        """Return bending within the limits by constant curvature, and the error, m."""
+        some = list(self.segments)
+        unknown = int(self.free.sum())
+        steps = DIFFERENCE * np.concatenate([np.eye(unknown), -np.eye(unknown)])
+
+        def bent(values: Array) -> Array:
+            bending = np.broadcast_to(guess, (*values.shape[:-1], *guess.shape)).copy()
+            bending[..., self.free] = values
+            return bending
+
+        def left(values: Array) -> Array:
+            bending = bent(values)
+            over = np.linalg.norm(bending[..., some, :], axis=-1) - self.limits[some]
+            return np.concatenate([self.missed(bending, goal, turn),
+                                   BEYOND * np.maximum(over, 0.0)], axis=-1)
+
+        def slopes(values: Array) -> Array:
+            more, less = np.split(left(values + steps), 2)
+            found: Array = (more - less).T / (2.0 * DIFFERENCE)
+            return found
+
+        bending = guess.copy()
+        if unknown:
+            bending = bent(least_squares(left, guess[self.free], slopes, xtol=tolerance,
+                                         ftol=tolerance, gtol=tolerance,
+                                         max_nfev=MAX_EVALUATIONS).x)
+        size = np.linalg.norm(bending[some], axis=1)
+        bending[some] *= np.minimum(1.0, self.limits[some] / np.maximum(size, 1e-9))[:, None]
+        return bending, float(np.linalg.norm(self.missed(bending, goal, turn)))
+
+    def correct(self, bending: Array) -> SpatialTipFit:
+        """Return the fit of the statics near one by constant curvature."""
+        arm, goal, turn, best = self.statics.chain.arm, self.goal, self.turn, None
+        for _ in range(MAX_ROUNDS):
+            state = set_shape(self.statics, bending, self.begin, self.segments)
+            fit = self.fit(state)
+            before = np.inf if best is None else _error(best)
+            if _error(fit) < before:
+                best = fit
+            if _error(fit) < SETTLED or _error(fit) > SLOW * before:  # there, or out of reach
+                break
+            points, turns = constant_curvature.poses(arm, bending)
+            goal = self.goal - (state.tip - points[-1])
+            if self.turn is not None:
+                turn = turns[-1] @ state.orientations[-1].T @ self.turn
+            bending, _ = self.arc(bending, goal, turn, EXACT)
+        assert best is not None
+        return best
+
+    def by_statics(self, near: SpatialTipFit) -> SpatialTipFit:
+        """Return the fit of the statics from one nearby on, by differences of solves."""
+        best = near
+
+        def left(values: Array) -> Array:
+            nonlocal best
+            bending = self.present.copy()
+            bending[self.free] = values
+            fit = self.fit(set_shape(self.statics, bending, self.begin, self.segments))
+            over = np.linalg.norm(bending, axis=1) - self.limits
+            if over.max() <= SAME_BENDING and _error(fit) < _error(best):
+                best = fit
+            away = fit.state.tip - self.goal
+            if self.turn is not None:
+                away = np.concatenate([away, METRES_PER_RADIAN * Rotation.from_matrix(
+                    self.turn.T @ fit.state.orientations[-1]).as_rotvec()])
+            return np.concatenate([away, BEYOND * np.maximum(over, 0.0)])
+
+        def slopes(values: Array) -> Array:
+            here = left(values)
+            return np.column_stack([(left(values + step) - here) / DIFFERENCE
+                                    for step in DIFFERENCE * np.eye(len(values))])
+
+        if not self.segments or (best.reached and best.turn < TURNED):
+            return best
+        with suppress(StaticsError):  # what was found before that stays
+            least_squares(left, near.bending[self.free], slopes, xtol=1e-9, ftol=1e-9,
+                          gtol=1e-12, max_nfev=MAX_FITS)
+        return best
+
+    def fit(self, state: SpatialEquilibrium) -> SpatialTipFit:
+        """Return a state as a fit."""
+        turn = 0.0 if self.turn is None else float(
+            Rotation.from_matrix(self.turn.T @ state.orientations[-1]).magnitude())
+        return SpatialTipFit(state.bending, state, float(np.linalg.norm(state.tip - self.goal)),
+                             turn, self.segments)

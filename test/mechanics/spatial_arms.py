@@ -1,0 +1,64 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Spatial arms for tests: one of three segments and tendons, and random ones."""
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from soft_continuum.mechanics import Jam
+from soft_continuum.mechanics.spatial import (
+    SpatialArm,
+    SpatialDisc,
+    SpatialSegment,
+    SpatialStatics,
+    SpatialTendon,
+    Wrench,
+)
+
+
+def three_segments(turn=0.0, jam=None, tendons=3, **changes):
+    """Return three segments with tendons evenly around them, the first turned about z."""
+    segments = tuple(SpatialSegment(0.07, k, k, 0.03, 0.05, jam or Jam())
+                     for k in (0.03, 0.02, 0.015))
+    routed = tuple(SpatialTendon(f't{i}', turn + 2.0 * pi * i / tendons, 0.025, 3)
+                   for i in range(tendons))
+    return replace(SpatialArm(segments, (SpatialDisc(0.02, 0.02),) * 4, routed, 4), **changes)
+
+
+def random_arm(seed, tendons=4, jam=None):
+    """Return an arm with everything: hinges, helical tendons, stretch, spacers, loads."""
+    draw = np.random.default_rng(seed)
+    count = int(draw.integers(1, 4))
+    segments = tuple(SpatialSegment(
+        draw.uniform(0.05, 0.1), k := draw.uniform(0.02, 0.06), k * draw.uniform(0.5, 2.0),
+        k * draw.uniform(0.5, 1.0), draw.uniform(0.0, 0.05), jam or Jam(draw.uniform(2.0, 9.0)))
+        for _ in range(count))
+    routed = tuple(SpatialTendon(
+        f't{i}', 2.0 * pi * i / tendons + draw.uniform(-0.3, 0.3), draw.uniform(0.015, 0.025),
+        count, draw.uniform(-8.0, 8.0), draw.choice([0.0, 1e-4])) for i in range(tendons))
+    wrench = Wrench(count, tuple(draw.uniform(-0.2, 0.2, 3)), tuple(draw.uniform(-0.01, 0.01, 3)))
+    return SpatialArm(
+        segments, (SpatialDisc(0.02, 0.02),) * (count + 1), routed, 6, int(draw.choice([0, 2])),
+        str(draw.choice(['paper', 'second_order'])), 0.01, (wrench,),
+        tuple(draw.uniform(-6.0, 6.0, 3)))
+
+
+def random_state(seed, **changes):
+    """Return the statics of a random arm, a state, and whether each segment is soft there."""
+    arm, draw = random_arm(seed, **changes), np.random.default_rng(1000 + seed)
+    statics, segments = SpatialStatics(arm), len(arm.segments)
+    start = statics.solve(statics.chain.straight(), draw.uniform(-0.004, 0.004, len(arm.tendons)),
+                          [True] * segments)
+    soft = draw.uniform(size=segments) < 0.6
+    soft[0] |= not soft.any()
+    state = statics.solve(start, start.pulls + draw.uniform(-0.002, 0.004, len(arm.tendons)), soft)
+    return statics, state, soft.tolist()
+
+
+def turns(before, after):
+    """Return the rotation vectors (..., 3) in base_link that turn rotations to others."""
+    return np.array([Rotation.from_matrix(b @ a.T).as_rotvec()
+                     for a, b in zip(before, after, strict=True)])

@@ -1,0 +1,103 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many spatial arms solved at once, and paths, are the same solved one by one."""
+
+from dataclasses import replace
+
+import numpy as np
+import paper_arm as paper
+import pytest
+from spatial_arms import three_segments
+
+from soft_continuum.mechanics import OverconstrainedError, Statics
+from soft_continuum.mechanics import solve_path as planar_path
+from soft_continuum.mechanics.spatial import (
+    solve_batch,
+    solve_path,
+    spatial,
+    SpatialStatics,
+)
+
+SOFT = (True, False, True)
+PULLS = np.array([(0.006, -0.004, -0.003), (-0.002, 0.004, -0.003), (0.0, 0.0, 0.002)])
+
+
+def test_rows_are_as_one_by_one():
+    models = [SpatialStatics(three_segments(payload=p)) for p in (0.0, 0.01, 0.02)]
+    starts = [m.chain.straight() for m in models]
+    batch = solve_batch(models, starts, PULLS, SOFT)
+    assert len(batch) == 3 and batch.found.all()
+    for i, state in enumerate(batch):
+        alone = models[i].solve(starts[i], PULLS[i], SOFT)
+        assert state.points == pytest.approx(alone.points, abs=1e-12)
+        assert batch.tips[i] == pytest.approx(alone.tip, abs=1e-12)
+        assert batch.tensions[i] == pytest.approx(alone.tensions, abs=1e-9)
+        assert batch.bending[i] == pytest.approx(alone.bending, abs=1e-12)
+        assert batch.rotations[i] == pytest.approx(alone.rotations, abs=1e-12)
+
+
+def test_one_arm_under_many_pulls_and_given_tensions():
+    statics = SpatialStatics(three_segments())
+    start, given = statics.chain.straight(), (np.nan, np.nan, 0.5)
+    batch = solve_batch(statics, start, PULLS, SOFT, tensions=given)
+    assert batch.tensions[:, 2] == pytest.approx(0.5)
+    for row, state in zip(PULLS, batch, strict=True):
+        assert state.tip == pytest.approx(
+            statics.solve(start, row, SOFT, tensions=given).tip, abs=1e-12)
+
+
+def test_rows_without_an_equilibrium_are_nan():
+    statics = SpatialStatics(three_segments())
+    masks = [SOFT, (False,) * 3, SOFT]
+    batch = solve_batch(statics, statics.chain.straight(), PULLS, masks)
+    assert batch.found.tolist() == [True, False, True]
+    assert np.isnan(batch.tips[1]).all() and np.isnan(batch.rotations[1]).all()
+    with pytest.raises(LookupError, match='problem 1'):
+        batch[1]
+    assert len(batch[::2]) == 2
+
+
+def test_a_path_is_followed_as_in_the_plane():
+    flat = paper.build(bodies_per_segment=4)
+    planar, solid = Statics(flat), SpatialStatics(spatial(flat))
+    pulls = np.array([(p, -0.01 - p) for p in np.linspace(0.0, 0.006, 40)])
+    masks = [(True, False, False)] * 20 + [(False, False, True)] * 20
+    wanted = planar_path(planar, planar.chain.straight(), pulls, masks)
+    found = solve_path(solid, solid.chain.straight(), pulls, masks)
+    assert found.tips[:, [0, 2]] == pytest.approx(wanted.tips[:, :2], abs=1e-9)
+    assert found.bending[:, :, 1] == pytest.approx(wanted.bending_angles, abs=1e-8)
+    assert found.jumped.tolist() == wanted.jumped.tolist()
+
+
+def test_a_path_that_ends_says_in_which_row():
+    statics = SpatialStatics(three_segments())
+    masks = [SOFT, SOFT, (False,) * 3]
+    with pytest.raises(OverconstrainedError, match='row 2 of 3'):
+        solve_path(statics, statics.chain.straight(), PULLS, masks)
+
+
+def test_a_path_there_and_back_ends_where_it_began():
+    statics = SpatialStatics(three_segments(gravity=(0.0, 0.0, 9.8)))
+    part = np.sin(np.linspace(0.0, np.pi, 61))[:, None]
+    path = solve_path(statics, statics.chain.straight(), part * PULLS[0], (True,) * 3)
+    assert path.tips[-1] == pytest.approx(path.tips[0], abs=1e-9)
+    assert not path.jumped.any()
+
+
+@pytest.mark.parametrize(('change', 'words'), [
+    ({'soft': [SOFT] * 2}, '3 rows of pulls and 2 soft masks do not go together'),
+    ({'arms': None}, 'arms must be'), ({'start': 3}, 'the start must be')])
+def test_what_does_not_go_together_is_refused(change, words):
+    statics = SpatialStatics(three_segments())
+    given = {'arms': statics, 'start': statics.chain.straight(), 'pulls': PULLS, 'soft': SOFT}
+    with pytest.raises(ValueError, match=words):
+        solve_batch(**{**given, **change})
+
+
+def test_arms_of_other_sizes_and_paths_of_other_lengths_are_refused():
+    statics = SpatialStatics(three_segments())
+    other = SpatialStatics(replace(three_segments(), bodies_per_segment=2))
+    with pytest.raises(ValueError, match='same number'):
+        solve_batch([statics, other], statics.chain.straight(), PULLS[0], SOFT)
+    with pytest.raises(ValueError, match='or as many'):
+        solve_path(statics, statics.chain.straight(), PULLS, [SOFT] * 2)

@@ -1,0 +1,182 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pulls for a bending in space: the bending is had, with the least tension, by pulling only."""
+
+from dataclasses import replace
+from math import cos, nan, sin
+
+import numpy as np
+import paper_arm as paper
+import pytest
+from spatial_arms import random_arm, three_segments
+
+from soft_continuum.mechanics import Jam, pulls_for_angles, SLACK, Statics, StaticsError
+from soft_continuum.mechanics.spatial import (
+    pulls_for_bending,
+    set_shape,
+    spatial,
+    SpatialStatics,
+)
+
+ANY = (nan, nan)
+SHAPE = np.array([(0.6, 0.3), (-0.5, 0.4), (0.8, -0.4)])
+
+
+def fit_one(arm, bend, segment=0, **more):
+    """Fit the bending of one soft segment from the straight arm."""
+    statics, count = SpatialStatics(arm), len(arm.segments)
+    wanted = np.full((count, 2), nan)
+    wanted[segment] = bend
+    soft = [s == segment for s in range(count)]
+    return statics, soft, pulls_for_bending(
+        statics, statics.chain.straight(), wanted, soft, **more)
+
+
+@pytest.mark.parametrize('tendons', [3, 4, 6])
+@pytest.mark.parametrize('bend', [(0.6, 0.3), (-0.7, 0.7), (0.0, -1.3)])
+@pytest.mark.parametrize('gravity', [(0.0, 0.0, 9.8), (0.0, 0.0, -9.8), (5.0, 0.0, 3.0)])
+def test_a_segment_takes_its_bending(tendons, bend, gravity):
+    statics, soft, fit = fit_one(three_segments(tendons=tendons, gravity=gravity), bend, 1)
+    assert fit.state.bending[1] == pytest.approx(bend, abs=1e-9)
+    assert np.all((fit.pulls == SLACK) == (fit.state.tensions < 1e-6))
+    again = statics.solve(statics.chain.straight(), fit.pulls, soft)
+    assert again.points == pytest.approx(fit.state.points, abs=1e-8)
+    assert again.tensions == pytest.approx(fit.state.tensions, abs=1e-6)
+    assert np.isnan(fit.error[[0, 2]]).all()
+
+
+@pytest.mark.parametrize('angle', [-0.9, 0.4, 1.1])
+def test_in_the_plane_pulls_are_the_planar_ones(angle):
+    flat = paper.build(bodies_per_segment=6, mounting_angle=2.5)
+    planar = Statics(flat)
+    wanted = pulls_for_angles(planar, planar.chain.straight(), (nan, angle, nan), (0, 1, 0))
+    _, _, fit = fit_one(spatial(flat), (0.0, angle), 1)
+    assert fit.pulls == pytest.approx(wanted.pulls, abs=1e-9)
+    assert fit.state.tensions == pytest.approx(wanted.state.tensions, abs=1e-6)
+
+
+def test_an_arm_that_is_turned_or_mirrored_has_the_same_pulls():
+    turn, (x, y) = 0.7, (-0.5, 0.4)
+    down = {'gravity': (0.0, 0.0, 9.8)}
+    _, _, one = fit_one(three_segments(**down), (x, y))
+    _, _, turned = fit_one(three_segments(turn, **down), (
+        cos(turn) * x - sin(turn) * y, sin(turn) * x + cos(turn) * y))
+    assert turned.pulls == pytest.approx(one.pulls, abs=1e-9)
+    _, _, mirrored = fit_one(three_segments(**down), (-x, y))  # in the plane of x and z
+    assert mirrored.pulls == pytest.approx(one.pulls[[0, 2, 1]], abs=1e-9)
+
+
+@pytest.mark.parametrize('tendons', [3, 4, 6])
+@pytest.mark.parametrize('pretension', [0.0, 0.5])
+def test_no_other_tensions_of_that_bending_are_less(tendons, pretension):
+    """Karush, Kuhn and Tucker: T = p + J' m where tendons carry more, and J' m below 0 else."""
+    statics, soft, fit = fit_one(three_segments(tendons=tendons), (0.5, 0.2),
+                                 pretension=pretension)
+    tensions, step = fit.state.tensions, 1e-3
+
+    def bending(change):
+        return statics.solve(fit.state, np.zeros(tendons), soft,
+                             tensions=np.maximum(tensions + change, 0.0)).bending[0]
+
+    base = bending(0.0)
+    slopes = np.array([(bending(step * one) - base) / step for one in np.eye(tendons)]).T
+    more = tensions > pretension + 1e-6
+    assert np.all(tensions >= pretension - 1e-9)
+    assert not more.all()
+    multipliers = np.linalg.lstsq(slopes[:, more].T, tensions[more])[0]
+    assert slopes[:, more].T @ multipliers == pytest.approx(tensions[more], rel=1e-2)
+    assert np.all(slopes[:, ~more].T @ multipliers < pretension + 0.05)
+
+
+def test_tendons_that_end_at_three_discs_bend_all_segments_at_once():
+    arm = three_segments(tendons=9)
+    arm = replace(arm, tendons=tuple(
+        replace(t, end=1 + k % 3) for k, t in enumerate(arm.tendons)))
+    statics = SpatialStatics(arm)
+    fit = pulls_for_bending(statics, statics.chain.straight(), SHAPE, (True,) * 3)
+    assert fit.state.bending == pytest.approx(SHAPE, abs=1e-9)
+
+
+@pytest.mark.parametrize('seed', [0, 1, 5, 6, 7, 9, 13, 18])
+def test_helical_tendons_that_stretch_hold_random_arms(seed):
+    arm, draw = random_arm(seed, jam=Jam()), np.random.default_rng(seed)
+    segment = int(draw.integers(len(arm.segments)))
+    bend = draw.uniform(-0.8, 0.8, 2)
+    statics, soft, fit = fit_one(arm, bend, segment, pretension=0.2)
+    assert fit.state.bending[segment] == pytest.approx(bend, abs=1e-9)
+    assert fit.state.tensions.min() >= 0.2 - 1e-9
+    again = statics.solve(statics.chain.straight(), fit.pulls, soft)
+    assert again.tensions == pytest.approx(fit.state.tensions, abs=1e-5)
+
+
+def test_one_component_may_be_anything():
+    arm = replace(three_segments(), tendons=three_segments(tendons=2).tendons)
+    _, _, fit = fit_one(arm, (nan, 0.5))
+    assert fit.state.bending[0] == pytest.approx((0.0, 0.5), abs=1e-9)
+
+
+ARM = three_segments()
+LOW = replace(ARM, tendons=tuple(replace(t, end=1) for t in ARM.tendons))
+PLANE = replace(ARM, tendons=three_segments(tendons=2).tendons)
+CORNER = replace(ARM, tendons=ARM.tendons[:2])
+
+
+@pytest.mark.parametrize(('arm', 'wanted', 'soft', 'words'), [
+    (LOW, [ANY, (0.2, 0.5), ANY], (0, 1, 0), 'no tendon passes segment 2'),
+    (ARM, [(0.2, 0.5)] * 3, (1, 1, 1), '6 bendings cannot be chosen with 3 tendons'),
+    (PLANE, [(0.2, 0.5), ANY, ANY], (1, 0, 0),
+     'segment 1 .* one plane .t0 at 0, t1 at 180 degrees .* needs a tendon beside it'),
+    (CORNER, [(0.2, -0.5), ANY, ANY], (1, 0, 0),
+     'segment 1 .* no tendon pulls it on towards 2.. degrees .* t0 at 0, t1 at 120'),
+    (three_segments(tendons=6), [(0.2, 0.3), (-0.2, 0.4), (0.3, -0.1)], (1, 1, 1),
+     'do not hold those of all soft segments at once'),
+    (three_segments(payload=1.0, gravity=(0.0, 0.0, -9.8)), [(0.6, 0.3), ANY, ANY], (1, 0, 0),
+     'not stable'),
+])
+def test_what_cannot_be_held_is_named(arm, wanted, soft, words):
+    statics = SpatialStatics(arm)
+    with pytest.raises(StaticsError, match=words):
+        pulls_for_bending(statics, statics.chain.straight(), wanted, soft)
+
+
+@pytest.mark.parametrize(('wanted', 'more', 'words'), [
+    ([(0.1, 0.2)], {}, 'each of the 3 segments'),
+    ([ANY, (0.1, 0.2), ANY], {}, 'a number for a soft segment'),
+    ([(0.1, 0.2), ANY, ANY], {'pretension': -1.0}, 'pretension'),
+])
+def test_what_is_no_request_is_refused(wanted, more, words):
+    statics = SpatialStatics(ARM)
+    with pytest.raises(ValueError, match=words):
+        pulls_for_bending(statics, statics.chain.straight(), wanted, (1, 0, 0), **more)
+
+
+def test_a_hinge_does_not_bend_about_its_other_axis():
+    with pytest.raises(ValueError, match='segment 1 does not bend about x'):
+        fit_one(spatial(paper.build()), (0.2, 0.3))
+
+
+@pytest.mark.parametrize('order', [(0, 1, 2), (2, 0, 1)])
+@pytest.mark.parametrize('jam', [Jam(), Jam(20.0)])
+def test_a_shape_is_set_in_any_order(order, jam):
+    statics = SpatialStatics(three_segments(jam=jam, gravity=(0.0, 0.0, 9.8)))
+    state = set_shape(statics, SHAPE, order=order)
+    assert state.bending == pytest.approx(SHAPE, abs=1e-8)
+    assert state.stiff == tuple(s != order[-1] for s in range(3))
+
+
+def test_a_segment_that_has_its_bending_is_left_alone():
+    statics = SpatialStatics(three_segments())
+    start = set_shape(statics, SHAPE)
+    wanted = SHAPE * [[1.0], [-1.0], [1.0]]
+    state = set_shape(statics, wanted, start)
+    assert state.bending == pytest.approx(wanted, abs=1e-8)
+    assert np.allclose(statics.chain.joints(state.rotations)[:5],
+                       statics.chain.joints(start.rotations)[:5], atol=1e-14)
+
+
+def test_a_shape_of_the_wrong_size_or_order_is_refused():
+    statics = SpatialStatics(three_segments())
+    with pytest.raises(ValueError, match='two finite numbers'):
+        set_shape(statics, [(0.1, 0.2)])
+    with pytest.raises(ValueError, match='order must name'):
+        set_shape(statics, SHAPE, order=(0, 3))

@@ -1,0 +1,180 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Derivatives of spatial equilibria are those of solves, and in the plane the planar ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import paper_arm as paper
+import pytest
+from spatial_arms import random_state, three_segments, turns
+
+from soft_continuum.mechanics import Jam, Linearisation, Statics
+from soft_continuum.mechanics.spatial import (
+    spatial,
+    SpatialLinearisation,
+    SpatialStatics,
+    Wrench,
+)
+
+SEEDS = range(8)
+
+
+def command(state):
+    """Return the pulls of the motors: those of the paths, and the stretch; slack paid out."""
+    compliance = np.array([t.compliance for t in state.chain.arm.tendons])
+    return state.pulls + compliance * state.tensions - np.where(
+        state.tensions > 0.0, 0.0, state.slack + 1e-3)
+
+
+def changed(state, arm):
+    """Return statics of another arm, and the state as one of it."""
+    statics = SpatialStatics(arm)
+    return statics, replace(state, chain=statics.chain)
+
+
+def assert_is_difference(found, k, more, less, step, tolerance=2e-5):
+    """Check column k of a sensitivity against the difference of two states."""
+    for name in ('points', 'tensions', 'bending'):
+        wanted = (getattr(more, name) - getattr(less, name)) / (2.0 * step)
+        scale = max(1e-3, np.abs(wanted).max())
+        assert getattr(found, name)[..., k] == pytest.approx(wanted, abs=tolerance * scale), name
+    wanted = turns(less.rotations, more.rotations) / (2.0 * step)
+    scale = max(1e-3, np.abs(wanted).max())
+    assert found.rotations[..., k] == pytest.approx(wanted, abs=tolerance * scale)
+    wanted = -(more.pulls - less.pulls) / (2.0 * step)
+    assert found.paths[..., k] == pytest.approx(
+        wanted, abs=tolerance * max(1e-3, np.abs(wanted).max()))
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_by_pulls(seed):
+    statics, state, soft = random_state(seed)
+    found, at, step = SpatialLinearisation(statics, state).pulls(), command(state), 1e-6
+    for t in range(len(at)):
+        more, less = (statics.solve(state, at + change * np.eye(len(at))[t], soft)
+                      for change in (step, -step))
+        assert_is_difference(found, t, more, less, step)
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+@pytest.mark.parametrize('which', ['all', 'first'])
+def test_by_tensions(seed, which):
+    statics, state, soft = random_state(seed)
+    given = state.tensions + 0.1
+    if which == 'first':
+        given[1:] = np.nan
+    state = statics.solve(state, command(state), soft, tensions=given)
+    at = command(state)
+    found, step = SpatialLinearisation(statics, state, tensions=given).tensions(), 1e-3
+    for t in np.flatnonzero(np.isfinite(given)):
+        more, less = (statics.solve(state, at, soft, tensions=given + change * np.eye(4)[t])
+                      for change in (step, -step))
+        assert_is_difference(found, t, more, less, step)
+    assert not found.points[..., np.isnan(given)].any()
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_by_payload_forces_and_moments(seed):
+    statics, state, soft = random_state(seed)
+    arm, linear, step = statics.chain.arm, SpatialLinearisation(statics, state), 1e-4
+    disc = len(arm.segments)
+
+    def check(found, k, make):
+        more, less = (start[0].solve(start[1], command(state), soft) for start in (
+            changed(state, make(change)) for change in (step, -step)))
+        assert_is_difference(found, k, more, less, step)
+
+    check(linear.payload(), 0, lambda d: replace(arm, payload=arm.payload + d))
+    forces, moments = linear.forces(), linear.moments()
+    for way in range(3):
+        one = np.eye(3)[way]
+        for d in {1, disc}:
+            k = 3 * (d - 1) + way
+            check(forces, k, lambda x, d=d, one=one: replace(
+                arm, wrenches=(*arm.wrenches, Wrench(d, tuple(x * one)))))
+            check(moments, k, lambda x, d=d, one=one: replace(
+                arm, wrenches=(*arm.wrenches, Wrench(d, moment=tuple(x * one)))))
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_by_stiffness_ratio_and_held_shape(seed):
+    statics, state, soft = random_state(seed)
+    arm, linear = statics.chain.arm, SpatialLinearisation(statics, state)
+    factors, ratios, held = linear.stiffness_factors(), linear.stiffness_ratio(), \
+        linear.held_shape()
+    for s, segment in enumerate(arm.segments):
+        def with_segment(one, s=s):
+            return replace(arm, segments=(*arm.segments[:s], one, *arm.segments[s + 1:]))
+
+        for found, step, make in (
+                (factors, 1e-4, lambda f, one=segment: replace(
+                    one, stiffness_x=one.stiffness_x * f, stiffness_y=one.stiffness_y * f,
+                    torsional_stiffness=one.torsional_stiffness * f)),
+                (ratios, 1e-3, lambda f, one=segment: replace(
+                    one, jam=Jam(one.jam.ratio + f - 1.0)))):
+            more, less = (start[0].solve(start[1], command(state), soft) for start in (
+                changed(state, with_segment(make(f))) for f in (1.0 + step, 1.0 - step)))
+            assert_is_difference(found, s, more, less, step)
+        here = np.arange(statics.chain.bodies) // statics.chain.joints_per_segment == s
+        for axis in (0, 1):
+            turn = np.outer(here, np.eye(3)[axis]) / here.sum()
+            more, less = (statics.solve(replace(state, held=state.held + d * turn),
+                                        command(state), soft) for d in (1e-4, -1e-4))
+            assert_is_difference(held, 2 * s + axis, more, less, 1e-4)
+
+
+@pytest.mark.parametrize('jam', [Jam(), Jam(20.0)])
+@pytest.mark.parametrize('pulls', [(0.006, -0.02), (-0.02, 0.004)])
+def test_a_planar_arm_has_the_planar_derivatives(jam, pulls):
+    flat = paper.build(bodies_per_segment=6)
+    flat = replace(flat, mounting_angle=0.4, segments=tuple(
+        replace(s, jam=jam) for s in flat.segments))
+    soft = (True, False, True)
+    planar, solid = Statics(flat), SpatialStatics(spatial(flat))
+    one = Linearisation(planar, planar.solve(planar.chain.straight(), pulls, soft))
+    other = SpatialLinearisation(solid, solid.solve(solid.chain.straight(), pulls, soft))
+    stiffness = np.array([s.bending_stiffness for s in flat.segments])
+    pairs = [(one.pulls(), other.pulls(), 1.0, slice(None)),
+             (one.payload(), other.payload(), 1.0, slice(None)),
+             (one.forces(), other.forces(), 1.0, [0, 2, 3, 5, 6, 8]),
+             (one.bending_stiffness(), other.stiffness_factors(), stiffness, slice(None)),
+             (one.held_shape(), other.held_shape(), 1.0, [1, 3, 5])]
+    if jam != Jam():
+        pairs.append((one.stiffness_ratio(), other.stiffness_ratio(), 1.0, slice(None)))
+    for wanted, found, unit, columns in pairs:
+        assert found.tip[[0, 2, 4]][:, columns] == pytest.approx(wanted.tip * unit, abs=1e-8)
+        assert found.tip[[1, 3, 5]][:, columns] == pytest.approx(0.0, abs=1e-8)
+        assert found.tensions[:, columns] == pytest.approx(
+            wanted.tensions * unit, rel=1e-8, abs=1e-8)
+        assert found.paths[:, columns] == pytest.approx(wanted.paths * unit, abs=1e-8)
+        bending = wanted.joint_angles.reshape(3, -1, wanted.tip.shape[1]).sum(axis=1)
+        assert found.bending[:, 1, columns] == pytest.approx(bending * unit, abs=1e-8)
+
+
+def test_a_load_cell_and_a_motor_are_reciprocal():
+    """The tension of one tendon by the pull of another is that of the other by the one."""
+    statics = SpatialStatics(three_segments(gravity=(3.0, 0.0, 9.0)))
+    state = statics.solve(statics.chain.straight(), (0.006, 0.0045, -0.002), (True,) * 3)
+    found = SpatialLinearisation(statics, state).pulls().tensions
+    assert np.count_nonzero(state.tensions) >= 2
+    assert found == pytest.approx(found.T, rel=1e-7)
+
+
+def test_where_all_is_rigid_only_tendons_that_stretch_answer():
+    tendons = tuple(replace(t, compliance=c) for t, c in zip(
+        three_segments().tendons, (1e-4, 1e-4, 0.0), strict=True))
+    statics = SpatialStatics(three_segments(tendons=3, gravity=(0.0, 0.0, 0.0)))
+    statics = SpatialStatics(replace(statics.chain.arm, tendons=tendons))
+    state = statics.solve(statics.chain.straight(), (0.001, 0.002, -0.001), (False,) * 3)
+    found = SpatialLinearisation(statics, state).pulls()
+    assert found.tensions == pytest.approx(np.diag([1e4, 1e4, 0.0]))
+    assert not found.points.any()
+
+
+def test_a_state_of_another_arm_and_tensions_of_another_size_are_refused():
+    statics = SpatialStatics(three_segments())
+    with pytest.raises(ValueError, match='another arm'):
+        SpatialLinearisation(statics, SpatialStatics(three_segments(turn=1.0)).chain.straight())
+    with pytest.raises(ValueError, match='3 numbers'):
+        SpatialLinearisation(statics, statics.chain.straight(), tensions=(1.0,))
