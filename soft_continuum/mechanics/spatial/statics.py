@@ -27,6 +27,7 @@ from soft_continuum.mechanics.spatial.chain import (
     sums,
     System,
 )
+from soft_continuum.mechanics.spatial.orientations import orthonormal
 
 Booleans = NDArray[np.bool_]
 ITERATIONS = 40  # of Newton's method in one step
@@ -203,7 +204,7 @@ class SpatialStatics:
                 break
         turned = np.concatenate([
             links.rotations @ start.rotations[first].transpose(0, 2, 1), np.eye(3)[None]])
-        every = turned[link] @ start.rotations
+        every = orthonormal(turned[link] @ start.rotations)  # else rounding triples in each solve
         paths = chain.paths(every)
         allowed = np.where(by_force, paths,
                            chain.straight_paths - pulls + self._compliance * links.tension)
