@@ -39,6 +39,7 @@ class SpatialSegment:
     length: m.  stiffness_x, stiffness_y: E I about the x and y axes of its cross-section, N m^2;
     inf for a hinge about the other axis, as a leaf spring is.  torsional_stiffness: G J, N m^2.
     mass: kg.  jam: how it is stiffened; a yield moment or a law of its own is not supported.
+    outer_diameter: m, for drawing.  bending_angle_limit: largest allowed bending angle, rad.
     """
 
     length: float
@@ -47,6 +48,8 @@ class SpatialSegment:
     torsional_stiffness: float = inf
     mass: float = 0.0
     jam: Jam = field(default_factory=Jam)
+    outer_diameter: float = 0.04
+    bending_angle_limit: float = pi / 2
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical segment."""
@@ -58,6 +61,8 @@ class SpatialSegment:
             raise ArmError('a segment must bend about one axis at least; both stiffnesses are '
                            'infinite')
         check_range('segment mass', self.mass, 0.0, 10.0, 'kg')
+        check_range('outer diameter', self.outer_diameter, *LENGTH_RANGE, 'm')
+        check_range('bending angle limit', self.bending_angle_limit, 1e-3, 2 * pi, 'rad')
         if not isinstance(self.jam, Jam):
             raise ArmError(f'jam is {self.jam!r}; give a Jam, such as Jam(ratio=5.0)')
         if self.jam.law is not None or self.jam.yield_moment != inf:
@@ -209,8 +214,8 @@ def spatial(arm: Arm) -> SpatialArm:
     angle = arm.mounting_angle
     last = len(arm.segments)
     return SpatialArm(
-        tuple(SpatialSegment(s.length, inf, s.bending_stiffness, inf, s.mass, s.jam)
-              for s in arm.segments),
+        tuple(SpatialSegment(s.length, inf, s.bending_stiffness, inf, s.mass, s.jam,
+                             s.outer_diameter, s.bending_angle_limit) for s in arm.segments),
         tuple(SpatialDisc(d.height, d.mass) for d in arm.discs),
         (SpatialTendon(arm.tendon_names[0], 0.0, offsets, last),
          SpatialTendon(arm.tendon_names[1], radians(180.0), offsets, last)),

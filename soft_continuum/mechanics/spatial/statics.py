@@ -128,15 +128,17 @@ class SpatialStatics:
         self._compliance = np.array([tendon.compliance for tendon in arm.tendons])
 
     def solve(self, start: SpatialEquilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
-              tensions: ArrayLike | None = None) -> SpatialEquilibrium:
+              tensions: ArrayLike | None = None, vacuum: Sequence[float] | None = None,
+              sliding: Sequence[int] = ()) -> SpatialEquilibrium:
         """
         Return the equilibrium that follows from ``start``.
 
         pulls: (tendons,) m; a slack tendon carries nothing.  soft: one flag per segment.
         tensions: (tendons,) N of tendons that are pulled by a force instead, nan for those that
-        are not (default: none).  Raises ValueError for other shapes or numbers,
-        OverconstrainedError when tendons are too short for a locked arm, StaticsError when no
-        equilibrium is found.
+        are not (default: none).  vacuum, sliding: as in Statics.solve, and not used: in space a
+        jam is always full, and there is no friction.  Raises ValueError for other shapes or
+        numbers, OverconstrainedError when tendons are too short for a locked arm, StaticsError
+        when no equilibrium is found.
         """
         tendons, segments = len(self.chain.arm.tendons), self.chain.segments
         wanted = np.array(pulls, dtype=float)
