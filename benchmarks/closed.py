@@ -119,8 +119,9 @@ def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
         return planned(lambda planner: planner.plan(state(), lab.pulls.tolist(), shapes))
 
     def state() -> Equilibrium:
-        assert rig.shape.state is not None
-        return rig.shape.state
+        found: Equilibrium | None = rig.shape.state
+        assert found is not None
+        return found
 
     aim = Aim(np.array(goal.angles), np.array(goal.tip), on_tip)
     loop = Loop(

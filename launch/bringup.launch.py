@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Start the four nodes of one arm, and RViz with its TF frames if asked for."""
+"""Start the nodes of one arm, and RViz with its TF frames if asked for."""
 
 from pathlib import Path
 
@@ -11,11 +11,11 @@ from launch_ros.actions import Node
 
 from launch import LaunchDescription
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
-from soft_continuum.nodes.up import check_start, default_frame
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.nodes.up import check_start, default_frame, nodes_of
+from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description, read_parameter_file
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.names import KINEMATICS, NODES
+from soft_continuum.ros.names import KINEMATICS
 from soft_continuum.urdf import arm_urdf
 
 DRIVERS = {'tendon_driver': ('driver of the tendon steppers', TENDON_DRIVERS),
@@ -61,10 +61,10 @@ def start(context):
     nodes = [
         Node(package='soft_continuum', executable=name, name=name, output='screen',
              namespace=namespace, parameters=[first, *files, *filter(None, [drivers])])
-        for name in NODES
+        for name in nodes_of(files)
     ]
     if with_rviz:
-        arm = arm_from_parameters(load_description(*files, node=KINEMATICS))
+        arm = any_arm_from_parameters(load_description(*files, node=KINEMATICS))
         frame = {**first, **{key: value for path in files for key, value
                              in read_parameter_file(path, KINEMATICS).items()}}['frame_id']
         nodes += [

@@ -203,8 +203,8 @@ def test_the_number_of_segments_is_data(changed, count):
 
 # What is wrong is named: the file, the key, what was given and what is allowed.
 
-LISTS = [p for p in ARM_PARAMETERS if isinstance(p.default, tuple)
-         and not p.name.startswith(('arm.soft_', 'arm.stiff_'))]  # tables of any length
+LISTS = [p for p in ARM_PARAMETERS if isinstance(p.default, tuple)  # but tables of any length
+         and not p.name.startswith(('arm.soft_', 'arm.stiff_', 'arm.tendon_'))]
 LENGTHS = {
     'arm.segment_lengths': [0.070, 0.070, 0.070],
     'arm.outer_diameters': [0.050, 0.0425, 0.035],

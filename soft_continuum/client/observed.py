@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm as it is seen over ROS: the latest message of every topic, and its age."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from math import hypot, isfinite, nan
 from typing import Any
@@ -300,7 +300,7 @@ class ObservedArm:
             referenced=None if tendons is None else tendons.referenced,
             stiff=tuple(self.stiff(n) for n in numbers),
             pressures=tuple(self.pressure(n) for n in numbers),
-            bending_angles=_bending_angles(angles, len(segment_poses or ())),
+            bending_angles=_bending_angles(joints, len(segment_poses or ())),
             joint_angles=angles, segment_poses=segment_poses, disc_poses=disc_poses,
             tip=disc_poses[-1] if disc_poses else None, progress=self.progress(),
             measured_discs=self._measured_discs(),
@@ -333,9 +333,9 @@ def _stopped(state: TendonActuationState) -> str:
     return printable(state.stop_message) or 'no reason given'
 
 
-def _bending_angles(joints: Sequence[float] | None, segments: int) -> tuple[float, ...] | None:
-    """Return the sum of the joint angles (rad) of each segment."""
-    if joints is None or not segments:
+def _bending_angles(joints: Any, segments: int) -> tuple[float, ...] | None:
+    """Return the sum of the joint angles (rad) of each segment; None of a spatial arm."""
+    if joints is None or not segments or any(name.endswith('_x') for name in joints.name[:1]):
         return None
-    each = len(joints) // segments
-    return tuple(sum(joints[i * each:(i + 1) * each]) for i in range(segments))
+    each = len(joints.position) // segments
+    return tuple(float(sum(joints.position[i * each:(i + 1) * each])) for i in range(segments))

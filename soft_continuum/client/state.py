@@ -14,6 +14,7 @@ from soft_continuum.text import MAX_NAME, printable
 
 __all__ = ['ArmState', 'NodeReport', 'Pose', 'Progress', 'Reached', 'SequenceResult']
 
+IN_PLANE = 1e-6  # m, or part of a quaternion: what rounding takes out of the bending plane
 MAX_ERROR = 1e3  # rad or m that a shape may be off; also not what is not a number
 
 
@@ -38,6 +39,18 @@ class Pose:
     def angle(self) -> float:
         """Rotation about +y of a pose in the bending plane, rad."""
         return 2.0 * atan2(self.orientation[1], self.orientation[3])
+
+    @property
+    def is_planar(self) -> bool:
+        """Whether it is in the bending plane of planar arms, or not known."""
+        about_x, _, about_z, _ = self.orientation
+        return not max(abs(self.position[1]), abs(about_x), abs(about_z)) > IN_PLANE
+
+    @property
+    def tilt(self) -> float:
+        """Angle between z of its frame and that of base_link, rad."""
+        x, y, z, w = self.orientation
+        return 2.0 * atan2(hypot(x, y), hypot(z, w))
 
 
 @dataclass(frozen=True)
@@ -71,7 +84,8 @@ class ArmState:
     on, so that resuming and switching are refused.  referenced: whether pulls are known relative
     to the straight arm.
     stiff: of each segment, base first, as confirmed by its pressure.  pressures: Pa, absolute.
-    bending_angles: rad, one per segment.  joint_angles: rad, all joints of the rigid chain.
+    bending_angles: rad, one per segment; None of a spatial arm.  joint_angles: rad, all joints of
+    the rigid chain.
     segment_poses: distal end of each segment.  disc_poses: bottom and top of each disc.  tip: top
     of the last disc.  measured_discs: bottom of each disc as a sensor sees it, empty while none
     does; nan where the sensor measures no position, or no orientation.  predicted_disc_poses: as

@@ -43,6 +43,14 @@ def _pose_text(pose: Pose | None) -> str:
             else f'{where}, angle not measured')
 
 
+def _model_pose_text(pose: Pose | None) -> str:
+    """Return a pose by the model: of a spatial arm, in space."""
+    if pose is None or pose.is_planar:
+        return _pose_text(pose)
+    x, y, z = (f'{1e3 * part:+7.1f}' for part in pose.position)
+    return f'x {x} mm, y {y} mm, z {z} mm, {degrees(pose.tilt):6.1f} deg from the z axis'
+
+
 def _stiffness_text(stiff: bool | None) -> str:
     return UNKNOWN if stiff is None else 'stiff' if stiff else 'soft'
 
@@ -71,8 +79,8 @@ def state_page(state: ArmState) -> str:
         kilopascals = UNKNOWN if pressure is None else f'{pressure * 1e-3:.1f}'
         pose = state.segment_poses[i] if state.segment_poses else None
         lines.append(f'segment {i + 1}  {_stiffness_text(stiff):<6}{kilopascals:>6} kPa  '
-                     f'end at {_pose_text(pose)}')
-    lines.append(f'tip        {_pose_text(state.tip)}')
+                     f'end at {_model_pose_text(pose)}')
+    lines.append(f'tip        {_model_pose_text(state.tip)}')
     for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
         apart = ('' if error is None else f', {error[0] * 1e3:.1f} mm from the model'
                  if isfinite(error[0]) else f', {degrees(error[1]):+.1f} deg from the model')

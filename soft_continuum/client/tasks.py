@@ -22,7 +22,7 @@ from soft_continuum.client.errors import (
     NodesMissingError,
     RefusedError,
 )
-from soft_continuum.ros.names import NODES, RECORDER
+from soft_continuum.ros.names import JAMMING_VALVES, NODES, RECORDER, SHAPE_SEQUENCER
 
 T = TypeVar('T')
 
@@ -179,6 +179,9 @@ class Tasks:
         space = self.node.get_namespace()
         text = (f'{", ".join(missing)} {"does" if len(missing) == 1 else "do"} not run in '
                 f'namespace {space}; {HOW_TO_START}')
+        if {*missing} <= {JAMMING_VALVES, SHAPE_SEQUENCER}:  # it may be an arm without
+            text += ('; a spatial arm has no shape_sequencer yet, and one without jamming neither '
+                     'this nor jamming_valves: its tendons are moved by jog and trajectories')
         elsewhere = sorted({other for name, other in self.node.get_node_names_and_namespaces()
                             if name in NODES and other != space})
         if elsewhere:

@@ -4,11 +4,12 @@
 The shape of the arm: predicted from motors and valves alone, and estimated once it is measured.
 
 The prediction knows the shape of a stiff segment only by having followed it from a straight arm
-on.  It goes on beside the estimate, for comparison.
+on.  It goes on beside the estimate, for comparison.  Spatial arms are only predicted.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +20,9 @@ from soft_continuum.estimation.measuring import DiscMeasurement, Innovation, Mea
 from soft_continuum.estimation.unknowns import DEFAULT_ESTIMATION, EstimationSettings, MAX_OFFSET
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.either import AnyArm, statics_of
 from soft_continuum.mechanics.joints import wrapped
-from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, Statics, StaticsError
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
 
 STRAIGHT_PULLS = 1e-5
 """m: pulls of an arm that is still where it was referenced: those of opposite bends cancel."""
@@ -46,7 +48,7 @@ class UnknownShapeError(ShapeError):
 class ArmShape:
     """Follows one arm."""
 
-    def __init__(self, arm: Arm, straight_tolerance: float,
+    def __init__(self, arm: AnyArm, straight_tolerance: float,
                  settings: EstimationSettings = DEFAULT_ESTIMATION) -> None:
         """
         Begin without knowing the shape.
@@ -54,25 +56,36 @@ class ArmShape:
         straight_tolerance: m by which the tendons may be too short for a stiff arm.
         """
         self.settings = settings
-        self.statics = Statics(arm)
+        self.statics: Any = statics_of(arm)
         self.estimator: Estimator | None = None
         self.unpredicted: Exception | None = None
         """Why the model alone has no shape now."""
-        self._path: Equilibrium | None = None  # what it had last
+        self._path: Any = None  # what it had last
         self._watch = Watch()
-        self._arm, self._tolerance = arm, straight_tolerance
+        self._planar, self._tolerance = isinstance(arm, Arm), straight_tolerance
+        self._arm: Any = arm
+        self._stretches = not isinstance(arm, Arm) and any(t.compliance for t in arm.tendons)
         self._commands: Commands | None = None
         self._solved: tuple[object, ...] = ()
         self._failures = self._far_off = 0
         self._measured: float | None = None  # when it last was, s
 
     @property
-    def state(self) -> Equilibrium | None:
-        """The shape: the estimate, or without any measurement the last prediction."""
+    def measurable(self) -> bool:
+        """Whether measurements can correct the shape."""
+        return self._planar and self.settings.enabled
+
+    @property
+    def state(self) -> Any:
+        """
+        The shape: the estimate, or without any measurement the last prediction.
+
+        Equilibrium or SpatialEquilibrium; None when not known.
+        """
         return self._path if self.estimate is None else self.estimate.state
 
     @property
-    def predicted(self) -> Equilibrium | None:
+    def predicted(self) -> Any:
         """The shape by motors and valves alone; None while the model finds none."""
         return self._path if self.unpredicted is None else None
 
@@ -126,7 +139,7 @@ class ArmShape:
         self._forget_estimate()
         self._begin_prediction(None)
 
-    def _begin_prediction(self, state: Equilibrium | None) -> None:
+    def _begin_prediction(self, state: Any) -> None:
         self._path, self.unpredicted, self._solved = state, None, ()
 
     def _forget_estimate(self) -> None:
@@ -157,7 +170,7 @@ class ArmShape:
         except (ShapeError, StaticsError) as error:
             self.unpredicted = error
 
-    def _followed(self, start: Equilibrium, commands: Commands) -> Equilibrium:
+    def _followed(self, start: Any, commands: Commands) -> Any:
         """Return the state that ``start`` becomes; raises ShapeError and StaticsError."""
         pulls = commands.pulls
         if all(commands.stiff):
@@ -169,25 +182,25 @@ class ArmShape:
             pulls = np.minimum(pulls, start.pulls)
         return self._equilibrium(start, pulls, commands)
 
-    def _equilibrium(self, start: Equilibrium, pulls: Array, commands: Commands) -> Equilibrium:
+    def _equilibrium(self, start: Any, pulls: Array, commands: Commands) -> Any:
         """
         Return the state for pulls (tendons,) m; raises StaticsError.
 
-        The tendons of the model do not give: with all of them a micrometre too short, as steppers
+        Where tendons do not stretch, and all of them are a micrometre too short, as steppers
         round, the arm would buckle.  Up to SLACK_ALLOWANCE one is slackened, if possible the one
         that carries least.
         """
-        def solve(wanted: Array) -> Equilibrium:
+        def solve(wanted: Array) -> Any:
             return self.statics.solve(start, wanted, commands.soft, vacuum=commands.vacuum,
                                       sliding=commands.sliding)
 
         state = solve(pulls)
-        if all(state.taut):
+        if np.all(state.tensions > 0.0) and not self._stretches:
             for tendon in np.argsort(state.tensions):
                 eased = np.array(pulls)
                 eased[tendon] -= SLACK_ALLOWANCE
                 other = solve(eased)
-                if not other.taut[tendon]:
+                if not other.tensions[tendon] > 0.0:
                     return other
         return state
 
@@ -212,7 +225,7 @@ class ArmShape:
         Raises StaticsError, and then keeps what it was.
         """
         commands = self._commands
-        if commands is None or not self.settings.enabled:
+        if commands is None or not self.measurable:
             return None
         discs = [one for one in measurements if isinstance(one, DiscMeasurement)]
         if self.estimator is None:
@@ -235,6 +248,9 @@ class ArmShape:
 
     def refusal(self, time: float) -> str:
         """Return why a measurement of that time cannot be used; empty when it can."""
+        if not self._planar:
+            return ('spatial arms are predicted by their model alone so far; measured poses and '
+                    'tensions correct only planar ones')
         if self._commands is None:
             return 'tendons and valves are not known yet'
         if self.estimator is None and self._path is None:
@@ -266,4 +282,5 @@ class ArmShape:
         if not all(n in angles for n in range(1, segments + 1)):
             return None
         bends = np.diff([0.0, *(angles[n] for n in range(1, segments + 1))])
-        return replace(self.statics.chain.uniform(wrapped(bends)), vacuum=commands.vacuum or ())
+        seen: Equilibrium = self.statics.chain.uniform(wrapped(bends))
+        return replace(seen, vacuum=commands.vacuum or ())

@@ -71,9 +71,9 @@ class Motors:
     def from_parameters(cls, values: Mapping[str, Any]) -> Self:
         """Return what the parameters of the node describe; raises ParameterError."""
         # Here, because it loads the mechanics: doctor must run when they do not compile.
-        from soft_continuum.parameters.arm import arm_from_parameters
+        from soft_continuum.parameters.arm import any_arm_from_parameters
 
-        return cls(arm_from_parameters(values).tendon_names, *(values[name] for name in (
+        return cls(any_arm_from_parameters(values).tendon_names, *(values[name] for name in (
             'grbl.steps_per_mm', 'grbl.signs', 'speed_limit', 'acceleration_limit', 'pull_limits',
             'grbl.homed_pulls')))
 

@@ -7,7 +7,8 @@ A soft segment is n bodies of length l/n between n + 1 equal springs (paper, III
 rigid.  A state is the vector of all joint angles, (n + 1) per segment, base first.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,6 +65,36 @@ class Equilibrium:
         return self.chain.points(self.joint_angles)
 
     @property
+    def poses(self) -> Array:
+        """The calculation points in space: x, y, z (m), quaternion x, y, z, w, (2 * discs, 7)."""
+        return full_poses(self.points)
+
+    @property
+    def backbone(self) -> Array:
+        """Upper end of every body, the base disc first, in space, (joints + 1, 3), m."""
+        return _in_space(self.chain.backbone(self.joint_angles)[:, :2])
+
+    @property
+    def tendon_points(self) -> list[Array]:
+        """Guides of each tendon in space, base first, (2 * discs, 3), m."""
+        return [_in_space(guides) for guides in self.chain.guide_points(self.joint_angles)]
+
+    @property
+    def coordinates(self) -> Array:
+        """Numbers that tell the shape: the joint angles, (joints,), rad."""
+        return self.joint_angles
+
+    @property
+    def held_coordinates(self) -> Array:
+        """The same of what the jams of stiff segments hold, (joints,), rad."""
+        return self.held_angles
+
+    @property
+    def joint_positions(self) -> Array:
+        """Angles of the joints of the URDF, in the order of its joint_names, rad."""
+        return self.joint_angles
+
+    @property
     def tip(self) -> Array:
         """The tip: (x, z, tangent angle) of the top of the last disc, (3,), m and rad."""
         tip: Array = self.points[-1]
@@ -98,6 +129,9 @@ class RigidChain:
     Joint angles have shape (joints,), joints = segments * (bodies_per_segment + 1).
     """
 
+    joint_axes = ('y',)
+    """About which the URDF turns each joint, one after another."""
+
     def __init__(self, arm: Arm) -> None:
         """Discretise ``arm``."""
         self.arm = arm
@@ -119,6 +153,17 @@ class RigidChain:
         self.guides = np.array([s.guide_offsets for s in arm.segments])
         self.straight_length = sum(arm.straight_spans)
         self.last_joint = np.arange(1, self.segments + 1) * (n + 1) - 1
+
+    @property
+    def coordinate_count(self) -> int:
+        """How many coordinates a state has."""
+        return self.joints
+
+    @property
+    def disc_radii(self) -> Array:
+        """Radius of every disc as views draw it, (discs,), m."""
+        return np.array([self.guides[max(0, k - 1):k + 1].max()
+                         for k in range(self.segments + 1)])
 
     @property
     def load_coefficients(self) -> Array:
@@ -152,6 +197,16 @@ class RigidChain:
             raise ValueError(wanted)
         return Equilibrium(angles, np.zeros(2), self.straight_length - self.tendon_lengths(angles),
                            np.zeros(2), 0.0, 0, (True,) * self.segments, angles, chain=self)
+
+    def state_of(self, coordinates: Array, held: Array, stiff: Sequence[bool],
+                 vacuum: Sequence[float] = ()) -> Equilibrium:
+        """
+        Return a state without tension: coordinates, what stiff segments hold, which are stiff.
+
+        vacuum: as in Equilibrium.
+        """
+        return replace(self.state(coordinates), held_angles=held, stiff=tuple(stiff),
+                       vacuum=tuple(vacuum))
 
     def uniform(self, bending_angles: ArrayLike) -> Equilibrium:
         """Return the held state whose segments (rad each) bend evenly over their joints."""
@@ -237,3 +292,21 @@ def orientation(angle: float) -> tuple[float, float, float, float]:
     """Return the quaternion (x, y, z, w) of a rotation by ``angle`` rad about +y."""
     half = angle / 2.0
     return 0.0, float(np.sin(half)), 0.0, float(np.cos(half))
+
+
+def full_poses(planar: Array) -> Array:
+    """
+    Return poses (k, 7) of planar rows (k, 3).
+
+    planar: x, z (m) and angle about +y (rad).  A pose is position x, y, z (m) and quaternion x, y,
+    z, w; z of its frame is the tangent of the backbone.
+    """
+    poses = np.zeros((len(planar), 7))
+    poses[:, 0], poses[:, 2] = planar[:, 0], planar[:, 1]
+    poses[:, 4], poses[:, 6] = np.sin(planar[:, 2] / 2.0), np.cos(planar[:, 2] / 2.0)
+    return poses
+
+
+def _in_space(points: Array) -> Array:
+    """Return points x, z (k, 2) as x, y, z (k, 3)."""
+    return np.insert(points, 1, 0.0, axis=1)

@@ -19,7 +19,7 @@ from soft_continuum.nodes.jamming_control import JammingControl, Report
 from soft_continuum.nodes.managed_node import ManagedNode
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher
 from soft_continuum.nodes.threads import Newest
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
 from soft_continuum.parameters.nodes import jamming_settings, NODE_PARAMETERS
 from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
@@ -43,7 +43,8 @@ class JammingValves(ManagedNode):
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and services."""
         super().__init__('jamming_valves', NODE_PARAMETERS['jamming_valves'], **options)
-        self._segments = len(arm_from_parameters(self.parameters).segments)
+        check_jamming(self.parameters)
+        self._segments = len(any_arm_from_parameters(self.parameters).segments)
         self._control = JammingControl(
             self._segments, jamming_settings(self.parameters),
             Newest(self.on_ros_thread, self._publish).put)

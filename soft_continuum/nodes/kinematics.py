@@ -36,12 +36,11 @@ from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.nodes.tension_check import TensionCheck
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.estimation import estimation_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.conversions import (
     equilibrium_to_ros,
-    full_poses,
     measured_pose_to_ros,
     poses_to_ros,
     pulls_from_ros,
@@ -87,15 +86,16 @@ class Kinematics(Node):
         super().__init__('kinematics', **options)
         self.parameters = NodeParameters(self, NODE_PARAMETERS['kinematics'])
         self.status = Status(self, 'rigid multibody model')
-        self._arm = arm_from_parameters(self.parameters)
+        self._arm = any_arm_from_parameters(self.parameters)
         self._tendons = self._arm.tendon_names
         self._compiled = False
         self._shape = ArmShape(self._arm, self.parameters['straight_tolerance'],
                                estimation_from_parameters(self.parameters))
         segments = len(self._arm.segments)
-        self._stiff: tuple[bool | None, ...] = (None,) * segments
+        jamming = self.parameters['arm.jamming']
+        self._stiff: tuple[bool | None, ...] = (None if jamming else False,) * segments
         self._vacuum = np.ones(segments)  # parts of the full vacuum
-        self._elastic = [i for i, s in enumerate(self._arm.segments) if not s.jam.rigid]
+        self._elastic = [i for i in range(segments) if not self._arm.segments[i].jam.rigid]
         self._pulls: Array | None = None
         self._next_pulls: Array | None = None  # not followed yet
         self._next_stiff: tuple[bool | None, ...] = self._stiff
@@ -127,9 +127,10 @@ class Kinematics(Node):
         self._follows = False  # whether the state is that of the last pulls
         self._states = self.create_publisher(KinematicsState, '~/state', STREAM)
         subscribe(self, JointState, 'tendon_states', self._on_tendons, SENSOR)
-        subscribe(self, JammingValvesState, f'{JAMMING_VALVES}/state', self._on_jamming_valves,
-                  LATCHED)
-        for i in range(segments):
+        if jamming:
+            subscribe(self, JammingValvesState, f'{JAMMING_VALVES}/state',
+                      self._on_jamming_valves, LATCHED)
+        for i in range(segments if jamming else 0):
             subscribe(self, FluidPressure, f'segment_{i + 1}/pressure',
                       partial(self._on_pressure, i), SENSOR)
         self._measured = MeasuredPoses(self, segments + 1, frame)
@@ -151,7 +152,8 @@ class Kinematics(Node):
 
     def _on_model(self) -> None:
         self._compiled = True
-        self.status.set(OK, 'waiting for tendon_states and jamming_valves/state')
+        needed = ('tendon_states', *(['jamming_valves/state'] if None in self._stiff else ()))
+        self.status.set(OK, f'waiting for {" and ".join(needed)}')
         self._publish()
 
     def _on_jamming_valves(self, state: JammingValvesState) -> None:
@@ -180,7 +182,8 @@ class Kinematics(Node):
         self._follow()
         if self._shape.state is not None and self._follows:
             measured = dict(zip(message.name, message.effort, strict=False))
-            self._measured_tensions.put(self._time, measured)
+            if self._shape.measurable:
+                self._measured_tensions.put(self._time, measured)
             # The estimate follows what is measured: only the prediction can differ for long.
             model = self._shape.predicted or self._shape.state
             self.status.alarm('tensions', self._tension_check.problem(
@@ -255,10 +258,10 @@ class Kinematics(Node):
         for message in (self._segment_message, self._disc_message, self._predicted_message,
                         self._joint_message, self._tension_message):
             message.header.stamp = stamp
-        poses = full_poses(state.points)
+        poses = state.poses
         self._segment_poses.publish(poses_to_ros(poses[2::2], self._segment_message))
         self._disc_poses.publish(poses_to_ros(poses, self._disc_message))
-        self._joint_message.position = state.joint_angles.tolist()
+        self._joint_message.position = state.joint_positions.tolist()
         self._joint_states.publish(self._joint_message)
         self._tension_message.effort = state.tensions.tolist()
         self._tensions.publish(self._tension_message)
@@ -269,7 +272,7 @@ class Kinematics(Node):
             shape.anomalies = [anomaly_to_ros(one) for one in self._shape.anomalies]
             if self._shape.predicted is not None:
                 self._predicted_poses.publish(poses_to_ros(
-                    full_poses(self._shape.predicted.points), self._predicted_message))
+                    self._shape.predicted.poses, self._predicted_message))
         self._states.publish(shape)
         now = STEADY()
         if now - self._marked >= MARKER_PERIOD and self._markers.get_subscription_count():

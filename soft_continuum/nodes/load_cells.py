@@ -29,7 +29,7 @@ class LoadCells:
         self._used: bool = parameters['load_cells.used']
         self._parameters = parameters
         self._zeros, self._scales = (
-            _per_tendon(name, parameters[name], tendons)
+            _per_tendon(name, parameters[name], tendons) if self._used else ()
             for name in ('load_cells.zeros', 'load_cells.scales'))
         self._last = {name: (nan, Age()) for name in tendons}  # N
         if 0.0 in self._scales:

@@ -22,45 +22,42 @@ from soft_continuum.colours import (
     tension_colour,
     WRONG,
 )
-from soft_continuum.mechanics.chain import Array, Equilibrium, orientation, RigidChain
+from soft_continuum.mechanics.chain import Array, RigidChain
+from soft_continuum.mechanics.either import AnyChain, State
 
 LIFETIME = Duration(nanosec=500_000_000)
 """Of what is not always there: it goes when it is not published any more."""
 TEXT_HEIGHT, TEXT_WIDTH = 0.012, 60  # m, characters
 
 
-def shape_markers(chain: RigidChain, state: Equilibrium, stiff: Sequence[bool | None],
+def shape_markers(chain: AnyChain, state: State, stiff: Sequence[bool | None],
                   tension_limit: float, frame: str, stamp: Time) -> MarkerArray:
     """
     Return a line strip for every segment and tendon and a cylinder for every disc.
 
     stiff: per segment, None where it is not known.  tension_limit: N, at the end of the colours.
     """
-    backbone = chain.backbone(state.joint_angles)
-    points = state.points
-    guides = chain.guide_points(state.joint_angles)
+    backbone, poses = state.backbone, state.poses
     markers = []
-    for s, segment in enumerate(chain.arm.segments):
+    for s in range(chain.segments):
         first = s * chain.joints_per_segment
         marker = _marker('segments', s, Marker.LINE_STRIP, segment_colour(stiff[s]), frame, stamp)
-        marker.scale.x = segment.outer_diameter / 4
-        marker.points = _points(backbone[first:first + chain.joints_per_segment, :2])
+        marker.scale.x = chain.arm.segments[s].outer_diameter / 4
+        marker.points = _points(backbone[first:first + chain.joints_per_segment])
         markers.append(marker)
-    for k, disc in enumerate(chain.arm.discs):
+    for k, radius in enumerate(chain.disc_radii.tolist()):
         marker = _marker('discs', k, Marker.CYLINDER, DISC, frame, stamp)
-        x, z = points[2 * k:2 * k + 2, :2].mean(axis=0)
-        marker.pose.position.x, marker.pose.position.z = float(x), float(z)
-        q = marker.pose.orientation
-        q.x, q.y, q.z, q.w = orientation(float(points[2 * k, 2]))
-        radius = chain.guides[max(0, k - 1):k + 1].max()
-        marker.scale.x = marker.scale.y = float(2 * radius)
-        marker.scale.z = disc.height
+        p, q = marker.pose.position, marker.pose.orientation
+        p.x, p.y, p.z = poses[2 * k:2 * k + 2, :3].mean(axis=0).tolist()
+        q.x, q.y, q.z, q.w = poses[2 * k, 3:].tolist()
+        marker.scale.x = marker.scale.y = 2 * radius
+        marker.scale.z = chain.arm.discs[k].height
         markers.append(marker)
-    for t, tension in enumerate(state.tensions):
+    for t, (tension, guides) in enumerate(zip(state.tensions, state.tendon_points, strict=True)):
         colour = tension_colour(tension, tension_limit)
         marker = _marker('tendons', t, Marker.LINE_STRIP, colour, frame, stamp)
         marker.scale.x = 0.002
-        marker.points = _points(guides[t])
+        marker.points = _points(guides)
         markers.append(marker)
     return MarkerArray(markers=markers)
 
@@ -68,16 +65,16 @@ def shape_markers(chain: RigidChain, state: Equilibrium, stiff: Sequence[bool | 
 def target_markers(chain: RigidChain, bending_angles: Sequence[float], frame: str, stamp: Time
                    ) -> MarkerArray:
     """Return the ghost of a shape with these bending angles, rad; without any, its removal."""
-    angles = chain.uniform(bending_angles or [0.0] * chain.segments).joint_angles
-    marker = _ghost('target', chain, angles, GHOST, frame, stamp)
+    target = chain.uniform(bending_angles or [0.0] * chain.segments)
+    marker = _ghost('target', target, GHOST, frame, stamp)
     if not bending_angles:
         marker.action = Marker.DELETE
     return MarkerArray(markers=[marker])
 
 
-def prediction_marker(predicted: Equilibrium, frame: str, stamp: Time) -> Marker:
+def prediction_marker(predicted: State, frame: str, stamp: Time) -> Marker:
     """Return the ghost of the shape that the model alone has."""
-    marker = _ghost('prediction', predicted.chain, predicted.joint_angles, PREDICTED, frame, stamp)
+    marker = _ghost('prediction', predicted, PREDICTED, frame, stamp)
     marker.lifetime = LIFETIME
     return marker
 
@@ -92,12 +89,11 @@ def alarm_marker(alarms: Sequence[str], height: float, frame: str, stamp: Time) 
     return marker
 
 
-def _ghost(namespace: str, chain: RigidChain, angles: Array, colour: Colour, frame: str,
-           stamp: Time) -> Marker:
+def _ghost(namespace: str, state: State, colour: Colour, frame: str, stamp: Time) -> Marker:
     marker = _marker(namespace, 0, Marker.LINE_STRIP, colour, frame, stamp)
     marker.color.a = GHOST_OPACITY
-    marker.scale.x = 0.3 * chain.arm.segments[0].outer_diameter
-    marker.points = _points(np.vstack([[0.0, 0.0], chain.backbone(angles)[:, :2]]))
+    marker.scale.x = 0.3 * state.chain.arm.segments[0].outer_diameter
+    marker.points = _points(np.vstack([np.zeros(3), state.backbone]))
     return marker
 
 
@@ -112,4 +108,4 @@ def _marker(namespace: str, number: int, kind: int, colour: Colour, frame: str, 
 
 
 def _points(rows: Array) -> list[Point]:
-    return [Point(x=float(x), z=float(z)) for x, z in np.asarray(rows)]
+    return [Point(x=x, y=y, z=z) for x, y, z in rows.tolist()]

@@ -4,34 +4,44 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import pi
 
 import numpy as np
 
 from soft_continuum.hardware.tendon_controller import MotionRefusedError, Reason
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, Statics, StaticsError
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm, Solver, State, statics_of
+from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
 
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
+HALF_TURN_TOLERANCE = 1e-3  # rad: tendons opposite each other are written with so many digits
 MAX_STATES = 2000
 """States predicted for one trajectory; one takes some milliseconds."""
 
 
 @dataclass(frozen=True)
 class TensionLimits:
-    """Largest predicted tension of any tendon, and of both at once, N."""
+    """
+    Largest predicted tension of any tendon, and of opposing ones at once, N.
+
+    Tendons that end at one disc oppose each other if the backbone is between them: what all of
+    them carry bends nothing.
+    """
 
     any_tendon: float
-    both: float
+    at_once: float
 
 
 class TensionPrediction:
     """Follows a trajectory with the model, and refuses what would need too much tension."""
 
-    def __init__(self, arm: Arm) -> None:
+    def __init__(self, arm: AnyArm) -> None:
         """Prepare the model of ``arm``, which is compiled when it is first used."""
-        self._statics = Statics(arm)
+        self._statics: Solver = statics_of(arm)
         self._tendons = arm.tendon_names
+        self._opposing = [[0, 1]] if isinstance(arm, Arm) else _opposing(arm)
         self.chain = self._statics.chain
 
     @staticmethod
@@ -50,7 +60,7 @@ class TensionPrediction:
                 f'predicted states; allowed: {MAX_STATES}; send it in parts')
         return steps
 
-    def check(self, pulls: Array, shape: Equilibrium, soft: Sequence[bool],
+    def check(self, pulls: Array, shape: State, soft: Sequence[bool],
               limits: TensionLimits, revoked: Callable[[], bool]) -> None:
         """
         Refuse pulls (k, tendons) in m that need too much tension, or for which there is no shape.
@@ -61,7 +71,7 @@ class TensionPrediction:
         """
         state, vacuum = shape, shape.vacuum or None
         if self._statics.chain.arm is not shape.chain.arm:
-            self._statics = Statics(shape.chain.arm)
+            self._statics = statics_of(shape.chain.arm)
         try:
             for before, after, steps in zip(
                     pulls[:-1], pulls[1:], self.steps(pulls), strict=True):
@@ -77,13 +87,24 @@ class TensionPrediction:
             raise MotionRefusedError(Reason.TENSION, str(error)) from None
 
     def _check(self, pulls: Array, tensions: Array, limits: TensionLimits) -> None:
-        second = np.sort(tensions)[-2] if len(tensions) > 1 else 0.0
-        if tensions.max() > limits.any_tendon or second > limits.both:
+        at_once = max((tensions[which].min() for which in self._opposing), default=0.0)
+        if tensions.max() > limits.any_tendon or at_once > limits.at_once:
             predicted = ', '.join(
                 f'{name} {pull * 1e3:.2f} mm: {tension:.1f} N' for name, pull, tension
                 in zip(self._tendons, pulls, tensions, strict=True))
             raise MotionRefusedError(
                 Reason.TENSION,
                 f'the tensions on the way would be too large, at {predicted}; tension_limit: '
-                f'{limits.any_tendon:g} N, co_contraction_limit (two at once): '
-                f'{limits.both:g} N')
+                f'{limits.any_tendon:g} N, co_contraction_limit (opposing tendons at '
+                f'once): {limits.at_once:g} N')
+
+
+def _opposing(arm: SpatialArm) -> list[list[int]]:
+    """Return the numbers of the tendons that oppose each other, disc by disc."""
+    found = []
+    for end in {tendon.end for tendon in arm.tendons}:
+        which = [t for t, tendon in enumerate(arm.tendons) if tendon.end == end]
+        angles = np.sort([arm.tendons[t].angle % (2 * pi) for t in which])
+        if np.diff(angles, append=angles[0] + 2 * pi).max() <= pi + HALF_TURN_TOLERANCE:
+            found.append(which)
+    return found

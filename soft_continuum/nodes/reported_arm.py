@@ -11,7 +11,7 @@ import numpy as np
 from sensor_msgs.msg import FluidPressure
 
 from soft_continuum.hardware.tendon_controller import Reason
-from soft_continuum.mechanics.chain import Equilibrium, RigidChain
+from soft_continuum.mechanics.either import AnyChain
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.age import Age
@@ -41,18 +41,21 @@ class ReportedArm:
     whole.
     """
 
-    def __init__(self, node: Any, chain: RigidChain, parameters: Mapping[str, Any]) -> None:
-        """Subscribe for ``node``; parameters: with silence_timeout, s."""
+    def __init__(self, node: Any, chain: AnyChain, parameters: Mapping[str, Any]) -> None:
+        """Subscribe for ``node``; parameters: with arm.jamming and silence_timeout, s."""
         self.chain, self.parameters = chain, parameters
-        self.stiff: tuple[bool | None, ...] = (None,) * chain.segments
+        self._jamming: bool = parameters['arm.jamming']
+        self.stiff: tuple[bool | None, ...] = (
+            None if self._jamming else False,) * chain.segments
         self.conflicts = Conflicts(node, chain.segments)
         self.pressures = [float('nan')] * chain.segments
-        self._reported: tuple[Equilibrium, KinematicsState] | None = None
+        self._reported: tuple[Any, KinematicsState] | None = None
         self.jamming_age, self.shape_age = Age(), Age()
         subscribe(node, KinematicsState, f'{KINEMATICS}/state', self._on_shape, SENSOR)
-        subscribe(node, JammingValvesState, f'{JAMMING_VALVES}/state', self._on_jamming_valves,
-                  EVERY_STATE)
-        for i in range(chain.segments):
+        if self._jamming:
+            subscribe(node, JammingValvesState, f'{JAMMING_VALVES}/state',
+                      self._on_jamming_valves, EVERY_STATE)
+        for i in range(chain.segments if self._jamming else 0):
             subscribe(node, FluidPressure, f'segment_{i + 1}/pressure',
                       partial(self._on_pressure, i), SENSOR)
 
@@ -75,15 +78,15 @@ class ReportedArm:
         return float(self.parameters['silence_timeout'])
 
     @property
-    def shape(self) -> Equilibrium | None:
-        """The present state of the model, None when it is not known."""
+    def shape(self) -> Any:
+        """The present state of the model, of the kind of its chain; None when it is not known."""
         reported = self._reported
         if reported is None or self.shape_age.seconds > self.timeout:
             return None
         return reported[0]
 
     @property
-    def shape_and_model(self) -> tuple[Equilibrium, Model] | None:
+    def shape_and_model(self) -> tuple[Any, Model] | None:
         """
         The present state, of the arm as it is known best, and that arm; None when not known.
 
@@ -103,7 +106,8 @@ class ReportedArm:
 
     @property
     def _stiffness_known(self) -> bool:
-        return None not in self.stiff and self.jamming_age.seconds <= self.timeout
+        return not self._jamming or (
+            None not in self.stiff and self.jamming_age.seconds <= self.timeout)
 
     def motion_interlock(self) -> Interlock | None:
         """Return why the arm must not be moved at all now, None when it may be."""
@@ -133,7 +137,7 @@ class ReportedArm:
             return Interlock(
                 Reason.STIFFNESS_UNKNOWN, 'it is not known whether the arm is stiff: '
                 f'nothing received from jamming_valves for {self.timeout:g} s')
-        if not all(self.stiff):
+        if self._jamming and not all(self.stiff):
             return Interlock(
                 Reason.STIFFNESS_CHANGED,
                 'homing pays out the tendons: stiffen every segment')

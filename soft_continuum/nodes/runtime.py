@@ -174,7 +174,8 @@ def _refuse_whole_numbers(path: str, key: str, value: Any, table: dict[str, Para
     """Refuse integers where ROS, other than the library, insists on a decimal point."""
     default = table[key].default if key in table else (0.0,) if key.startswith('shapes.') else 0
     items = value if isinstance(value, list) else [value]
-    measure = isinstance(default, float | tuple)
+    measure = isinstance(default, float) or (
+        isinstance(default, tuple) and not (default and isinstance(default[0], int)))
     whole = [item for item in items if isinstance(item, int) and not isinstance(item, bool)]
     if measure and whole:
         raise ParameterError(

@@ -22,7 +22,7 @@ from soft_continuum.nodes.entries import guarded, repeat, serve, subscribe
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, Status, WARN
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.names import SERVO, SHAPE_SEQUENCER
@@ -95,6 +95,7 @@ class Servo(Node):
         self.parameters = NodeParameters(self, NODE_PARAMETERS[SERVO])
         self.status = Status(self, 'servo')
         arm = arm_from_parameters(self.parameters)
+        check_jamming(self.parameters)
         self._compiled = False
         self._servo: AngleServo | None = None  # while it is enabled
         self._level, self._ended = OK, 'not enabled yet'  # why it is not

@@ -24,7 +24,7 @@ from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.planning import Planning
 from soft_continuum.nodes.sequence_server import GoalRequest, NOWHERE, Reached, SequenceServer
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
 from soft_continuum.parameters.loop import loop_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.shapes import angles_problem, SHAPE_PREFIX, shapes_from_parameters
@@ -84,6 +84,7 @@ class ShapeSequencer(Node):
             self.parameters.declare_angles(f'{SHAPE_PREFIX}{name}')
         self.status = Status(self, 'shape sequencer')
         self._arm = arm_from_parameters(self.parameters)
+        check_jamming(self.parameters)
         self._chain = RigidChain(self._arm)
         self._library = shapes_from_parameters(self.parameters, self._arm)
         self._check: Check | None = None

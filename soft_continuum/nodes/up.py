@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The four nodes in processes of their own, without launch_ros: ``./run up``.
+The nodes of an arm in processes of their own, without launch_ros: ``./run up``.
 
 It takes the arguments of launch/bringup.launch.py.
 """
@@ -18,6 +18,7 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
 from soft_continuum.arguments import DONE, FAILED, Parser, WRONG_USAGE
+from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import (
     argument_error,
@@ -26,9 +27,17 @@ from soft_continuum.nodes.runtime import (
     Signals,
 )
 from soft_continuum.nodes.twin_process import add_twin_options, twin_process
+from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import ALL_PARAMETERS, FRAME
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.names import CAMERA, NODES
+from soft_continuum.ros.names import (
+    CAMERA,
+    JAMMING_VALVES,
+    KINEMATICS,
+    NODES,
+    SHAPE_SEQUENCER,
+)
 
 DRIVERS = ('tendon_driver', 'jamming_driver')
 PERIOD = 0.05  # s between two looks at the processes
@@ -48,6 +57,11 @@ def start_parser(verb: str, description: str) -> Parser:
                             help=table[name].description)
     add_twin_options(parser)
     return parser
+
+
+def description_files(options: Namespace) -> list[str | Path]:
+    """Return the parameter files that options name, or that of the paper's arm."""
+    return list(vars(options).get('params_file') or [description_file()])
 
 
 def default_frame(namespace: str) -> str:
@@ -81,7 +95,7 @@ def ros_arguments(options: Namespace) -> list[str]:
     namespace = (options.namespace or '').strip('/')
     if namespace:  # what stands in a file comes later and wins
         arguments += ['-r', f'__ns:=/{namespace}', '-p', f'frame_id:={default_frame(namespace)}']
-    for path in options.params_file or [description_file()]:
+    for path in description_files(options):
         arguments += ['--params-file', str(path)]
     for name in DRIVERS:
         if getattr(options, name):
@@ -89,9 +103,23 @@ def ros_arguments(options: Namespace) -> list[str]:
     return arguments
 
 
+def nodes_of(files: Sequence[str | Path]) -> tuple[str, ...]:
+    """
+    Return the nodes that drive the described arm; raises ParameterError.
+
+    Without jamming nothing switches and sequences segments; sequences are of planar shapes.
+    """
+    values = load_description(*files, node=KINEMATICS)
+    spatial = isinstance(any_arm_from_parameters(values), SpatialArm)
+    left_out = {JAMMING_VALVES: not values['arm.jamming'],
+                SHAPE_SEQUENCER: spatial or not values['arm.jamming']}
+    return tuple(name for name in NODES if not left_out.get(name))
+
+
 def chosen_nodes(options: Namespace) -> tuple[str, ...]:
-    """Return the nodes that the options of start_parser ask for."""
-    return (*NODES, CAMERA) if options.camera else NODES
+    """Return the nodes that the options of start_parser ask for; raises ParameterError."""
+    nodes = nodes_of(description_files(options))
+    return (*nodes, CAMERA) if options.camera else nodes
 
 
 @contextmanager
@@ -109,7 +137,8 @@ def twin_of(options: Namespace) -> Iterator[list[str]]:
 
 def main() -> int:
     """Run until Ctrl-C, or until no node is left; return the exit status."""
-    signals, parser = Signals(), start_parser('up', 'Start the four nodes.')
+    signals = Signals()
+    parser = start_parser('up', 'Start the nodes of an arm: all four, or those that it needs.')
     options = parser.parse_args()
     arguments = ros_arguments(options)
     try:

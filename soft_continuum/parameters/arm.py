@@ -16,9 +16,17 @@ from soft_continuum.mechanics.arm import (
     STANDARD_GRAVITY,
     Tendon,
 )
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.laws import Jam, LawError, linear, MomentCurvature
 from soft_continuum.mechanics.stiffness import second_moment_of_area
 from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.parameters.spatial_arm import (
+    NO_NAMES,
+    refuse_spatial,
+    spatial_arm,
+    SPATIAL_PARAMETERS,
+    SPATIAL_PER_SEGMENT,
+)
 
 PER_SEGMENT = (
     Parameter('arm.segment_lengths', (0.07, 0.07, 0.07),
@@ -42,6 +50,7 @@ PER_SEGMENT = (
     Parameter('arm.yield_moments', (0.0,),
               'moment at which each jammed segment yields at full vacuum; 0: never',
               0.0, 1e6, unit='N m'),
+    *SPATIAL_PER_SEGMENT,
 )
 PER_GUIDE = (
     Parameter('arm.guide_offsets', (0.0,),
@@ -61,7 +70,10 @@ MEASURED_LAWS = tuple(
     for state, without in (('soft', 'arm.bending_stiffnesses'), ('stiff', 'arm.stiffness_ratios'))
     for quantity, unit in (('curvatures', '1/m'), ('moments', 'N m')))
 ARM_PARAMETERS = (
-    *PER_SEGMENT, *PER_GUIDE, *PER_DISC, *MEASURED_LAWS,
+    *PER_SEGMENT, *PER_GUIDE, *PER_DISC, *MEASURED_LAWS, *SPATIAL_PARAMETERS,
+    Parameter('arm.jamming', True,
+              'whether segments can be stiffened; false: all are always soft, and jamming_valves '
+              'is not needed'),
     Parameter('arm.youngs_modulus', 200e9,
               "Young's modulus of the leaf springs", 1e6, 1e12, unit='Pa'),
     Parameter('arm.bodies_per_segment', 12,
@@ -87,11 +99,30 @@ MAX_SEGMENTS = 100
 
 
 def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
-    """
-    Build the arm from parameter values by their names in ARM_PARAMETERS.
+    """Build a planar arm as any_arm_from_parameters; raises ParameterError for a spatial one."""
+    arm = any_arm_from_parameters(values)
+    if not isinstance(arm, Arm):
+        raise ParameterError(
+            'the description is of a spatial arm (arm.tendon_names), and this works with planar '
+            'arms only so far; with spatial ones `soft_continuum up` works, which starts '
+            'tendon_actuation, kinematics and, with arm.jamming, jamming_valves')
+    return arm
 
-    A list of one value counts for every segment, guide or disc.  A measured law takes the place
-    of a bending stiffness or stiffness ratio.
+
+def check_jamming(values: Mapping[str, Any]) -> None:
+    """Raise ParameterError for an arm without jamming, for nodes that are nothing without."""
+    if not values['arm.jamming']:
+        raise ParameterError(
+            'arm.jamming is false: nothing stiffens the segments of this arm, and nodes that '
+            'switch them are not needed; `soft_continuum up` starts those that are')
+
+
+def any_arm_from_parameters(values: Mapping[str, Any]) -> AnyArm:
+    """
+    Build the arm, planar or spatial, from parameter values by their names in ARM_PARAMETERS.
+
+    A list of one value counts for every segment, guide, disc or tendon.  A measured law takes the
+    place of a bending stiffness or stiffness ratio.
 
     Raises ParameterError when the lists do not fit together or a value is not physical.
     """
@@ -116,18 +147,31 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
         raise ParameterError(
             f'parameter arm.guide_offsets is {list(get["guide_offsets"])}; allowed: '
             f'{MIN_GUIDE_OFFSET:g} m and more, or 0 for half the outer diameter')
-    soft_laws, stiff_laws = _laws(get, 'soft', count), _laws(get, 'stiff', count)
+    get['bending_stiffnesses'] = tuple(
+        given or get['youngs_modulus'] * second_moment_of_area(width, thickness)
+        for given, width, thickness in zip(
+            get['bending_stiffnesses'], get['leaf_widths'], get['leaf_thicknesses'], strict=True))
+    get['guide_offsets'] = tuple(offset or get['outer_diameters'][i // 2] / 2
+                                 for i, offset in enumerate(get['guide_offsets']))
     try:
-        arm = Arm(
-            segments=tuple(_segment(get, i, soft_laws[i], stiff_laws[i]) for i in range(count)),
-            discs=tuple(Disc(height=height, mass=mass) for height, mass in zip(
-                get['disc_heights'], get['disc_masses'], strict=True)),
-            tendon=Tendon(get['tendon_axial_stiffness'] or inf, get['tendon_free_length'],
-                          get['tendon_friction']),
-            **{name: get[name] for name in ('bodies_per_segment', 'discretisation', 'payload',
-                                            'mounting_angle', 'gravity')})
+        if get['tendon_names'] not in (NO_NAMES, ()):
+            return spatial_arm(get)
+        refuse_spatial(get)
+        return _planar_arm(get, count)
     except (ArmError, LawError) as error:
         raise ParameterError(f'arm: {error}') from None
+
+
+def _planar_arm(get: Mapping[str, Any], count: int) -> Arm:
+    soft_laws, stiff_laws = _laws(get, 'soft', count), _laws(get, 'stiff', count)
+    arm = Arm(
+        segments=tuple(_segment(get, i, soft_laws[i], stiff_laws[i]) for i in range(count)),
+        discs=tuple(Disc(height=height, mass=mass) for height, mass in zip(
+            get['disc_heights'], get['disc_masses'], strict=True)),
+        tendon=Tendon(get['tendon_axial_stiffness'] or inf, get['tendon_free_length'],
+                      get['tendon_friction']),
+        **{name: get[name] for name in ('bodies_per_segment', 'discretisation', 'payload',
+                                        'mounting_angle', 'gravity')})
     for number, segment in enumerate(arm.segments, start=1):
         if segment.jam.law is not None:
             try:  # what the jam adds must be a law, too
@@ -141,15 +185,11 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
 
 def _segment(get: Mapping[str, Any], i: int, soft_law: MomentCurvature | None,
              stiff_law: MomentCurvature | None) -> Segment:
-    diameter = get['outer_diameters'][i]
-    leaf = get['youngs_modulus'] * second_moment_of_area(
-        get['leaf_widths'][i], get['leaf_thicknesses'][i])
     ratio = inf if stiff_law else get['stiffness_ratios'][i] or inf
-    lower, upper = get['guide_offsets'][2 * i:2 * i + 2]
     return Segment(
-        length=get['segment_lengths'][i], outer_diameter=diameter, mass=get['segment_masses'][i],
-        bending_stiffness=get['bending_stiffnesses'][i] or leaf,
-        guide_offsets=(lower or diameter / 2, upper or diameter / 2),
+        length=get['segment_lengths'][i], outer_diameter=get['outer_diameters'][i],
+        mass=get['segment_masses'][i], bending_stiffness=get['bending_stiffnesses'][i],
+        guide_offsets=get['guide_offsets'][2 * i:2 * i + 2],
         bending_angle_limit=get['bending_angle_limits'][i], soft_law=soft_law,
         jam=Jam(ratio=ratio, law=stiff_law, yield_moment=get['yield_moments'][i] or inf))
 

@@ -15,7 +15,8 @@ from typing import Any
 import yaml
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
 from soft_continuum.parameters.nodes import ALL_PARAMETERS, jamming_settings, NODE_PARAMETERS
 from soft_continuum.parameters.parameter import (
     as_yaml,
@@ -45,8 +46,9 @@ def load_description(*paths: str | Path, node: str = '') -> dict[str, Value]:
     for path in paths:
         values |= given_parameters(path, ALL_PARAMETERS, node, prefixes=UNCHECKED)
     try:
-        arm = arm_from_parameters(values)
-        shapes_from_parameters(values, arm)
+        arm = any_arm_from_parameters(values)
+        if isinstance(arm, Arm):  # the shape library is one of planar shapes
+            shapes_from_parameters(values, arm)
         jamming_settings(values)
     except ParameterError as error:
         raise ParameterError(f'{", ".join(str(path) for path in paths)}: {error}') from None
@@ -54,8 +56,17 @@ def load_description(*paths: str | Path, node: str = '') -> dict[str, Value]:
 
 
 def load_arm(*paths: str | Path) -> Arm:
-    """Read the arm from description files; raises ParameterError as load_description does."""
+    """
+    Read a planar arm from description files.
+
+    Raises ParameterError as load_description does, and for a spatial arm.
+    """
     return arm_from_parameters(load_description(*paths))
+
+
+def load_any_arm(*paths: str | Path) -> AnyArm:
+    """Read an arm, planar or spatial; raises ParameterError as load_description does."""
+    return any_arm_from_parameters(load_description(*paths))
 
 
 def load_shapes(path: str | Path) -> dict[str, tuple[float, ...]]:

@@ -3,15 +3,16 @@
 """Conversions between the library's arrays and ROS messages."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import pi
+from typing import Any
 
 from geometry_msgs.msg import Pose, PoseArray, PoseWithCovarianceStamped
 import numpy as np
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from soft_continuum.mechanics.chain import Array, Equilibrium, RigidChain
+from soft_continuum.mechanics.chain import Array, full_poses
+from soft_continuum.mechanics.either import AnyChain, State
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.ros.text import plain
 from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
@@ -31,19 +32,6 @@ MAX_VARIANCE = 1.0
 def seconds(stamp: object) -> float:
     """Return a builtin_interfaces Time or Duration in s."""
     return float(stamp.sec + stamp.nanosec * 1e-9)  # type: ignore[attr-defined]
-
-
-def full_poses(planar: Array) -> Array:
-    """
-    Return poses (k, 7) of planar rows (k, 3).
-
-    planar: x, z (m) and angle about +y (rad).  A pose is position x, y, z (m) and quaternion x, y,
-    z, w; z of its frame is the tangent of the backbone.
-    """
-    poses = np.zeros((len(planar), 7))
-    poses[:, 0], poses[:, 2] = planar[:, 0], planar[:, 1]
-    poses[:, 4], poses[:, 6] = np.sin(planar[:, 2] / 2.0), np.cos(planar[:, 2] / 2.0)
-    return poses
 
 
 def planar_poses(poses: Array) -> Array:
@@ -154,24 +142,27 @@ def stiffness_from_ros(state: JammingValvesState,
                  for was, now in zip(before, state.stiffness, strict=True))
 
 
-def equilibrium_to_ros(state: Equilibrium) -> KinematicsState:
+def equilibrium_to_ros(state: State) -> KinematicsState:
     """Return a state of the model as a message without stamp."""
     return KinematicsState(
-        joint_angles=state.joint_angles.tolist(), held_angles=state.held_angles.tolist(),
+        joint_angles=state.coordinates.tolist(), held_angles=state.held_coordinates.tolist(),
         stiff=list(state.stiff), vacuum=list(state.vacuum or [1.0] * len(state.stiff)))
 
 
-def equilibrium_from_ros(message: KinematicsState, chain: RigidChain) -> Equilibrium | None:
-    """Return the state of the model in a message, None when it is that of no such arm."""
+def equilibrium_from_ros(message: KinematicsState, chain: AnyChain) -> Any:
+    """
+    Return the state of the model in a message, None when it is that of no such arm.
+
+    It is an Equilibrium, or of a SpatialChain a SpatialEquilibrium.
+    """
     angles, held = np.array(message.joint_angles), np.array(message.held_angles)
     vacuum = np.array(message.vacuum)
-    if (len(angles) != chain.joints or len(held) != chain.joints
+    if (len(angles) != chain.coordinate_count or len(held) != chain.coordinate_count
             or not np.all(np.abs([angles, held]) <= MAX_JOINT_ANGLE)
             or len(message.stiff) != chain.segments or len(vacuum) != chain.segments
             or not np.all((vacuum >= 0.0) & (vacuum <= 1.0))):
         return None
-    return replace(chain.state(angles), held_angles=held, stiff=tuple(message.stiff),
-                   vacuum=tuple(vacuum.tolist()))
+    return chain.state_of(angles, held, message.stiff, vacuum.tolist())
 
 
 def trajectory_to_ros(times: Sequence[float] | Array, pulls: Sequence[Sequence[float]] | Array,

@@ -5,13 +5,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from soft_continuum.estimation.unknowns import arm_with, first_values, Layout, limited, Prior
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, RigidChain
+from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.spatial.chain import SpatialChain
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
@@ -29,11 +32,12 @@ class Model:
     """
     The arm as the others plan and predict with it.
 
-    chain: of the arm as it is described, or estimated.  offsets: (tendons,) m by which each tendon
-    is pulled in beyond what its motor says.  offset_deviations: (tendons,) m.
+    chain: RigidChain or SpatialChain of the arm as it is described, or estimated.  offsets:
+    (tendons,) m by which each tendon is pulled in beyond what its motor says.  offset_deviations:
+    (tendons,) m.
     """
 
-    chain: RigidChain
+    chain: Any
     offsets: Array
     offset_deviations: Array
 
@@ -101,12 +105,15 @@ def _problem(name: str, value: float) -> str:
     return ''
 
 
-def model_from_ros(parameters: Sequence[EstimatedParameter], arm: Arm) -> Model:
+def model_from_ros(parameters: Sequence[EstimatedParameter], arm: AnyArm) -> Model:
     """
     Return the model that published parameters make of a described arm.
 
-    Without any, or with those of another arm, it is the arm as described.
+    Without any, or with those of another arm, it is the arm as described; so is a spatial one.
     """
+    if isinstance(arm, SpatialArm):
+        nothing = np.zeros(len(arm.tendons))
+        return Model(SpatialChain(arm), nothing, nothing)
     layout = Layout(len(arm.segments), len(arm.tendon_names))
     found = {one.name: one for one in parameters}
     names = parameter_names(arm)

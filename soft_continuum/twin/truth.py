@@ -5,7 +5,8 @@
 from geometry_msgs.msg import PoseArray
 from sensor_msgs.msg import JointState
 
-from soft_continuum.ros.conversions import full_poses, poses_to_ros
+from soft_continuum.mechanics.chain import full_poses
+from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.names import TWIN
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.twin.publisher import DISC_POSES, Publisher

@@ -270,6 +270,18 @@ def test_rods_are_where_sorosim_has_them(rod):
 # What cannot be.
 
 
+@pytest.mark.parametrize('soft', [(True, True, True), (False, True, False)])
+def test_many_small_steps_lead_where_one_large_step_does(soft):
+    # Rounding tripled in each solve: after thirty the backbone was longer than it is.
+    statics = SpatialStatics(arm())
+    state = statics.chain.straight()
+    for part in np.linspace(0.0, 1.0, 101)[1:]:
+        state = statics.solve(state, part * np.array(PULLS), soft)
+    squares = state.rotations.transpose(0, 2, 1) @ state.rotations
+    assert squares == pytest.approx(np.tile(np.eye(3), (len(squares), 1, 1)), abs=1e-13)
+    assert state.points == pytest.approx(solved(arm(), soft=soft).points, abs=1e-9)
+
+
 def test_a_locked_arm_cannot_be_pulled():
     with pytest.raises(OverconstrainedError, match='t0 passes is stiff .* cannot be pulled in'):
         solved(arm(), soft=(False,) * 3)

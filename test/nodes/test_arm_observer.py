@@ -45,7 +45,8 @@ class Bench:
         node.get_publishers_info_by_topic.return_value = []
         node.get_clock.return_value.now.return_value.nanoseconds = 0
         self.observer = ArmObserver(
-            node, ARM, {'silence_timeout': TIMEOUT, 'ambient_pressure': 101325.0}, Mock())
+            node, ARM, {'silence_timeout': TIMEOUT, 'ambient_pressure': 101325.0,
+                        'arm.jamming': True}, Mock())
         self._callbacks = {
             call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
         self.jamming(STIFF)

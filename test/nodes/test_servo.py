@@ -274,7 +274,8 @@ def test_it_knows_when_the_arm_had_its_shape_and_when_it_was_measured(
     node.get_publishers_info_by_topic.return_value = []
     node.get_clock().now().nanoseconds = 105_000_000_000
     observed = EstimateObserver(
-        node, load_arm(description_file()), {'silence_timeout': 10.0}, Mock())
+        node, load_arm(description_file()), {'silence_timeout': 10.0, 'arm.jamming': True},
+        Mock())
     shape = equilibrium_to_ros(observed.chain.straight())
     shape.stamp = stamp(104.9)
     observed._on_shape(shape)

@@ -39,7 +39,8 @@ class SpatialSegment:
     length: m.  stiffness_x, stiffness_y: E I about the x and y axes of its cross-section, N m^2;
     inf for a hinge about the other axis, as a leaf spring is.  torsional_stiffness: G J, N m^2.
     mass: kg.  jam: how it is stiffened; a yield moment or a law of its own is not supported.
-    bending_angle_limit: largest bending angle in any direction that inverse problems may use, rad.
+    outer_diameter: m, for drawing.  bending_angle_limit: largest bending angle in any direction
+    that goals and inverse problems may use, rad.
     """
 
     length: float
@@ -48,6 +49,7 @@ class SpatialSegment:
     torsional_stiffness: float = inf
     mass: float = 0.0
     jam: Jam = field(default_factory=Jam)
+    outer_diameter: float = 0.04
     bending_angle_limit: float = pi / 2
 
     def __post_init__(self) -> None:
@@ -61,6 +63,7 @@ class SpatialSegment:
             raise ArmError('a segment must bend about one axis at least; both stiffnesses are '
                            'infinite')
         check_range('segment mass', self.mass, 0.0, 10.0, 'kg')
+        check_range('outer diameter', self.outer_diameter, *LENGTH_RANGE, 'm')
         if not isinstance(self.jam, Jam):
             raise ArmError(f'jam is {self.jam!r}; give a Jam, such as Jam(ratio=5.0)')
         if self.jam.law is not None or self.jam.yield_moment != inf:
@@ -213,7 +216,8 @@ def spatial(arm: Arm) -> SpatialArm:
     last = len(arm.segments)
     return SpatialArm(
         tuple(SpatialSegment(s.length, inf, s.bending_stiffness, inf, s.mass, s.jam,
-                             min(s.bending_angle_limit, pi)) for s in arm.segments),
+                             s.outer_diameter, min(s.bending_angle_limit, pi))
+              for s in arm.segments),
         tuple(SpatialDisc(d.height, d.mass) for d in arm.discs),
         (SpatialTendon(arm.tendon_names[0], 0.0, offsets, last),
          SpatialTendon(arm.tendon_names[1], radians(180.0), offsets, last)),

@@ -7,7 +7,7 @@ As in the plane (RigidChain) a segment is n bodies between n + 1 springs, and a 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from soft_continuum.mechanics.chain import Array, joint_lengths_of
 from soft_continuum.mechanics.spatial._assembly import HELD, JAM, STIFFNESS
 from soft_continuum.mechanics.spatial._rotations import rotate, rotation_vector
 from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.spatial.orientations import angles_about_axes, quaternions
 
 Integers = NDArray[np.int64]
 System = tuple[Any, ...]
@@ -80,9 +81,56 @@ class SpatialEquilibrium:
         bending: Array = np.column_stack([-axes[:, 1], axes[:, 0]]) * factor[:, None]
         return bending
 
+    # What every state has, planar or spatial.
+
+    @property
+    def vacuum(self) -> tuple[float, ...]:
+        """Always that of full jams, for which planar states have nothing."""
+        return ()
+
+    @property
+    def bending_angles(self) -> Array:
+        """Angle between the axes of the discs below and above each segment, (segments,), rad."""
+        angles: Array = np.linalg.norm(self.bending, axis=1)
+        return angles
+
+    @property
+    def poses(self) -> Array:
+        """The points, and quaternions x, y, z, w of their discs, (2 * discs, 7), m."""
+        return np.column_stack([self.points, np.repeat(quaternions(self.orientations), 2, 0)])
+
+    @property
+    def backbone(self) -> Array:
+        """Upper end of every body, the base disc first, (bodies + 1, 3), m."""
+        return self.chain.ends(self.rotations)
+
+    @property
+    def tendon_points(self) -> list[Array]:
+        """Guides of each tendon, base first, (guides, 3), m."""
+        return self.chain.guide_points(self.rotations)
+
+    @property
+    def coordinates(self) -> Array:
+        """Numbers that tell the shape: the rotation vectors of all joints, (3 * bodies,), rad."""
+        return self.chain.joints(self.rotations).ravel()
+
+    @property
+    def held_coordinates(self) -> Array:
+        """The same of what the jams of stiff segments hold, (3 * bodies,), rad."""
+        return self.held.ravel()
+
+    @property
+    def joint_positions(self) -> Array:
+        """Angles of the joints of the URDF, in the order of its joint_names, rad."""
+        before = np.concatenate([np.eye(3)[None], self.rotations[:-1]])
+        return angles_about_axes(before.transpose(0, 2, 1) @ self.rotations).ravel()
+
 
 class SpatialChain:
     """The bodies, springs, loads and guides of a spatial arm, as arrays."""
+
+    joint_axes = ('x', 'y', 'z')
+    """About which the URDF turns each joint, one after another."""
 
     def __init__(self, arm: SpatialArm) -> None:
         """Discretise ``arm``."""
@@ -186,6 +234,27 @@ class SpatialChain:
             rotations, np.zeros(tendons), self.straight_paths - self.paths(rotations),
             np.zeros(tendons), 0.0, 0, (True,) * self.segments, joints, chain=self)
 
+    @property
+    def coordinate_count(self) -> int:
+        """How many coordinates a state has."""
+        return 3 * self.bodies
+
+    @property
+    def disc_radii(self) -> Array:
+        """Radius of every disc as views draw it: of the segment below, (discs,), m."""
+        diameters = [segment.outer_diameter for segment in self.arm.segments]
+        return np.array([diameters[0], *diameters]) / 2
+
+    def state_of(self, coordinates: Array, held: Array, stiff: Sequence[bool],
+                 vacuum: Sequence[float] = ()) -> SpatialEquilibrium:
+        """
+        Return a state without tension: coordinates, what stiff segments hold, which are stiff.
+
+        vacuum: not used; a jam in space is always full.
+        """
+        return replace(self.state(coordinates.reshape(-1, 3)), held=held.reshape(-1, 3),
+                       stiff=tuple(stiff))
+
     def uniform(self, bending: Sequence[Sequence[float]] | Array) -> SpatialEquilibrium:
         """Return the held state whose segments bend evenly about x and y, (segments, 2) rad."""
         each = np.column_stack([np.asarray(bending, dtype=float), np.zeros(self.segments)])
@@ -213,6 +282,13 @@ class SpatialChain:
         points[1], points[2::2], points[3::2] = (
             ends[0], ends[self.last_body], ends[self.last_body + 1])
         return points
+
+    def guide_points(self, rotations: Array) -> list[Array]:
+        """Return where the guides of each tendon are, base first, (guides, 3), m."""
+        turned = np.concatenate([np.eye(3)[None], rotations])
+        lower = np.concatenate([np.zeros((1, 3)), self.ends(rotations)[:-1]])
+        return [np.array([lower[body + 1] + turned[body + 1] @ place for body, place, _ in guides])
+                for guides in self.guides]
 
     def paths(self, rotations: Array) -> Array:
         """Return the length of the path of each tendon through the segments, (tendons,), m."""

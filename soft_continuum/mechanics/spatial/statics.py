@@ -27,6 +27,7 @@ from soft_continuum.mechanics.spatial.chain import (
     sums,
     System,
 )
+from soft_continuum.mechanics.spatial.orientations import orthonormal
 
 Booleans = NDArray[np.bool_]
 ITERATIONS = 40  # of Newton's method in one step
@@ -127,15 +128,17 @@ class SpatialStatics:
         self._compliance = np.array([tendon.compliance for tendon in arm.tendons])
 
     def solve(self, start: SpatialEquilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
-              tensions: ArrayLike | None = None) -> SpatialEquilibrium:
+              tensions: ArrayLike | None = None, vacuum: Sequence[float] | None = None,
+              sliding: Sequence[int] = ()) -> SpatialEquilibrium:
         """
         Return the equilibrium that follows from ``start``.
 
         pulls: (tendons,) m; a slack tendon carries nothing, one of SLACK never.  soft: one flag
         per segment.  tensions: (tendons,) N of tendons that are pulled by a force instead, nan
-        for those that are not (default: none).  Raises ValueError for other shapes or numbers,
-        OverconstrainedError when tendons are too short for a locked arm, StaticsError when no
-        equilibrium is found.
+        for those that are not (default: none).  vacuum, sliding: as in Statics.solve, and not
+        used: in space a jam is always full, and there is no friction.  Raises ValueError for other
+        shapes or numbers, OverconstrainedError when tendons are too short for a locked arm,
+        StaticsError when no equilibrium is found.
         """
         tendons, segments = len(self.chain.arm.tendons), self.chain.segments
         wanted = np.array(pulls, dtype=float)
@@ -206,9 +209,7 @@ class SpatialStatics:
                 break
         turned = np.concatenate([
             links.rotations @ start.rotations[first].transpose(0, 2, 1), np.eye(3)[None]])
-        every = turned[link] @ start.rotations
-        # Three factors: what rounding takes of orthogonality would triple with every solve.
-        every = 1.5 * every - 0.5 * every @ every.transpose(0, 2, 1) @ every
+        every = orthonormal(turned[link] @ start.rotations)  # else rounding triples in each solve
         paths = chain.paths(every)
         allowed = np.where(by_force, paths,
                            chain.straight_paths - pulls + self._compliance * links.tension)

@@ -1,0 +1,49 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rotation matrices: kept what they are, and as others write them, by quaternions and angles."""
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array
+
+
+def orthonormal(rotations: Array) -> Array:
+    """
+    Return the rotations (k, 3, 3) next to matrices that are off by rounding.
+
+    One step of Newton's method for the polar decomposition (Higham 1986), which squares the error.
+    """
+    squares = rotations.transpose(0, 2, 1) @ rotations
+    found: Array = rotations @ (1.5 * np.eye(3) - 0.5 * squares)
+    return found
+
+
+def quaternions(rotations: Array) -> Array:
+    """
+    Return rotation matrices (k, 3, 3) as unit quaternions x, y, z, w, (k, 4), w not negative.
+
+    From the row of 4 q q^T with the largest diagonal element (Shepperd 1978), which is exact for
+    every angle.
+    """
+    r = np.moveaxis(rotations, 0, -1)
+    products = np.array([
+        [1 + r[0, 0] - r[1, 1] - r[2, 2], r[1, 0] + r[0, 1], r[0, 2] + r[2, 0], r[2, 1] - r[1, 2]],
+        [r[1, 0] + r[0, 1], 1 - r[0, 0] + r[1, 1] - r[2, 2], r[2, 1] + r[1, 2], r[0, 2] - r[2, 0]],
+        [r[0, 2] + r[2, 0], r[2, 1] + r[1, 2], 1 - r[0, 0] - r[1, 1] + r[2, 2], r[1, 0] - r[0, 1]],
+        [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], 1 + r[0, 0] + r[1, 1] + r[2, 2]],
+    ])
+    largest = np.argmax(np.einsum('iik->ik', products), axis=0)
+    rows = products[largest, :, np.arange(len(rotations))]
+    found: Array = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    return np.where(found[:, 3:] < 0.0, -found, found)
+
+
+def angles_about_axes(rotations: Array) -> Array:
+    """
+    Return the angles (k, 3), rad, by which to turn about x, then y, then z, each as turned so far.
+
+    rotations: (k, 3, 3), each of less than a right angle.
+    """
+    return np.column_stack([
+        np.arctan2(-rotations[:, 1, 2], rotations[:, 2, 2]), np.arcsin(rotations[:, 0, 2]),
+        np.arctan2(-rotations[:, 0, 1], rotations[:, 0, 0])])

@@ -1,0 +1,227 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Arms in space over DDS: described in a file, moved by trajectories, where geometry has them."""
+
+from collections.abc import Callable, Iterator, Mapping
+from math import cos, radians, sin
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+import numpy as np
+import pytest
+from ros_rig import LATCHED, RELIABLE, Rig, trajectory
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from test_spatial_description import check_urdf, JAMMING, TENDON_ARM
+from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import Marker, MarkerArray
+
+from soft_continuum.parameters.files import given_parameters, load_any_arm
+from soft_continuum.parameters.nodes import ALL_PARAMETERS
+from soft_continuum_interfaces.msg import MotionRequest
+
+NAMES = load_any_arm(TENDON_ARM).tendon_names
+OFFSET, SEGMENT, BASE, DISC = 0.008, 0.08, 0.01, 0.005  # m, as config/tendon_arm.yaml has them
+PULL = 0.004  # m
+SLACK = -0.02  # m: of the tendons that are not to do anything
+
+
+def given(path: Path, **changes: Any) -> Mapping[str, Any]:
+    """Return what a description gives, and changes, as Rig.start takes them."""
+    values = given_parameters(path, ALL_PARAMETERS)
+    return {name.replace('.', '__'): value for name, value in values.items()} | changes
+
+
+class Driven:
+    """An arm that runs, and trajectories for it."""
+
+    def __init__(self, rig: Rig, names: tuple[str, ...]) -> None:
+        self.rig, self._names = rig, names
+        self._publisher = rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory')
+        self._count = 0
+        self.rig.wait_for(lambda: len(rig.segment_poses), 'poses')
+
+    def send(self, pulls: Mapping[str, float], others: float = 0.0,
+             names: tuple[str, ...] = ()) -> MotionRequest:
+        """Send a trajectory of half a second; return what happened to it, once it has ended."""
+        self._count += 1
+        names = names or self._names
+        message = trajectory([(0.5, [pulls.get(name, others) for name in names])], names)
+        message.header.frame_id = f'motion {self._count}'
+        self._publisher.publish(message)
+        states = self.rig.states['tendon_actuation']
+
+        def ended() -> MotionRequest | None:
+            return next((one for one in (states.last.accepted, states.last.refused)
+                         if one.id == message.header.frame_id
+                         and one.status != MotionRequest.FOLLOWING), None)
+        return self.rig.wait_for(ended, 'an end of the motion')
+
+    def poses(self) -> np.ndarray:
+        """Return the poses (2 * discs, 7) of the arm at rest, as published."""
+        self.rig.wait_for_more(self.rig.tendons, 3)
+        last = list(self.rig.wait_for_more(self.rig.disc_poses, 2))[-1]
+        return np.array([(p.position.x, p.position.y, p.position.z, p.orientation.x,
+                          p.orientation.y, p.orientation.z, p.orientation.w) for p in last.poses])
+
+
+@pytest.fixture(scope='module')
+def tendon_arm(module_domain: int) -> Iterator[Driven]:
+    """Return the tendon arm without gravity: kinematics and tendon_actuation, nothing else."""
+    rig = Rig(module_domain)
+    rig.start('kinematics', 'tendon_actuation', **given(TENDON_ARM, arm__gravity=0.0))
+    yield Driven(rig, NAMES)
+    rig.close()
+
+
+def constant_curvature(direction: float, angle: float) -> np.ndarray:
+    """
+    Return the tip of an arm whose three segments are arcs, between rigid discs.
+
+    direction: about z from x, towards which it bends.  angle: of the whole arm, rad.
+    """
+    x, z, theta = 0.0, BASE, 0.0
+    radius = SEGMENT / (angle / 3.0)
+    for _ in range(3):
+        after = theta + angle / 3.0
+        x += radius * (cos(theta) - cos(after)) + DISC * sin(after)
+        z += radius * (sin(after) - sin(theta)) + DISC * cos(after)
+        theta = after
+    return np.array([x * cos(direction), x * sin(direction), z])
+
+
+@pytest.mark.parametrize('name, degrees', [('tip_1', 80.0), ('tip_2', 200.0), ('tip_3', 320.0)])
+def test_a_pulled_tendon_bends_the_arm_towards_itself(
+        tendon_arm: Driven, name: str, degrees: float) -> None:
+    assert tendon_arm.send({name: PULL}, SLACK).status == MotionRequest.DONE
+    poses = tendon_arm.poses()
+    wanted = constant_curvature(radians(degrees), PULL / OFFSET)
+    assert poses[-1, :3] == pytest.approx(wanted, abs=1.5e-3)
+    assert np.hypot(*wanted[:2]) > 0.05  # of which the tolerance is little
+    # A tendon that runs straight on bends the arm in one plane: the tip turns about its normal.
+    turn = Rotation.from_quat(poses[-1, 3:]).as_rotvec()
+    assert np.linalg.norm(turn) == pytest.approx(PULL / OFFSET, rel=0.02)
+    assert turn[2] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_tendon_bends_the_segments_up_to_its_end_only(tendon_arm: Driven) -> None:
+    assert tendon_arm.send({'base_1': PULL}, SLACK).status == MotionRequest.DONE
+    discs = tendon_arm.poses()[2::2]
+    turns = [np.linalg.norm(Rotation.from_quat(pose[3:]).as_rotvec()) for pose in discs]
+    assert turns == pytest.approx([PULL / OFFSET] * 3, rel=0.02)
+    assert discs[-1, 0] > 0.05  # base_1 is at +x
+    assert abs(discs[-1, 1]) < 1e-4
+
+
+def test_two_tendons_bend_the_arm_between_them(tendon_arm: Driven) -> None:
+    outcome = tendon_arm.send({'base_1': 0.002, 'base_2': 0.002, 'base_3': -0.004}, SLACK)
+    assert outcome.status == MotionRequest.DONE
+    x, y = tendon_arm.poses()[-1, :2]
+    assert np.degrees(np.arctan2(y, x)) == pytest.approx(60.0, abs=0.5)  # of 0 and 120
+
+
+def test_the_joints_and_the_urdf_give_the_published_poses(tendon_arm: Driven) -> None:
+    rig = tendon_arm.rig
+    assert tendon_arm.send({'tip_1': PULL, 'base_2': PULL}, SLACK).status == MotionRequest.DONE
+    urdf = rig.record(String, 'robot_description', LATCHED)
+    rig.wait_for(lambda: len(urdf), 'a URDF')
+    poses = tendon_arm.poses()
+    joints = dict(zip(rig.joints.last.name, rig.joints.last.position, strict=True))
+    assert len(joints) == 3 * 33
+    check_urdf(urdf.last.data, joints, poses)
+
+
+def test_tensions_are_those_that_bend_the_rod(tendon_arm: Driven) -> None:
+    rig = tendon_arm.rig
+    tensions = rig.record(JointState, 'tendon_tensions', RELIABLE)
+    assert tendon_arm.send({'tip_1': PULL}, SLACK).status == MotionRequest.DONE
+    tendon_arm.poses()
+    last = rig.wait_for_more(tensions, 1)[-1]
+    moment = 7.07e-4 * PULL / OFFSET / (3 * SEGMENT)  # E I times the curvature
+    found = dict(zip(last.name, last.effort, strict=True))
+    assert found.pop('tip_1') == pytest.approx(moment / OFFSET, rel=0.03)
+    assert set(found.values()) == {0.0}
+
+
+def test_too_much_tension_is_refused(tendon_arm: Driven) -> None:
+    straight = tendon_arm.send({})
+    assert straight.status == MotionRequest.DONE
+    before = tendon_arm.poses()
+    refused = tendon_arm.send({'tip_1': 0.003, 'tip_2': 0.003, 'tip_3': 0.003})
+    assert (refused.status, refused.reason) == (MotionRequest.REFUSED, MotionRequest.TENSION)
+    assert 'tip_1 ' in refused.message
+    assert 'co_contraction_limit (opposing tendons at once): 2 N' in refused.message
+    assert tendon_arm.poses() == pytest.approx(before, abs=1e-9)
+
+
+@pytest.mark.parametrize('names', [('right_tendon', 'left_tendon'), NAMES[:3],
+                                   (*NAMES[:-1], 'tip_4')], ids=len)
+def test_names_of_other_tendons_are_refused(tendon_arm: Driven, names: tuple[str, ...]) -> None:
+    refused = tendon_arm.send({}, names=names)
+    assert (refused.status, refused.reason) == (MotionRequest.REFUSED, MotionRequest.INVALID)
+    assert "needed: ['base_1', 'base_2'" in refused.message
+
+
+def test_no_valves_are_needed_and_none_waited_for(tendon_arm: Driven) -> None:
+    rig = tendon_arm.rig
+    topics = dict(rig.observer.get_topic_names_and_types())
+    counts = {topic: rig.observer.count_subscribers(topic) for topic in topics
+              if topic.startswith(f'{rig.namespace}/segment_') and topic.endswith('/pressure')}
+    assert set(counts.values()) <= {1}  # that of the observer itself
+    assert not rig.observer.count_publishers('jamming_valves/state')
+    assert rig.status_value('kinematics', 'soft') == '1 2 3'
+
+
+def test_a_measurement_corrects_nothing_and_says_so(tendon_arm: Driven) -> None:
+    rig = tendon_arm.rig
+    measured = rig.publisher(PoseWithCovarianceStamped, 'disc_3/measured_pose')
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = 'base_link'
+    message.header.stamp = rig.observer.get_clock().now().to_msg()
+    message.pose.pose.orientation.w = 1.0
+    message.pose.covariance = (1e-6 * np.eye(6)).ravel()
+    measured.publish(message)
+    rig.wait_for(lambda: 'spatial arms are predicted' in rig.statuses['kinematics'].last.message,
+                 'the reason')
+
+
+def test_the_markers_stand_where_the_arm_is(tendon_arm: Driven) -> None:
+    rig = tendon_arm.rig
+    assert tendon_arm.send({'tip_1': PULL}, SLACK).status == MotionRequest.DONE
+    markers = rig.record(MarkerArray, 'shape_markers', RELIABLE)
+    poses = tendon_arm.poses()
+    rig.wait_for_more(markers, 2)
+    found: dict[str, list[Marker]] = {}
+    for marker in markers.last.markers:
+        found.setdefault(marker.ns, []).append(marker)
+    assert {ns: len(some) for ns, some in found.items()} == {
+        'segments': 3, 'discs': 4, 'tendons': 9}
+    tip = found['discs'][-1].pose.position
+    assert (tip.x, tip.y, tip.z) == pytest.approx(poses[-2:, :3].mean(axis=0), abs=1e-9)
+    for name, marker in zip(NAMES, found['tendons'], strict=True):
+        last = marker.points[-1]  # at the lower side of the disc where it ends
+        disc = poses[2 * (1 + ['base', 'middle', 'tip'].index(name.partition('_')[0])), :3]
+        assert np.linalg.norm(np.array([last.x, last.y, last.z]) - disc) == pytest.approx(OFFSET)
+
+
+def test_only_the_soft_segment_of_a_jamming_arm_bends(
+        make_rig: Callable[..., Rig]) -> None:
+    rig = make_rig()
+    rig.start('kinematics', 'tendon_actuation', 'jamming_valves', **given(JAMMING))
+    arm = Driven(rig, ('tendon_1', 'tendon_2', 'tendon_3'))
+    pulls = {'tendon_1': -0.005, 'tendon_2': 0.004, 'tendon_3': -0.005}
+    assert arm.send(pulls).reason == MotionRequest.ALL_STIFF
+    rig.soften(3)
+    assert arm.send(pulls).status == MotionRequest.DONE
+    poses = arm.poses()
+    assert poses[4, :3] == pytest.approx([0.0, 0.0, 0.2], abs=1e-9)
+    turn = Rotation.from_quat(poses[-1, 3:]).as_rotvec()
+    # tendon_2, at 120 degrees, turns the tip about the axis that is 90 degrees further.
+    assert np.degrees(np.arctan2(turn[1], turn[0])) % 360.0 == pytest.approx(210.0, abs=1e-3)
+    # Without spacers the tendon is the chord of an arc of 0.07 m.
+    angle = np.linalg.norm(turn)
+    chord = 2.0 * (0.07 / angle - 0.0175) * sin(angle / 2.0)
+    assert 0.07 - chord == pytest.approx(0.004, rel=0.02)

@@ -1,0 +1,241 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""One description file describes a planar arm, a spatial one and a tendon arm without jamming."""
+
+from math import inf, pi
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from soft_continuum.client.state import Pose
+from soft_continuum.mechanics import Arm, RigidChain
+from soft_continuum.mechanics.either import chain_of, statics_of
+from soft_continuum.mechanics.spatial import spatial, SpatialArm, SpatialChain
+from soft_continuum.nodes.up import nodes_of
+from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
+from soft_continuum.parameters.files import load_any_arm, load_arm, load_description
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.urdf import arm_urdf, joint_names
+
+CONFIG = Path(__file__).resolve().parents[1] / 'config'
+PLANAR, TENDON_ARM, JAMMING = (
+    CONFIG / f'{name}.yaml' for name in ('manipulator', 'tendon_arm', 'spatial_jamming'))
+THREE = {'arm.tendon_names': ('a', 'b', 'c'), 'arm.tendon_angles': (0.0, 2.0, 4.0)}
+
+
+def described(**changes):
+    """Return the arm with three tendons and other values; __ in a name stands for a dot."""
+    return any_arm_from_parameters(
+        THREE | {name.replace('__', '.'): value for name, value in changes.items()})
+
+
+def refusal(**changes):
+    with pytest.raises(ParameterError) as refused:
+        described(**changes)
+    return str(refused.value)
+
+
+# What is described.
+
+
+def test_the_shipped_tendon_arm_has_three_tendons_for_each_segment():
+    arm = load_any_arm(TENDON_ARM)
+    assert isinstance(arm, SpatialArm)
+    assert [tendon.end for tendon in arm.tendons] == [1, 1, 1, 2, 2, 2, 3, 3, 3]
+    angles = np.array([tendon.angle for tendon in arm.tendons]).reshape(3, 3)
+    assert np.diff(angles, axis=1) == pytest.approx(2.0 * pi / 3.0, abs=1e-5)
+    assert angles[:, 0] == pytest.approx(np.radians([0.0, 40.0, 80.0]), abs=1e-5)
+    rod = 60e9 * pi / 64 * 0.0007**4
+    assert arm.segments[0].stiffness_x == arm.segments[0].stiffness_y == pytest.approx(rod, 1e-2)
+    assert arm.segments[0].torsional_stiffness == pytest.approx(rod / 1.33, 1e-2)
+    assert arm.gravity == pytest.approx((0.0, 0.0, 9.80665), abs=1e-6)  # hanging
+    # Stretch: the path between the guides, and what is between stepper and base.
+    assert [t.compliance for t in arm.tendons] == pytest.approx(
+        (np.repeat([0.08, 0.16, 0.24], 3) + 0.3) / 5000.0)
+
+
+def test_the_shipped_jamming_arm_is_that_of_the_paper_with_round_springs():
+    arm, flat = load_any_arm(JAMMING), load_arm(PLANAR)
+    for round_one, leaf in zip(arm.segments, flat.segments, strict=True):
+        assert (round_one.length, round_one.mass) == (leaf.length, leaf.mass)
+        assert round_one.stiffness_x == round_one.stiffness_y == pytest.approx(
+            leaf.bending_stiffness, rel=1e-3)
+        assert round_one.torsional_stiffness == inf
+        assert round_one.jam.rigid
+    assert [(d.height, d.mass) for d in arm.discs] == [(d.height, d.mass) for d in flat.discs]
+    assert all(t.offset == (0.025, 0.025, 0.02125, 0.02125, 0.0175, 0.0175) for t in arm.tendons)
+
+
+def test_what_is_left_out_is_that_of_a_planar_arm():
+    assert isinstance(any_arm_from_parameters({}), Arm)
+    assert any_arm_from_parameters({}) == arm_from_parameters({'arm.tendon_names': []})
+    assert load_any_arm(PLANAR) == load_arm(PLANAR)
+
+
+def test_one_value_counts_for_all_tendons_and_zero_is_the_last_disc():
+    arm = described(arm__tendon_twists=(3.0,))
+    assert [(t.end, t.twist) for t in arm.tendons] == [(3, 3.0)] * 3
+
+
+def test_a_leaf_spring_bends_about_one_axis():
+    arm = described(arm__lateral_bending_stiffnesses=(17.0,), arm__torsional_stiffnesses=(0.1,))
+    assert [s.stiffness_x for s in arm.segments] == [17.0] * 3
+    assert [s.torsional_stiffness for s in arm.segments] == [0.1] * 3
+
+
+@pytest.mark.parametrize('path, nodes', [
+    (PLANAR, ('tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer')),
+    (JAMMING, ('tendon_actuation', 'jamming_valves', 'kinematics')),
+    (TENDON_ARM, ('tendon_actuation', 'kinematics'))], ids=lambda p: getattr(p, 'stem', ''))
+def test_the_nodes_that_an_arm_needs_are_started(path, nodes):
+    assert nodes_of([path]) == nodes
+
+
+# What is refused, and the choices that the message names.
+
+
+@pytest.mark.parametrize('changes, words', [
+    ({'arm__tendon_names': ('a', 'a', 'c')}, 'a name of its own'),
+    ({'arm__tendon_names': ('a', 'b 2', 'c')}, 'letters, digits and _'),
+    ({'arm__tendon_angles': (0.0, 1.0)}, 'arm.tendon_names has 3, so 3 are needed'),
+    ({'arm__tendon_angles': (0.0,)}, 'arm.tendon_names has 3, so 3 are needed'),
+    ({'arm__tendon_ends': (1, 2)}, '3 are needed, or one for all'),
+    ({'arm__tendon_ends': (1, 2, 4)}, 'allowed: 1 to 3'),
+    ({'arm__tendon_ends': (-1,)}, 'allowed: 0 to'),
+    ({'arm__tendon_ends': (1.5,)}, 'a whole number'),
+    ({'arm__spacers': 4}, '12 bodies per segment and 4 spacers'),
+    ({'arm__torsional_stiffnesses': (0.1, 0.2)}, 'so 3 are needed, or one for all'),
+    ({'arm__yield_moments': (0.2,)}, 'parameter arm.yield_moments is [0.2, 0.2, 0.2]; spatial'),
+    ({'arm__tendon_friction': 0.1}, 'parameter arm.tendon_friction is 0.1; spatial arms know'),
+    ({'arm__soft_curvatures': (0.0, 1.0), 'arm__soft_moments': (0.0, 0.02)},
+     'leave arm.soft_curvatures out'),
+    ({'arm__stiffness_ratios': (0.5,)}, 'stiffness ratio K is 0.5'),
+    ({'arm__tendon_names': ('',)}, 'give arm.tendon_names to describe a spatial one'),
+], ids=str)
+def test_what_is_no_spatial_arm_is_refused(changes, words):
+    assert words in refusal(**changes)
+
+
+def test_tools_for_planar_arms_say_what_works_instead():
+    with pytest.raises(ParameterError, match='is of a spatial arm.*`soft_continuum up` works'):
+        arm_from_parameters(THREE)
+    with pytest.raises(ParameterError, match='planar arms only'):
+        load_arm(TENDON_ARM)
+
+
+def test_a_description_of_an_arm_in_space_needs_no_planar_shapes():
+    assert load_description(TENDON_ARM)['arm.jamming'] is False
+
+
+# Both kinds of arms say the same of a planar one.
+
+
+def bent():
+    """Return a planar arm, and the same as a spatial one, bent alike."""
+    flat = load_arm(PLANAR)
+    angles = np.array([0.4, -0.3, 0.7])
+    return (RigidChain(flat).uniform(angles), SpatialChain(spatial(flat)).uniform(
+        np.column_stack([np.zeros(3), angles])))
+
+
+def test_a_planar_arm_is_drawn_where_the_spatial_one_is():
+    one, other = bent()
+    assert one.poses == pytest.approx(other.poses, abs=1e-12)
+    assert one.backbone == pytest.approx(other.backbone, abs=1e-12)
+    for guides, in_space in zip(one.tendon_points, other.tendon_points, strict=True):
+        assert guides[1:-1] == pytest.approx(in_space, abs=1e-12)  # in the discs at both ends, too
+    assert np.abs(one.bending_angles) == pytest.approx(other.bending_angles)
+    assert other.joint_positions.reshape(-1, 3)[:, 1] == pytest.approx(one.joint_positions)
+
+
+@pytest.mark.parametrize('path', [PLANAR, JAMMING, TENDON_ARM], ids=lambda p: p.stem)
+def test_a_state_is_made_again_of_its_coordinates(path):
+    chain = chain_of(load_any_arm(path))
+    numbers = np.random.default_rng(3).uniform(-0.1, 0.1, (2, chain.coordinate_count))
+    state = chain.state_of(numbers[0], numbers[1], (True, False, True))
+    again = chain.state_of(state.coordinates, state.held_coordinates, state.stiff)
+    assert state.coordinates == pytest.approx(numbers[0])
+    assert again.held_coordinates == pytest.approx(numbers[1])
+    assert again.poses == pytest.approx(state.poses, abs=1e-12)
+    assert again.stiff == (True, False, True)
+
+
+# The URDF.
+
+
+def forward_kinematics(text, positions):
+    """Return the pose (4, 4) of every link of a URDF, in which each joint turns about its axis."""
+    frames, robot = {}, ElementTree.fromstring(text)
+    joints = robot.findall('joint')
+    root = ({link.get('name') for link in robot.findall('link')}
+            - {joint.find('child').get('link') for joint in joints}).pop()
+    frames[root] = np.eye(4)
+    while joints:
+        joint = next(j for j in joints if j.find('parent').get('link') in frames)
+        joints.remove(joint)
+        step = np.eye(4)
+        step[:3, 3] = [float(x) for x in joint.find('origin').get('xyz').split()]
+        assert joint.find('origin').get('rpy') == '0 0 0'
+        if joint.get('type') == 'revolute':
+            axis = np.array([float(x) for x in joint.find('axis').get('xyz').split()])
+            angle = positions[joint.get('name')]
+            assert abs(angle) <= float(joint.find('limit').get('upper'))
+            step[:3, :3] = Rotation.from_rotvec(angle * axis).as_matrix()
+        frames[joint.find('child').get('link')] = frames[joint.find('parent').get('link')] @ step
+    return frames
+
+
+def check_urdf(text, positions, poses):
+    """Compare the links of a URDF with poses (2 * discs, 7)."""
+    frames = forward_kinematics(text, positions)
+    links = ['base_link', *(f'disc_{n}' for n in range(1, len(poses) // 2))]
+    for link, pose in zip([*links, 'tip'], [*poses[::2], poses[-1]], strict=True):
+        assert frames[link][:3, 3] == pytest.approx(pose[:3], abs=1e-9)
+        assert frames[link][:3, :3] == pytest.approx(
+            Rotation.from_quat(pose[3:]).as_matrix(), abs=1e-9)
+
+
+@pytest.mark.parametrize('path, pulls, soft', [
+    (JAMMING, (0.006, -0.004, -0.004), (False, False, True)),
+    (TENDON_ARM, (-0.02,) * 6 + (0.006, 0.004, -0.02), (True, True, True)),
+    (PLANAR, (0.006, -0.007), (False, True, False))], ids=lambda p: getattr(p, 'stem', ''))
+def test_the_joints_of_the_urdf_give_the_poses(path, pulls, soft):
+    arm = load_any_arm(path)
+    statics = statics_of(arm)
+    state = statics.solve(statics.chain.straight(), pulls, soft)
+    assert np.abs(state.bending_angles).max() > 0.1
+    names = joint_names(statics.chain)
+    check_urdf(arm_urdf(arm), dict(zip(names, state.joint_positions, strict=True)), state.poses)
+
+
+def test_a_twisted_arm_has_the_poses_of_its_urdf():
+    # Also where a bend about one axis goes on about the other: then discs turn about z.
+    chain = chain_of(load_any_arm(TENDON_ARM))
+    turns = np.random.default_rng(1).uniform(-0.2, 0.2, chain.coordinate_count)
+    state = chain.state_of(turns, turns, (False,) * 3)
+    names = joint_names(chain)
+    check_urdf(arm_urdf(chain.arm), dict(zip(names, state.joint_positions, strict=True)),
+               state.poses)
+
+
+@pytest.mark.parametrize('turn', [(0.0, 0.0, 0.0), (3.1, 0.2, 0.0), (0.0, 0.0, 3.14159),
+                                  (0.1, 3.0, 0.5), (-2.0, 2.0, 0.3)])
+def test_orientations_of_every_size_are_quaternions(turn):
+    from soft_continuum.mechanics.spatial.orientations import quaternions
+    wanted = Rotation.from_rotvec(turn).as_quat(canonical=True)
+    assert quaternions(Rotation.from_rotvec(turn).as_matrix()[None])[0] == pytest.approx(wanted)
+
+
+# What people are told.
+
+
+def test_a_pose_out_of_the_plane_is_told_in_space():
+    from soft_continuum.client.state_text import _model_pose_text as text
+    turned = Rotation.from_rotvec([-pi / 6, 0.0, 0.0]).as_quat()
+    assert text(Pose((0.01, 0.02, 0.3), tuple(turned))) == (
+        'x   +10.0 mm, y   +20.0 mm, z  +300.0 mm,   30.0 deg from the z axis')
+    assert text(Pose((0.01, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))) == (
+        'x   +10.0 mm, z  +300.0 mm,   +0.0 deg')
