@@ -14,6 +14,7 @@ from soft_continuum.client.state import Pose
 from soft_continuum.mechanics import Arm, RigidChain
 from soft_continuum.mechanics.either import chain_of, statics_of
 from soft_continuum.mechanics.spatial import spatial, SpatialArm, SpatialChain
+from soft_continuum.nodes.prediction import TensionPrediction
 from soft_continuum.nodes.up import nodes_of
 from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
 from soft_continuum.parameters.files import load_any_arm, load_arm, load_description
@@ -92,6 +93,16 @@ def test_a_leaf_spring_bends_about_one_axis():
     (TENDON_ARM, ('tendon_actuation', 'kinematics'))], ids=lambda p: getattr(p, 'stem', ''))
 def test_the_nodes_that_an_arm_needs_are_started(path, nodes):
     assert nodes_of([path]) == nodes
+
+
+@pytest.mark.parametrize('angles, ends, opposing', [
+    ((0.0, 2.0944, 4.1888), (1, 1, 1), [[0, 1, 2]]), ((0.0, 1.0, 2.0), (1, 1, 1), []),
+    ((0.5, 0.5 + pi), (2, 2), [[0, 1]]), ((0.0, 2.0, 4.0, 1.0), (1, 1, 1, 3), [[0, 1, 2]]),
+    ((-0.1, 0.1, 3.1), (3, 3, 3), [[0, 1, 2]]), ((1.0,), (1,), [])], ids=str)
+def test_tendons_oppose_each_other_with_the_backbone_between_them(angles, ends, opposing):
+    arm = described(arm__tendon_names=tuple('abcd'[:len(angles)]), arm__tendon_angles=angles,
+                    arm__tendon_ends=ends)
+    assert TensionPrediction(arm).opposing == opposing
 
 
 # What is refused, and the choices that the message names.

@@ -41,7 +41,8 @@ class TensionPrediction:
         """Prepare the model of ``arm``, which is compiled when it is first used."""
         self._statics: Solver = statics_of(arm)
         self._tendons = arm.tendon_names
-        self._opposing = [[0, 1]] if isinstance(arm, Arm) else _opposing(arm)
+        self.opposing = [[0, 1]] if isinstance(arm, Arm) else _opposing(arm)
+        """Numbers of the tendons that oppose each other, in groups."""
         self.chain = self._statics.chain
 
     @staticmethod
@@ -87,7 +88,7 @@ class TensionPrediction:
             raise MotionRefusedError(Reason.TENSION, str(error)) from None
 
     def _check(self, pulls: Array, tensions: Array, limits: TensionLimits) -> None:
-        at_once = max((tensions[which].min() for which in self._opposing), default=0.0)
+        at_once = max((tensions[which].min() for which in self.opposing), default=0.0)
         if tensions.max() > limits.any_tendon or at_once > limits.at_once:
             predicted = ', '.join(
                 f'{name} {pull * 1e3:.2f} mm: {tension:.1f} N' for name, pull, tension

@@ -225,3 +225,14 @@ def test_only_the_soft_segment_of_a_jamming_arm_bends(
     angle = np.linalg.norm(turn)
     chord = 2.0 * (0.07 / angle - 0.0175) * sin(angle / 2.0)
     assert 0.07 - chord == pytest.approx(0.004, rel=0.02)
+
+
+def test_a_planar_arm_without_jamming_bends_as_a_whole(make_rig: Callable[..., Rig]) -> None:
+    rig = make_rig()
+    rig.start('kinematics', 'tendon_actuation', arm__jamming=False, arm__gravity=0.0)
+    arm = Driven(rig, ('right_tendon', 'left_tendon'))
+    assert arm.send({'right_tendon': 0.004, 'left_tendon': -0.006}).status == MotionRequest.DONE
+    poses = arm.poses()
+    angles = 2.0 * np.arctan2(poses[2::2, 4], poses[2::2, 6])
+    assert np.all(np.diff(angles, prepend=0.0) > 0.01)
+    assert not poses[:, 1].any()
