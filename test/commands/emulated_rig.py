@@ -55,6 +55,8 @@ def emulated_rig(folder, settings=None):
     """A rig that is soft, without a reference, as after it was switched on."""
     with (patch.object(STEADY, '_factor', SPEED),
           patch.object(grbl_session, 'MAX_UNANSWERED_QUERIES', PATIENCE),
+          patch.object(grbl_session, 'PROGRESS_TIMEOUT', DEADLINE),
+          patch.object(grbl_session, 'ACKNOWLEDGEMENT_TIMEOUT', DEADLINE),
           GrblEmulator(str(folder / 'grbl'), settings=settings) as grbl,
           ModbusEmulator(link=folder / 'modbus') as modbus):
         rig = Rig(grbl, modbus, folder / 'rig.yaml')

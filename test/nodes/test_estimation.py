@@ -274,7 +274,8 @@ class Plant:
             self._arm.show(self.state.points)
 
 
-QUICK_LOOP = {'loop__settling_time': 0.2, 'loop__measuring_time': 0.3}
+QUICK_LOOP = {'loop__settling_time': 0.2, 'loop__measuring_time': 0.3,
+              'loop__sensor_timeout': 30.0}
 
 
 def test_without_sensors_a_result_is_a_prediction_with_them_it_is_measured(rig: Rig) -> None:
