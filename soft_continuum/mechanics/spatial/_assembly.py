@@ -4,10 +4,11 @@
 What is out of balance in a spatial chain, and its derivatives, in compiled scalar code.
 
 system: (joints, turns, loads, moments, entries, vectors, spans, constants)
-    joints (links, 3, 3): spring stiffness about x, y, z; the jam's; the rotation vector that the
-    jam holds.  turns (links, 3, 3): orientation, in the link before or the base, of what the
-    joint is on.  loads (links, 3, 3): sum of (vector of a body) x (force that it carries), so that
-    the energy is -trace(load R).  moments (links, 3): dead moments, N m, in base_link.
+    joints (links, 4, 3): spring stiffness about x, y, z; that of its jam or friction; the rotation
+    vector that these hold; the moment at which they slide, three times.  turns (links, 3, 3):
+    orientation, in the link before or the base, of what the joint is on.  loads (links, 3, 3):
+    sum of (vector of a body) x (force that it carries), so that the energy is -trace(load R).
+    moments (links, 3): dead moments, N m, in base_link.
     entries (k,): link of each vector (k, 3) of a span, in its frame.  spans (spans, 3): tendon,
     first and last entry (exclusive).  constants (spans, 3): the part of a span in base_link.
 """
@@ -19,7 +20,7 @@ import numpy as np
 from soft_continuum.mechanics._compile import compiled
 from soft_continuum.mechanics.spatial._rotations import inverse_jacobian, rotation_vector
 
-STIFFNESS, JAM, HELD = 0, 1, 2
+STIFFNESS, JAM, HELD, SLIDING = 0, 1, 2, 3
 
 
 @compiled
@@ -41,12 +42,37 @@ def transposed_multiply(one, other, product):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def joint_law(joint, angle, moment, slope):  # type: ignore[no-untyped-def]
+    """
+    Write the moment (3,) of a joint at a rotation vector, and its derivative (3, 3).
+
+    What is held beyond the moment at which it slides is let go in the direction in which it pulls
+    (radial return; Simo and Hughes, Computational Inelasticity, 1998, 2.3).
+    """
+    square = 0.0
+    for i in range(3):
+        moment[i] = joint[JAM, i] * (angle[i] - joint[HELD, i])
+        square += moment[i] * moment[i]
+    size, most = sqrt(square), joint[SLIDING, 0]
+    part = 1.0 if size <= most else most / size
+    for i in range(3):
+        for j in range(3):
+            slope[i, j] = 0.0
+            if size > most:
+                slope[i, j] = -part * moment[i] * moment[j] * joint[JAM, j] / square
+        slope[i, i] += part * joint[JAM, i] + joint[STIFFNESS, i]
+    for i in range(3):
+        moment[i] = part * moment[i] + joint[STIFFNESS, i] * angle[i]
+
+
+@compiled
 def springs(rotations, system, gradient, diagonal, lower):  # type: ignore[no-untyped-def]
     """Add the moments of the joints and their derivatives; lower: d(g of k) by k - 1."""
     joints, turns = system[0], system[1]
     before, relative = np.empty((3, 3)), np.empty((3, 3))
     jacobian, weighted, product = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     turned, angle, moment = np.empty((3, 3)), np.empty(3), np.empty(3)
+    slope = np.empty((3, 3))
     for k in range(len(rotations)):
         if k > 0:
             multiply(rotations[k - 1], turns[k], before)
@@ -55,11 +81,8 @@ def springs(rotations, system, gradient, diagonal, lower):  # type: ignore[no-un
         transposed_multiply(before, rotations[k], relative)
         rotation_vector(relative, angle)
         inverse_jacobian(angle, jacobian)
-        for i in range(3):
-            moment[i] = (joints[k, STIFFNESS, i] * angle[i]
-                         + joints[k, JAM, i] * (angle[i] - joints[k, HELD, i]))
-            for j in range(3):
-                weighted[i, j] = (joints[k, STIFFNESS, i] + joints[k, JAM, i]) * jacobian[i, j]
+        joint_law(joints[k], angle, moment, slope)
+        multiply(slope, jacobian, weighted)
         for i in range(3):
             for j in range(3):
                 gradient[k, i] += jacobian[j, i] * moment[j]
@@ -76,8 +99,9 @@ def springs(rotations, system, gradient, diagonal, lower):  # type: ignore[no-un
                 total += jacobian[i, j] * moment[j]
             angle[i] = total
             for j in range(3):
-                weighted[i, j] = (joints[k, STIFFNESS, i] + joints[k, JAM, i]) * jacobian[j, i]
-        multiply(jacobian, weighted, product)
+                turned[i, j] = jacobian[j, i]
+        multiply(jacobian, slope, before)
+        multiply(before, turned, product)
         turn = turns[k]
         for i in range(3):
             for j in range(3):
@@ -88,10 +112,7 @@ def springs(rotations, system, gradient, diagonal, lower):  # type: ignore[no-un
                 diagonal[k - 1, i, j] += (turned[i, 0] * turn[j, 0] + turned[i, 1] * turn[j, 1]
                                           + turned[i, 2] * turn[j, 2])
         # d2/(d before)(d after) = -J^-1 D J^-1 + [M]x / 2, before rows: the transpose here.
-        for i in range(3):
-            for j in range(3):
-                weighted[i, j] = (joints[k, STIFFNESS, i] + joints[k, JAM, i]) * jacobian[i, j]
-        multiply(jacobian, weighted, product)
+        multiply(before, jacobian, product)
         product[0, 1] += 0.5 * moment[2]
         product[0, 2] -= 0.5 * moment[1]
         product[1, 0] -= 0.5 * moment[2]

@@ -9,7 +9,10 @@ J is the right Jacobian of a rotation vector phi: exp(phi + d) = exp(phi) exp(J 
 
 from math import atan2, cos, sin, sqrt
 
+import numpy as np
+
 from soft_continuum.mechanics._compile import compiled
+from soft_continuum.mechanics.chain import Array
 
 SMALL = 1e-4  # rad: below, series of two terms are exact to rounding
 
@@ -67,3 +70,15 @@ def inverse_jacobian(vector, matrix):  # type: ignore[no-untyped-def]
     matrix[0, 1], matrix[1, 0] = factor * x * y - 0.5 * z, factor * x * y + 0.5 * z
     matrix[0, 2], matrix[2, 0] = factor * x * z + 0.5 * y, factor * x * z - 0.5 * y
     matrix[1, 2], matrix[2, 1] = factor * y * z - 0.5 * x, factor * y * z + 0.5 * x
+
+
+def orthonormal(matrices: Array) -> Array:
+    """
+    Return rotation matrices (n, 3, 3) without the rounding errors that made them skew.
+
+    One step of Newton's method for the polar decomposition (Higham, Functions of Matrices, 8.3).
+    Without it each solve would multiply what the one before left.
+    """
+    product = matrices.transpose(0, 2, 1) @ matrices
+    found: Array = matrices @ (1.5 * np.eye(3) - 0.5 * product)
+    return found

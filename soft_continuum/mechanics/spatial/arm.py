@@ -39,6 +39,9 @@ class SpatialSegment:
     length: m.  stiffness_x, stiffness_y: E I about the x and y axes of its cross-section, N m^2;
     inf for a hinge about the other axis, as a leaf spring is.  torsional_stiffness: G J, N m^2.
     mass: kg.  jam: how it is stiffened; a yield moment or a law of its own is not supported.
+    friction: moment, N m, with which the soft segment resists being bent, whichever way, as do
+    tendons that rub in guides; so its shape depends on those before.  presliding: curvature, 1/m,
+    by which it bends against its friction before this slides.
     """
 
     length: float
@@ -47,6 +50,8 @@ class SpatialSegment:
     torsional_stiffness: float = inf
     mass: float = 0.0
     jam: Jam = field(default_factory=Jam)
+    friction: float = 0.0
+    presliding: float = 0.5
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical segment."""
@@ -58,6 +63,8 @@ class SpatialSegment:
             raise ArmError('a segment must bend about one axis at least; both stiffnesses are '
                            'infinite')
         check_range('segment mass', self.mass, 0.0, 10.0, 'kg')
+        check_range('friction of a segment', self.friction, 0.0, 1e3, 'N m')
+        check_range('presliding curvature', self.presliding, 1e-3, 1e3, '1/m')
         if not isinstance(self.jam, Jam):
             raise ArmError(f'jam is {self.jam!r}; give a Jam, such as Jam(ratio=5.0)')
         if self.jam.law is not None or self.jam.yield_moment != inf:

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
-from soft_continuum.mechanics.spatial._assembly import STIFFNESS
+from soft_continuum.mechanics.spatial._assembly import HELD, STIFFNESS
 from soft_continuum.mechanics.spatial._newton import CONVERGED, LENGTH, TENSION
-from soft_continuum.mechanics.spatial._rotations import rotate
+from soft_continuum.mechanics.spatial._rotations import orthonormal, rotate
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import (
     Integers,
@@ -34,6 +34,7 @@ STEP = 0.003  # m of pull in one step at first
 LEAST_STEP = 1.0 / 4096.0  # of the way to the target
 OIL, OIL_STEPS = 5e-3, 400  # of the stiffness of a joint, at first; steps until it rests
 NUDGE = 1e-5  # rad
+AT_REST = 1e-7  # N m that may be out of balance at a start whose tensions are kept
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
 
 
@@ -125,6 +126,7 @@ class SpatialStatics:
         """Discretise ``arm``."""
         self.chain = SpatialChain(arm)
         self._compliance = np.array([tendon.compliance for tendon in arm.tendons])
+        self._all_soft: tuple[Integers, System, Array] | None = None
 
     def solve(self, start: SpatialEquilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
               tensions: ArrayLike | None = None) -> SpatialEquilibrium:
@@ -166,7 +168,7 @@ class SpatialStatics:
                 given: Array) -> SpatialEquilibrium:
         """Lead lengths, tensions and what is out of balance at the start to the target."""
         chain = self.chain
-        link, system, unchanged = chain.system(start, soft)
+        link, system, unchanged = self._system(start, soft)
         first = np.flatnonzero(np.diff(link, prepend=-1))
         if not len(first):
             return self._locked(start, pulls, soft, given)
@@ -174,8 +176,10 @@ class SpatialStatics:
         links = _Links(system, np.where(by_force, TENSION, LENGTH), self._compliance,
                        np.ascontiguousarray(start.rotations[first]), start.tensions.copy(),
                        start.tensions > 0.0)
-        links.hold(by_force | (start.slack > 0.0))
         bias = links.balance(links.tension)
+        if np.abs(bias).max() > AT_REST:
+            links.hold(by_force | (start.slack > 0.0))
+            bias = links.balance(links.tension)
         at_last = np.where(by_force, given, chain.straight_paths - pulls - unchanged)
         self._refuse_short(np.where(np.isin(np.arange(len(pulls)), system[6][:, 0]) | by_force,
                                     0.0, -at_last), start)
@@ -203,14 +207,27 @@ class SpatialStatics:
                 break
         turned = np.concatenate([
             links.rotations @ start.rotations[first].transpose(0, 2, 1), np.eye(3)[None]])
-        every = turned[link] @ start.rotations
+        every = orthonormal(turned[link] @ start.rotations)
         paths = chain.paths(every)
         allowed = np.where(by_force, paths,
                            chain.straight_paths - pulls + self._compliance * links.tension)
         return SpatialEquilibrium(
             every, links.tension, chain.straight_paths - paths,
             np.where(links.tension > 0.0, 0.0, np.maximum(0.0, allowed - paths)), residual, total,
-            tuple(not one for one in soft), start.held, jumped, chain=chain)
+            tuple(not one for one in soft), chain.slid(start.held, every, soft), jumped,
+            chain=chain)
+
+    def _system(self, start: SpatialEquilibrium, soft: tuple[bool, ...]
+                ) -> tuple[Integers, System, Array]:
+        """Return chain.system; where all is soft, it is laid out once."""
+        if not all(soft):
+            return self.chain.system(start, soft)
+        if self._all_soft is None:
+            self._all_soft = self.chain.system(start, soft)
+        link, (joints, *others), unchanged = self._all_soft
+        joints = joints.copy()
+        joints[:, HELD] = start.held
+        return link, (joints, *others), unchanged
 
     def _locked(self, start: SpatialEquilibrium, pulls: Array, soft: tuple[bool, ...],
                 given: Array) -> SpatialEquilibrium:
