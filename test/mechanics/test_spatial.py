@@ -267,6 +267,59 @@ def test_rods_are_where_sorosim_has_them(rod):
     assert np.max(tips) < 1e-3
 
 
+# Friction.
+
+
+def rubbing(friction, presliding=0.5, **changes):
+    """Return a weightless arm whose segments have friction."""
+    an_arm = arm(gravity=(0.0, 0.0, 0.0), **changes)
+    return replace(an_arm, segments=tuple(
+        replace(s, friction=friction, presliding=presliding) for s in an_arm.segments))
+
+
+def followed(an_arm, *pulls):
+    """Return the state after some pulls in turn, all segments soft."""
+    statics = SpatialStatics(an_arm)
+    state = statics.chain.straight()
+    for each in pulls:
+        state = statics.solve(state, each, (True,) * 3)
+    return state
+
+
+def test_an_arm_with_friction_stays_bent_when_its_tendons_are_let_go_as_far_as_friction_holds():
+    state = followed(rubbing(2e-3), PULLS, (-0.02,) * 3)
+    assert not state.tensions.any()
+    held = np.linalg.norm(state.chain.stiffness * state.chain.joints(state.rotations), axis=1)
+    assert held.max() < 2e-3 * (1.0 + 1e-9)
+    assert 0.001 < np.hypot(*state.tip[:2]) < np.hypot(*followed(rubbing(2e-3), PULLS).tip[:2])
+
+
+def test_friction_that_does_not_slide_is_a_spring():
+    friction, presliding = 10.0, 500.0
+    sticking = followed(rubbing(friction, presliding), PULLS)
+    springs = tuple(replace(s, stiffness_x=s.stiffness_x + friction / presliding,
+                            stiffness_y=s.stiffness_y + friction / presliding)
+                    for s in arm().segments)
+    assert sticking.tip == pytest.approx(
+        followed(arm(gravity=(0.0, 0.0, 0.0), segments=springs), PULLS).tip, abs=1e-9)
+    assert np.hypot(*followed(rubbing(friction, presliding), PULLS, (-0.02,) * 3).tip[:2]) < 1e-9
+
+
+def test_friction_does_not_depend_on_where_x_is():
+    one = followed(rubbing(2e-3), PULLS, (-0.004, 0.003, 0.0), (0.0, 0.0, 0.0))
+    other = followed(rubbing(2e-3, turn=0.7), PULLS, (-0.004, 0.003, 0.0), (0.0, 0.0, 0.0))
+    turn = Rotation.from_euler('z', 0.7)
+    assert other.points == pytest.approx(turn.apply(one.points), abs=1e-9)
+
+
+def test_a_hundred_solves_leave_no_more_error_than_one():
+    weightless = arm(gravity=(0.0, 0.0, 0.0))
+    state = followed(weightless, *(np.array(PULLS) * sin(0.3 * i) for i in range(100)), PULLS)
+    assert state.tip == pytest.approx(followed(weightless, PULLS).tip, abs=1e-9)
+    assert state.rotations.transpose(0, 2, 1) @ state.rotations == pytest.approx(
+        np.tile(np.eye(3), (len(state.rotations), 1, 1)), abs=1e-13)
+
+
 # What cannot be.
 
 

@@ -47,6 +47,14 @@ def assert_is_difference(found, k, more, less, step, tolerance=2e-5):
         wanted, abs=tolerance * max(1e-3, np.abs(wanted).max()))
 
 
+def test_friction_is_refused():
+    arm = three_segments()
+    arm = replace(arm, segments=(replace(arm.segments[0], friction=0.01), *arm.segments[1:]))
+    statics = SpatialStatics(arm)
+    with pytest.raises(ValueError, match='no friction'):
+        SpatialLinearisation(statics, statics.chain.straight())
+
+
 @pytest.mark.parametrize('seed', SEEDS)
 def test_by_pulls(seed):
     statics, state, soft = random_state(seed)

@@ -4,10 +4,11 @@
 What is out of balance in a spatial chain, and its derivatives, in compiled scalar code.
 
 system: (joints, turns, loads, moments, entries, vectors, spans, constants)
-    joints (links, 3, 3): spring stiffness about x, y, z; the jam's; the rotation vector that the
-    jam holds.  turns (links, 3, 3): orientation, in the link before or the base, of what the
-    joint is on.  loads (links, 3, 3): sum of (vector of a body) x (force that it carries), so that
-    the energy is -trace(load R).  moments (links, 3): dead moments, N m, in base_link.
+    joints (links, 4, 3): spring stiffness about x, y, z; that of its jam or friction; the rotation
+    vector that these hold; the moment at which they slide, three times.  turns (links, 3, 3):
+    orientation, in the link before or the base, of what the joint is on.  loads (links, 3, 3):
+    sum of (vector of a body) x (force that it carries), so that the energy is -trace(load R).
+    moments (links, 3): dead moments, N m, in base_link.
     entries (k,): link of each vector (k, 3) of a span, in its frame.  spans (spans, 3): tendon,
     first and last entry (exclusive).  constants (spans, 3): the part of a span in base_link.
 """
@@ -23,7 +24,7 @@ from soft_continuum.mechanics.spatial._rotations import (
     turned_moment_slope,
 )
 
-STIFFNESS, JAM, HELD = 0, 1, 2
+STIFFNESS, JAM, HELD, SLIDING = 0, 1, 2, 3
 
 
 @compiled
@@ -65,12 +66,26 @@ def add_half_cross(vector, times, matrix):  # type: ignore[no-untyped-def]
 
 @compiled
 def joint_law(joint, angle, moment, slope):  # type: ignore[no-untyped-def]
-    """Write the moment (3,) of a joint at a rotation vector, and its derivative D (3, 3)."""
+    """
+    Write the moment (3,) of a joint at a rotation vector, and its derivative (3, 3).
+
+    What is held beyond the moment at which it slides is let go in the direction in which it pulls
+    (radial return; Simo and Hughes, Computational Inelasticity, 1998, 2.3).
+    """
+    square = 0.0
     for i in range(3):
-        moment[i] = (joint[STIFFNESS, i] * angle[i]
-                     + joint[JAM, i] * (angle[i] - joint[HELD, i]))
+        moment[i] = joint[JAM, i] * (angle[i] - joint[HELD, i])
+        square += moment[i] * moment[i]
+    size, most = sqrt(square), joint[SLIDING, 0]
+    part = 1.0 if size <= most else most / size
+    for i in range(3):
         for j in range(3):
-            slope[i, j] = joint[STIFFNESS, i] + joint[JAM, i] if i == j else 0.0
+            slope[i, j] = 0.0
+            if size > most:
+                slope[i, j] = -part * moment[i] * moment[j] * joint[JAM, j] / square
+        slope[i, i] += part * joint[JAM, i] + joint[STIFFNESS, i]
+    for i in range(3):
+        moment[i] = part * moment[i] + joint[STIFFNESS, i] * angle[i]
 
 
 @compiled

@@ -41,6 +41,9 @@ class SpatialSegment:
     mass: kg.  jam: how it is stiffened; a yield moment or a law of its own is not supported.
     outer_diameter: m, for drawing.  bending_angle_limit: largest bending angle in any direction
     that goals and inverse problems may use, rad.
+    friction: moment, N m, with which the soft segment resists being bent, whichever way, as do
+    tendons that rub in guides; so its shape depends on those before.  presliding: curvature, 1/m,
+    by which it bends against its friction before this slides.
     """
 
     length: float
@@ -51,6 +54,8 @@ class SpatialSegment:
     jam: Jam = field(default_factory=Jam)
     outer_diameter: float = 0.04
     bending_angle_limit: float = pi / 2
+    friction: float = 0.0
+    presliding: float = 0.5
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical segment."""
@@ -64,6 +69,8 @@ class SpatialSegment:
                            'infinite')
         check_range('segment mass', self.mass, 0.0, 10.0, 'kg')
         check_range('outer diameter', self.outer_diameter, *LENGTH_RANGE, 'm')
+        check_range('friction of a segment', self.friction, 0.0, 1e3, 'N m')
+        check_range('presliding curvature', self.presliding, 1e-3, 1e3, '1/m')
         if not isinstance(self.jam, Jam):
             raise ArmError(f'jam is {self.jam!r}; give a Jam, such as Jam(ratio=5.0)')
         if self.jam.law is not None or self.jam.yield_moment != inf:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.mechanics.chain import Array, joint_lengths_of
-from soft_continuum.mechanics.spatial._assembly import HELD, JAM, STIFFNESS
+from soft_continuum.mechanics.spatial._assembly import HELD, JAM, SLIDING, STIFFNESS
 from soft_continuum.mechanics.spatial._rotations import rotate, rotation_vector
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.orientations import angles_about_axes, quaternions
@@ -24,6 +24,8 @@ System = tuple[Any, ...]
 """The arrays of _newton."""
 RIGID = 1e6
 """Times the smallest bending stiffness of a joint: of what is described as infinitely stiff."""
+ACROSS = np.array([1.0, 1.0, 0.0])
+"""Friction resists bending, not twist."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +36,9 @@ class SpatialEquilibrium:
     rotations: (bodies, 3, 3), of every body in base_link.  tensions: (tendons,) N.  pulls:
     (tendons,) m, by how much the path of each is shorter than in the straight arm.  slack:
     (tendons,) m by which each tendon is longer than its path.  residual: largest unbalanced
-    moment, N m.  stiff: which segments were.  held: (bodies, 3) rotation vectors that the joints
-    hold.  jumped: the arm went over to another equilibrium, since the one followed from the start
-    ceased to exist.  chain: the arm.
+    moment, N m.  stiff: which segments were.  held: (bodies, 3) rotation vectors that jams and
+    friction of the joints hold.  jumped: the arm went over to another equilibrium, since the one
+    followed from the start ceased to exist.  chain: the arm.
     """
 
     rotations: Array
@@ -140,17 +142,20 @@ class SpatialChain:
         self.bodies = self.segments * (n + 1)
         self.last_body = np.arange(1, self.segments + 1) * (n + 1) - 1
         """Of each segment: the disc above it."""
-        lengths, masses, stiffness = [], [], []
+        lengths, masses, stiffness, friction, holds = [], [], [], [], []
         for segment, disc in zip(arm.segments, arm.discs[1:], strict=True):
             lengths += [segment.length / n] * n + [disc.height]
             masses += [segment.mass / n] * n + [disc.mass]
             least = min(segment.stiffness_x, segment.stiffness_y)
             finite = [min(k, RIGID * least) for k in (
                 segment.stiffness_x, segment.stiffness_y, segment.torsional_stiffness)]
-            stiffness += [np.array(finite) / part for part in joint_lengths_of(
-                segment.length, n, arm.discretisation)]
+            parts = joint_lengths_of(segment.length, n, arm.discretisation)
+            stiffness += [np.array(finite) / part for part in parts]
+            friction += [segment.friction] * (n + 1)
+            holds += [segment.friction / (segment.presliding * part) for part in parts]
         self.lengths, self.masses = np.array(lengths), np.array(masses)
         self.stiffness = np.array(stiffness)
+        self.friction, self.friction_stiffness = np.array(friction), np.array(holds)
         self.forces, self.moments = self._loads()
         self.guides = [self._guides(t) for t in range(len(arm.tendons))]
         self._spans()
@@ -268,6 +273,25 @@ class SpatialChain:
             before = rotation
         return found
 
+    def slid(self, held: Array, rotations: Array, soft: Sequence[bool]) -> Array:
+        """Return what joints hold (bodies, 3), rad, after friction slid to these rotations."""
+        if not self.friction.any():
+            return held
+        before = np.concatenate([np.eye(3)[None], rotations[:-1]])
+        relative = before.transpose(0, 2, 1) @ rotations
+        sines = 0.5 * np.column_stack([relative[:, 2, 1] - relative[:, 1, 2],
+                                       relative[:, 0, 2] - relative[:, 2, 0],
+                                       relative[:, 1, 0] - relative[:, 0, 1]])
+        sine = np.linalg.norm(sines, axis=1)
+        angle = np.arctan2(sine, 0.5 * (np.trace(relative, axis1=1, axis2=2) - 1.0))
+        turned = sines * (angle / np.maximum(sine, 1e-300))[:, None]
+        bent = (turned - held) * ACROSS
+        moment = self.friction_stiffness * np.linalg.norm(bent, axis=1)
+        slides = np.repeat(soft, self.joints_per_segment) & (moment > self.friction)
+        part = np.where(slides, 1.0 - self.friction / np.where(slides, moment, 1.0), 0.0)
+        found: Array = held + part[:, None] * bent
+        return found
+
     def ends(self, rotations: Array) -> Array:
         """Return the upper end of every body, the base disc first, (bodies + 1, 3), m."""
         steps = np.concatenate([[[0.0, 0.0, self.arm.discs[0].height]],
@@ -316,12 +340,16 @@ class SpatialChain:
         np.add.at(loads, link, self.lengths[:, None, None]
                   * inside[:, :, 2, None] * self.forces[:, None, :])
         np.add.at(moments, link, self.moments)
-        joints = np.zeros((links, 3, 3))
+        joints = np.zeros((links, 4, 3))
         joints[:, STIFFNESS] = self.stiffness[first]
         jams = np.array([0.0 if is_soft else s.jam.ratio - 1.0 for s, is_soft in zip(
             self.arm.segments, soft, strict=True)])[first // self.joints_per_segment]
         joints[:, JAM] = jams[:, None] * joints[:, STIFFNESS]
         joints[:, HELD] = start.held[first]
+        joints[:, SLIDING] = np.inf
+        rubs = (np.repeat(soft, self.joints_per_segment) & (self.friction > 0.0))[first]
+        joints[rubs, JAM] = self.friction_stiffness[first][rubs, None] * ACROSS
+        joints[rubs, SLIDING] = self.friction[first][rubs, None]
         before = np.concatenate([np.eye(3)[None], inside])  # a joint is on the body before
         turns = before[first]
         # Spans: what moves with one link is one vector.

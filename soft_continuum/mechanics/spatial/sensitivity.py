@@ -66,11 +66,14 @@ class SpatialLinearisation:
 
         tensions: as in SpatialStatics.solve: a number for each tendon whose tension is given and
         not its length, else nan (default: all lengths).  Raises ValueError for a state of another
-        arm, or tensions of the wrong size.
+        arm, tensions of the wrong size, and an arm with friction.
         """
         chain = statics.chain
         if state.chain.arm != chain.arm:
             raise ValueError('this is a state of another arm')
+        if any(segment.friction for segment in chain.arm.segments):
+            raise ValueError('derivatives and inverse problems know no friction, which a segment '
+                             'has; leave it out with replace(segment, friction=0.0)')
         count = len(chain.arm.tendons)
         given = np.full(count, np.nan) if tensions is None else np.array(tensions, dtype=float)
         if given.shape != (count,):

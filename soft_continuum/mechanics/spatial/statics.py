@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
-from soft_continuum.mechanics.spatial._assembly import STIFFNESS
+from soft_continuum.mechanics.spatial._assembly import HELD, STIFFNESS
 from soft_continuum.mechanics.spatial._newton import CONVERGED, LENGTH, TENSION
 from soft_continuum.mechanics.spatial._rotations import rotate
 from soft_continuum.mechanics.spatial.arm import SpatialArm
@@ -35,6 +35,7 @@ STEP = 0.003  # m of pull in one step at first
 LEAST_STEP = 1.0 / 4096.0  # of the way to the target
 OIL, OIL_STEPS = 5e-3, 400  # of the stiffness of a joint, at first; steps until it rests
 NUDGE = 1e-5  # rad
+AT_REST = 1e-7  # N m that may be out of balance at a start whose tensions are kept
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
 
 
@@ -126,6 +127,7 @@ class SpatialStatics:
         """Discretise ``arm``."""
         self.chain = SpatialChain(arm)
         self._compliance = np.array([tendon.compliance for tendon in arm.tendons])
+        self._all_soft: tuple[Integers, System, Array] | None = None
 
     def solve(self, start: SpatialEquilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
               tensions: ArrayLike | None = None, vacuum: Sequence[float] | None = None,
@@ -136,7 +138,7 @@ class SpatialStatics:
         pulls: (tendons,) m; a slack tendon carries nothing, one of SLACK never.  soft: one flag
         per segment.  tensions: (tendons,) N of tendons that are pulled by a force instead, nan
         for those that are not (default: none).  vacuum, sliding: as in Statics.solve, and not
-        used: in space a jam is always full, and there is no friction.  Raises ValueError for other
+        used: in space a jam is always full, and tendons do not rub.  Raises ValueError for other
         shapes or numbers, OverconstrainedError when tendons are too short for a locked arm,
         StaticsError when no equilibrium is found.
         """
@@ -172,7 +174,7 @@ class SpatialStatics:
                 given: Array) -> SpatialEquilibrium:
         """Lead lengths, tensions and what is out of balance at the start to the target."""
         chain = self.chain
-        link, system, unchanged = chain.system(start, soft)
+        link, system, unchanged = self._system(start, soft)
         first = np.flatnonzero(np.diff(link, prepend=-1))
         if not len(first):
             return self._locked(start, pulls, soft, given)
@@ -180,8 +182,10 @@ class SpatialStatics:
         links = _Links(system, np.where(by_force, TENSION, LENGTH), self._compliance,
                        np.ascontiguousarray(start.rotations[first]), start.tensions.copy(),
                        start.tensions > 0.0)
-        links.hold(by_force | (start.slack > 0.0))
         bias = links.balance(links.tension)
+        if np.abs(bias).max() > AT_REST:
+            links.hold(by_force | (start.slack > 0.0))
+            bias = links.balance(links.tension)
         at_last = np.where(by_force, given, chain.straight_paths - pulls - unchanged)
         self._refuse_short(np.where(np.isin(np.arange(len(pulls)), system[6][:, 0]) | by_force,
                                     0.0, -at_last), start)
@@ -216,7 +220,20 @@ class SpatialStatics:
         return SpatialEquilibrium(
             every, links.tension, chain.straight_paths - paths,
             np.where(links.tension > 0.0, 0.0, np.maximum(0.0, allowed - paths)), residual, total,
-            tuple(not one for one in soft), start.held, jumped, chain=chain)
+            tuple(not one for one in soft), chain.slid(start.held, every, soft), jumped,
+            chain=chain)
+
+    def _system(self, start: SpatialEquilibrium, soft: tuple[bool, ...]
+                ) -> tuple[Integers, System, Array]:
+        """Return chain.system; where all is soft, it is laid out once."""
+        if not all(soft):
+            return self.chain.system(start, soft)
+        if self._all_soft is None:
+            self._all_soft = self.chain.system(start, soft)
+        link, (joints, *others), unchanged = self._all_soft
+        joints = joints.copy()
+        joints[:, HELD] = start.held
+        return link, (joints, *others), unchanged
 
     def _locked(self, start: SpatialEquilibrium, pulls: Array, soft: tuple[bool, ...],
                 given: Array) -> SpatialEquilibrium:
