@@ -112,13 +112,14 @@ class _Rig:
         self.rows: list[tuple[float, Array, Array, Array]] = []
         self.pushed: _Push | None = None
         self.carrying = 0  # the tendon that will, after the motion
+        self.last_chance = True
         self.moment, self.detail = np.inf, ''
 
     def run(self, duration: float, move: Move | None = None, at: float = np.inf) -> None:
         """Let time pass; ``at`` a part of it the fault happens."""
         periods, steps = round(duration / PERIOD), round(PERIOD / TIME_STEP)
         for k in range(periods):
-            if k >= at * periods:
+            if k >= at * periods and (self._can_break() or k == periods - 1 and self.last_chance):
                 self._break(move)
                 at = np.inf
             self._push()
@@ -157,6 +158,11 @@ class _Rig:
     def broke(self, detail: str) -> None:
         """Note that, and when, the fault happened."""
         self.moment, self.detail = self.plant.time, detail
+
+    def _can_break(self) -> bool:
+        """Whether it can happen now: a tendon without tension does not slip."""
+        return self.fault is not Fault.SLIP_MOVING or bool(
+            self.plant.tensions[self.carrying] > LEAST_TENSION)
 
     def _break(self, move: Move | None) -> None:
         random, plant = self.random, self.plant
@@ -228,9 +234,10 @@ def simulate(arm: Arm, differences: Differences, fault: Fault, seed: int, shapes
     # A jam that holds nothing shows when the next segment moves.
     chosen, last = -1, len(moves) - (fault is Fault.NOT_STIFF)
     if in_motion:  # of a tendon that moves and carries then, and that did so before
-        chosen = next(
+        eligible = [
             n for n in range(1, last) if carrying[n] is not None and carrying[n] in carrying[:n]
-            and np.ptp(moves[n].pulls[:, carrying[n]]) > LEAST_TRAVEL)
+            and np.ptp(moves[n].pulls[:, carrying[n]]) > LEAST_TRAVEL]
+        chosen = eligible[0]
     elif fault is Fault.SLIP:
         chosen = next(n for n in range(1, last) if carrying[n] is not None)
     elif fault is not Fault.NONE:
@@ -238,6 +245,8 @@ def simulate(arm: Arm, differences: Differences, fault: Fault, seed: int, shapes
     rig.run(BEGIN)
     for n, move in enumerate(moves):
         at = [np.inf] * 4  # part of: softening, motion, rest, stiffened
+        if fault is Fault.SLIP_MOVING and rig.moment == np.inf and n in eligible:
+            chosen, rig.last_chance = n, n == eligible[-1]
         if n == chosen:
             rig.carrying = carrying[n] or 0
             phase = {Fault.SLIP: 2, Fault.SLIP_MOVING: 1, Fault.STEPS: 1}.get(

@@ -78,7 +78,7 @@ def observe(arm: Arm, run: Run) -> list[Anomaly]:
         while pictures and pictures[0][0] < time - DELAY:
             stamp, poses = pictures.pop(0)
             shape.measure(stamp, [DiscMeasurement(n, pose, COVARIANCE)
-                                  for n, pose in enumerate(poses[1:], start=1)])
+                                  for n, pose in enumerate(poses)])
         found.update(dict.fromkeys(shape.anomalies))
     return list(found)
 

@@ -23,6 +23,7 @@ from soft_continuum.estimation.hypotheses import (
     hypotheses,
     judge,
     log_likelihood,
+    otherwise,
     SHIFT,
     TURN,
     Verdict,
@@ -33,7 +34,7 @@ from soft_continuum.estimation.measuring import (
     Point,
     relative_distance,
 )
-from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.joints import wrapped
 from soft_continuum.mechanics.statics import StaticsError
 
@@ -49,6 +50,7 @@ LEFT = 1.0  # distance that a cause may leave unexplained
 LARGE = np.array([6e-3, 6e-3, 0.12])  # m, m, rad: one that is worth an alarm without a cause
 MAX_ATTEMPTS = 6  # at naming one
 LEAST_OFFSET = 1.7e-3  # m of a tendon: less is not named
+LEAKS = (0.0, 0.1)  # parts of full vacuum that are left in a segment that is not stiff
 REPORTED = 10.0  # s for which an anomaly is
 
 
@@ -86,7 +88,8 @@ class Watch:
         self._reference: Estimator | None = None
         self._window: list[tuple[float, Sequence[DiscMeasurement]]] = []  # since the arm rests
         self._mean: list[DiscMeasurement] = []  # of the window before
-        self._softened: tuple[int, Equilibrium] | None = None
+        # As if a segment (0-based) were not as stiff, or as soft, as it is reported to be.
+        self._others: list[_Other] = []
         self._stiffened: tuple[Commands, Estimator] | None = None  # as it was just before
         self._suspected: Verdict | None = None
         self._attempts = 0
@@ -106,11 +109,14 @@ class Watch:
             # The motion up to now counts for the stiffness up to now.
             self._step(replace(last, time=time))
             if self._reference is not None:
-                became = np.array(commands.stiff, dtype=int) - last.stiff
-                if became.min() < 0:
-                    self._softened = int(became.argmin()), self._reference.state
-                if became.max() > 0:
-                    self._stiffened = last, self._reference.copy()
+                for segment, (was, now) in enumerate(
+                        zip(last.stiff, commands.stiff, strict=True)):
+                    if was and not now:
+                        self._others.append(
+                            _Other(Cause.NOT_SOFT, segment, 1.0, self._reference.copy()))
+                    if now and not was:
+                        self._others += _leaking(segment, self._reference)
+                        self._stiffened = last, self._reference.copy()
             self._step(commands)
             self._rests = max(self._rests, time + SWITCHING)
             self._changed = True
@@ -126,6 +132,7 @@ class Watch:
         self._followed = commands.time
         if self._reference is None:
             return
+        self._others = [one for one in self._others if one.follows(commands)]
         try:
             self._reference.follow(commands)
         except StaticsError:
@@ -174,8 +181,10 @@ class Watch:
     def refer_to(self, estimator: Estimator, time: float) -> None:
         """Take an estimate as the reference; measurements up to ``time`` (s) are as expected."""
         self._reference, self._taken = estimator.copy(), time
-        if self._moved:
-            self._softened = None
+        self._others = [one for one in self._others
+                        if one.cause is Cause.NOT_SOFT and not self._moved]
+        for segment in np.flatnonzero(estimator.state.stiff).tolist():
+            self._others += _leaking(segment, estimator)
         self._stiffened = None
         self._moved = self._changed = False
 
@@ -189,15 +198,21 @@ class Watch:
             if self._changed or time > self._taken + RENEWAL:
                 self.refer_to(estimator, time)
             return
-        causes = hypotheses(point, self._last, reference, self._softened, self._moved)
+        causes = hypotheses(point, self._last, reference, self._moved)
+        causes += [otherwise(one.cause, one.segment + 1, point, one.estimator, discs)
+                   for one in self._others
+                   if one.cause is Cause.NOT_SOFT or self._last.stiff[one.segment]]
         if self._stiffened is not None:
             # What happened before a segment became stiff is held since then.
             then, was = self._stiffened
-            causes += [one for one in hypotheses(
-                was.expected(discs), then, was, self._softened, self._moved)
-                if one.cause not in (Cause.SENSOR_MOVED, Cause.CAMERA_MOVED)]
-        found = _clearest([judge(one, point) for one in causes],
-                          log_likelihood(point.values, covariance))
+            before = was.expected(discs)
+            became = ~np.array(then.stiff) & self._last.stiff
+            locked = point.rows[:, :len(became)][:, became] * was.prior.lock_in
+            before = replace(before, noise=before.noise + locked @ locked.T)
+            causes += [one for one in hypotheses(before, then, was, self._moved)
+                       if one.cause not in (Cause.SENSOR_MOVED, Cause.CAMERA_MOVED)]
+        verdicts = [judge(one) for one in causes]
+        found = _clearest(verdicts, log_likelihood(point.values, covariance))
         if found is not None:
             if found.hypothesis.step and abs(found.size) < LEAST_OFFSET:
                 self.forget()  # friction and backlash: the estimate adapts
@@ -209,15 +224,13 @@ class Watch:
         self._attempts += 1
         if self._attempts == MAX_ATTEMPTS:
             if (np.abs(point.values) > LARGE[point.coordinates]).any():
-                self.active += (_anomaly(time, Cause.UNKNOWN, 0, 0.0, ''),)
+                self.active += (_unknown(time, verdicts, self._moved),)
             self.forget()
 
     def _name(self, time: float, found: Verdict, point: Point, reference: Estimator,
               estimator: Estimator) -> None:
         one, layout = found.hypothesis, estimator.layout
-        cause = one.cause
-        if cause is Cause.TENDON_SLIPPED and (self._moved or found.size < 0.0):
-            cause = Cause.STEPS_LOST
+        cause = _cause(found, self._moved)
         rows = np.zeros((layout.size, 3))
         if cause is Cause.SENSOR_MOVED:
             rows[layout.bias(one.number)] = np.eye(3)
@@ -231,6 +244,37 @@ class Watch:
         self.active += (_anomaly(time, cause, one.number, found.size, estimator.arm.tendon_names[
             one.number] if one.step else ''),)
         self.forget()
+
+
+@dataclass(frozen=True, eq=False)
+class _Other:
+    """
+    The estimate of an arm with a segment that is not as stiff, or as soft, as reported.
+
+    segment: 0-based.  vacuum: that is left in it, a part of full vacuum.
+    """
+
+    cause: Cause
+    segment: int
+    vacuum: float
+    estimator: Estimator
+
+    def follows(self, commands: Commands) -> bool:
+        """Follow motors and valves; return whether there is such an arm."""
+        stiff = list(commands.stiff)
+        vacuum = list(commands.vacuum or (1.0,) * len(stiff))
+        if self.cause is Cause.NOT_SOFT or self.vacuum == 0.0:
+            stiff[self.segment] = self.vacuum > 0.0
+        vacuum[self.segment] = min(vacuum[self.segment], self.vacuum)
+        try:
+            self.estimator.follow(replace(commands, stiff=tuple(stiff), vacuum=tuple(vacuum)))
+        except StaticsError:
+            return False
+        return True
+
+
+def _leaking(segment: int, estimator: Estimator) -> list[_Other]:
+    return [_Other(Cause.NOT_STIFF, segment, left, estimator.copy()) for left in LEAKS]
 
 
 def _mean(windows: Sequence[Sequence[DiscMeasurement]]) -> list[DiscMeasurement]:
@@ -266,7 +310,8 @@ def _clearest(verdicts: Sequence[Verdict], nothing: float) -> Verdict | None:
     if not explain or explain[0].likelihood - nothing < RATIO:
         return None
     best = explain[0]
-    clear = all(_same(one, best) or best.likelihood - one.likelihood > MARGIN for one in explain)
+    clear = all(_same(one, best) or best.likelihood - one.likelihood > (
+        MARGIN if one.left < LEFT else 0.0) for one in verdicts)
     return best if clear else None
 
 
@@ -275,6 +320,24 @@ def _same(one: Verdict, other: Verdict) -> bool:
     return one.hypothesis.cause is other.hypothesis.cause and (
         one.hypothesis.number == other.hypothesis.number
         or one.hypothesis.cause is Cause.LOAD)
+
+
+def _cause(found: Verdict, moved: bool) -> Cause:
+    """Return what to call it; moved: whether a motor has."""
+    cause = found.hypothesis.cause
+    return Cause.STEPS_LOST if cause is Cause.TENDON_SLIPPED and (
+        moved or found.size < 0.0) else cause
+
+
+def _unknown(time: float, verdicts: Sequence[Verdict], moved: bool) -> Anomaly:
+    """Say that something is wrong, and which causes are about as likely as the likeliest."""
+    explain = [one for one in verdicts if one.left < LEFT]
+    best = max((one.likelihood for one in explain), default=0.0)
+    causes = dict.fromkeys(_cause(one, moved).name for one in explain
+                           if one.likelihood > best - MARGIN)
+    found = _anomaly(time, Cause.UNKNOWN, 0, 0.0, '')
+    return replace(found, message='the measurements do not fit the arm; it may be '
+                   + ' or '.join(causes)) if causes else found
 
 
 def _anomaly(time: float, cause: Cause, number: int, size: float, tendon: str) -> Anomaly:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What could be wrong with an arm, how each of it would move what is measured, and how likely."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -14,21 +15,28 @@ from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import (
     disc_poses,
+    DiscMeasurement,
     Point,
     predicted,
     relative_distance,
 )
-from soft_continuum.estimation.unknowns import POSE
+from soft_continuum.estimation.unknowns import Layout, POSE
+from soft_continuum.mechanics.arm import PointForce
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.mechanics.statics import StaticsError
+from soft_continuum.mechanics.statics import Statics, StaticsError
 
 LONGER = (-1.5e-3, -2.5e-3, -4e-3, -6.5e-3)
 OFFSETS = (*LONGER, 1.5e-3, 2.5e-3, 4e-3)
 """m by which a tendon is shorter than its motor says; each stands for those nearest to it."""
 PART = 0.25  # deviation of what happened, as a part of such a step
-HELD, FORCE = 0.3, 0.5  # rad, N: deviations of what a segment gives way by, and of a load
+FORCE = 0.5  # N: deviation of a load
 SHIFT, TURN = 5e-3, 0.1  # m, rad: of a sensor or camera
+LOAD_STEPS = (1.0, 1.0, 0.5, 0.5)  # towards a load
+FOUND = 0.3  # part by which it may still differ
+UNMOVED = 0.3  # part of the squared distance that a load may leave
+YIELDING = 1.0  # deviation of what a jam gives way by, as a part of what it is bent by
+GIVEN = 0.3  # deviation of the way that a leaking segment gives, as a part of it
 BLUR = 0.15  # of a displacement: how well the statics know what a fault does
 
 
@@ -50,15 +58,17 @@ class Hypothesis:
     """
     Something that could be wrong, and by how much it would displace what is measured.
 
-    number: segment or disc as in topic names, or which tendon (0-based).  expected: (k,) m and
-    rad.  directions: (k, n) of it for deviations of size 1 of n sizes that are not known.  unit:
-    of the first sizes, m, rad or N for each of them that is 1.  step: m by which a tendon is
-    shorter as expected.  blur: part of a displacement by which it may differ from this pattern.
-    covariance: (k, k) of what is measured, were it so.
+    number: segment or disc as in topic names, or which tendon (0-based).  point: what is measured,
+    less what it is with no fault.  expected: (k,) of these values, m and rad.  directions: (k, n)
+    of them for deviations of size 1 of n sizes that are not known.  unit: of the first sizes, m,
+    rad or N for each of them that is 1.  step: m by which a tendon is shorter as expected.  blur:
+    part of a displacement by which it may differ from this pattern.  covariance: (k, k) of what
+    is measured, were it so.
     """
 
     cause: Cause
     number: int
+    point: Point
     expected: Array
     directions: Array
     covariance: Array
@@ -98,8 +108,9 @@ def log_likelihood(values: Array, covariance: Array) -> float:
     return float(found)
 
 
-def judge(one: Hypothesis, point: Point) -> Verdict:
+def judge(one: Hypothesis) -> Verdict:
     """Return how well a hypothesis explains what is measured."""
+    point = one.point
     away, rows, covariance = point.values - one.expected, one.directions, one.covariance
     weighted = cho_solve(cho_factor(covariance), rows).T
     sizes = np.linalg.solve(weighted @ rows + np.eye(rows.shape[1]), weighted @ away)
@@ -119,79 +130,137 @@ def _extent(moved: Array, point: Point) -> Array:
     return found
 
 
-def hypotheses(point: Point, commands: Commands, reference: Estimator,
-               switched: tuple[int, Equilibrium] | None, in_motion: bool) -> list[Hypothesis]:
+def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion: bool
+               ) -> list[Hypothesis]:
     """
-    Return all that could be wrong.
+    Return all that could be wrong, but for segments that are not as they are reported.
 
-    point: of the reference, with these commands.  switched: the segment (0-based) that became
-    soft last, and the shape before.  in_motion: whether the motors moved since.
+    point: of the reference, with these commands.  in_motion: whether the motors moved since.
     """
-    state, statics, rows, layout = point.state, point.statics, point.rows, reference.layout
-    covariance = point.covariance(reference.covariance)
-    soft = [not one for one in state.stiff]
-    pulled, sliding = commands.pulls + point.unknowns[layout.offset], commands.sliding
-    poses = state.points[::2]
+    state, statics, layout = point.state, point.statics, reference.layout
+    pulled = commands.pulls + point.unknowns[layout.offset]
+    covariance, nothing = point.covariance(reference.covariance), np.zeros(len(point.values))
     found = []
 
-    def values(of_discs: Array) -> Array:
-        """Return those that are measured, of (discs, 3, n)."""
-        picked: Array = of_discs[point.discs, point.coordinates]
-        return picked
-
-    def displaced(other: Equilibrium) -> Array:
-        return values(other.points[::2] - poses)
-
-    def instead(cause: Cause, number: int, other: Equilibrium) -> Hypothesis:
+    def slipped(tendon: int, step: float) -> Hypothesis:
         """Return that of another shape, in which other unknowns may count."""
-        there = rows.copy()
-        there[:, :layout.model] = values(predicted(
-            statics, layout, other, sliding).pose_rows)[:, :layout.model]
-        return Hypothesis(cause, number, displaced(other), np.zeros((len(point.values), 0)),
-                          there @ reference.covariance @ there.T + point.noise)
+        other = statics.solve(
+            state, pulled + step * np.eye(layout.tendons)[tendon],
+            [not stiff for stiff in state.stiff], vacuum=state.vacuum or None,
+            sliding=commands.sliding)
+        rows = _rows_at(point, statics, other, layout, commands)
+        directions = np.column_stack([
+            PART * step * rows[:, layout.offset.start + tendon], _yielding(other, rows)])
+        return Hypothesis(
+            Cause.TENDON_SLIPPED, tendon, point, _displaced(point, other), directions,
+            rows @ reference.covariance @ rows.T + point.noise, step=step)
 
     for tendon in range(layout.tendons):
-        column = rows[:, layout.offset.start + tendon]
         for step in OFFSETS if in_motion else LONGER:
-            moved = step * column
-            if state.taut[tendon] == (step < 0.0):
-                # Where it becomes slack or taut, the shape is not linear in it.
+            if state.taut[tendon] or step > 0.0:
                 with suppress(StaticsError):
-                    moved = displaced(statics.solve(
-                        state, pulled + step * np.eye(layout.tendons)[tendon], soft,
-                        vacuum=state.vacuum or None, sliding=sliding))
-            found.append(Hypothesis(Cause.TENDON_SLIPPED, tendon, moved,
-                                    PART * moved[:, None], covariance, step=step))
-    nothing = np.zeros(len(point.values))
-    # A load may slacken the tendons.
-    forces = [values(disc_poses(statics.chain, state.joint_angles, Linearisation(
-        statics, replace(state, tensions=tensions), sliding).forces().joint_angles)[1])
-              for tensions in (state.tensions, np.zeros(layout.tendons))]
+                    found.append(slipped(tendon, step))
     for segment in range(layout.segments):
-        if state.stiff[segment]:
-            found.append(Hypothesis(Cause.NOT_STIFF, segment + 1, nothing,
-                                    HELD * rows[:, [segment]], covariance))
-            with suppress(StaticsError):
-                found.append(instead(Cause.NOT_STIFF, segment + 1, statics.solve(
-                    state, pulled, [one or n == segment for n, one in enumerate(soft)],
-                    vacuum=state.vacuum or None, sliding=sliding)))
-        found += [Hypothesis(Cause.LOAD, segment + 1, nothing,
-                             FORCE * force[:, 2 * segment:2 * segment + 2], covariance, FORCE)
-                  for force in forces]
-    if switched is not None:
-        number, before = switched
-        with suppress(StaticsError):
-            found.append(instead(Cause.NOT_SOFT, number + 1, statics.solve(
-                replace(before, chain=statics.chain), pulled,
-                [one and n != number for n, one in enumerate(soft)],
-                vacuum=before.vacuum or None, sliding=sliding)))
+        found += loads(point, commands, reference, segment + 1)
+    poses = state.points[::2]
     for disc in np.unique(point.discs).tolist():
         free = (point.discs == disc)[:, None] * np.eye(POSE)[point.coordinates]
-        found.append(Hypothesis(Cause.SENSOR_MOVED, disc, nothing, free * (SHIFT, SHIFT, TURN),
-                                covariance, SHIFT, blur=0.0))
-    found.append(Hypothesis(Cause.CAMERA_MOVED, 0, nothing, values(
-        camera_directions(poses)) * (SHIFT, SHIFT, TURN), covariance, SHIFT, blur=0.0))
+        found.append(Hypothesis(Cause.SENSOR_MOVED, disc, point, nothing,
+                                free * (SHIFT, SHIFT, TURN), covariance, SHIFT, blur=0.0))
+    found.append(Hypothesis(Cause.CAMERA_MOVED, 0, point, nothing, _measured(
+        point, camera_directions(poses)) * (SHIFT, SHIFT, TURN), covariance, SHIFT, blur=0.0))
     return found
+
+
+def loads(point: Point, commands: Commands, reference: Estimator, disc: int
+          ) -> list[Hypothesis]:
+    """
+    Return forces on a disc: linearised where they explain most, for a tendon may become slack.
+
+    The arguments are those of ``hypotheses``.
+    """
+    state, arm, found = point.state, point.statics.chain.arm, []
+    pulls = commands.pulls + point.unknowns[reference.layout.offset]
+    covariance = point.covariance(reference.covariance)
+
+    def about(statics: Statics, there: Equilibrium, force: Array) -> Hypothesis:
+        """Return that of forces near one with which the arm has another shape."""
+        rates = Linearisation(statics, there, commands.sliding).forces().joint_angles
+        pushed = FORCE * _measured(point, disc_poses(
+            statics.chain, there.joint_angles, rates[:, 2 * disc - 2:2 * disc])[1])
+        rows = _rows_at(point, statics, there, reference.layout, commands)
+        return Hypothesis(
+            Cause.LOAD, disc, point, _displaced(point, there) - pushed @ force / FORCE,
+            pushed, rows @ reference.covariance @ rows.T + point.noise, FORCE)
+
+    for tensions in (state.tensions, np.zeros_like(state.tensions)):
+        one = about(point.statics, replace(state, tensions=tensions), np.zeros(2))
+        force = FORCE * judge(one).sizes
+        with suppress(StaticsError):
+            for part in LOAD_STEPS:
+                statics = Statics(replace(arm, forces=(
+                    *arm.forces, PointForce(disc, *force.tolist()))))
+                one = about(statics, statics.solve(
+                    replace(state, chain=statics.chain), pulls,
+                    [not stiff for stiff in state.stiff], vacuum=state.vacuum or None,
+                    sliding=commands.sliding), force)
+                verdict = judge(one)
+                change = FORCE * verdict.sizes - force
+                force = force + part * change
+            # With a slack tendon anything is likely: the load itself has to move the arm so.
+            rest = relative_distance(point.values - verdict.displacement, covariance)
+            size = float(np.linalg.norm(force))
+            if (float(np.linalg.norm(change)) < FOUND * max(FORCE, size)
+                    and rest < UNMOVED * relative_distance(point.values, covariance)):
+                found.append(one)
+    return found
+
+
+def otherwise(cause: Cause, segment: int, point: Point, other: Estimator,
+              discs: Sequence[DiscMeasurement]) -> Hypothesis:
+    """
+    Return that a segment is not as stiff, or as soft, as reported.
+
+    segment: as in topic names.  point: of the reference.  other: the estimate that took it to be
+    so.  discs: what is measured.
+    """
+    there = other.expected(discs)
+    moved = point.values - there.values
+    if cause is Cause.NOT_SOFT:
+        return Hypothesis(cause, segment, point, moved, _yielding(there.state, there.rows),
+                          there.covariance(other.covariance))
+    return Hypothesis(cause, segment, point, moved, GIVEN * moved[:, None],
+                      there.covariance(other.covariance))
+
+
+def _yielding(state: Equilibrium, rows: Array) -> Array:
+    """
+    Return by how much more what bends a stiff segment may bend it: (k, segments) m and rad.
+
+    Tendons that pull against jams bend them by an amount that is hardly known, and they yield.
+    """
+    bent = (state.joint_angles - state.held_angles).reshape(len(state.stiff), -1).sum(axis=1)
+    return np.asarray(YIELDING * bent * state.stiff * rows[:, :len(bent)])
+
+
+def _measured(point: Point, of_discs: Array) -> Array:
+    """Return those that are measured, of (discs, 3, n) or (discs, 3)."""
+    picked: Array = of_discs[point.discs, point.coordinates]
+    return picked
+
+
+def _displaced(point: Point, other: Equilibrium) -> Array:
+    """Return by how much a shape displaces what is measured, (k,) m and rad."""
+    return _measured(point, other.points[::2] - point.state.points[::2])
+
+
+def _rows_at(point: Point, statics: Statics, other: Equilibrium, layout: Layout,
+             commands: Commands) -> Array:
+    """Return the rows of a point (k, size) as they are in another shape."""
+    rows = point.rows.copy()
+    rows[:, :layout.model] = _measured(point, predicted(
+        statics, layout, other, commands.sliding).pose_rows)[:, :layout.model]
+    return rows
 
 
 def camera_directions(poses: Array) -> Array:

@@ -22,7 +22,11 @@ MAX_RATE = 60.0
 
 
 class MeasuredPoses:
-    """Collects disc_N/measured_pose of all discs but the base, which does not move."""
+    """
+    Collects disc_N/measured_pose of all discs.
+
+    The base does not move: it tells whether the camera did, but alone nothing of the arm.
+    """
 
     def __init__(self, node: Any, discs: int, frame: str) -> None:
         """Subscribe for ``node``; frame: in which poses have to be."""
@@ -31,7 +35,7 @@ class MeasuredPoses:
         self._taken = -1.0
         self.refused = ''
         """Why a pose was refused since it was last asked for."""
-        for disc in range(1, discs):
+        for disc in range(discs):
             subscribe(node, PoseWithCovarianceStamped, MEASURED_POSE.format(disc),
                       partial(self._on_pose, disc), SENSOR)
 
@@ -54,7 +58,7 @@ class MeasuredPoses:
         found = []
         for stamp in ready:
             _, discs = self._waiting.pop(stamp)
-            if abs(stamp - self._taken) >= 1.0 / MAX_RATE:
+            if any(discs) and abs(stamp - self._taken) >= 1.0 / MAX_RATE:
                 self._taken = stamp
                 found.append((stamp, list(discs.values())))
         return found

@@ -18,7 +18,7 @@ from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 
 COVARIANCE = np.diag([8e-4, 8e-4, 1e-2])**2
-SEGMENT = 1  # which becomes soft
+SEGMENT = 1  # which becomes soft, 0-based
 ANGLE = 0.35
 
 
@@ -54,17 +54,14 @@ class Rig:
             noise = self.random.normal(0.0, [1e-4, 1e-4, 1e-3], (4, 3))
             poses = self.seen(self.state.points[::2] + noise)
             self.shape.measure(self.time, [
-                DiscMeasurement(n, poses[n], COVARIANCE) for n in (1, 2, 3)])
+                DiscMeasurement(n, pose, COVARIANCE) for n, pose in enumerate(poses)])
             self.named += [one for one in self.shape.anomalies if one not in self.named]
 
-    def soften(self) -> None:
-        self.soft = [n == SEGMENT for n in range(3)]
-
-    def bend(self, angle: float = ANGLE) -> None:
+    def bend(self, angle: float = ANGLE, segment: int = SEGMENT) -> None:
         """Soften a segment, bend it, and rest."""
-        statics, soft = Statics(self.arm), [n == SEGMENT for n in range(3)]
-        bent = statics.bend(statics.chain.straight(), SEGMENT, angle, soft)
-        self.soften()
+        statics, self.soft = Statics(self.arm), [n == segment for n in range(3)]
+        bent = statics.bend(
+            replace(self.state, chain=statics.chain), segment, angle, self.soft)
         self.run(2.0)
         pulls = np.where(bent.tensions > 0.0, bent.pulls, bent.pulls - 2e-3)
         self.run(1.6, pulls)
@@ -117,6 +114,21 @@ def test_a_segment_that_does_not_become_soft_is_named(rig):
     assert rig.named[0].segment == SEGMENT + 1
 
 
+@pytest.mark.parametrize(('segment', 'angle', 'lost'), [
+    (0, 0.5, 5e-3), (1, 0.5, 6e-3), (2, 0.6, 5e-3)])
+def test_lost_steps_are_named_though_both_tendons_pull_against_each_other_then(
+        rig, segment, angle, lost):
+    rig.bend(angle, segment)
+    carries = int(np.argmax(rig.state.tensions))
+    way = np.eye(2)[carries]
+    rig.longer = -lost * way  # while it was paid out
+    rig.run(1.6, rig.pulls - 8e-3 * way + 8e-3 * (1.0 - way))
+    rig.run(2.4)
+    assert min(rig.state.tensions) > 0.0
+    assert rig.causes == [Cause.STEPS_LOST]
+    assert rig.named[0].tendon == rig.arm.tendon_names[carries]
+
+
 def test_a_bent_segment_that_loses_its_vacuum_is_named(rig):
     rig.bend(0.6)
     rig.soft = [False] * 3
@@ -133,6 +145,15 @@ def test_a_force_on_the_arm_is_a_load(rig):
     rig.bend()
     rig.arm = replace(rig.arm, forces=(PointForce(3, 0.4, 0.0),))
     rig.run(2.4)
+    assert rig.causes == [Cause.LOAD]
+
+
+def test_a_load_that_takes_a_tendon_its_tension_is_a_load(rig):
+    rig.bend(0.5, segment=2)
+    carries = int(np.argmax(rig.state.tensions))
+    rig.arm = replace(rig.arm, forces=(PointForce(3, (1.0, -1.0)[carries], 0.0),))
+    rig.run(2.4)
+    assert not rig.state.taut[carries]
     assert rig.causes == [Cause.LOAD]
 
 
