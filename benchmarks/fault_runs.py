@@ -42,7 +42,7 @@ class Fault(Enum):
     STEPS = 'a motor loses steps, 3 to 6 mm'
     NOT_STIFF = 'a stiff segment, bent by 11 degrees or more, loses 85 to 90 % of its vacuum'
     NOT_SOFT = 'a segment keeps its vacuum and was to bend by 11 degrees or more'
-    LOAD = 'a load moves a disc by 5 to 20 mm'
+    LOAD = 'a load moves a disc by 5 to 20 mm, or has 1.5 N'
     SENSOR = 'a tag is knocked by 5 to 10 mm, and up to 10 degrees'
     CAMERA = 'the camera is knocked by 5 to 12 mm, and up to 4 degrees'
 
