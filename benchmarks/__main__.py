@@ -10,15 +10,15 @@ from benchmarks.tables import Section, write
 from benchmarks.timing import progress
 
 NAMES = ('startup', 'solve', 'batch', 'joints', 'accuracy', 'nodes', 'loops', 'camera', 'twin',
-         'estimate', 'loop', 'servo', 'faults', 'spatial')
+         'estimate', 'loop', 'servo', 'faults', 'spatial', 'ftdcr')
 
 
 def main() -> None:
     """Run what the command line asks for, print it, and write it into the documents."""
     parser = argparse.ArgumentParser(
         prog='./run bench', description='Measure; write performance.md, accuracy.md, '
-        'sensing.md, estimation.md and space.md in docs/explanation, and the pages about twin, '
-        'closed loop and servo.')
+        'sensing.md, estimation.md, space.md and measured_arm.md in docs/explanation, and the '
+        'pages about twin, closed loop and servo.')
     parser.add_argument('--only', metavar='NAME', action='append', choices=NAMES,
                         help=f'one of {", ".join(NAMES)}; may be given more than once')
     parser.add_argument('--quick', action='store_true',

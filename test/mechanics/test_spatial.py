@@ -11,6 +11,7 @@ import paper_arm as paper
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.measured import aligned, IDENTIFIED, read, rms
 from benchmarks.rods import shapes, STEEL, TPU
 from soft_continuum.mechanics import ArmError, Jam, OverconstrainedError, Statics
 from soft_continuum.mechanics.spatial import (
@@ -318,6 +319,13 @@ def test_a_hundred_solves_leave_no_more_error_than_one():
     assert state.tip == pytest.approx(followed(weightless, PULLS).tip, abs=1e-9)
     assert state.rotations.transpose(0, 2, 1) @ state.rotations == pytest.approx(
         np.tile(np.eye(3), (len(state.rotations), 1, 1)), abs=1e-13)
+
+
+def test_a_real_arm_that_was_identified_on_other_motions_is_where_the_model_says():
+    recording = read('val')
+    deviations = IDENTIFIED.deviations(recording)
+    assert len(deviations) == 443
+    assert rms(aligned(deviations)) < 0.0067
 
 
 # What cannot be.

@@ -157,9 +157,13 @@ def newton(rotations, tension, taut, system, drive, most):  # type: ignore[no-un
         negatives = eliminate(diagonal, lower, columns, used + 1)
         worst = 0.0
         for a in range(used):
+            begin, end = 0, 3 * links
+            if a >= active:  # a span moves with its own links only
+                begin = 3 * system[4][spans[of_span[a], 1]]
+                end = 3 * system[4][spans[of_span[a], 2] - 1] + 3
             for c in range(used + 1):
                 total = 0.0
-                for row in range(3 * links):
+                for row in range(begin, end):
                     total += raw[row, a] * columns[row, c]
                 if c < used:
                     small[a, c] = total

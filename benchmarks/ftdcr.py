@@ -1,0 +1,97 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""A model against a real arm: where the tip of FTDCR v4 was measured, and where it is computed."""
+
+from pathlib import Path
+import time
+
+from matplotlib.figure import Figure
+import numpy as np
+
+from benchmarks.measured import aligned, IDENTIFIED, read, Recording, rms, SINGLE, SINGLES
+from benchmarks.tables import DOCUMENTS, machine, number, Section, table
+from soft_continuum.mechanics import _kernel
+from soft_continuum.mechanics.chain import Array
+
+IMAGES = DOCUMENTS.parent / 'images'
+PATTERNS = {'same': 'all segments bend one way', 'scurve': 'an S',
+            'spiral': 'each segment bends another way'}
+QUICK = 30  # poses
+
+
+def run(quick: bool) -> Section:
+    """Measure; the section is of the page about the measured arm."""
+    _kernel.functions()  # loaded before anything is timed
+    train, val = (read(name).part(0, QUICK if quick else None) for name in ('train', 'val'))
+    single, pairs = train.part(0, SINGLE), train if quick else train.part(SINGLE)
+    process, wall = time.process_time(), time.perf_counter()
+    known = IDENTIFIED.deviations(train)
+    process, wall = time.process_time() - process, time.perf_counter() - wall
+    test = IDENTIFIED.deviations(val)
+    rows = [_row('one segment moves', 'two segments move', SINGLES.deviations(single),
+                 SINGLES.deviations(pairs)), _row('`train.csv`', '`val.csv`', known, test)]
+    head = ('identified on', 'tested on', 'poses', 'RMSE where identified, mm',
+            '**RMSE of the test, mm**', 'mean', 'median', 'worst', 'RMSE, frame as identified')
+    if not quick:
+        _draw(val, test, IMAGES / 'measured_arm.svg')
+        _draw_errors({'train.csv, identified': known, 'val.csv, test': test},
+                     IMAGES / 'measured_arm_errors.svg')
+    cost = (f'{len(known):,} poses take {number(process)} s of processor time, {number(wall)} s '
+            'by the clock.')
+    return Section('measured_arm.md', 'ftdcr', '\n\n'.join([
+        machine(), table(head, rows), _by_pattern(val, test), cost]))
+
+
+def _row(known: str, other: str, at: Array, test: Array) -> tuple[str, ...]:
+    errors = 1e3 * np.linalg.norm(aligned(test), axis=1)
+    return (known, other, str(len(test)), number(1e3 * rms(aligned(at))),
+            f'**{number(1e3 * rms(aligned(test)))}**', number(float(errors.mean())),
+            number(float(np.median(errors))), number(float(errors.max())),
+            number(1e3 * rms(test - at.mean(axis=0))))
+
+
+def _by_pattern(val: Recording, test: Array) -> str:
+    """Return the errors in each kind of motion of the test."""
+    rows = []
+    for kind, text in PATTERNS.items():
+        chosen = np.array([kind in pattern for pattern in val.patterns])
+        if chosen.any():
+            rows.append((text, str(chosen.sum()), number(1e3 * rms(aligned(test)[chosen]))))
+    return table(('motion in `val.csv`', 'poses', 'RMSE, mm'), rows)
+
+
+def _draw(recording: Recording, deviations: Array, path: Path) -> None:
+    """Draw measured and computed tips from above and from the side."""
+    measured = 1e3 * recording.tips
+    computed = measured - 1e3 * aligned(deviations)
+    figure = Figure(figsize=(9.0, 4.6), layout='constrained')
+    for axes, (i, j) in zip(figure.subplots(1, 2), ((0, 1), (0, 2)), strict=True):
+        between = np.stack([measured, computed, np.full_like(measured, np.nan)], 1).reshape(-1, 3)
+        axes.plot(between[:, i], between[:, j], color='0.75', linewidth=0.7)
+        axes.plot(measured[:, i], measured[:, j], '.', color='0.15', markersize=3,
+                  label='measured')
+        axes.plot(computed[:, i], computed[:, j], '.', color='tab:orange', markersize=3,
+                  label='computed')
+        axes.set_aspect('equal')
+        axes.set_xlabel('xyz'[i] + ' in mm')
+        axes.set_ylabel('xyz'[j] + ' in mm')
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+    figure.savefig(path)
+
+
+def _draw_errors(deviations: dict[str, Array], path: Path) -> None:
+    """Draw the error of each pose of recordings, one after the other."""
+    figure = Figure(figsize=(9.0, 3.2), layout='constrained')
+    axes, begin = figure.subplots(), 0
+    for (name, found), colour in zip(deviations.items(), ('0.5', 'tab:orange'), strict=True):
+        axes.plot(begin + np.arange(len(found)), 1e3 * np.linalg.norm(aligned(found), axis=1),
+                  color=colour, linewidth=0.8,
+                  label=f'{name}: RMSE {number(1e3 * rms(aligned(found)))} mm')
+        begin += len(found)
+    axes.set_xlabel('pose')
+    axes.set_ylabel('error of the tip in mm')
+    axes.set_ylim(bottom=0.0)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    figure.savefig(path)
