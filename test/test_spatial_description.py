@@ -98,7 +98,8 @@ def test_the_nodes_that_an_arm_needs_are_started(path, nodes):
 @pytest.mark.parametrize('angles, ends, opposing', [
     ((0.0, 2.0944, 4.1888), (1, 1, 1), [[0, 1, 2]]), ((0.0, 1.0, 2.0), (1, 1, 1), []),
     ((0.5, 0.5 + pi), (2, 2), [[0, 1]]), ((0.0, 2.0, 4.0, 1.0), (1, 1, 1, 3), [[0, 1, 2]]),
-    ((-0.1, 0.1, 3.1), (3, 3, 3), [[0, 1, 2]]), ((1.0,), (1,), [])], ids=str)
+    ((-0.1, 0.1, 3.1), (3, 3, 3), [[0, 1, 2]]), ((1.0,), (1,), []),
+    ((0.0, 0.5 * pi, pi, 0.1), (2, 2, 2, 1), [[0, 2], [0, 1, 2]])], ids=str)
 def test_tendons_oppose_each_other_with_the_backbone_between_them(angles, ends, opposing):
     arm = described(arm__tendon_names=tuple('abcd'[:len(angles)]), arm__tendon_angles=angles,
                     arm__tendon_ends=ends)

@@ -117,6 +117,9 @@ class Watch:
                     if now and not was:
                         self._others += _leaking(segment, self._reference)
                         self._stiffened = last, self._reference.copy()
+                # Of each the newest: without measurements they are never taken back.
+                self._others = list({
+                    (one.cause, one.segment, one.vacuum): one for one in self._others}.values())
             self._step(commands)
             self._rests = max(self._rests, time + SWITCHING)
             self._changed = True
@@ -135,7 +138,7 @@ class Watch:
         self._others = [one for one in self._others if one.follows(commands)]
         try:
             self._reference.follow(commands)
-        except StaticsError:
+        except (StaticsError, np.linalg.LinAlgError):
             self.forget()
 
     # What is measured.
@@ -268,7 +271,7 @@ class _Other:
         vacuum[self.segment] = min(vacuum[self.segment], self.vacuum)
         try:
             self.estimator.follow(replace(commands, stiff=tuple(stiff), vacuum=tuple(vacuum)))
-        except StaticsError:
+        except (StaticsError, np.linalg.LinAlgError):
             return False
         return True
 

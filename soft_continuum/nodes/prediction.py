@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from math import pi
 
 import numpy as np
@@ -101,11 +102,12 @@ class TensionPrediction:
 
 
 def _opposing(arm: SpatialArm) -> list[list[int]]:
-    """Return the numbers of the tendons that oppose each other, disc by disc."""
+    """Return the numbers of the tendons that oppose each other, twos and threes of a disc."""
     found = []
     for end in {tendon.end for tendon in arm.tendons}:
-        which = [t for t, tendon in enumerate(arm.tendons) if tendon.end == end]
-        angles = np.sort([arm.tendons[t].angle % (2 * pi) for t in which])
-        if np.diff(angles, append=angles[0] + 2 * pi).max() <= pi + HALF_TURN_TOLERANCE:
-            found.append(which)
+        of_disc = [t for t, tendon in enumerate(arm.tendons) if tendon.end == end]
+        for which in (*combinations(of_disc, 2), *combinations(of_disc, 3)):
+            angles = np.sort([arm.tendons[t].angle % (2 * pi) for t in which])
+            if np.diff(angles, append=angles[0] + 2 * pi).max() <= pi + HALF_TURN_TOLERANCE:
+                found.append([*which])
     return found

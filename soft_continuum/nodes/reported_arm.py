@@ -118,6 +118,10 @@ class ReportedArm:
                 Reason.STIFFNESS_UNKNOWN,
                 'it is not known which segments are soft: nothing received from jamming_valves '
                 f'for {self.timeout:g} s')
+        if not self._jamming and any(self.kinematics.stiff):
+            return Interlock(
+                Reason.STIFFNESS_UNKNOWN, 'arm.jamming is false here, but kinematics reports '
+                'stiff segments: start all nodes with one description')
         if all(self.stiff):
             return Interlock(
                 Reason.ALL_STIFF, 'every segment is stiff; soften one first '
@@ -133,11 +137,15 @@ class ReportedArm:
         """Return why tendons must not be paid out to their switches now, None when they may."""
         if problem := self.conflicts.problem:
             return Interlock(Reason.CONFLICT, problem)
+        if not self._jamming:
+            return Interlock(
+                Reason.HOMING, 'homing pays out the tendons, and nothing else holds an arm '
+                'without jamming: set the zero by hand (grbl.homed_pulls: [0.0])')
         if not self._stiffness_known:
             return Interlock(
                 Reason.STIFFNESS_UNKNOWN, 'it is not known whether the arm is stiff: '
                 f'nothing received from jamming_valves for {self.timeout:g} s')
-        if self._jamming and not all(self.stiff):
+        if not all(self.stiff):
             return Interlock(
                 Reason.STIFFNESS_CHANGED,
                 'homing pays out the tendons: stiffen every segment')

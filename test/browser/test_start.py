@@ -3,6 +3,7 @@
 """``./run ui`` starts the nodes and the view, and ends them."""
 
 from collections.abc import Callable
+import json
 import signal
 from typing import Any
 
@@ -20,6 +21,8 @@ def test_nodes_and_view_start_and_end_together(
     rig.wait_until_ready(*ALL)
     address = address_of(process)
     with connect(f'{address.replace("http", "ws")}bar', open_timeout=DEADLINE) as bar:
+        while json.loads(bar.recv(DEADLINE))['kind'] != 'ready':
+            pass  # the view has yet to find the nodes that this test has found
         bar.send('stop')
         rig.wait_for_status('tendon_actuation', 'stopped', 'stop was called')
     process.send(signal.SIGINT)

@@ -68,6 +68,11 @@ class Rig:
         self.run(2.4)
 
     @property
+    def followed(self) -> int:
+        """How many arms that could be are followed beside the estimate."""
+        return len(self.shape._watch._others)
+
+    @property
     def causes(self) -> list[Cause]:
         return [one.cause for one in self.named]
 
@@ -198,3 +203,16 @@ def test_a_single_wrong_picture_is_nothing(rig):
     rig.seen = lambda poses: poses
     rig.run(2.4)
     assert rig.causes == []
+
+
+def test_without_measurements_no_more_arms_are_followed_with_every_segment(rig: Rig) -> None:
+    def set_all() -> int:
+        for segment in range(3):
+            for soft in (True, False):
+                rig.time += 1.0
+                rig.soft[segment] = soft
+                rig.shape.follow(Commands(
+                    rig.time, rig.pulls, tuple(not one for one in rig.soft), None, (0, 0)))
+        return rig.followed
+
+    assert set_all() == set_all() > 0

@@ -229,10 +229,24 @@ def test_only_the_soft_segment_of_a_jamming_arm_bends(
 
 def test_a_planar_arm_without_jamming_bends_as_a_whole(make_rig: Callable[..., Rig]) -> None:
     rig = make_rig()
-    rig.start('kinematics', 'tendon_actuation', arm__jamming=False, arm__gravity=0.0)
+    _, actuation = rig.start('kinematics', 'tendon_actuation', arm__jamming=False,
+                             arm__gravity=0.0)
     arm = Driven(rig, ('right_tendon', 'left_tendon'))
     assert arm.send({'right_tendon': 0.004, 'left_tendon': -0.006}).status == MotionRequest.DONE
     poses = arm.poses()
     angles = 2.0 * np.arctan2(poses[2::2, 4], poses[2::2, 6])
     assert np.all(np.diff(angles, prepend=0.0) > 0.01)
     assert not poses[:, 1].any()
+    # Nothing holds it while tendons are paid out to switches.
+    assert 'without jamming' in actuation._arm.homing_interlock().message
+
+
+def test_nothing_moves_if_the_nodes_disagree_about_jamming(make_rig: Callable[..., Rig]) -> None:
+    rig = make_rig()
+    rig.start('kinematics', 'jamming_valves')
+    rig.start('tendon_actuation', arm__jamming=False)
+    arm = Driven(rig, ('right_tendon', 'left_tendon'))
+    pulls = {'right_tendon': 0.002, 'left_tendon': -0.003}
+    assert arm.send(pulls).reason == MotionRequest.STIFFNESS_UNKNOWN
+    rig.soften(3)
+    rig.assert_rests()
