@@ -31,17 +31,10 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import argument_error, limit_memory, ROS_ARGUMENT_ERRORS
-from soft_continuum.nodes.up import (
-    chosen_nodes,
-    description_files,
-    ros_arguments,
-    start_parser,
-    twin_of,
-)
+from soft_continuum.nodes.up import chosen_nodes, ros_arguments, start_parser, twin_of
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.names import KINEMATICS, RECORDER
+from soft_continuum.ros.names import RECORDER
 
 if TYPE_CHECKING:  # only a replay needs it
     from soft_continuum.recordings.playback import Playback
@@ -142,9 +135,8 @@ def ui() -> int:
     if options.view_only and (options.twin or options.camera):
         parser.error('--view-only starts nothing; leave out --twin and --camera')
     try:
-        nodes = () if options.view_only else (*chosen_nodes(options), RECORDER)
-        if nodes:  # the view is one of planar arms
-            arm_from_parameters(load_description(*description_files(options), node=KINEMATICS))
+        nodes = () if options.view_only else (  # the view is one of planar arms
+            *chosen_nodes(options, arm_from_parameters), RECORDER)
     except ParameterError as error:
         return parser.fail(error, WRONG_USAGE)
     return run(parser, nodes, ros_arguments(options), options, twin_of(options))

@@ -40,6 +40,16 @@ def sliding_signs(sliding: Sequence[int]) -> tuple[int, int]:
     return given[0], given[1]
 
 
+def segment_order(order: Sequence[int] | None, segments: int) -> list[int]:
+    """Return the segments (0-based) in an order, by default all; raise ValueError for others."""
+    turns = list(range(segments)) if order is None else listed(order)
+    if (len(set(turns)) < len(turns)
+            or not all(whole(turn) and 0 <= turn < segments for turn in turns)):
+        raise ValueError(f'order must name segments, 0 to {segments - 1}, each once at most; '
+                         f'given: {order!r}')
+    return turns
+
+
 def refuse_friction(friction: float, what: str) -> None:
     """Raise ValueError when there is friction and ``what`` knows none."""
     if friction > 0.0:

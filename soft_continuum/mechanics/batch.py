@@ -7,13 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 import os
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics import _kernel, _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
+from soft_continuum.mechanics._batches import common_count, Masks, rows_of, Solutions
 from soft_continuum.mechanics._checks import listed, real_array, refuse_friction, sliding_signs
 from soft_continuum.mechanics._continuation import Point, Problem, TURN_LIMIT_BOTH_TAUT
 from soft_continuum.mechanics.chain import Array, Equilibrium
@@ -23,11 +24,10 @@ SMALLEST_PART = 50  # problems that a thread takes at a time
 
 Kind = TypeVar('Kind')
 Parts = Sequence[float] | Sequence[Sequence[float]] | Array
-Masks = Sequence[bool] | Sequence[Sequence[bool]] | NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Batch(Sequence[Equilibrium]):
+class Batch(Solutions):
     """
     Equilibria of m problems, as arrays and, by index, one by one.
 
@@ -45,19 +45,6 @@ class Batch(Sequence[Equilibrium]):
     residual: Array
     _models: Sequence[Statics] = field(repr=False)
     _state: Callable[[int], Equilibrium] = field(repr=False)
-
-    def __len__(self) -> int:
-        """Return the number of problems."""
-        return len(self.found)
-
-    def __getitem__(self, index: Any) -> Any:
-        """Return one Equilibrium, or a list of them for a slice."""
-        rows = range(len(self))[index]
-        if isinstance(rows, range):
-            return [self[i] for i in rows]
-        if not self.found[rows]:
-            raise LookupError(f'no equilibrium was found for problem {rows}')
-        return self._state(rows)
 
     @property
     def bending_angles(self) -> Array:
@@ -99,19 +86,16 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
         check_start(one)
     if not (models and all(isinstance(m, Statics) for m in models)):
         raise ValueError(f'arms must be a Statics, or one for each problem; given: {arms!r}')
-    wanted, masks = _pairs(pulls), _rows(soft)
-    parts = [None] if vacuum is None else _rows(vacuum)
-    slides = [sliding_signs(pair) for pair in ([(0, 0)] if sliding is None else _rows(sliding))]
+    wanted, masks = _pairs(pulls), rows_of(soft)
+    parts = [None] if vacuum is None else rows_of(vacuum)
+    slides = [sliding_signs(pair) for pair in ([(0, 0)] if sliding is None else rows_of(sliding))]
     friction = max(m.chain.arm.tendon.friction for m in models)
     if sliding is None:
         refuse_friction(friction, 'a batch without sliding')
     sizes = {'arms': len(models), 'starts': len(starts), 'pairs of pulls': len(wanted),
              'soft masks': len(masks), 'rows of vacuum': len(parts),
              'pairs of sliding': len(slides)}
-    count = max(sizes.values())
-    if any(size not in (1, count) for size in sizes.values()):
-        raise ValueError(' and '.join(f'{n} {name}' for name, n in sizes.items() if n != 1)
-                         + ' do not go together')
+    count = common_count(sizes)
     if len({(m.chain.segments, m.chain.joints) for m in models}) != 1:
         raise ValueError('the arms of a batch need the same number of segments and bodies')
 
@@ -172,8 +156,8 @@ def solve_path(statics: Statics, start: Equilibrium, pulls: ArrayLike, soft: Mas
     Statics.solve.  Raises StaticsError, which names the row, where the path ends before its end;
     ValueError when sizes do not fit together.
     """
-    wanted, masks, slides = _pairs(pulls), _rows(soft), _rows(sliding)
-    parts = [None] if vacuum is None else _rows(vacuum)
+    wanted, masks, slides = _pairs(pulls), rows_of(soft), rows_of(sliding)
+    parts = [None] if vacuum is None else rows_of(vacuum)
     if any(len(rows) not in (1, len(wanted)) for rows in (masks, parts, slides)):
         raise ValueError(
             f'{len(wanted)} pairs of pulls need one soft mask, row of vacuum and pair of sliding, '
@@ -198,12 +182,6 @@ def _pairs(pulls: ArrayLike) -> Array:
     if wanted.ndim != 2 or wanted.shape[1] != 2 or not np.all(wanted < np.inf):
         raise ValueError('pulls must have shape (m, 2): right and left in m, without nan or inf')
     return wanted
-
-
-def _rows(given: Any) -> list[Any]:
-    """Return the rows of a list of lists, or one list as the only row."""
-    rows = listed(given)
-    return rows if rows and isinstance(rows[0], Sequence | np.ndarray) else [given]
 
 
 def _chosen(values: Sequence[Kind], rows: NDArray[np.intp]) -> Sequence[Kind]:

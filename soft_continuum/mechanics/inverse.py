@@ -19,9 +19,9 @@ from scipy.optimize import least_squares
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics._checks import (
     finite,
-    listed,
     real_array,
     refuse_friction,
+    segment_order,
     soft_flags,
     whole,
 )
@@ -156,11 +156,7 @@ def set_shape(statics: Statics, bending_angles: Sequence[float],
     refuse_friction(statics.chain.arm.tendon.friction, 'set_shape')
     segments = statics.chain.segments
     wanted = real_array(bending_angles, 'bending_angles must be finite numbers (rad)')
-    turns = list(range(segments)) if order is None else listed(order)
-    if (len(set(turns)) < len(turns)
-            or not all(whole(turn) and 0 <= turn < segments for turn in turns)):
-        raise ValueError(f'order must name segments, 0 to {segments - 1}, each once at most; '
-                         f'given: {order!r}')
+    turns = segment_order(order, segments)
     if wanted.shape != (segments,) or not np.isfinite(wanted[turns]).all():
         raise ValueError(f'bending_angles must be one finite number in rad for each of the '
                          f'{segments} segments; given: {bending_angles!r}')

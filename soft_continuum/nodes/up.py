@@ -8,16 +8,18 @@ It takes the arguments of launch/bringup.launch.py.
 """
 
 from argparse import Namespace
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import sleep
+from typing import Any
 
 from ament_index_python.packages import get_package_share_directory, get_packages_with_prefixes
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
 from soft_continuum.arguments import DONE, FAILED, Parser, WRONG_USAGE
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import (
@@ -103,22 +105,27 @@ def ros_arguments(options: Namespace) -> list[str]:
     return arguments
 
 
-def nodes_of(files: Sequence[str | Path]) -> tuple[str, ...]:
+def nodes_of(files: Sequence[str | Path],
+             arm_of: Callable[[Mapping[str, Any]], AnyArm] = any_arm_from_parameters
+             ) -> tuple[str, ...]:
     """
     Return the nodes that drive the described arm; raises ParameterError.
 
     Without jamming nothing switches and sequences segments; sequences are of planar shapes.
+    arm_of: makes the arm of parameters, or refuses it.
     """
     values = load_description(*files, node=KINEMATICS)
-    spatial = isinstance(any_arm_from_parameters(values), SpatialArm)
+    spatial = isinstance(arm_of(values), SpatialArm)
     left_out = {JAMMING_VALVES: not values['arm.jamming'],
                 SHAPE_SEQUENCER: spatial or not values['arm.jamming']}
     return tuple(name for name in NODES if not left_out.get(name))
 
 
-def chosen_nodes(options: Namespace) -> tuple[str, ...]:
-    """Return the nodes that the options of start_parser ask for; raises ParameterError."""
-    nodes = nodes_of(description_files(options))
+def chosen_nodes(options: Namespace,
+                 arm_of: Callable[[Mapping[str, Any]], AnyArm] = any_arm_from_parameters
+                 ) -> tuple[str, ...]:
+    """Return the nodes that the options of start_parser ask for, as nodes_of."""
+    nodes = nodes_of(description_files(options), arm_of)
     return (*nodes, CAMERA) if options.camera else nodes
 
 

@@ -19,7 +19,7 @@ from soft_continuum.mechanics.arm import (
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.laws import Jam, LawError, linear, MomentCurvature
 from soft_continuum.mechanics.stiffness import second_moment_of_area
-from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.parameters.parameter import Parameter, ParameterError, spread
 from soft_continuum.parameters.spatial_arm import (
     NO_NAMES,
     refuse_spatial,
@@ -137,12 +137,8 @@ def any_arm_from_parameters(values: Mapping[str, Any]) -> AnyArm:
                                  (PER_DISC, count + 1)):
         for parameter in parameters:
             name = parameter.name.removeprefix('arm.')
-            if len(get[name]) == 1:
-                get[name] *= expected
-            if len(get[name]) != expected:
-                raise ParameterError(
-                    f'parameter {parameter.name} has {len(get[name])} values; '
-                    f'arm.segment_lengths has {count}, so {expected} are needed, or one for all')
+            get[name] = spread(parameter.name, get[name], expected,
+                               f'arm.segment_lengths has {count}')
     if any(0.0 < offset < MIN_GUIDE_OFFSET for offset in get['guide_offsets']):
         raise ParameterError(
             f'parameter arm.guide_offsets is {list(get["guide_offsets"])}; allowed: '

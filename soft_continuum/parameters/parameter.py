@@ -24,6 +24,21 @@ class ParameterError(ValueError):
     """A parameter, or the file that sets it, is not usable; the message says which and why."""
 
 
+def spread(name: str, values: tuple[Any, ...], count: int, counted: str, *, alone: bool = True
+           ) -> tuple[Any, ...]:
+    """
+    Return the ``count`` values of a list parameter, of which one counts for all if ``alone``.
+
+    counted: what says how many are needed, for the message.  Raises ParameterError for others.
+    """
+    if len(values) == 1 and alone:
+        values *= count
+    if len(values) != count:
+        raise ParameterError(f'parameter {name} has {len(values)} values; {counted}, so {count} '
+                             f'are needed{", or one for all" if alone else ""}')
+    return values
+
+
 @dataclass(frozen=True)
 class Parameter:
     """

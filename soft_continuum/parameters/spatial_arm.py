@@ -20,7 +20,7 @@ from soft_continuum.mechanics.spatial.arm import (
     SpatialTendon,
 )
 from soft_continuum.mechanics.spatial.chain import SpatialChain
-from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.parameters.parameter import Parameter, ParameterError, spread
 
 NO_NAMES = ('',)
 SPATIAL_PER_SEGMENT = (
@@ -88,7 +88,10 @@ def spatial_arm(get: Mapping[str, Any]) -> SpatialArm:
             raise ParameterError(
                 f'parameter arm.tendon_names is {list(names)}; each tendon needs a name of its '
                 'own, of letters, digits and _, such as tendon_1')
-    angles, ends, twists = (_per_tendon(get, parameter, names) for parameter in TENDONS[1:])
+    angles, ends, twists = (
+        spread(parameter.name, get[parameter.name.removeprefix('arm.')], len(names),
+               f'arm.tendon_names has {len(names)}', alone=parameter.name != 'arm.tendon_angles')
+        for parameter in TENDONS[1:])
     count = len(get['segment_lengths'])
     if max(ends) > count:
         raise ParameterError(
@@ -119,20 +122,6 @@ def _segment(get: Mapping[str, Any], i: int) -> SpatialSegment:
         get['torsional_stiffnesses'][i] or inf, get['segment_masses'][i],
         Jam(ratio=get['stiffness_ratios'][i] or inf), get['outer_diameters'][i],
         get['bending_angle_limits'][i])
-
-
-def _per_tendon(get: Mapping[str, Any], parameter: Parameter, names: tuple[str, ...]
-                ) -> tuple[Any, ...]:
-    """Return the values of all tendons; one alone counts for all, but not of the angles."""
-    values: tuple[Any, ...] = get[parameter.name.removeprefix('arm.')]
-    of_all = parameter.name != 'arm.tendon_angles'
-    if len(values) == 1 and of_all:
-        values *= len(names)
-    if len(values) != len(names):
-        raise ParameterError(
-            f'parameter {parameter.name} has {len(values)} values; arm.tendon_names has '
-            f'{len(names)}, so {len(names)} are needed{", or one for all" if of_all else ""}')
-    return values
 
 
 def _shown(value: Any) -> str:

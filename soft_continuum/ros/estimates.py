@@ -12,9 +12,7 @@ import numpy as np
 from soft_continuum.estimation.unknowns import arm_with, first_values, Layout, limited, Prior
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, RigidChain
-from soft_continuum.mechanics.either import AnyArm
-from soft_continuum.mechanics.spatial.arm import SpatialArm
-from soft_continuum.mechanics.spatial.chain import SpatialChain
+from soft_continuum.mechanics.either import AnyArm, chain_of
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
@@ -111,16 +109,13 @@ def model_from_ros(parameters: Sequence[EstimatedParameter], arm: AnyArm) -> Mod
 
     Without any, or with those of another arm, it is the arm as described; so is a spatial one.
     """
-    if isinstance(arm, SpatialArm):
-        nothing = np.zeros(len(arm.tendons))
-        return Model(SpatialChain(arm), nothing, nothing)
-    layout = Layout(len(arm.segments), len(arm.tendon_names))
     found = {one.name: one for one in parameters}
-    names = parameter_names(arm)
-    if set(names) != set(found) or not all(
+    names = parameter_names(arm) if isinstance(arm, Arm) else ()
+    if not isinstance(arm, Arm) or set(names) != set(found) or not all(
             np.isfinite(one.value) and np.isfinite(one.deviation) for one in parameters):
-        nothing = np.zeros(layout.tendons)
-        return Model(RigidChain(arm), nothing, nothing)
+        nothing = np.zeros(len(arm.tendon_names))
+        return Model(chain_of(arm), nothing, nothing)
+    layout = Layout(len(arm.segments), len(arm.tendon_names))
     published = np.array([found[name].value for name in names])
     deviations = np.array([found[name].deviation for name in names])
     values = first_values(arm, layout, Prior())

@@ -6,24 +6,22 @@ Many equilibria of spatial arms in one call: independent ones, or one after the 
 They are solved one by one: more than half of a solve is Python, which threads do not share.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soft_continuum.mechanics._batches import common_count, Masks, rows_of, Solutions
 from soft_continuum.mechanics._checks import listed
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
 
-Masks = Sequence[bool] | Sequence[Sequence[bool]] | NDArray[np.bool_]
-
 
 @dataclass(frozen=True, eq=False)
-class SpatialBatch(Sequence[SpatialEquilibrium]):
+class SpatialBatch(Solutions):
     """
     Equilibria of m problems, as arrays and, by index, one by one.
 
@@ -40,21 +38,7 @@ class SpatialBatch(Sequence[SpatialEquilibrium]):
     bending: Array
     found: NDArray[np.bool_]
     jumped: NDArray[np.bool_]
-    _states: Sequence[SpatialEquilibrium | None]
-
-    def __len__(self) -> int:
-        """Return the number of problems."""
-        return len(self.found)
-
-    def __getitem__(self, index: Any) -> Any:
-        """Return one SpatialEquilibrium, or a list of them for a slice."""
-        rows = range(len(self))[index]
-        if isinstance(rows, range):
-            return [self[i] for i in rows]
-        state = self._states[rows]
-        if state is None:
-            raise LookupError(f'no equilibrium was found for problem {rows}')
-        return state
+    _state: Callable[[int], SpatialEquilibrium | None] = field(repr=False)
 
 
 def solve_batch(arms: SpatialStatics | Sequence[SpatialStatics],
@@ -76,13 +60,10 @@ def solve_batch(arms: SpatialStatics | Sequence[SpatialStatics],
     if not (starts and all(isinstance(s, SpatialEquilibrium) for s in starts)):
         raise ValueError('the start must be a SpatialEquilibrium, or one for each problem; given: '
                          f'{start!r}')
-    wanted, masks, given = _rows(pulls), _rows(soft), _rows(tensions)
+    wanted, masks, given = rows_of(pulls), rows_of(soft), rows_of(tensions)
     sizes = {'arms': len(models), 'starts': len(starts), 'rows of pulls': len(wanted),
              'soft masks': len(masks), 'rows of tensions': len(given)}
-    count = max(sizes.values())
-    if any(size not in (1, count) for size in sizes.values()):
-        raise ValueError(' and '.join(f'{n} {name}' for name, n in sizes.items() if n != 1)
-                         + ' do not go together')
+    count = common_count(sizes)
     if len({(m.chain.segments, m.chain.bodies, len(m.chain.arm.tendons)) for m in models}) != 1:
         raise ValueError('the arms of a batch need the same number of segments, bodies and '
                          'tendons')
@@ -106,7 +87,7 @@ def solve_path(statics: SpatialStatics, start: SpatialEquilibrium, pulls: ArrayL
     (m, tendons).  Otherwise as SpatialStatics.solve.  Raises StaticsError, which names the row,
     where the path ends before its end; ValueError when sizes do not fit together.
     """
-    wanted, masks, given = _rows(pulls), _rows(soft), _rows(tensions)
+    wanted, masks, given = rows_of(pulls), rows_of(soft), rows_of(tensions)
     if any(len(rows) not in (1, len(wanted)) for rows in (masks, given)):
         raise ValueError(
             f'{len(wanted)} rows of pulls need one soft mask and row of tensions, or as many; '
@@ -135,10 +116,5 @@ def _batch(statics: SpatialStatics, states: Sequence[SpatialEquilibrium | None])
         each('rotations', chain.bodies, 3, 3), each('tensions', tendons), each('pulls', tendons),
         each('slack', tendons), each('tip', 3), each('bending', chain.segments, 2),
         np.array([state is not None for state in states], dtype=bool),
-        np.array([state is not None and state.jumped for state in states], dtype=bool), states)
-
-
-def _rows(given: Any) -> list[Any]:
-    """Return the rows of a list of lists, or one list as the only row."""
-    rows = listed(given)
-    return rows if rows and isinstance(rows[0], Sequence | np.ndarray) else [given]
+        np.array([state is not None and state.jumped for state in states], dtype=bool),
+        states.__getitem__)

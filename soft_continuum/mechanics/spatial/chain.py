@@ -15,9 +15,13 @@ from numpy.typing import NDArray
 
 from soft_continuum.mechanics.chain import Array, joint_lengths_of
 from soft_continuum.mechanics.spatial._assembly import HELD, JAM, SLIDING, STIFFNESS
-from soft_continuum.mechanics.spatial._rotations import rotate, rotation_vector
+from soft_continuum.mechanics.spatial._rotations import rotate
 from soft_continuum.mechanics.spatial.arm import SpatialArm
-from soft_continuum.mechanics.spatial.orientations import angles_about_axes, quaternions
+from soft_continuum.mechanics.spatial.orientations import (
+    angles_about_axes,
+    quaternions,
+    rotation_vectors,
+)
 
 Integers = NDArray[np.int64]
 System = tuple[Any, ...]
@@ -124,8 +128,7 @@ class SpatialEquilibrium:
     @property
     def joint_positions(self) -> Array:
         """Angles of the joints of the URDF, in the order of its joint_names, rad."""
-        before = np.concatenate([np.eye(3)[None], self.rotations[:-1]])
-        return angles_about_axes(before.transpose(0, 2, 1) @ self.rotations).ravel()
+        return angles_about_axes(_turns(self.rotations)).ravel()
 
 
 class SpatialChain:
@@ -267,25 +270,13 @@ class SpatialChain:
 
     def joints(self, rotations: Array) -> Array:
         """Return the rotation vector of every joint, (bodies, 3), rad."""
-        found, before = np.empty((self.bodies, 3)), np.eye(3)
-        for k, rotation in enumerate(rotations):
-            rotation_vector(before.T @ rotation, found[k])
-            before = rotation
-        return found
+        return rotation_vectors(_turns(rotations))
 
     def slid(self, held: Array, rotations: Array, soft: Sequence[bool]) -> Array:
         """Return what joints hold (bodies, 3), rad, after friction slid to these rotations."""
         if not self.friction.any():
             return held
-        before = np.concatenate([np.eye(3)[None], rotations[:-1]])
-        relative = before.transpose(0, 2, 1) @ rotations
-        sines = 0.5 * np.column_stack([relative[:, 2, 1] - relative[:, 1, 2],
-                                       relative[:, 0, 2] - relative[:, 2, 0],
-                                       relative[:, 1, 0] - relative[:, 0, 1]])
-        sine = np.linalg.norm(sines, axis=1)
-        angle = np.arctan2(sine, 0.5 * (np.trace(relative, axis1=1, axis2=2) - 1.0))
-        turned = sines * (angle / np.maximum(sine, 1e-300))[:, None]
-        bent = (turned - held) * ACROSS
+        bent = (self.joints(rotations) - held) * ACROSS
         moment = self.friction_stiffness * np.linalg.norm(bent, axis=1)
         slides = np.repeat(soft, self.joints_per_segment) & (moment > self.friction)
         part = np.where(slides, 1.0 - self.friction / np.where(slides, moment, 1.0), 0.0)
@@ -371,6 +362,13 @@ class SpatialChain:
                           len(self.arm.tendons))
         return link, (joints, turns, loads[:links], moments[:links], entries, moved, spans,
                       constants[moving]), unchanged
+
+
+def _turns(rotations: Array) -> Array:
+    """Return by how much each body is turned from the one below it, (bodies, 3, 3)."""
+    before = np.concatenate([np.eye(3)[None], rotations[:-1]])
+    turns: Array = before.transpose(0, 2, 1) @ rotations
+    return turns
 
 
 def sums(of_tendon: Integers, lengths: Array, tendons: int) -> Array:

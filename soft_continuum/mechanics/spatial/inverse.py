@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import lsq_linear
 
-from soft_continuum.mechanics._checks import finite, listed, real_array, soft_flags, whole
+from soft_continuum.mechanics._checks import finite, real_array, segment_order, soft_flags
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial.arm import SpatialArm, SpatialTendon
@@ -91,11 +91,7 @@ def set_shape(statics: SpatialStatics, bending: ArrayLike,
     """
     segments = statics.chain.segments
     wanted = real_array(bending, 'bending must be numbers (rad)')
-    turns = list(range(segments)) if order is None else listed(order)
-    if (len(set(turns)) < len(turns)
-            or not all(whole(turn) and 0 <= turn < segments for turn in turns)):
-        raise ValueError(f'order must name segments, 0 to {segments - 1}, each once at most; '
-                         f'given: {order!r}')
+    turns = segment_order(order, segments)
     if wanted.shape != (segments, 2) or not np.isfinite(wanted[turns]).all():
         raise ValueError('bending must be two finite numbers in rad, about x and y, for each of '
                          f'the {segments} segments; given: {bending!r}')

@@ -38,6 +38,17 @@ def quaternions(rotations: Array) -> Array:
     return np.where(found[:, 3:] < 0.0, -found, found)
 
 
+def rotation_vectors(rotations: Array) -> Array:
+    """Return the rotation vectors (k, 3), rad, of matrices (k, 3, 3) that turn by less than pi."""
+    sines = 0.5 * np.column_stack([rotations[:, 2, 1] - rotations[:, 1, 2],
+                                   rotations[:, 0, 2] - rotations[:, 2, 0],
+                                   rotations[:, 1, 0] - rotations[:, 0, 1]])
+    sine = np.linalg.norm(sines, axis=1)
+    angle = np.arctan2(sine, 0.5 * (np.trace(rotations, axis1=1, axis2=2) - 1.0))
+    found: Array = sines * (angle / np.maximum(sine, 1e-300))[:, None]
+    return found
+
+
 def angles_about_axes(rotations: Array) -> Array:
     """
     Return the angles (k, 3), rad, by which to turn about x, then y, then z, each as turned so far.
