@@ -239,9 +239,10 @@ def joint_stiffness(arm: AnyArm, stiffnesses: Array) -> Array:
 
     stiffnesses: (segments, axes), N m^2.
     """
+    lengths = [segment.length for segment in arm.segments]
     return np.concatenate([
-        row / _spring_lengths(s.length, arm.bodies_per_segment, arm.discretisation)[:, None]
-        for s, row in zip(arm.segments, stiffnesses, strict=True)])
+        row / _spring_lengths(length, arm.bodies_per_segment, arm.discretisation)[:, None]
+        for length, row in zip(lengths, stiffnesses, strict=True)])
 
 
 def _spring_lengths(length: float, bodies: int, discretisation: str) -> Array:

@@ -22,6 +22,7 @@ from soft_continuum.twin.any_plant import (
 from soft_continuum.twin.differences import Differences, Obstacle, TwinError
 from soft_continuum.twin.spatial_plant import SpatialPlant
 
+__all__ = ('Plant', 'plant_of', 'TIME_STEP')
 ARMATURE = 1e-3  # kg m^2 of each hinge: with less, taut tendons chatter at this time step
 
 

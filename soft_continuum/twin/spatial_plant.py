@@ -29,7 +29,15 @@ from soft_continuum.twin.any_plant import (
 from soft_continuum.twin.differences import Differences
 
 RIGID = 1e5
-ARMATURE = 1e-3  # kg m^2 of each joint: with less, taut tendons chatter at this time step
+ARMATURE, HEAVIEST = 5e-4, 30.0
+"""
+kg m^2 of each joint for each N m/rad, of what is stiff at most for this many times its spring.
+
+MuJoCo finds the tensions as if its joints moved freely, as stiff ones do not.  As long as these
+are heavier tensions settle; else they chatter.
+"""
+STRETCHING = 0.05
+"""Of what a tendon has still to stretch, in each time step: all at once would make it chatter."""
 AXES = 'xyz'
 
 
@@ -47,7 +55,9 @@ class SpatialPlant(AnyPlant):
         finite = joint_stiffness(arm, np.where(given < inf, given, 0.0))
         springs = joint_stiffness(arm, np.where(given < inf, given, RIGID * least))
         self._guides = _guides(arm)
-        super().__init__(arm, differences, _model(arm, self._guides, differences), springs, finite)
+        super().__init__(arm, differences, _model(
+            arm, self._guides, springs, differences), springs, finite)
+        self._stretched = np.zeros(len(arm.tendons))  # m
         self._compliance = differences.tendon_compliance + np.array(
             [tendon.compliance for tendon in arm.tendons])
         spans = [(t, high.body) for t, guides in enumerate(self._guides)
@@ -96,8 +106,8 @@ class SpatialPlant(AnyPlant):
                 self._data.xfrc_applied[self._disc(wrench.disc)] += wrench.force + wrench.moment
 
     def _stretch(self, tensions: Array) -> Array:
-        stretch: Array = self._compliance * tensions
-        return stretch
+        self._stretched += STRETCHING * (self._compliance * tensions - self._stretched)
+        return self._stretched
 
     def _angles(self) -> Array:
         turns = self._data.qpos.reshape(-1, 4)
@@ -112,6 +122,11 @@ class SpatialPlant(AnyPlant):
         total = self._springs + self._jam
         self._data.ctrl[:] = -(self._springs * turned + self._jam * (turned - self._held)).ravel()
         self._model.actuator_gear[:, :3] = _inverse_jacobians(turned).reshape(-1, 3)
+        heaviest = HEAVIEST * self._springs[:, :2].min(axis=1, keepdims=True)
+        armature = ARMATURE * np.minimum(total, heaviest).ravel()
+        before = self._model.dof_armature
+        self._data.qvel *= np.minimum(1.0, before / armature)  # no energy comes from it
+        before[:] = armature
         self._model.actuator_biasprm[:, 2] = -self.differences.damping_time * total.ravel()
 
     def _shift(self) -> Array:
@@ -158,8 +173,9 @@ def _guides(arm: SpatialArm) -> list[list[Guide]]:
     return found
 
 
-def _model(arm: SpatialArm, guides: list[list[Guide]], differences: Differences) -> str:
-    """Return the arm as MJCF, in base_link: z along the straight arm."""
+def _model(arm: SpatialArm, guides: list[list[Guide]], springs: Array,
+           differences: Differences) -> str:
+    """Return the arm as MJCF, in base_link: z along the straight arm; springs: as of AnyPlant."""
     sites: dict[int, str] = {}
     for guide in (guide for each in guides for guide in each):
         sites[guide.body] = sites.get(guide.body, '') + mjcf.site(guide.name, *guide.place)
@@ -168,7 +184,8 @@ def _model(arm: SpatialArm, guides: list[list[Guide]], differences: Differences)
         n = arm.bodies_per_segment
         for length, mass in [(segment.length / n, segment.mass / n)] * n + [
                 (disc.height, disc.mass)]:
-            ball = f'<joint name="j{joint}" type="ball" armature="{ARMATURE!r}"/>'
+            armature = ARMATURE * float(springs[joint, :2].min())
+            ball = f'<joint name="j{joint}" type="ball" armature="{armature!r}"/>'
             lines.append(mjcf.opened(
                 f'b{joint}', below, ball, length, differences.mass_factor * mass))
             if differences.obstacles and length:
@@ -186,7 +203,7 @@ def _model(arm: SpatialArm, guides: list[list[Guide]], differences: Differences)
         f'<general joint="j{j}" gear="{int(axis == 0)} {int(axis == 1)} {int(axis == 2)}" '
         'biastype="affine"/>' for j in range(joint) for axis in range(3))
     return mjcf.document(
-        arm.gravity, TIME_STEP,
+        [float(part) for part in arm.gravity], TIME_STEP,
         mjcf.cylinders(differences.obstacles, arm.length) + ''.join(lines) + '</body>' * joint,
         ''.join(tendons), actuators)
 
