@@ -14,6 +14,7 @@ from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.twin.differences import (
     DEFAULT_PRESET,
     Differences,
+    load_cell_parameters,
     PRESETS,
     read_differences,
     TwinError,
@@ -24,10 +25,10 @@ A simulated rig, preset {preset}. Put this into a parameter file of the nodes:
 /**:
   ros__parameters:
     tendon_driver: grbl
-    grbl: {{port: {grbl}, steps_per_mm: {steps}}}
+    grbl: {{port: {grbl}, steps_per_mm: {steps}, signs: {signs}}}
     jamming_driver: modbus
     modbus: {{port: {modbus}, timeout: {timeout}}}
-    load_cells: {{used: true, zeros: [0.0, 0.0], scales: [1.0, 1.0]}}
+    load_cells: {{used: true, zeros: {zeros}, scales: {scales}}}
 Ctrl-C ends it.
 """
 
@@ -74,7 +75,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                     '--params-file', '--namespace')
     add_preset_options(parser)
     parser.add_argument('--grbl-link', type=Path, metavar='PATH',
-                        help='a symbolic link to make to the port of the tendons')
+                        help='a symbolic link to make to the port of the tendons; PATH_2, '
+                        'PATH_3, ... for the boards of an arm with more tendons than three')
     parser.add_argument('--modbus-link', type=Path, metavar='PATH',
                         help='the same for valves and sensors')
     options = parser.parse_args(argv)
@@ -84,22 +86,25 @@ def main(argv: Sequence[str] | None = None) -> int:
         return parser.fail("MuJoCo is not installed; install it with: pip install "
                            "'soft_continuum[twin]'")
     from soft_continuum.nodes.up import description_file
-    from soft_continuum.parameters.files import load_arm
+    from soft_continuum.parameters.arm import any_arm_from_parameters
+    from soft_continuum.parameters.files import load_description
     from soft_continuum.twin.rig import TwinRig
     from soft_continuum.twin.sensor_topics import SensorTopics
     from soft_continuum.twin.truth import Truth
 
     def begin(running: ExitStack) -> None:
-        arm = load_arm(*options.params_file or [description_file()])
+        values = load_description(*options.params_file or [description_file()])
+        arm = any_arm_from_parameters(values)
         rig = running.enter_context(TwinRig(
             arm, chosen_differences(options), options.grbl_link or '',
-            options.modbus_link or ''))
+            options.modbus_link or '', jams=bool(values['arm.jamming'])))
         running.enter_context(Truth(rig, options.namespace))
         running.enter_context(SensorTopics(rig, options.namespace))
-        given = rig.parameters()
+        given = rig.parameters() | load_cell_parameters(len(arm.tendon_names))
         print(CONFIGURATION.format(
             preset=options.preset, grbl=given['grbl.port'],
-            steps=given['grbl.steps_per_mm'], modbus=given['modbus.port'],
-            timeout=given['modbus.timeout']), flush=True)
+            steps=given['grbl.steps_per_mm'], signs=given['grbl.signs'],
+            modbus=given['modbus.port'], timeout=given['modbus.timeout'],
+            zeros=given['load_cells.zeros'], scales=given['load_cells.scales']), flush=True)
 
     return serve(parser, begin)

@@ -2,16 +2,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of nodes that drive emulated boards."""
 
+from math import ceil
 from pathlib import Path
 
 from soft_continuum.emulators.grbl import STEPS_PER_MM
 
+AXES = 3
+"""Of an emulated board; arms with more tendons have several, which share them evenly."""
 MODBUS_TIMEOUT = 0.4  # s: boards that share a processor with a plant answer later than real ones
 
 
-def driving_parameters(grbl: str | Path, modbus: str | Path) -> dict[str, object]:
-    """Return what the nodes have to be given for boards at these two ports."""
+def board_links(first: str | Path, tendons: int) -> tuple[str, ...]:
+    """Return a link to the port of each GRBL board of an arm: the first, then with _2, _3, ..."""
+    return tuple(str(first) + (f'_{n}' if n > 1 and str(first) else '')
+                 for n in range(1, ceil(tendons / AXES) + 1))
+
+
+def driving_parameters(grbl: str | Path, modbus: str | Path, tendons: int = 2
+                       ) -> dict[str, object]:
+    """
+    Return what the nodes have to be given for boards at these ports.
+
+    grbl: of the tendons, with spaces between; tendons: how many.
+    """
     return {'tendon_driver': 'grbl', 'grbl.port': str(grbl),
-            'grbl.steps_per_mm': [float(STEPS_PER_MM)] * 2,
+            'grbl.steps_per_mm': [float(STEPS_PER_MM)] * tendons, 'grbl.signs': [1.0] * tendons,
             'jamming_driver': 'modbus', 'modbus.port': str(modbus),
             'modbus.timeout': MODBUS_TIMEOUT}

@@ -47,13 +47,13 @@ class Check:
 def check_ports(values: Mapping[str, Any]) -> Check:
     """Return whether the configured port names stay with their devices."""
     step = 'serial ports'
-    used = {name: values[name] for name, driver in PORTS.items()
-            if values[driver[0]] == driver[1] and values[name]}
-    message = '; '.join(f'{name} is {port}' for name, port in used.items()) or 'none configured'
-    if len({os.path.realpath(port) for port in used.values()}) < len(used):
+    used = [(name, port) for name, driver in PORTS.items() if values[driver[0]] == driver[1]
+            for port in values[name].split()]
+    message = '; '.join(f'{name} is {port}' for name, port in used) or 'none configured'
+    if len({os.path.realpath(port) for _, port in used}) < len(used):
         return Check(step, FAIL, f'{message}: the same port; give each device its own; '
                      + describe_ports())
-    passing = [name for name, port in used.items()
+    passing = [name for name, port in used
                if os.path.exists(port) and not os.path.islink(port)]
     if passing:
         return Check(step, WARN, f'{message}; {" and ".join(passing)} may be another device after '
@@ -71,7 +71,8 @@ def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
         if name == SIMULATED:
             yield Check(step, OK, 'steppers are simulated: there is no device to check')
         elif name == 'grbl':
-            yield from _check_grbl(values)
+            for port, motors in Motors.of_boards(values):
+                yield from _check_grbl(port, values['grbl.baud_rate'], motors)
         else:
             driver.open()
             reading = driver.read()
@@ -91,16 +92,15 @@ def _check_reference(referenced: bool) -> Check:
                  '/tendon_actuation/reference')
 
 
-def _check_grbl(values: Mapping[str, Any]) -> Iterator[Check]:
-    port, step = values['grbl.port'], 'tendon port'
+def _check_grbl(port: str, baud_rate: int, motors: Motors) -> Iterator[Check]:
+    step = 'tendon port'
     try:
-        link = GrblLink(open_serial(port, values['grbl.baud_rate']))
+        link = GrblLink(open_serial(port, baud_rate))
     except HardwareError as error:
         yield Check(step, FAIL, str(error))
         return
     yield Check(step, OK, f'{port} opened, no other program uses it')
     try:
-        motors = Motors.from_parameters(values)
         found = find_controller(link)
     except HardwareError as error:
         yield Check('tendon firmware', FAIL, str(error))

@@ -9,7 +9,7 @@ MAX_QUEUED_TIME seconds of motion.  Positions are whole motor steps in machine c
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, hypot, sqrt
 from typing import Any, Self
 
@@ -52,9 +52,6 @@ class Motors:
     def __post_init__(self) -> None:
         """Raise ParameterError when a list has not one value for each tendon, or a wrong one."""
         count, names = len(self.tendons), ', '.join(self.tendons)
-        if count > len(AXES):
-            raise ParameterError(f'the arm has {count} tendons; a GRBL controller can move at '
-                                 f'most {len(AXES)}')
         for name, given in (('steps_per_mm', self.steps_per_mm), ('signs', self.signs)):
             if len(given) != count:
                 raise ParameterError(f'parameter grbl.{name} is {list(given)}; needed: one value '
@@ -68,14 +65,34 @@ class Motors:
                                  f'each from the lower of pull_limits, {low:g}, to 0 m')
 
     @classmethod
-    def from_parameters(cls, values: Mapping[str, Any]) -> Self:
-        """Return what the parameters of the node describe; raises ParameterError."""
+    def of_boards(cls, values: Mapping[str, Any]) -> list[tuple[str, Self]]:
+        """
+        Return the port of each board and its motors, which the parameters of the node describe.
+
+        Boards share the tendons evenly, in their order.  Raises ParameterError.
+        """
         # Here, because it loads the mechanics: doctor must run when they do not compile.
         from soft_continuum.parameters.arm import any_arm_from_parameters
 
-        return cls(any_arm_from_parameters(values).tendon_names, *(values[name] for name in (
+        every = cls(any_arm_from_parameters(values).tendon_names, *(values[name] for name in (
             'grbl.steps_per_mm', 'grbl.signs', 'speed_limit', 'acceleration_limit', 'pull_limits',
             'grbl.homed_pulls')))
+        ports, count = values['grbl.port'].split() or [''], len(every.tendons)
+        share = ceil(count / len(ports))
+        if share > len(AXES):
+            raise ParameterError(
+                f'the arm has {count} tendons; a GRBL controller can move at most {len(AXES)}: '
+                f'give the ports of {ceil(count / len(AXES))} as grbl.port, with spaces between')
+        if share * (len(ports) - 1) >= count:
+            raise ParameterError(f'grbl.port has {len(ports)} ports: too many for {count} tendons')
+        return [(port, every._part(slice(share * k, share * (k + 1))))
+                for k, port in enumerate(ports)]
+
+    def _part(self, of: slice) -> Self:
+        """Return some of the motors."""
+        return replace(self, tendons=self.tendons[of], steps_per_mm=self.steps_per_mm[of],
+                       signs=self.signs[of],
+                       homed_pulls=self.homed_pulls[of] if self.homes else self.homed_pulls)
 
     @property
     def homes(self) -> bool:

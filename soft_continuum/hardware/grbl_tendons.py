@@ -11,14 +11,20 @@ from collections.abc import Callable, Mapping
 import contextlib
 from math import isfinite
 import threading
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.grbl_boards import GrblBoards
 from soft_continuum.hardware.grbl_link import GrblLink
 from soft_continuum.hardware.grbl_motion import JOG_TIME, Motors
 from soft_continuum.hardware.grbl_session import GrblSession, RESTING_QUERY_INTERVAL
 from soft_continuum.hardware.grbl_setup import find_controller, invalid_settings, UNLOCK
-from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
+from soft_continuum.hardware.protocols import (
+    describe_pulls,
+    HardwareError,
+    TendonDriver,
+    TendonReading,
+)
 from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.parameters.parameter import Parameter
 
@@ -31,7 +37,8 @@ class GrblTendons:
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter('grbl.port', '', 'serial port of the stepper controller, best the name below '
-                  '/dev/serial/by-id that stays with the device'),
+                  '/dev/serial/by-id that stays with the device; several with spaces between: '
+                  'controllers that share the tendons evenly, in their order'),
         Parameter('grbl.baud_rate', 115200, 'bits/s of that port', 1200, 4000000),
         Parameter('grbl.steps_per_mm', (200.0, 200.0),
                   'motor steps per mm of pull of each tendon, on the axes X, Y, ...', 0.1, 1e5),
@@ -44,19 +51,22 @@ class GrblTendons:
     )
 
     @classmethod
-    def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:
+    def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]
+                        ) -> TendonDriver:
         """
         Return the driver that the parameters of the node describe.
 
         clock: not used; a device continues when a node's clock is paused or set.  Raises
         ParameterError.
         """
-        return cls(
-            values['grbl.port'], values['grbl.baud_rate'], Motors.from_parameters(values))
+        boards = [cls(port, values['grbl.baud_rate'], motors)
+                  for port, motors in Motors.of_boards(values)]
+        return boards[0] if len(boards) == 1 else GrblBoards(boards)
 
     def __init__(self, port: str, baud_rate: int, motors: Motors, clock: Clock = STEADY) -> None:
         """Describe the device; nothing is opened yet."""
         self._port, self._baud_rate, self._motors, self.clock = port, baud_rate, motors, clock
+        self.tendons = motors.tendons
         self.reference_moves = motors.homes
         self._lock = threading.Lock()  # of all that follows
         self._opening: GrblLink | None = None

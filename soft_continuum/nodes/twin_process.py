@@ -10,11 +10,12 @@ from tempfile import TemporaryDirectory
 from time import sleep
 
 from soft_continuum.arguments import Parser
-from soft_continuum.emulators.driving import driving_parameters
+from soft_continuum.emulators.driving import board_links, driving_parameters
 from soft_continuum.nodes.processes import Child, end
+from soft_continuum.parameters.files import load_any_arm
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
-from soft_continuum.twin.differences import DEFAULT_PRESET, LOAD_CELLS, PRESETS
+from soft_continuum.twin.differences import DEFAULT_PRESET, load_cell_parameters, PRESETS
 
 PERIOD = 0.05  # s between two looks at whether it is ready
 NO_OTHER_CAMERA = {'camera.source': "''", 'camera.calibration': "''"}
@@ -42,6 +43,8 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
     if preset is None:
         yield []
         return
+    from soft_continuum.nodes.up import description_file  # which needs this module itself
+    tendons = len(load_any_arm(*params_files or [description_file()]).tendon_names)
     with TemporaryDirectory(prefix='soft_continuum_') as directory:
         ports = {name: Path(directory) / name for name in ('grbl', 'modbus')}
         arguments = [f'--preset={preset}', f'--namespace={namespace}',
@@ -51,11 +54,13 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
                      subprocess.DEVNULL)
         children = [twin]
         try:
-            while not all(path.is_symlink() for path in ports.values()):
+            boards = board_links(ports['grbl'], tendons)
+            while not all(path.is_symlink() for path in (*map(Path, boards), ports['modbus'])):
                 if not twin.running:
                     raise ParameterError('the twin did not start; the lines before say why')
                 sleep(PERIOD)
-            parameters = driving_parameters(ports['grbl'], ports['modbus']) | LOAD_CELLS
+            parameters = driving_parameters(' '.join(boards), ports['modbus'], tendons)
+            parameters |= load_cell_parameters(tendons)
             if camera:
                 children.append(Child(TWIN_CAMERA, [*arguments, f'--rate={RATE}'],
                                       'there are no pictures any more', subprocess.DEVNULL))

@@ -11,9 +11,6 @@ from soft_continuum.parameters.files import read_yaml
 
 PRESETS = ('ideal', 'typical', 'bad')
 """Those of config/twin.yaml."""
-LOAD_CELLS: dict[str, object] = {'load_cells.used': True, 'load_cells.zeros': [0.0, 0.0],
-                                 'load_cells.scales': [1.0, 1.0]}
-"""Parameters of nodes that are to use the load cells of the twin."""
 DEFAULT_PRESET = 'typical'
 
 
@@ -89,6 +86,12 @@ class Differences:
     fixed_offset: float
     depth_offset: float
     seed: int
+
+
+def load_cell_parameters(tendons: int) -> dict[str, object]:
+    """Return the parameters of nodes that are to use the load cells of the twin."""
+    return {'load_cells.used': True, 'load_cells.zeros': [0.0] * tendons,
+            'load_cells.scales': [1.0] * tendons}
 
 
 RANGES = {

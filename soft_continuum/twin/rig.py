@@ -3,21 +3,23 @@
 """The plant in real time, driven by the motors and the vacuum of the emulated boards."""
 
 from contextlib import ExitStack
+from itertools import chain
+from math import ceil
 from pathlib import Path
 import threading
 from typing import Self
 
 import numpy as np
 
-from soft_continuum.emulators.driving import driving_parameters
+from soft_continuum.emulators.driving import board_links, driving_parameters
 from soft_continuum.emulators.grbl import STEPS_PER_MM
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.simulated_jamming import JammingPlant
-from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.twin.differences import Differences
-from soft_continuum.twin.plant import Plant, TIME_STEP
+from soft_continuum.twin.plant import plant_of, TIME_STEP
 
 PERIOD = 0.005  # s between two looks at the boards
 MAX_LATENESS = 0.2  # s that are made up for; the plant stands still for what is beyond
@@ -28,17 +30,24 @@ class TwinRig:
     """
     The emulated boards and the plant behind them; runs while this context manager is open.
 
-    It begins stiff, as a rig whose pump runs.  While ``lock`` is held no time passes for the
-    plant.  lost: s of real time for which the plant stood still since the computer was too slow.
+    It begins stiff, as a rig whose pump runs, if its segments can be stiff.  While ``lock`` is
+    held no time passes for the plant.  lost: s of real time for which the plant stood still since the computer was too slow.
     """
 
-    def __init__(self, arm: Arm, differences: Differences, grbl_link: str | Path = '',
-                 modbus_link: str | Path = '', clock: Clock = STEADY) -> None:
-        """Make the rig; links: paths at which the ports can always be found."""
-        self.plant = Plant(arm, differences)
-        self.grbl = GrblEmulator(str(grbl_link), clock)
+    def __init__(self, arm: AnyArm, differences: Differences, grbl_link: str | Path = '',
+                 modbus_link: str | Path = '', clock: Clock = STEADY, *, jams: bool = True
+                 ) -> None:
+        """
+        Make the rig.
+
+        links: paths at which the ports can always be found; those of further boards of tendons end
+        with _2, _3, ...  jams: whether segments can be stiff.
+        """
+        self.plant = plant_of(arm, differences)
+        self.boards = [GrblEmulator(link, clock)
+                       for link in board_links(grbl_link, len(arm.tendon_names))]
         self.modbus = ModbusEmulator(
-            len(arm.segments), initially_stiff=True, link=modbus_link or None, baud_rate=9600,
+            len(arm.segments), initially_stiff=jams, link=modbus_link or None, baud_rate=9600,
             clock=clock)
         self.lock = threading.Lock()
         self.lost = 0.0
@@ -50,7 +59,8 @@ class TwinRig:
     def __enter__(self) -> Self:
         """Plug in the boards and let time pass; raises OSError for a link that cannot be."""
         with ExitStack() as devices:
-            devices.enter_context(self.grbl)
+            for board in self.boards:
+                devices.enter_context(board)
             devices.enter_context(self.modbus)
             self._devices = devices.pop_all()
         self._thread.start()
@@ -65,13 +75,16 @@ class TwinRig:
 
     def parameters(self) -> dict[str, object]:
         """Return the parameters of nodes that are to drive this rig."""
-        return driving_parameters(self.grbl.port, self.modbus.port)
+        return driving_parameters(' '.join(board.port for board in self.boards),
+                                  self.modbus.port, len(self.plant.arm.tendon_names))
 
     def _run(self) -> None:
-        begin = self._clock()
+        tendons, begin = len(self.plant.arm.tendon_names), self._clock()
+        share = ceil(tendons / len(self.boards))
         while not self._closing:
             self._clock.sleep(PERIOD)
-            pulls = np.array(self.grbl.motors[:2]) / (STEPS_PER_MM * 1e3)
+            motors = chain.from_iterable(board.motors[:share] for board in self.boards)
+            pulls = np.array([*motors][:tendons]) / (STEPS_PER_MM * 1e3)
             vacuum = np.array([self.modbus.vacuum(s) for s in range(len(self.modbus.segments))])
             late = self._clock() - begin - self.plant.time
             if late > MAX_LATENESS:
