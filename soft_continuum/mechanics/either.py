@@ -68,6 +68,10 @@ class State(Protocol):
         """By how much the path of each tendon is shorter than in the straight arm, m."""
 
     @property
+    def taut(self) -> tuple[bool, ...]:
+        """Whether each tendon carries tension."""
+
+    @property
     def slack(self) -> Array:
         """By how much each tendon is longer than its path, (tendons,), m."""
 
@@ -90,6 +94,10 @@ class Solver(Protocol):
     @property
     def chain(self) -> AnyChain:
         """The arm."""
+
+    @property
+    def compliance(self) -> Array:
+        """By how much each tendon stretches, (tendons,), m/N."""
 
     def solve(self, start: Any, pulls: ArrayLike, soft: Sequence[bool], *,
               vacuum: Sequence[float] | None = None, sliding: Sequence[int] = ()) -> State:
