@@ -89,8 +89,9 @@ def test_a_leaf_spring_bends_about_one_axis():
 
 @pytest.mark.parametrize('path, nodes', [
     (PLANAR, ('tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer')),
-    (JAMMING, ('tendon_actuation', 'jamming_valves', 'kinematics')),
-    (TENDON_ARM, ('tendon_actuation', 'kinematics'))], ids=lambda p: getattr(p, 'stem', ''))
+    (JAMMING, ('tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer')),
+    (TENDON_ARM, ('tendon_actuation', 'kinematics', 'shape_sequencer'))],
+    ids=lambda p: getattr(p, 'stem', ''))
 def test_the_nodes_that_an_arm_needs_are_started(path, nodes):
     assert nodes_of([path]) == nodes
 

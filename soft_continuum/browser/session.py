@@ -162,7 +162,7 @@ class Session:
 
     async def _describe(self) -> None:
         try:
-            arm = await self.requests.description()
+            arm = await self.requests.planar_description()
             if self.description is None or self.description.arm != arm:
                 self.description = Description(arm)
             shapes = await self.requests.shapes(arm)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm, as a client sees it."""
 
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
 from html import escape
 from io import StringIO
@@ -22,9 +22,10 @@ if TYPE_CHECKING:  # stop must not wait for any of these
 
     from soft_continuum.client.measured import MeasuredArm, MeasuredDisc
     from soft_continuum.client.observed import ObservedArm
-    from soft_continuum.client.sequence import RunningSequence
+    from soft_continuum.client.sequence import RunningSequence, ShapeLike
     from soft_continuum.client.state import ArmState, Progress, SequenceResult
     from soft_continuum.mechanics.arm import Arm as Description
+    from soft_continuum.mechanics.either import AnyArm
 
 T = TypeVar('T')
 
@@ -56,7 +57,7 @@ class Arm:
         self._requests = self._connection.requests
         self._observed: ObservedArm | None = None
         self._sequences: list[RunningSequence] = []
-        self._description: Description | None = None
+        self._description: AnyArm | None = None
         self._measured: MeasuredArm | None = None
 
     def __enter__(self) -> 'Arm':
@@ -137,11 +138,21 @@ class Arm:
         return self._do(self._requests.shapes(self.description))
 
     @property
-    def description(self) -> 'Description':
-        """The mechanical description that the kinematics node works with."""
+    def shape_directions(self) -> Mapping[str, tuple[float, ...]]:
+        """Directions (rad) of each segment by name, of the shapes in the library that have any."""
+        return self._do(self._requests.shape_directions())
+
+    @property
+    def description(self) -> 'AnyArm':
+        """The mechanical description that the kinematics node works with, planar or spatial."""
         if self._description is None:
             self._description = self._do(self._requests.description())
         return self._description
+
+    @property
+    def planar_description(self) -> 'Description':
+        """The same for what works with planar arms only; raises ClientError for a spatial one."""
+        return self._do(self._requests.planar_description())
 
     def plot(self, axes: 'Axes | None' = None) -> 'Axes':
         """
@@ -156,7 +167,7 @@ class Arm:
 
         from soft_continuum.analysis.figures import draw_arm
         from soft_continuum.mechanics.chain import RigidChain
-        chain, state = RigidChain(self.description), self.state
+        chain, state = RigidChain(self.planar_description), self.state
         if state.joint_angles is None:
             raise ClientError('kinematics publishes no shape; it reports: '
                               + (state.node('kinematics').message or 'nothing'))
@@ -188,12 +199,13 @@ class Arm:
 
     # Sequences of shapes.
 
-    def run(self, *shapes: str | Sequence[float], hold: float = 0.0, aim: str = AIMS[0],
+    def run(self, *shapes: 'ShapeLike', hold: float = 0.0, aim: str = AIMS[0],
             progress: 'Callable[[Progress], object] | None' = None) -> 'SequenceResult':
         """
         Set one shape after the other, hold each for ``hold`` s; return when all is done.
 
-        shapes: names in the library, or bending angles (rad) of each segment, base first.
+        shapes: names in the library, or what each segment bends by, base first: its bending angle
+        or, of a spatial arm, (angle, direction), rad.
         aim: what is to be right in the end where measurements close the loop: 'angles' of every
         segment, or the position of the 'tip', at other angles if need be.
         progress: called whenever it has changed.
@@ -213,7 +225,7 @@ class Arm:
             self._end(sequence)
             raise
 
-    def start(self, *shapes: str | Sequence[float], hold: float = 0.0, aim: str = AIMS[0]
+    def start(self, *shapes: 'ShapeLike', hold: float = 0.0, aim: str = AIMS[0]
               ) -> 'RunningSequence':
         """Send a sequence as ``run`` does; return as soon as it is accepted."""
         sequence = self._do(self._requests.send(shapes, hold, aim))

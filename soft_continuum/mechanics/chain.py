@@ -60,6 +60,11 @@ class Equilibrium:
         return self.chain.bending_angles(self.joint_angles)
 
     @property
+    def bending_directions(self) -> Array:
+        """Those of spatial arms; none, since a planar one bends in one plane only."""
+        return np.zeros(0)
+
+    @property
     def points(self) -> Array:
         """Bottom and top centre of every disc as RigidChain.points: (2 * discs, 3), m and rad."""
         return self.chain.points(self.joint_angles)
@@ -99,6 +104,11 @@ class Equilibrium:
         """The tip: (x, z, tangent angle) of the top of the last disc, (3,), m and rad."""
         tip: Array = self.points[-1]
         return tip
+
+    @property
+    def tip_pose(self) -> Array:
+        """The same."""
+        return self.tip
 
     def plot(self, axes: 'Axes | None' = None) -> 'Axes':
         """

@@ -17,11 +17,13 @@ from soft_continuum.mechanics.chain import Array, joint_lengths_of
 from soft_continuum.mechanics.spatial._assembly import HELD, JAM, SLIDING, STIFFNESS
 from soft_continuum.mechanics.spatial._rotations import rotate
 from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.spatial.directions import bending_directions
 from soft_continuum.mechanics.spatial.orientations import (
     angles_about_axes,
     bending_between,
     quaternions,
     rotation_vectors,
+    turned_about_axes,
 )
 
 Integers = NDArray[np.int64]
@@ -100,6 +102,16 @@ class SpatialEquilibrium:
         """Angle between the axes of the discs below and above each segment, (segments,), rad."""
         angles: Array = np.linalg.norm(self.bending, axis=1)
         return angles
+
+    @property
+    def bending_directions(self) -> Array:
+        """Direction of each segment, about z from x of the disc below, (segments,), rad."""
+        return bending_directions(self.bending)
+
+    @property
+    def tip_pose(self) -> Array:
+        """The tip: x, y, z (m) and its rotation vector (rad), (6,)."""
+        return np.concatenate([self.tip, rotation_vectors(self.orientations[-1:])[0]])
 
     @property
     def poses(self) -> Array:
@@ -263,6 +275,11 @@ class SpatialChain:
         """
         return replace(self.state(coordinates.reshape(-1, 3)), held=held.reshape(-1, 3),
                        stiff=tuple(stiff))
+
+    def at(self, joint_positions: Array) -> SpatialEquilibrium:
+        """Return the held state of joint_positions (3 * bodies,), rad, as joint_states have it."""
+        turns = turned_about_axes(np.reshape(joint_positions, (-1, 3)))
+        return self.state(rotation_vectors(turns))
 
     def uniform(self, bending: Sequence[Sequence[float]] | Array) -> SpatialEquilibrium:
         """Return the held state whose segments bend evenly about x and y, (segments, 2) rad."""
