@@ -30,7 +30,7 @@ class Sensors:
         return shown
 
     def motions(self) -> Array:
-        """Return angular velocities and specific forces, (discs, 6), as AnyPlant.motions has them."""
+        """Return angular velocities and specific forces, (discs, 6), as AnyPlant.motions."""
         shown: Array = self._plant.motions + self._bias + self._random.normal(
             0.0, self._noise, self._bias.shape)
         return shown
