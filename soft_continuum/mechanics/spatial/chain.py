@@ -20,6 +20,7 @@ from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.directions import bending_directions
 from soft_continuum.mechanics.spatial.orientations import (
     angles_about_axes,
+    bending_between,
     quaternions,
     rotation_vectors,
     turned_about_axes,
@@ -82,12 +83,7 @@ class SpatialEquilibrium:
 
         Its length is the bending angle: that between the axes of the discs.
         """
-        found = self.orientations
-        axes = np.einsum('sji,sj->si', found[:-1], found[1:, :, 2])  # in the frame below
-        across = np.linalg.norm(axes[:, :2], axis=1)
-        factor = np.arctan2(across, axes[:, 2]) / np.maximum(across, 1e-300)
-        bending: Array = np.column_stack([-axes[:, 1], axes[:, 0]]) * factor[:, None]
-        return bending
+        return bending_between(self.orientations)
 
     # What every state has, planar or spatial.
 
@@ -95,6 +91,11 @@ class SpatialEquilibrium:
     def vacuum(self) -> tuple[float, ...]:
         """Always that of full jams, for which planar states have nothing."""
         return ()
+
+    @property
+    def taut(self) -> tuple[bool, ...]:
+        """Whether each tendon carries tension."""
+        return tuple((self.tensions > 0.0).tolist())
 
     @property
     def bending_angles(self) -> Array:
