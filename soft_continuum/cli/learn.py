@@ -68,7 +68,7 @@ def _run(options: argparse.Namespace) -> None:
     path, = reserve_outputs(options.output, [FILE], options.force)
     with Arm(options.namespace, timeout=options.timeout) as arm:
         estimate = arm.state.estimate
-        learned = learn(_known(estimate), arm.description)
+        learned = learn(_known(estimate), arm.planar_description)
         title = _title(arm.is_simulated)
     _say(learned)
     assert estimate is not None

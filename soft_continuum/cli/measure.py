@@ -66,7 +66,7 @@ def _measure_all(arm: 'Arm', names: Sequence[str], options: argparse.Namespace,
                  paths: Sequence[Path]) -> None:
     """Set and measure one shape after the other; write all of them after each."""
     title = _title(arm.is_simulated)
-    tendons = [t.removesuffix('_tendon') for t in arm.description.tendon_names]
+    tendons = [t.removesuffix('_tendon') for t in arm.planar_description.tendon_names]
     points = [title, 'shape,point,x [mm],z [mm],deviation [mm]']
     pulls = [title, ','.join(['shape,segment', *(f'{t} [mm]' for t in tendons)])]
     for name in names:
@@ -74,7 +74,7 @@ def _measure_all(arm: 'Arm', names: Sequence[str], options: argparse.Namespace,
         steps, discs = _set_and_measure(arm, name, options.duration)
         pulls += [','.join([name, str(segment), *(f'{p * 1e3:.4f}' for p in pulled)])
                   for segment, pulled in steps.items()]
-        points += _rows(name, discs, arm.description)
+        points += _rows(name, discs, arm.planar_description)
         print(f'  {len(discs)} discs, each seen {min(d.samples for d in discs.values())} '
               'times or more', flush=True)
         for path, rows in zip(paths, (points, pulls), strict=True):
@@ -92,7 +92,7 @@ def _set_and_measure(arm: 'Arm', name: str, duration: float
     """Return the pulls at which each segment was stiffened, in order, and the measured discs."""
     from soft_continuum.client.errors import ClientError
     from soft_continuum.sequencing.progress import Phase
-    arm.run([0.0] * len(arm.description.segments))
+    arm.run([0.0] * len(arm.planar_description.segments))
     steps: dict[int, Pulls] = {}
     discs: dict[int, MeasuredDisc] = {}
     running = arm.start(name, hold=SETTLING + duration + 0.5)

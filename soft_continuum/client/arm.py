@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # stop must not wait for any of these
     from soft_continuum.client.sequence import RunningSequence
     from soft_continuum.client.state import ArmState, Progress, SequenceResult
     from soft_continuum.mechanics.arm import Arm as Description
+    from soft_continuum.mechanics.either import AnyArm
 
 T = TypeVar('T')
 
@@ -56,7 +57,7 @@ class Arm:
         self._requests = self._connection.requests
         self._observed: ObservedArm | None = None
         self._sequences: list[RunningSequence] = []
-        self._description: Description | None = None
+        self._description: AnyArm | None = None
         self._measured: MeasuredArm | None = None
 
     def __enter__(self) -> 'Arm':
@@ -134,14 +135,19 @@ class Arm:
     @property
     def shapes(self) -> Mapping[str, tuple[float, ...]]:
         """The shape library: bending angles (rad) of each segment by name."""
-        return self._do(self._requests.shapes(self.description))
+        return self._do(self._requests.shapes(self.planar_description))
 
     @property
-    def description(self) -> 'Description':
-        """The mechanical description that the kinematics node works with."""
+    def description(self) -> 'AnyArm':
+        """The mechanical description that the kinematics node works with, planar or spatial."""
         if self._description is None:
             self._description = self._do(self._requests.description())
         return self._description
+
+    @property
+    def planar_description(self) -> 'Description':
+        """The same for what works with planar arms only; raises ClientError for a spatial one."""
+        return self._do(self._requests.planar_description())
 
     def plot(self, axes: 'Axes | None' = None) -> 'Axes':
         """
@@ -156,7 +162,7 @@ class Arm:
 
         from soft_continuum.analysis.figures import draw_arm
         from soft_continuum.mechanics.chain import RigidChain
-        chain, state = RigidChain(self.description), self.state
+        chain, state = RigidChain(self.planar_description), self.state
         if state.joint_angles is None:
             raise ClientError('kinematics publishes no shape; it reports: '
                               + (state.node('kinematics').message or 'nothing'))

@@ -83,7 +83,7 @@ def _take_as_straight(arm: Arm) -> None:
 def _run(arm: Arm, picture: Path, *, camera: bool) -> None:
     """Run the shapes, print a table for each and write the picture."""
     arm.wait_for(lambda state: state.pulls and state.tip and None not in state.stiff)
-    description, shapes = arm.description, arm.shapes
+    description, shapes = arm.planar_description, arm.shapes
     hold = HOLD + SETTLING + MEASURING if camera else HOLD
     reached, measured = _follow(arm, arm.start(*shapes, hold=hold), camera=camera)
     for name, angles in shapes.items():

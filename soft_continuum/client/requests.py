@@ -40,6 +40,7 @@ if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
     from soft_continuum.client.sequence import RunningSequence
     from soft_continuum.client.state import SequenceResult
     from soft_continuum.mechanics.arm import Arm as Description
+    from soft_continuum.mechanics.either import AnyArm
 
 CLOSED_LOOP = 'closed_loop'  # parameter of shape_sequencer
 JOG_SPEED = 0.01  # m/s
@@ -121,16 +122,25 @@ class Requests(Tasks):
 
     # What the nodes were started with.
 
-    async def description(self) -> 'Description':
-        """Return the mechanical description that kinematics works with."""
-        from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
+    async def description(self) -> 'AnyArm':
+        """Return the mechanical description that kinematics works with, planar or spatial."""
+        from soft_continuum.parameters.arm import any_arm_from_parameters, ARM_PARAMETERS
         from soft_continuum.parameters.parameter import ParameterError
         values = await self.parameters(KINEMATICS, [p.name for p in ARM_PARAMETERS])
         if len(values) < len(ARM_PARAMETERS):
             raise ClientError(f'{KINEMATICS} lacks parameters of an arm; run nodes and client '
                               'from the same version')
         try:
-            return arm_from_parameters(values)
+            return any_arm_from_parameters(values)
+        except ParameterError as error:
+            raise ClientError(f'{KINEMATICS}: {error}') from None
+
+    async def planar_description(self) -> 'Description':
+        """Return the description for what works with planar arms only; else a ClientError."""
+        from soft_continuum.parameters.arm import planar
+        from soft_continuum.parameters.parameter import ParameterError
+        try:
+            return planar(await self.description())
         except ParameterError as error:
             raise ClientError(f'{KINEMATICS}: {error}') from None
 

@@ -18,9 +18,11 @@ from soft_continuum.client.state import ArmState, Pose, Reached
 UNKNOWN = '?'
 
 
-def angles_text(angles: Sequence[float]) -> str:
-    """Return bending angles (rad) in degrees."""
-    return ' '.join(f'{degrees(angle):+6.1f}' for angle in angles) + ' deg'
+def angles_text(angles: Sequence[float], directions: Sequence[float] = ()) -> str:
+    """Return bending angles (rad), and directions behind an @, in degrees."""
+    towards = [f'@{degrees(direction):.1f}' for direction in directions] or [''] * len(angles)
+    return ' '.join(f'{degrees(angle):+6.1f}{direction}' for angle, direction in zip(
+        angles, towards, strict=True)) + ' deg'
 
 
 def pulls_text(state: ArmState) -> str:
@@ -63,7 +65,8 @@ def state_line(state: ArmState) -> str:
     return ' | '.join((
         pulls_text(state),
         ' '.join(_stiffness_text(s) for s in state.stiff),
-        angles_text(state.bending_angles) if state.bending_angles else UNKNOWN,
+        angles_text(state.bending_angles, state.bending_directions)
+        if state.bending_angles else UNKNOWN,
         f'{source}{f", ALARM: {alarms}" if alarms else ""}',
         state.node('shape_sequencer').message or UNKNOWN))
 

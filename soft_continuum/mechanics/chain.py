@@ -75,6 +75,16 @@ class Equilibrium:
         return _in_space(self.chain.backbone(self.joint_angles)[:, :2])
 
     @property
+    def rotations(self) -> Array:
+        """Orientation of every body in base_link, (joints, 3, 3)."""
+        angles = np.cumsum(self.joint_angles)
+        turned = np.zeros((len(angles), 3, 3))
+        turned[:, 0, 0] = turned[:, 2, 2] = np.cos(angles)
+        turned[:, 0, 2], turned[:, 2, 0] = np.sin(angles), -np.sin(angles)
+        turned[:, 1, 1] = 1.0
+        return turned
+
+    @property
     def tendon_points(self) -> list[Array]:
         """Guides of each tendon in space, base first, (2 * discs, 3), m."""
         return [_in_space(guides) for guides in self.chain.guide_points(self.joint_angles)]
@@ -197,6 +207,10 @@ class RigidChain:
             raise ValueError(wanted)
         return Equilibrium(angles, np.zeros(2), self.straight_length - self.tendon_lengths(angles),
                            np.zeros(2), 0.0, 0, (True,) * self.segments, angles, chain=self)
+
+    def state_at(self, joint_positions: ArrayLike) -> Equilibrium:
+        """Return the held state whose joints of the URDF have these angles, (joints,) rad."""
+        return self.state(joint_positions)
 
     def state_of(self, coordinates: Array, held: Array, stiff: Sequence[bool],
                  vacuum: Sequence[float] = ()) -> Equilibrium:

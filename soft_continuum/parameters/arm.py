@@ -100,12 +100,16 @@ MAX_SEGMENTS = 100
 
 def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
     """Build a planar arm as any_arm_from_parameters; raises ParameterError for a spatial one."""
-    arm = any_arm_from_parameters(values)
+    return planar(any_arm_from_parameters(values))
+
+
+def planar(arm: AnyArm) -> Arm:
+    """Return a planar arm as it is; raises ParameterError for a spatial one."""
     if not isinstance(arm, Arm):
         raise ParameterError(
             'the description is of a spatial arm (arm.tendon_names), and this works with planar '
             'arms only so far; with spatial ones `soft_continuum up` works, which starts '
-            'tendon_actuation, kinematics and, with arm.jamming, jamming_valves')
+            'tendon_actuation, kinematics, shape_sequencer and, with arm.jamming, jamming_valves')
     return arm
 
 

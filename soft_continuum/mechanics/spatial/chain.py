@@ -11,16 +11,19 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from soft_continuum.mechanics._checks import real_array
 from soft_continuum.mechanics.chain import Array, joint_lengths_of
 from soft_continuum.mechanics.spatial._assembly import HELD, JAM, SLIDING, STIFFNESS
 from soft_continuum.mechanics.spatial._rotations import rotate
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.orientations import (
     angles_about_axes,
+    bending_between,
     quaternions,
     rotation_vectors,
+    turned_about_axes,
 )
 
 Integers = NDArray[np.int64]
@@ -80,12 +83,7 @@ class SpatialEquilibrium:
 
         Its length is the bending angle: that between the axes of the discs.
         """
-        found = self.orientations
-        axes = np.einsum('sji,sj->si', found[:-1], found[1:, :, 2])  # in the frame below
-        across = np.linalg.norm(axes[:, :2], axis=1)
-        factor = np.arctan2(across, axes[:, 2]) / np.maximum(across, 1e-300)
-        bending: Array = np.column_stack([-axes[:, 1], axes[:, 0]]) * factor[:, None]
-        return bending
+        return bending_between(self.orientations)
 
     # What every state has, planar or spatial.
 
@@ -241,6 +239,14 @@ class SpatialChain:
         return SpatialEquilibrium(
             rotations, np.zeros(tendons), self.straight_paths - self.paths(rotations),
             np.zeros(tendons), 0.0, 0, (True,) * self.segments, joints, chain=self)
+
+    def state_at(self, joint_positions: ArrayLike) -> SpatialEquilibrium:
+        """Return the held state whose joints of the URDF have these angles, (3 * bodies,) rad."""
+        wanted = f'joint positions must be {3 * self.bodies} finite numbers (rad)'
+        angles = real_array(joint_positions, wanted)
+        if angles.shape != (3 * self.bodies,) or not np.all(np.isfinite(angles)):
+            raise ValueError(wanted)
+        return self.state(rotation_vectors(turned_about_axes(angles.reshape(-1, 3))))
 
     @property
     def coordinate_count(self) -> int:

@@ -18,6 +18,15 @@ def orthonormal(rotations: Array) -> Array:
     return found
 
 
+def bending_between(orientations: Array) -> Array:
+    """Return how far each of (k, 3, 3) bends about x and y of the one before, (k - 1, 2), rad."""
+    axes = np.einsum('sji,sj->si', orientations[:-1], orientations[1:, :, 2])  # in the one before
+    across = np.linalg.norm(axes[:, :2], axis=1)
+    factor = np.arctan2(across, axes[:, 2]) / np.maximum(across, 1e-300)
+    bending: Array = np.column_stack([-axes[:, 1], axes[:, 0]]) * factor[:, None]
+    return bending
+
+
 def quaternions(rotations: Array) -> Array:
     """
     Return rotation matrices (k, 3, 3) as unit quaternions x, y, z, w, (k, 4), w not negative.
@@ -36,6 +45,15 @@ def quaternions(rotations: Array) -> Array:
     rows = products[largest, :, np.arange(len(rotations))]
     found: Array = rows / np.linalg.norm(rows, axis=1, keepdims=True)
     return np.where(found[:, 3:] < 0.0, -found, found)
+
+
+def matrices(turns: Array) -> Array:
+    """Return unit quaternions x, y, z, w, (k, 4), as rotation matrices (k, 3, 3)."""
+    x, y, z, w = np.moveaxis(turns, -1, 0)
+    return np.moveaxis(np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]), -1, 0)
 
 
 def rotation_vectors(rotations: Array) -> Array:
@@ -58,3 +76,12 @@ def angles_about_axes(rotations: Array) -> Array:
     return np.column_stack([
         np.arctan2(-rotations[:, 1, 2], rotations[:, 2, 2]), np.arcsin(rotations[:, 0, 2]),
         np.arctan2(-rotations[:, 0, 1], rotations[:, 0, 0])])
+
+
+def turned_about_axes(angles: Array) -> Array:
+    """Return the rotations (k, 3, 3) by such angles (k, 3), rad: the inverse."""
+    (a, b, c), (d, e, f) = np.cos(angles).T, np.sin(angles).T
+    return np.moveaxis(np.array([
+        [b * c, -b * f, e],
+        [a * f + c * d * e, a * c - d * e * f, -b * d],
+        [d * f - a * c * e, c * d + a * e * f, a * b]]), -1, 0)
