@@ -79,8 +79,9 @@ def recording_html(state: RecorderState | None) -> str:
 def segments_html(state: ArmState, description: Description, history: History) -> str:
     """Return a row per segment: stiff or soft, vacuum, bending angle, vacuum of last minute."""
     rows: list[tuple[str, ...]] = []
-    for s in range(len(description.arm.segments)):
-        bends = _bending(state, s)
+    count = len(description.arm.segments)
+    for s in range(count):
+        bends = _bending(state, s) if len(state.bending_angles or ()) == count else ''
         if not description.jamming:
             rows.append((f'<b>{s + 1}</b>', bends))
             continue
@@ -103,8 +104,6 @@ def segments_html(state: ArmState, description: Description, history: History) -
 def _bending(state: ArmState, segment: int) -> str:
     """Return how much a segment (from 0) bends, how well that is known, and towards where."""
     angles, directions = state.bending_angles or (), state.bending_directions
-    if segment >= len(angles):
-        return ''
     estimate = state.estimate
     deviations = estimate.angle_deviations if estimate and estimate.measured else ()
     each = len(deviations) // len(angles)  # in space about x and y
@@ -248,10 +247,18 @@ def jog_hint_html(state: ArmState, description: Description) -> str:
         return _small('A sequence is running.')
     if False in state.stiff or not description.jamming:
         return _small(
-            'Pay out the tendons on the other side before you pull one in: tension in all of them '
+            'In mm. Pay out the tendons on the other side before you pull one in: tension in all of them '
             'at once is refused.' if description.in_space else
-            'Pay out one tendon before you pull in the other: tension in both at once is refused.')
+            'In mm. Pay out one tendon before you pull in the other: tension in both at once is refused.')
     return _small('Soften a segment to move the tendons: a stiff arm must not be pulled.')
+
+
+def own_shape_html(description: Description) -> str:
+    """Say what the sliders of a shape mean."""
+    return _caption(
+        ('Direction: towards where, about z, from x (0°) to y (90°) of the disc below, as they are '
+         'drawn at the base. ' if description.in_space else '')
+        + 'The shape is shown in green for ten seconds after a change.')
 
 
 def sequence_html(state: ArmState) -> str:

@@ -81,7 +81,8 @@ class View:
             self._panel = Panel(self._server, self._session, self._playback)
         if self._scene is not None and self._is_looked_at:
             with self._server.atomic():
-                self._scene.show(self._session.state, self._session.target)
+                state = self._session.state
+                self._scene.show(state, self._session.ghost(state))
 
     def _update_panel(self) -> None:
         state = self._session.state

@@ -11,6 +11,7 @@ import viser
 
 from soft_continuum.browser import html
 from soft_continuum.browser.charts import History
+from soft_continuum.browser.own_shape import OwnShape
 from soft_continuum.browser.scene import viewpoint, views_of
 from soft_continuum.browser.session import Description, Session
 from soft_continuum.client.state import ArmState
@@ -114,8 +115,13 @@ class Panel:
             'Aim', AIMS, hint='What is to be right in the end, where measurements close the loop: '
             'the angle of every segment, or the position of the tip')
         self._motions.append(self._button('Run sequence', self._run_sequence))
-        self._cancel = self._button('Cancel', session.cancel,
-                                    hint='Ends the sequence with every segment stiff')
+        self._cancel = self._button(
+            'Cancel', session.cancel, hint='Ends the sequence' + (
+                ' with every segment stiff' if description.jamming else ''))
+        with gui.add_folder('Own shape', expand_by_default=False):
+            own = OwnShape(gui, description, lambda: session.preview(own.points))
+            self._motions.append(self._button(
+                'Set own shape', lambda: session.run([own.shape], self._chosen_aim)))
 
     def _add_loop(self, gui: viser.GuiApi) -> None:
         async def switched(event: Any) -> None:
@@ -129,7 +135,7 @@ class Panel:
     def _add_tendons(self, gui: viser.GuiApi, names: Sequence[str]) -> None:
         session = self._session
         self._jogs = [self._group(
-            f'{name} [mm]', tuple(f'{step:+g}' for step in STEPS), partial(self._jog, name))
+            name, tuple(f'{step:+g}' for step in STEPS), partial(self._jog, name))
             for name in names]
         self._hint = gui.add_html('')
         self._rests = [

@@ -23,7 +23,7 @@ from soft_continuum.browser.meshes import (
     SIDES,
     tube,
 )
-from soft_continuum.browser.session import Description
+from soft_continuum.browser.session import Description, Points
 from soft_continuum.client.state import ArmState, Pose
 from soft_continuum.colours import (
     AXES,
@@ -81,7 +81,7 @@ class Scene:
         self._drawn: tuple[object, ...] = ()
         self._joint_angles: tuple[float, ...] = ()  # the last that were received
         self._tensions = (np.nan,) * len(description.arm.tendon_names)
-        self._ghost_line: tuple[tuple[float, float, float], ...] = ()
+        self._ghost_line: Points = ()
         self._seen_discs: Sequence[Pose | None] = ()
         self._predicted_discs: Sequence[Pose] = ()
         self._rope = ROPE * description.arm.length
@@ -165,8 +165,8 @@ class Scene:
             '/arm/ghost', np.zeros((2 * SIDES, 3)), faces(2), color=GHOST, opacity=GHOST_OPACITY,
             visible=False, cast_shadow=False, side='double')
 
-    def show(self, state: ArmState, target: tuple[tuple[float, float, float], ...]) -> None:
-        """Bring the scene up to date; target: points (k, 3) m of the shape that is gone to."""
+    def show(self, state: ArmState, ghost: Points) -> None:
+        """Bring the scene up to date; ghost: of the shape that is gone to, or chosen."""
         count = len(self._skins)
         stiff: Sequence[bool | None] = (None,) * count  # a stale shape is drawn grey
         angles = state.joint_angles or ()
@@ -186,7 +186,7 @@ class Scene:
             self._drawn = drawn
             self._move(self._chain.state_at(self._joint_angles))
             self._colour(stiff, self._tensions)
-        self._show_ghost(target if state.progress else ())
+        self._show_ghost(ghost)
         self._show_seen(state.measured_discs)
         measured = state.estimate is not None and state.estimate.measured
         self._show_predicted(state.predicted_disc_poses or () if measured else ())
@@ -217,7 +217,7 @@ class Scene:
                 tension_colour(tension, self._description.tension_limit), dtype=np.uint8)
             tendon.thickness = self._rope if is_slack else 2 * self._rope
 
-    def _show_ghost(self, points: tuple[tuple[float, float, float], ...]) -> None:
+    def _show_ghost(self, points: Points) -> None:
         if len(points) > 1 and points != self._ghost_line:
             if len(points) != len(self._ghost_line):  # other numbers of vertices need other faces
                 self._ghost.faces = faces(len(points)).astype(np.uint32)

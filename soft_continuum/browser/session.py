@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 from time import monotonic, strftime
-from typing import Any, TypeVar
+from typing import Any, TYPE_CHECKING, TypeVar
 
 from visualization_msgs.msg import MarkerArray
 
@@ -37,6 +37,9 @@ from soft_continuum.ros.qos import LATCHED
 from soft_continuum.sequencing.progress import AIMS
 from soft_continuum_interfaces.msg import MotionRequest
 
+if TYPE_CHECKING:
+    from soft_continuum.client.sequence import ShapeLike
+
 T = TypeVar('T')
 
 SEQUENCE_HOLD = 1.0  # s
@@ -46,6 +49,9 @@ MAX_TARGET_POINTS = 1000
 MAX_WAITING = 5  # requests of one title, but of STOP, that wait for an answer
 STOP = 'Stop'
 NEW_PROBLEM, NEW_NOTICE = 20.0, 6.0  # s that a notice is shown in the bar
+PREVIEW = 10.0  # s that a shape is shown that somebody chooses
+Points = tuple[tuple[float, ...], ...]
+"""x, y, z of some points, m."""
 EXPECTED_ENDS = (MotionRequest.REPLACED, MotionRequest.HELD, MotionRequest.STOPPED)
 
 
@@ -111,7 +117,8 @@ class Session:
         self.picture = CameraPicture(requests.node)
         self.description: Description | None = None
         self.notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
-        self.target: tuple[tuple[float, float, float], ...] = ()
+        self.target: Points = ()
+        self._preview: tuple[Points, float] = (), -inf  # and when it was chosen
         self._waiting: Counter[str] = Counter()
         self._description_problem = ''
         self._describing: Future[None] | None = None
@@ -172,6 +179,17 @@ class Session:
         return replace(state, nodes=tuple(
             node for node in state.nodes if node.name != JAMMING_VALVES))
 
+    def preview(self, points: Points) -> None:
+        """Show a shape for a while, as long as none is being set."""
+        self._preview = points, monotonic()
+
+    def ghost(self, state: ArmState) -> Points:
+        """Return points along the shape to be shown beside the arm; none for no shape."""
+        if state.progress is not None:
+            return self.target
+        points, since = self._preview
+        return points if monotonic() - since < PREVIEW else ()
+
     # What the nodes were started with.
 
     def update_description(self) -> None:
@@ -230,14 +248,14 @@ class Session:
         """Pull a tendon by ``change`` m further, negative: pay out."""
         self._start('Jog', self.requests.jog({tendon: change}))
 
-    def run(self, names: Sequence[str], aim: str = AIMS[0]) -> None:
-        """Set shapes of the library one after the other; aim: one of AIMS."""
+    def run(self, shapes: 'Sequence[ShapeLike]', aim: str = AIMS[0]) -> None:
+        """Set one shape after the other; aim: one of AIMS."""
         def done(result: SequenceResult) -> None:
             self.notify('Sequence done', f'shapes reached: {result.shapes_completed}'
                         if result.reached is None else
                         reached_text(result.reached).replace('+-', '±'))
 
-        self._start('Sequence', self.requests.run(names, SEQUENCE_HOLD, aim), done)
+        self._start('Sequence', self.requests.run(shapes, SEQUENCE_HOLD, aim), done)
 
     def set_closed_loop(self, closed: bool) -> None:
         """Let sequences be corrected by measurements, or not."""
