@@ -256,8 +256,9 @@ def jog_hint_html(state: ArmState, description: Description) -> str:
 def own_shape_html(description: Description) -> str:
     """Say what the sliders of a shape mean."""
     return _caption(
-        ('Direction: towards where, about z, from x (0°) to y (90°) of the disc below, as they are '
-         'drawn at the base. ' if description.in_space else '')
+        'Degrees. ' + (
+            'Direction: towards where, about z, from x (0) to y (90) of the disc below, as they '
+            'are drawn at the base. ' if description.in_space else '')
         + 'The shape is shown in green for ten seconds after a change.')
 
 

@@ -34,9 +34,9 @@ class OwnShape:
         for number, segment in enumerate(self._arm.segments, start=1):
             most = floor(degrees(segment.bending_angle_limit) + ROUNDING)
             least = 0 if description.in_space else -most
-            self._angles.append(gui.add_slider(f'Angle {number} [°]', least, most, 1, 0))
+            self._angles.append(gui.add_slider(f'Angle {number}', least, most, 1, 0))
             if description.in_space:
-                self._directions.append(gui.add_slider(f'Direction {number} [°]', -180, 180, 1, 0))
+                self._directions.append(gui.add_slider(f'Direction {number}', -180, 180, 1, 0))
         for slider in (*self._angles, *self._directions):
             slider.on_update(moved)
         gui.add_html(own_shape_html(description))
