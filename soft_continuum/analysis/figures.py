@@ -4,6 +4,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
@@ -11,8 +12,10 @@ import numpy as np
 
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.chain import Array, LEFT, RIGHT, RigidChain
+from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
 
 DPI = 120
+RING = 25  # points of the rim of a disc
 SOFT = 'tab:orange'
 TENDON_STYLE = {RIGHT: ('right tendon', '-'), LEFT: ('left tendon', '--')}
 
@@ -83,3 +86,38 @@ def shapes_figure(path: str | Path, chain: RigidChain,
                   markeredgecolor='0.1', label='constant curvature')
         axes.set_title(name, parse_math=False)
     finish_panels(path, figure, 2 if len(shapes) == 1 else 5)
+
+
+def draw_in_space(axes: Any, state: SpatialEquilibrium) -> None:
+    """Draw backbone, discs and tendons of a spatial arm, in mm, into axes (an Axes3D)."""
+    backbone = np.vstack([np.zeros(3), state.backbone]) * 1e3
+    axes.plot(*backbone.T, color='0.55', linewidth=4, label='rigid chain')
+    for tendon, guides in enumerate(state.tendon_points):
+        axes.plot(*(guides * 1e3).T, color='0.1', linewidth=0.8,
+                  label='' if tendon else 'tendons')
+    around = np.linspace(0.0, 2.0 * np.pi, RING)
+    rim = np.column_stack([np.cos(around), np.sin(around), np.zeros(RING)])
+    for k, place in enumerate(state.points):
+        ring = place + state.chain.disc_radii[k // 2] * rim @ state.orientations[k // 2].T
+        axes.plot(*(ring * 1e3).T, color='0.3', linewidth=0.8)
+    axes.set_aspect('equal')
+    for name in 'xyz':
+        getattr(axes, f'set_{name}label')(f'{name} in mm')
+
+
+def spatial_shapes_figure(path: str | Path,
+                          shapes: Mapping[str, tuple[SpatialEquilibrium, Array]]) -> None:
+    """
+    Write a picture of shapes of a spatial arm side by side.
+
+    shapes: by name, the state, and the discs by constant curvature, (2 * discs, 3), m.
+    """
+    figure = Figure(figsize=(4.6 * len(shapes), 5.2), layout='constrained')
+    for number, (name, (state, arcs)) in enumerate(shapes.items(), start=1):
+        axes = figure.add_subplot(1, len(shapes), number, projection='3d')
+        draw_in_space(axes, state)
+        axes.plot(*(arcs * 1e3).T, 's', markersize=6, markerfacecolor='none',
+                  markeredgecolor='tab:orange', label='constant curvature')
+        axes.set_aspect('equal')
+        axes.set_title(name, parse_math=False)
+    finish_panels(path, figure, 5)

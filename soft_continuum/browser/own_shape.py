@@ -30,9 +30,10 @@ class OwnShape:
                 changed()
 
         self._arm = description.arm
+        self._limits = [segment.bending_angle_limit for segment in self._arm.segments]
         self._angles, self._directions = [], []
-        for number, segment in enumerate(self._arm.segments, start=1):
-            most = floor(degrees(segment.bending_angle_limit) + ROUNDING)
+        for number, limit in enumerate(self._limits, start=1):
+            most = floor(degrees(limit) + ROUNDING)
             least = 0 if description.in_space else -most
             self._angles.append(gui.add_slider(f'Angle {number}', least, most, 1, 0))
             if description.in_space:
@@ -54,11 +55,10 @@ class OwnShape:
         return tuple(tuple(point) for point in np.vstack([np.zeros(3), shape.backbone]).tolist())
 
     def _values(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        limits = [segment.bending_angle_limit for segment in self._arm.segments]
-        angles = [radians(_number(slider.value)) for slider in self._angles]
-        return (tuple(max(-limit, min(limit, angle)) for angle, limit in zip(
-            angles, limits, strict=True)),
-            tuple(radians(_number(slider.value)) for slider in self._directions))
+        angles = (radians(_number(slider.value)) for slider in self._angles)
+        return (tuple(max(-limit, min(limit, angle))
+                      for angle, limit in zip(angles, self._limits, strict=True)),
+                tuple(radians(_number(slider.value)) for slider in self._directions))
 
 
 def _number(value: Any) -> float:

@@ -184,7 +184,7 @@ class Scene:
         drawn = (self._joint_angles, stiff, *(round(t, 1) for t in self._tensions))
         if repr(drawn) != repr(self._drawn):  # nan is not equal to itself
             self._drawn = drawn
-            self._move(self._chain.state_at(self._joint_angles))
+            self._move(self._chain.at(np.array(self._joint_angles)))
             self._colour(stiff, self._tensions)
         self._show_ghost(ghost)
         self._show_seen(state.measured_discs)

@@ -28,7 +28,6 @@ from soft_continuum.client.observed import KINEMATICS_STATE, TENDON_STATE
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.state import ArmState, SequenceResult
 from soft_continuum.client.state_text import reached_text
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.ros.entry import subscribe
@@ -206,7 +205,7 @@ class Session:
                 name.removeprefix('arm.'): value for name, value in values.items()})
             if self.description is None or self.description.arm != arm:
                 self.description = described
-            shapes = await self.requests.shapes(arm) if isinstance(arm, Arm) else ()
+            shapes = await self.requests.shapes(arm)
             self.description = replace(described, shapes=tuple(shapes))
             self.closed_loop = await self.requests.closed_loop()
             self._description_problem = ''

@@ -30,6 +30,7 @@ from soft_continuum.text import MAX_NAME, printable
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
+    from soft_continuum.client.sequence import Bending
     from soft_continuum.client.state import Progress
 
 WATCH_PERIOD = 0.5  # s
@@ -85,23 +86,24 @@ def _interrupt(*_: object) -> NoReturn:
 # Shapes.
 
 
-def _bending_angles(text: str) -> tuple[float, ...]:
-    """Read ``10,20,30`` in degrees; return rad."""
+def _bendings(text: str) -> tuple['Bending', ...]:
+    """Read ``10,20,30`` or ``10,20@120,30@-60`` in degrees; return rad."""
     try:
-        values = tuple(radians(float(part)) for part in text.split(','))
+        values = tuple(tuple(radians(float(number)) for number in part.split('@'))
+                       for part in text.split(','))
     except ValueError:
-        values = (float('nan'),)
-    if not all(map(isfinite, values)):
+        values = ((),)
+    if not all(len(value) in (1, 2) and all(map(isfinite, value)) for value in values):
         raise ArgumentTypeError(
             f'{text!r} given; needed: a bending angle in degrees for each segment, such as '
-            '10,20,30')
-    return values
+            '10,20,30; of a spatial arm with a direction, such as 10@0,20@120,30@-60')
+    return tuple(value[0] if len(value) == 1 else (value[0], value[1]) for value in values)
 
 
 def _shape_name(text: str) -> str:
     """Read the name of a shape; recognise bending angles, which need an option."""
     try:
-        _bending_angles(text)
+        _bendings(text)
     except ArgumentTypeError:
         return text
     raise ArgumentTypeError(f'{text!r} given; bending angles in degrees need --angles {text}')
@@ -111,9 +113,10 @@ def _run_options(parser: Parser) -> None:
     shapes = parser.add_argument('shapes', nargs='*', metavar='SHAPE', type=_shape_name,
                                  help='names in the shape library')
     shapes.completer = cached_shapes  # type: ignore[attr-defined]
-    parser.add_argument('--angles', action='append', type=_bending_angles, default=[],
+    parser.add_argument('--angles', action='append', type=_bendings, default=[],
                         metavar='A,B,C', help='bending angle of each segment, base first, '
-                        'degrees, to set after the named shapes; may be repeated')
+                        'degrees, to set after the named shapes; may be repeated. Of a spatial '
+                        'arm, A@D bends towards the direction D, degrees about z from x')
     parser.add_argument('--hold', type=number_in(0.0, 86400.0, 's'), default=0.0, metavar='S',
                         help='how long each shape is held (default: 0 s)')
     parser.add_argument('--aim', choices=AIMS, default=AIMS[0],
@@ -155,9 +158,12 @@ def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
 def _shapes(arm: 'Arm', _: Namespace, output: Output) -> int:
     from soft_continuum.client.state_text import angles_text
     library = {printable(name, MAX_NAME): angles for name, angles in arm.shapes.items()}
+    directions = {printable(name, MAX_NAME): values
+                  for name, values in arm.shape_directions.items()}
     cache_shapes(library)
-    output.print('\n'.join(f'{name:<20}{angles_text(values)}' for name, values in
-                           library.items()), shapes=library)
+    output.print('\n'.join(f'{name:<20}{angles_text(values, directions.get(name, ()))}'
+                           for name, values in library.items()),
+                 shapes=library, shape_directions=directions)
     return DONE
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm, as a client sees it."""
 
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
 from html import escape
 from io import StringIO
@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # stop must not wait for any of these
 
     from soft_continuum.client.measured import MeasuredArm, MeasuredDisc
     from soft_continuum.client.observed import ObservedArm
-    from soft_continuum.client.sequence import RunningSequence
+    from soft_continuum.client.sequence import RunningSequence, ShapeLike
     from soft_continuum.client.state import ArmState, Progress, SequenceResult
     from soft_continuum.mechanics.arm import Arm as Description
     from soft_continuum.mechanics.either import AnyArm
@@ -135,7 +135,12 @@ class Arm:
     @property
     def shapes(self) -> Mapping[str, tuple[float, ...]]:
         """The shape library: bending angles (rad) of each segment by name."""
-        return self._do(self._requests.shapes(self.planar_description))
+        return self._do(self._requests.shapes(self.description))
+
+    @property
+    def shape_directions(self) -> Mapping[str, tuple[float, ...]]:
+        """Directions (rad) of each segment by name, of the shapes in the library that have any."""
+        return self._do(self._requests.shape_directions())
 
     @property
     def description(self) -> 'AnyArm':
@@ -194,12 +199,13 @@ class Arm:
 
     # Sequences of shapes.
 
-    def run(self, *shapes: str | Sequence[float], hold: float = 0.0, aim: str = AIMS[0],
+    def run(self, *shapes: 'ShapeLike', hold: float = 0.0, aim: str = AIMS[0],
             progress: 'Callable[[Progress], object] | None' = None) -> 'SequenceResult':
         """
         Set one shape after the other, hold each for ``hold`` s; return when all is done.
 
-        shapes: names in the library, or bending angles (rad) of each segment, base first.
+        shapes: names in the library, or what each segment bends by, base first: its bending angle
+        or, of a spatial arm, (angle, direction), rad.
         aim: what is to be right in the end where measurements close the loop: 'angles' of every
         segment, or the position of the 'tip', at other angles if need be.
         progress: called whenever it has changed.
@@ -219,7 +225,7 @@ class Arm:
             self._end(sequence)
             raise
 
-    def start(self, *shapes: str | Sequence[float], hold: float = 0.0, aim: str = AIMS[0]
+    def start(self, *shapes: 'ShapeLike', hold: float = 0.0, aim: str = AIMS[0]
               ) -> 'RunningSequence':
         """Send a sequence as ``run`` does; return as soon as it is accepted."""
         sequence = self._do(self._requests.send(shapes, hold, aim))

@@ -1,12 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The paper's three shapes on a simulated rig: ``./run demo``.
+The shapes of an arm on a simulated rig, by default the paper's three: ``./run demo``.
 
-Starts the four nodes as processes in a namespace of their own, sends the sequence like any
+Starts the nodes as processes in a namespace of their own, sends the sequence like any
 client, shows its progress, then prints a table per shape and writes a picture.
 """
 
+from collections.abc import Mapping
 import os
 from pathlib import Path
 import signal
@@ -15,21 +16,29 @@ from time import sleep
 
 import numpy as np
 
-from soft_continuum.analysis.figures import shapes_figure
+from soft_continuum.analysis.figures import shapes_figure, spatial_shapes_figure
 from soft_continuum.arguments import Parser, WRONG_USAGE
 from soft_continuum.client.arm import Arm
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.measured import MeasuredDisc
 from soft_continuum.client.sequence import RunningSequence
 from soft_continuum.client.state import ArmState, Progress
+from soft_continuum.client.state_text import angles_text
 from soft_continuum.mechanics import constant_curvature
+from soft_continuum.mechanics.arm import Arm as PlanarArm
 from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.mechanics.spatial import constant_curvature as in_space
+from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.spatial.chain import SpatialChain
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.twin_process import add_twin_options, twin_process
 from soft_continuum.nodes.up import chosen_nodes, description_file
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sequencing.progress import Phase
 
+ARMS = ('manipulator', 'spatial_jamming', 'tendon_arm')
+"""The shipped descriptions, config/NAME.yaml; the first is the arm of the paper."""
 HOLD = 0.5  # s
 SETTLING, MEASURING = 0.5, 1.5  # s
 STARTING_TIMEOUT = 60.0  # s: the model may have to be compiled
@@ -37,7 +46,11 @@ STARTING_TIMEOUT = 60.0  # s: the model may have to be compiled
 
 def main() -> int:
     """Run the demo; return the exit status."""
-    parser = Parser('demo', 'Set the three shapes of the paper on a simulated rig.')
+    parser = Parser('demo', 'Set the three shapes of the paper on a simulated rig, or those of '
+                    'an arm in space.')
+    parser.add_argument('--arm', choices=ARMS, default=ARMS[0],
+                        help='one of the descriptions in config/ (default: %(default)s, the arm '
+                        'of the paper)')
     parser.add_argument('--picture', type=Path, default=Path('demo_shapes.png'),
                         help='where to write the picture (default: %(default)s)')
     add_twin_options(parser)
@@ -50,14 +63,17 @@ def main() -> int:
         parser.error('--camera needs --twin here: nothing else can be seen')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     rig = f'the twin, preset {options.twin}' if options.twin else 'a simulated rig'
-    print(f'Starting the four nodes on {rig} ...', flush=True)
+    options.params_file = [description_file(options.arm)]
     # A namespace of its own keeps it apart from an arm that may be running.
     namespace = f'demo_{os.getpid()}'
     arguments = ['demo', '--ros-args', '-r', f'__ns:=/{namespace}',
-                 '--params-file', str(description_file()), '--log-level', 'error']
+                 '--params-file', str(options.params_file[0]), '--log-level', 'error']
     try:
-        with (twin_process(options.twin, namespace=namespace, camera=options.camera) as driving,
-              NodeProcesses(chosen_nodes(options), arguments + driving),
+        nodes = chosen_nodes(options)
+        print(f'Starting the nodes on {rig} ...', flush=True)
+        with (twin_process(options.twin, options.params_file, namespace, camera=options.camera
+                           ) as driving,
+              NodeProcesses(nodes, arguments + driving),
               Arm(namespace, timeout=STARTING_TIMEOUT) as arm):
             if driving:
                 _take_as_straight(arm)
@@ -83,9 +99,20 @@ def _take_as_straight(arm: Arm) -> None:
 def _run(arm: Arm, picture: Path, *, camera: bool) -> None:
     """Run the shapes, print a table for each and write the picture."""
     arm.wait_for(lambda state: state.pulls and state.tip and None not in state.stiff)
-    description, shapes = arm.planar_description, arm.shapes
+    description, shapes = arm.description, arm.shapes
     hold = HOLD + SETTLING + MEASURING if camera else HOLD
     reached, measured = _follow(arm, arm.start(*shapes, hold=hold), camera=camera)
+    if isinstance(description, PlanarArm):
+        _show_planar(description, shapes, reached, measured, picture)
+    else:
+        _show_spatial(description, shapes, arm.shape_directions, reached, picture)
+    print(f'\nSimulated data. The rigid chain is under gravity, constant curvature is not.\n'
+          f'Picture: {picture}')
+
+
+def _show_planar(description: PlanarArm, shapes: Mapping[str, tuple[float, ...]],
+                 reached: Mapping[str, ArmState],
+                 measured: Mapping[str, Mapping[int, MeasuredDisc]], picture: Path) -> None:
     for name, angles in shapes.items():
         state = reached[name]
         print(f'\n{name}: {", ".join(f"{np.degrees(a):+.1f}" for a in angles)} degrees')
@@ -100,12 +127,37 @@ def _run(arm: Arm, picture: Path, *, camera: bool) -> None:
                       *constant_curvature.poses(description, angles)[-1].tolist()))
         for label, x, z, angle in poses:
             print(f'{label:<30}{x * 1e3:8.2f}  {z * 1e3:8.2f}  {np.degrees(angle):10.2f}')
-        print('pulls: ' + ', '.join(f'{tendon} {pull * 1e3:.3f} mm' for tendon, pull in zip(
-            state.tendons, state.pulls or (), strict=True)))
+        _show_pulls(state)
     shapes_figure(picture, RigidChain(description), {
         name: (np.array(reached[name].joint_angles), angles) for name, angles in shapes.items()})
-    print(f'\nSimulated data. The rigid chain is under gravity, constant curvature is not.\n'
-          f'Picture: {picture}')
+
+
+def _show_spatial(description: SpatialArm, shapes: Mapping[str, tuple[float, ...]],
+                  directions: Mapping[str, tuple[float, ...]], reached: Mapping[str, ArmState],
+                  picture: Path) -> None:
+    chain, drawn = SpatialChain(description), {}
+    for name, angles in shapes.items():
+        state, towards = reached[name], directions.get(name, ())
+        arcs, turns = in_space.poses(description, bending_vectors(description, angles, towards))
+        print(f'\n{name}:{angles_text(angles, towards)}')
+        print('                               x in mm   y in mm   z in mm   degrees from z')
+        poses = [(f'end of segment {i}, rigid chain', *pose.position, pose.tilt)
+                 for i, pose in enumerate(state.segment_poses or (), start=1)]
+        if state.tip is not None:
+            poses.append(('tip, rigid chain', *state.tip.position, state.tip.tilt))
+        poses.append(('tip, constant curvature', *arcs[-1].tolist(),
+                      float(np.arccos(np.clip(turns[-1, 2, 2], -1.0, 1.0)))))
+        for label, x, y, z, tilt in poses:
+            print(f'{label:<30}{x * 1e3:8.2f}  {y * 1e3:8.2f}  {z * 1e3:8.2f}  '
+                  f'{np.degrees(tilt):10.2f}')
+        _show_pulls(state)
+        drawn[name] = chain.at(np.array(state.joint_angles)), arcs
+    spatial_shapes_figure(picture, drawn)
+
+
+def _show_pulls(state: ArmState) -> None:
+    print('pulls: ' + ', '.join(f'{tendon} {pull * 1e3:.3f} mm' for tendon, pull in zip(
+        state.tendons, state.pulls or (), strict=True)))
 
 
 def _follow(arm: Arm, running: RunningSequence, *, camera: bool

@@ -25,6 +25,7 @@ from soft_continuum.client.state import (
     SequenceResult,
 )
 from soft_continuum.client.tasks import running_nodes
+from soft_continuum.mechanics.spatial.directions import bending_directions
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros
@@ -97,7 +98,7 @@ class ObservedArm:
         self._ages: dict[str, Age] = {}  # by topic and by node
         self._listeners: list[Callable[[str], object]] = []
         self._measured: dict[str, tuple[Age, Pose]] = {}  # by disc, what a sensor measured last
-        self._segments = 0
+        self._segments = self._jams = 0  # of which there are poses; that are switched
         for topic, (kind, qos, source) in TOPICS.items():
             self._subscribe(topic, kind, qos, source)
         subscribe(node, DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
@@ -113,11 +114,14 @@ class ObservedArm:
         self._messages[topic] = message
         for name in (topic, source):
             self._ages.setdefault(name, Age()).refresh()
-        if topic == JAMMING_STATE:
+        if topic in (JAMMING_STATE, 'segment_poses'):
+            jams = topic == JAMMING_STATE
             known = len(self.disc_topics)
-            while self._segments < min(len(message.stiffness), MAX_SEGMENTS):
-                self._segments += 1
-                self._subscribe(f'segment_{self._segments}/pressure', FluidPressure, SENSOR,
+            self._segments = max(self._segments, min(
+                len(message.stiffness if jams else message.poses), MAX_SEGMENTS))
+            while self._jams < (self._segments if jams else 0):
+                self._jams += 1
+                self._subscribe(f'segment_{self._jams}/pressure', FluidPressure, SENSOR,
                                 JAMMING_VALVES)
             for disc in self.disc_topics[known:]:
                 self._subscribe(disc, PoseWithCovarianceStamped, SENSOR, disc)
@@ -281,17 +285,28 @@ class ObservedArm:
     def complete(self) -> bool:
         """Whether a message came on every topic of an active arm, and of its sensors."""
         expected = TOPICS.keys() - OPTIONAL | {
-            f'segment_{n}/pressure' for n in range(1, self._segments + 1)} | {
+            f'segment_{n}/pressure' for n in range(1, self._jams + 1)} | {
             topic for topic in self.disc_topics if self._node.count_publishers(topic)}
+        if self._lacks_jamming:
+            expected = {topic for topic in expected if not topic.startswith(JAMMING_VALVES)}
         return self._segments > 0 and self._messages.keys() >= expected
+
+    @property
+    def _lacks_jamming(self) -> bool:
+        """Whether it is an arm without jamming: then kinematics does not listen to valves."""
+        if self.message(KINEMATICS_STATE) is None or self._messages.get(JAMMING_STATE):
+            return False
+        listeners = self._node.get_subscriptions_info_by_topic(
+            self._node.resolve_topic_name(JAMMING_STATE))
+        return all(one.node_name != KINEMATICS for one in listeners)
 
     def snapshot(self) -> ArmState:
         """Return all that is known now."""
         joints, tendons = self._fresh('joint_states'), self.tendon_actuation
         angles = None if joints is None else tuple(float(a) for a in joints.position)
         segment_poses, disc_poses = self.poses('segment_poses'), self.poses('disc_poses')
-        bending_angles, bending_directions = _bending(joints, segment_poses or ())
-        numbers = range(1, self._segments + 1)
+        bends, towards = _bending(joints, segment_poses or ())
+        numbers = range(1, self._jams + 1)
         running = self.running()
         return ArmState(
             tendons=self.tendons, pulls=self.pulls(),
@@ -303,7 +318,7 @@ class ObservedArm:
             referenced=None if tendons is None else tendons.referenced,
             stiff=tuple(self.stiff(n) for n in numbers),
             pressures=tuple(self.pressure(n) for n in numbers),
-            bending_angles=bending_angles, bending_directions=bending_directions,
+            bending_angles=bends, bending_directions=towards,
             joint_angles=angles, segment_poses=segment_poses, disc_poses=disc_poses,
             tip=disc_poses[-1] if disc_poses else None, progress=self.progress(),
             measured_discs=self._measured_discs(),
@@ -349,7 +364,7 @@ def _bending(joints: Any, segments: Sequence[Pose]
         turned = matrices(np.array([UNTURNED, *(pose.orientation for pose in segments)]))
         bending = bending_between(turned)
         return (tuple(np.linalg.norm(bending, axis=1).tolist()),
-                tuple(np.arctan2(-bending[:, 0], bending[:, 1]).tolist()))
+                tuple(bending_directions(bending).tolist()))
     each = len(joints.position) // len(segments)
     return tuple(float(sum(joints.position[i * each:(i + 1) * each]))
                  for i in range(len(segments))), ()

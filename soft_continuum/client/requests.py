@@ -37,7 +37,7 @@ if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
     from trajectory_msgs.msg import JointTrajectory
 
     from soft_continuum.client.observed import ObservedArm
-    from soft_continuum.client.sequence import RunningSequence
+    from soft_continuum.client.sequence import RunningSequence, ShapeLike
     from soft_continuum.client.state import SequenceResult
     from soft_continuum.mechanics.arm import Arm as Description
     from soft_continuum.mechanics.either import AnyArm
@@ -144,16 +144,29 @@ class Requests(Tasks):
         except ParameterError as error:
             raise ClientError(f'{KINEMATICS}: {error}') from None
 
-    async def shapes(self, description: 'Description') -> dict[str, tuple[float, ...]]:
+    async def shapes(self, description: 'AnyArm') -> dict[str, tuple[float, ...]]:
         """Return the shape library: bending angles (rad) of each segment by name."""
         from soft_continuum.parameters.parameter import ParameterError
         from soft_continuum.parameters.shapes import SHAPE_PREFIX, shapes_from_parameters
         names = (await self.parameters(SHAPE_SEQUENCER, ['shape_names'])).get('shape_names', ())
         angles = await self.parameters(SHAPE_SEQUENCER, [SHAPE_PREFIX + name for name in names])
+        directions = await self._directions(names)
         try:
-            return shapes_from_parameters({'shape_names': tuple(names), **angles}, description)
+            return shapes_from_parameters(
+                {'shape_names': tuple(names), **angles, **directions}, description)
         except ParameterError as error:
             raise ClientError(f'{SHAPE_SEQUENCER}: {error}') from None
+
+    async def shape_directions(self) -> dict[str, tuple[float, ...]]:
+        """Return the directions (rad) of each segment by name, of the shapes that have some."""
+        from soft_continuum.parameters.shapes import directions_from_parameters
+        names = (await self.parameters(SHAPE_SEQUENCER, ['shape_names'])).get('shape_names', ())
+        return directions_from_parameters(await self._directions(names))
+
+    async def _directions(self, names: Sequence[str]) -> dict[str, Any]:
+        from soft_continuum.parameters.shapes import DIRECTION_PREFIX
+        return await self.parameters(
+            SHAPE_SEQUENCER, [DIRECTION_PREFIX + name for name in names])
 
     async def closed_loop(self) -> bool | None:
         """Return whether shape_sequencer corrects by measurements; None where it cannot."""
@@ -304,12 +317,12 @@ class Requests(Tasks):
 
     # Sequences of shapes.
 
-    async def send(self, shapes: Sequence[str | Sequence[float]], hold: float,
+    async def send(self, shapes: 'Sequence[ShapeLike]', hold: float,
                    aim: str = AIMS[0]) -> 'RunningSequence':
         """
         Set one shape after the other, each held for ``hold`` s; return when that is accepted.
 
-        shapes: names in the library, or bending angles (rad) of each segment, base first.
+        shapes: names in the library, or what each segment bends by, base first, as Arm.run.
         aim: what is to be right in the end, 'angles' or 'tip'.
         Raises RefusedError with the reason of the shape_sequencer; ValueError for a hold time
         or an aim that is none.
@@ -358,7 +371,7 @@ class Requests(Tasks):
             raise SequenceError(result)
         return result
 
-    async def run(self, shapes: Sequence[str | Sequence[float]], hold: float,
+    async def run(self, shapes: 'Sequence[ShapeLike]', hold: float,
                   aim: str = AIMS[0]) -> 'SequenceResult':
         """Set one shape after the other, as ``send`` does; return when all is done."""
         sequence = await self.send(shapes, hold, aim)

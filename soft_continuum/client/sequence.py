@@ -17,11 +17,16 @@ from soft_continuum_interfaces.msg import Shape, ShapeSequencerState
 
 MAX_HOLD = 86400.0  # s
 
+Bending = float | tuple[float, float]
+"""What a segment bends by: its angle, or angle and direction, rad."""
+ShapeLike = str | Sequence[Bending]
+"""A shape: its name in the library, or what each segment bends by, base first."""
 
-def goal(shapes: Sequence[str | Sequence[float]], hold: float, aim: str = AIMS[0]
+
+def goal(shapes: Sequence[ShapeLike], hold: float, aim: str = AIMS[0]
          ) -> RunShapeSequence.Goal:
     """
-    Return the goal for names or bending angles (rad), each held for ``hold`` s.
+    Return the goal for names or bendings (rad), each held for ``hold`` s.
 
     aim: one of AIMS.  Raises ValueError for a hold time or an aim that is none; shapes are for the
     shape_sequencer to judge.
@@ -33,8 +38,25 @@ def goal(shapes: Sequence[str | Sequence[float]], hold: float, aim: str = AIMS[0
     time = duration_to_ros(hold)
     return RunShapeSequence.Goal(aim=AIMS.index(aim), shapes=[
         Shape(name=shape, hold_time=time) if isinstance(shape, str) else
-        Shape(bending_angles=[float(angle) for angle in shape], hold_time=time)
-        for shape in shapes])
+        Shape(hold_time=time, **bendings(shape)) for shape in shapes])
+
+
+def bendings(shape: Sequence[Bending]) -> dict[str, list[float]]:
+    """Return the angles of a shape and, if one is given, the directions, as Shape has them."""
+    angles, directions, directed = [], [], False
+    for bend in shape:
+        try:
+            angle, direction = float(bend), 0.0  # type: ignore[arg-type]
+        except TypeError:
+            try:
+                angle, direction = map(float, bend)  # type: ignore[arg-type]
+            except (TypeError, ValueError):
+                raise ValueError(f'{bend!r} given for a segment; allowed: its bending angle, or '
+                                 'its angle and direction (rad)') from None
+            directed = True
+        angles.append(angle)
+        directions.append(direction)
+    return {'bending_angles': angles} | ({'bending_directions': directions} if directed else {})
 
 
 def sequence_result(message: RunShapeSequence.Result | ShapeSequencerState) -> SequenceResult:
@@ -51,12 +73,12 @@ def sequence_result(message: RunShapeSequence.Result | ShapeSequencerState) -> S
 def _reached(message: RunShapeSequence.Result) -> Reached | None:
     """Return what a result says of the last shape; None of one that says nothing."""
     angles, tip = tuple(message.bending_angles[:MAX_ITEMS]), tuple(message.tip)
-    if not angles or len(tip) != 3:
+    if not angles or len(tip) not in (3, 6):
         return None
     return Reached(message.source == RunShapeSequence.Result.MEASURED, angles, tip,
                    tuple(message.angle_deviations[:MAX_ITEMS]),
-                   tuple(message.tip_deviations[:3]), float(message.tip_error),
-                   message.corrections)
+                   tuple(message.tip_deviations[:6]), float(message.tip_error),
+                   message.corrections, tuple(message.bending_directions[:MAX_ITEMS]))
 
 
 class RunningSequence:

@@ -181,9 +181,10 @@ class Reached:
     Where the last shape of a sequence ended.
 
     measured: whether measurements say so; else it is what the model has of motors and vacuum.
-    bending_angles: rad, one per segment.  tip: x, z (m) and angle (rad).  angle_deviations,
-    tip_deviations: standard deviations of these, empty unless measured.  tip_error: m from where
-    the aim has the tip.  corrections: of all segments of all shapes.
+    bending_angles: rad, one per segment.  tip: x, z (m) and angle (rad), of a spatial arm x, y, z
+    and the rotation vector.  angle_deviations, tip_deviations: standard deviations of these, empty
+    unless measured.  tip_error: m from where the aim has the tip.  corrections: of all segments of
+    all shapes.  bending_directions: rad, one per segment of a spatial arm, else empty.
     """
 
     measured: bool
@@ -193,6 +194,7 @@ class Reached:
     tip_deviations: tuple[float, ...]
     tip_error: float
     corrections: int
+    bending_directions: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -78,11 +78,14 @@ def state_page(state: ArmState) -> str:
                              ('measured', state.measured_tensions)):
         if tensions and (source == 'measured' or all(map(isfinite, tensions))):
             lines.append(f'tensions   {_by_tendon(state, tensions, 1.0, ".1f", "N")} ({source})')
-    for i, (stiff, pressure) in enumerate(zip(state.stiff, state.pressures, strict=True)):
-        kilopascals = UNKNOWN if pressure is None else f'{pressure * 1e-3:.1f}'
-        pose = state.segment_poses[i] if state.segment_poses else None
-        lines.append(f'segment {i + 1}  {_stiffness_text(stiff):<6}{kilopascals:>6} kPa  '
-                     f'end at {_model_pose_text(pose)}')
+    poses = state.segment_poses or (None,) * len(state.stiff)
+    for i, pose in enumerate(poses):
+        jam = ''
+        if i < len(state.stiff):  # of an arm without jamming nothing is switched
+            pressure = state.pressures[i]
+            kilopascals = UNKNOWN if pressure is None else f'{pressure * 1e-3:.1f}'
+            jam = f'{_stiffness_text(state.stiff[i]):<6}{kilopascals:>6} kPa  '
+        lines.append(f'segment {i + 1}  {jam}end at {_model_pose_text(pose)}')
     lines.append(f'tip        {_model_pose_text(state.tip)}')
     for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
         apart = ('' if error is None else f', {error[0] * 1e3:.1f} mm from the model'
@@ -130,11 +133,14 @@ def estimate_lines(estimate: Estimate | None) -> list[str]:
 def reached_text(reached: Reached) -> str:
     """Return where a sequence ended, and how that is known, in one line."""
     error = f'tip {millimetres(reached.tip_error)} mm from its aim'
+    directions = reached.bending_directions
+    angles = angles_text(reached.bending_angles, directions)
     if not reached.measured:
-        return f'predicted: nothing was measured; {error} by the model'
+        return ('predicted: nothing was measured; '
+                + (f'angles{angles}'.replace('  ', ' ') if directions
+                   else f'{error} by the model'))
     deviation = position_deviation(reached.tip_deviations)
     within = '' if deviation is None else f', +-{millimetres(deviation)} mm'
-    angles = angles_text(reached.bending_angles)
     many = 'correction' if reached.corrections == 1 else 'corrections'
     return (f'reached: {error} (measured{within}), angles{angles}, {reached.corrections} {many}'
             .replace('  ', ' '))

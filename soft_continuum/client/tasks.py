@@ -180,8 +180,8 @@ class Tasks:
         text = (f'{", ".join(missing)} {"does" if len(missing) == 1 else "do"} not run in '
                 f'namespace {space}; {HOW_TO_START}')
         if {*missing} <= {JAMMING_VALVES, SHAPE_SEQUENCER}:  # it may be an arm without
-            text += ('; a spatial arm has no shape_sequencer yet, and one without jamming neither '
-                     'this nor jamming_valves: its tendons are moved by jog and trajectories')
+            text += ('; an arm without jamming has no jamming_valves, and a planar one then no '
+                     'shape_sequencer: its tendons are moved by jog and trajectories')
         elsewhere = sorted({other for name, other in self.node.get_node_names_and_namespaces()
                             if name in NODES and other != space})
         if elsewhere:

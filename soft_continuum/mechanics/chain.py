@@ -60,6 +60,11 @@ class Equilibrium:
         return self.chain.bending_angles(self.joint_angles)
 
     @property
+    def bending_directions(self) -> Array:
+        """Those of spatial arms; none, since a planar one bends in one plane only."""
+        return np.zeros(0)
+
+    @property
     def points(self) -> Array:
         """Bottom and top centre of every disc as RigidChain.points: (2 * discs, 3), m and rad."""
         return self.chain.points(self.joint_angles)
@@ -109,6 +114,11 @@ class Equilibrium:
         """The tip: (x, z, tangent angle) of the top of the last disc, (3,), m and rad."""
         tip: Array = self.points[-1]
         return tip
+
+    @property
+    def tip_pose(self) -> Array:
+        """The same."""
+        return self.tip
 
     def plot(self, axes: 'Axes | None' = None) -> 'Axes':
         """
@@ -208,10 +218,6 @@ class RigidChain:
         return Equilibrium(angles, np.zeros(2), self.straight_length - self.tendon_lengths(angles),
                            np.zeros(2), 0.0, 0, (True,) * self.segments, angles, chain=self)
 
-    def state_at(self, joint_positions: ArrayLike) -> Equilibrium:
-        """Return the held state whose joints of the URDF have these angles, (joints,) rad."""
-        return self.state(joint_positions)
-
     def state_of(self, coordinates: Array, held: Array, stiff: Sequence[bool],
                  vacuum: Sequence[float] = ()) -> Equilibrium:
         """
@@ -221,6 +227,10 @@ class RigidChain:
         """
         return replace(self.state(coordinates), held_angles=held, stiff=tuple(stiff),
                        vacuum=tuple(vacuum))
+
+    def at(self, joint_positions: Array) -> Equilibrium:
+        """Return the held state of joint_positions (joints,), rad, as joint_states have it."""
+        return self.state(joint_positions)
 
     def uniform(self, bending_angles: ArrayLike) -> Equilibrium:
         """Return the held state whose segments (rad each) bend evenly over their joints."""

@@ -10,12 +10,14 @@ from collections.abc import Sequence
 from math import atan2
 from typing import Any, Protocol, TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, RigidChain
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialChain
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 
 if TYPE_CHECKING:
     from soft_continuum.mechanics.spatial.statics import SpatialStatics
@@ -51,6 +53,14 @@ class State(Protocol):
     @property
     def bending_angles(self) -> Array:
         """Bending angle of each segment, (segments,), rad; in space never negative."""
+
+    @property
+    def bending_directions(self) -> Array:
+        """In space the direction of each segment, (segments,), rad; in the plane empty."""
+
+    @property
+    def tip_pose(self) -> Array:
+        """Top of the last disc: x, z (m) and angle (rad), in space x, y, z and rotation vector."""
 
     @property
     def coordinates(self) -> Array:
@@ -111,6 +121,15 @@ def mounting_angle_of(arm: AnyArm) -> float:
 def chain_of(arm: AnyArm) -> AnyChain:
     """Return an arm as a chain of rigid bodies."""
     return RigidChain(arm) if isinstance(arm, Arm) else SpatialChain(arm)
+
+
+def bending_of(arm: AnyArm, angles: Sequence[float], directions: Sequence[float]) -> Array:
+    """
+    Return bending angles and directions (segments,), rad, as ``chain.uniform`` takes them.
+
+    That is, (segments,) rad of a planar arm and (segments, 2) rad of a spatial one.
+    """
+    return np.array(angles) if isinstance(arm, Arm) else bending_vectors(arm, angles, directions)
 
 
 def statics_of(arm: AnyArm) -> 'Statics | SpatialStatics':

@@ -8,8 +8,7 @@ from typing import Any
 
 from sensor_msgs.msg import JointState
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.mechanics.either import AnyArm, chain_of
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.ros.age import Age
@@ -29,11 +28,11 @@ class ArmObserver(ReportedArm):
     A fault counts once it has lasted for silence_timeout.
     """
 
-    def __init__(self, node: Any, arm: Arm, parameters: Mapping[str, Any],
+    def __init__(self, node: Any, arm: AnyArm, parameters: Mapping[str, Any],
                  on_tendon_state: Callable[[TendonActuationState], None]) -> None:
         """Subscribe; call ``on_tendon_state`` with every state of tendon_actuation."""
         self._faults: dict[str, tuple[str, Age]] = {}  # by node: its fault, and for how long
-        super().__init__(node, RigidChain(arm), parameters)
+        super().__init__(node, chain_of(arm), parameters)
         self.tendons = TendonActuationState()
         self.pulls = (0.0,) * len(arm.tendon_names)
         self._names, self._unmeasured = arm.tendon_names, ''
@@ -42,8 +41,9 @@ class ArmObserver(ReportedArm):
         self._tendon_age = Age()
         self._ros_time = RosTime(node.get_clock())
         self._ages = {f'{TENDON_ACTUATION} (tendon_states)': self._tendon_age,
-                      f'{JAMMING_VALVES} (segment_N/pressure)': self.jamming_age,
                       f'{KINEMATICS} (~/state)': self.shape_age}
+        if self._jamming:
+            self._ages[f'{JAMMING_VALVES} (segment_N/pressure)'] = self.jamming_age
         subscribe(node, JointState, 'tendon_states', self._on_tendons, SENSOR)
         subscribe(node, TendonActuationState, f'{TENDON_ACTUATION}/state',
                   self._on_tendon_actuation, EVERY_STATE)
@@ -86,8 +86,8 @@ class ArmObserver(ReportedArm):
 
     @property
     def all_stiff(self) -> bool:
-        """Whether every segment is stiff."""
-        return all(self.stiff)
+        """Whether every segment is stiff; of an arm without jamming none has to be."""
+        return not self._jamming or all(self.stiff)
 
     @property
     def moves(self) -> bool:

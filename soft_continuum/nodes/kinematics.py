@@ -148,7 +148,7 @@ class Kinematics(Node):
 
     def start(self) -> None:
         """Load the model; then the node works as soon as the others publish."""
-        load_model(self, self._on_model)
+        load_model(self, self._arm, self._on_model)
 
     def _on_model(self) -> None:
         self._compiled = True

@@ -22,7 +22,7 @@ from soft_continuum.colours import (
     tension_colour,
     WRONG,
 )
-from soft_continuum.mechanics.chain import Array, RigidChain
+from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyChain, State
 
 LIFETIME = Duration(nanosec=500_000_000)
@@ -62,13 +62,13 @@ def shape_markers(chain: AnyChain, state: State, stiff: Sequence[bool | None],
     return MarkerArray(markers=markers)
 
 
-def target_markers(chain: RigidChain, bending_angles: Sequence[float], frame: str, stamp: Time
-                   ) -> MarkerArray:
-    """Return the ghost of a shape with these bending angles, rad; without any, its removal."""
-    target = chain.uniform(bending_angles or [0.0] * chain.segments)
-    marker = _ghost('target', target, GHOST, frame, stamp)
-    if not bending_angles:
+def target_markers(target: State | None, frame: str, stamp: Time) -> MarkerArray:
+    """Return the ghost of the shape that is being set; without any, its removal."""
+    if target is None:
+        marker = _marker('target', 0, Marker.LINE_STRIP, GHOST, frame, stamp)
         marker.action = Marker.DELETE
+    else:
+        marker = _ghost('target', target, GHOST, frame, stamp)
     return MarkerArray(markers=[marker])
 
 

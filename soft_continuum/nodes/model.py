@@ -3,10 +3,13 @@
 """The compiled model in a node: loaded while the node is already up."""
 
 from collections.abc import Callable
+from importlib import import_module
 import threading
 from typing import Any
 
 from soft_continuum.mechanics._kernel import must_build
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.statics import warm_up
 from soft_continuum.nodes.threads import on_ros_thread
 
@@ -17,15 +20,18 @@ def loading() -> str:
             'loading the model')
 
 
-def load_model(node: Any, loaded: Callable[[], None] | None = None) -> None:
+def load_model(node: Any, arm: AnyArm, loaded: Callable[[], None] | None = None) -> None:
     """
     Load the compiled model on a thread of its own; compiling takes tens of seconds.
 
-    ``loaded`` is called on the thread of ROS.  The thread does not keep a process from ending.
+    arm: the described one.  ``loaded`` is called on the thread of ROS.  The thread does not keep
+    a process from ending.
     """
     def load() -> None:
         try:
             warm_up()
+            if not isinstance(arm, Arm):  # else the first motion of an arm in space waits for it
+                import_module('scipy.optimize')
         except Exception as error:  # of numba, a compiler, a disk
             on_ros_thread(node, node.status.alarm, 'model', 'the model cannot be loaded: '
                           f'{type(error).__name__}: {error}; see soft_continuum doctor')

@@ -32,9 +32,9 @@ class NodeParameters(Mapping[str, Any]):
         node.add_on_set_parameters_callback(self._on_set)
         node.add_post_set_parameters_callback(self._after_set)
 
-    def declare_angles(self, name: str) -> None:
-        """Declare one more parameter, a list of bending angles that must be given."""
-        parameter = Parameter(name, (0.0,), 'bending angles of a shape, rad, base first')
+    def declare_numbers(self, parameter: Parameter) -> None:
+        """Declare one more parameter, a list of numbers, which has no value unless it is given."""
+        name = parameter.name
         try:
             value = self._node.declare_parameter(
                 name, RosParameter.Type.DOUBLE_ARRAY, _descriptor(parameter)).value

@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Equilibrium, RigidChain
+from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.sequencing.aiming import Aim, next_step, Step, worth_setting_again
 from soft_continuum.sequencing.background import PlanningThread
@@ -30,7 +31,7 @@ Result = TypeVar('Result')
 class Planning:
     """Begins to plan; only the newest plan is made."""
 
-    def __init__(self, arm: Arm, parameters: Mapping[str, Any], observed: ArmObserver) -> None:
+    def __init__(self, arm: AnyArm, parameters: Mapping[str, Any], observed: ArmObserver) -> None:
         """Plan for what is ``observed`` of ``arm``, within the limits of the parameters."""
         self._arm, self._parameters, self._observed = arm, parameters, observed
         self._thread = PlanningThread()
@@ -45,9 +46,9 @@ class Planning:
         return Loop(partial(self._aim, aim), self._step, self._again, self._error)
 
     def _aim(self, kind: int, shape: Shape) -> 'Future[Aim]':
-        settings = PlanSettings.of(self._parameters)
-        return self._start(
-            lambda *_: aim_of(shape, kind, self._arm, settings))
+        settings, arm = PlanSettings.of(self._parameters), self._arm
+        assert isinstance(arm, Arm)  # loops are closed in the plane only
+        return self._start(lambda *_: aim_of(shape, kind, arm, settings))
 
     def _step(self, segments: Sequence[int], aim: Aim) -> 'Future[Step]':
         dead_band = self._parameters['loop.dead_band']
@@ -64,8 +65,7 @@ class Planning:
         shape = self._observed.shape
         return None if shape is None else aim.error(shape)
 
-    def _start(self, work: Callable[[Planner, Equilibrium, tuple[float, ...]], Result]
-               ) -> 'Future[Result]':
+    def _start(self, work: Callable[[Any, Any, tuple[float, ...]], Result]) -> 'Future[Result]':
         known, pulls = self._observed.shape_and_model, self._observed.pulls
         if known is None:
             failed: Future[Result] = Future()

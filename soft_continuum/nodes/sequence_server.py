@@ -37,6 +37,7 @@ class Reached:
 
     bending_angles: Sequence[float] = ()
     angle_deviations: Sequence[float] = ()
+    bending_directions: Sequence[float] = ()
     tip: Sequence[float] = ()
     tip_deviations: Sequence[float] = ()
     tip_error: float = nan

@@ -117,7 +117,7 @@ class Servo(Node):
 
     def start(self) -> None:
         """Load the model; the servo can be enabled once that is done."""
-        load_model(self, self._on_model)
+        load_model(self, self._observed.chain.arm, self._on_model)
 
     def _on_model(self) -> None:
         self._compiled = True

@@ -14,26 +14,26 @@ from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import bending_of, chain_of
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.entries import guarded, repeat
+from soft_continuum.nodes.goals import shape_library, shapes_of
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.planning import Planning
 from soft_continuum.nodes.sequence_server import GoalRequest, NOWHERE, Reached, SequenceServer
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
-from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
+from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
 from soft_continuum.parameters.loop import loop_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.shapes import angles_problem, SHAPE_PREFIX, shapes_from_parameters
+from soft_continuum.parameters.shapes import direction_parameter, shape_parameter
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.conversions import seconds
 from soft_continuum.ros.entry import LOG_PERIOD
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.ros.qos import LATCHED
-from soft_continuum.ros.text import name_problem
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
 from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome
@@ -43,8 +43,6 @@ from soft_continuum_interfaces.msg import ShapeSequencerState, TendonActuationSt
 
 TICK_PERIOD = 0.05  # s
 FIRST_MESSAGE_TIMEOUT = 5.0  # s that a goal waits for nodes that have just been started
-MAX_SHAPES = 100
-"""Shapes of one goal; to plan one takes some tens of milliseconds."""
 
 
 @dataclass
@@ -81,25 +79,28 @@ class ShapeSequencer(Node):
         super().__init__(SHAPE_SEQUENCER, **options)
         self.parameters = NodeParameters(self, NODE_PARAMETERS[SHAPE_SEQUENCER])
         for name in self.parameters['shape_names']:
-            self.parameters.declare_angles(f'{SHAPE_PREFIX}{name}')
+            self.parameters.declare_numbers(shape_parameter(name))
+            self.parameters.declare_numbers(direction_parameter(name))
         self.status = Status(self, 'shape sequencer')
-        self._arm = arm_from_parameters(self.parameters)
-        check_jamming(self.parameters)
-        self._chain = RigidChain(self._arm)
-        self._library = shapes_from_parameters(self.parameters, self._arm)
+        self._arm = any_arm_from_parameters(self.parameters)
+        if isinstance(self._arm, Arm):  # two tendons alone set no shape
+            check_jamming(self.parameters)
+        self._chain = chain_of(self._arm)
+        self._library = shape_library(self.parameters, self._arm)
         self._check: Check | None = None
         self._next: Any = None  # the goal that waits for the running one to be wound down
         self._next_stops = 0  # how many stops there had been before it
         self._handle: Any = None  # the goal that runs
         self._runner: Runner | None = None
-        self._targets: list[tuple[float, ...]] = []  # bending angles of the shapes of the goal
-        self._target: tuple[float, ...] | None = None  # that is shown
+        self._shapes: Sequence[Shape] = ()  # of the goal that runs
+        self._target: Shape | None = None  # that is shown
         self._failed = False  # whether the goal that runs ends because a callback failed
         self._rejected = ''  # why the last goal was, until one is accepted
         self._last: dict[str, str] = {}  # how the last goal ended, for ~/status
         self._warning = ''  # what is not as it should be in the last shape
         self._state = ShapeSequencerState()
-        self._commander = ArmCommander(self, self._arm)
+        jamming: bool = self.parameters['arm.jamming']
+        self._commander = ArmCommander(self, self._arm, jamming)
         self._observed = ArmObserver(self, self._arm, self.parameters, self._on_tendon_state)
         self._planning = Planning(self._arm, self.parameters, self._observed)
         self._markers = self.create_publisher(MarkerArray, 'target_markers', LATCHED)
@@ -108,18 +109,18 @@ class ShapeSequencer(Node):
             self, guarded(self, self._on_request), guarded(self, self._on_accepted))
         repeat(self, TICK_PERIOD, self._tick)
         self._report()
-        self._show_target(())  # an earlier process may have left one
+        self._publish_target()  # an earlier process may have left one
 
     def start(self) -> None:
         """Load the model; goals are planned once that is done."""
-        load_model(self)
+        load_model(self, self._arm)
 
     def quit(self) -> None:
         """Hold the tendons before the process ends; segments stay as they are."""
         if self._runner is not None:
             self._commander.hold()
         self._planning.close()
-        self._show_target(())
+        self._show_target(None)
 
     def destroy_node(self) -> None:
         """Take down the action server before the node, as rclpy needs it."""
@@ -154,7 +155,7 @@ class ShapeSequencer(Node):
             self._reject(self._check.request, 'superseded by a newer goal before it was accepted')
             self._check = None
         try:
-            shapes = self._shapes(request.goal)
+            shapes = shapes_of(request.goal, self._library, self._arm)
         except PlanError as error:
             self._reject(request, str(error))
             return
@@ -220,39 +221,6 @@ class ShapeSequencer(Node):
             self._runner.cancel(Code.PREEMPTED, 'superseded by a newer goal')
         self._next, self._next_stops = handle, self._observed.tendons.stops
 
-    def _shapes(self, goal: RunShapeSequence.Goal) -> list[Shape]:
-        """Return the shapes of a goal; raises PlanError for what is not allowed."""
-        if not goal.shapes:
-            raise PlanError('the sequence is empty; give at least one shape: '
-                            + ', '.join(self._library))
-        if len(goal.shapes) > MAX_SHAPES:
-            raise PlanError(f'{len(goal.shapes)} shapes; allowed: {MAX_SHAPES}; send them in '
-                            'several goals')
-        if goal.aim not in (goal.ANGLES, goal.TIP):
-            raise PlanError(f'aim is {goal.aim}; allowed: {goal.ANGLES} (angles), '
-                            f'{goal.TIP} (tip)')
-        shapes = []
-        for number, item in enumerate(goal.shapes, start=1):
-            if problem := name_problem(item.name):
-                raise PlanError(f'shape {number}: its name is {problem}')
-            if len(item.bending_angles) > MAX_SHAPES:
-                raise PlanError(f'shape {number}: {len(item.bending_angles)} bending angles; '
-                                f'needed: {len(self._arm.segments)}')
-            angles = tuple(item.bending_angles)
-            if not angles:
-                if item.name not in self._library:
-                    raise PlanError(f'shape {number}: unknown shape {item.name!r}; known: '
-                                    + ', '.join(self._library))
-                angles = self._library[item.name]
-            problem = angles_problem(angles, self._arm)
-            hold = seconds(item.hold_time)
-            if hold < 0.0:
-                problem = f'hold_time is {hold:g} s; it must not be negative'
-            if problem:
-                raise PlanError(f'shape {number} ({item.name or "unnamed"}): {problem}')
-            shapes.append(Shape(item.name or f'shape {number}', angles, hold))
-        return shapes
-
     # The goal that runs.
 
     def _on_tendon_state(self, state: TendonActuationState) -> None:
@@ -289,11 +257,11 @@ class ShapeSequencer(Node):
     def _begin(self, handle: Any) -> None:
         self._handle, self._failed = handle, False
         self._commander.begin()
-        shapes = self._shapes(handle.request)
-        self._targets = [shape.bending_angles for shape in shapes]
-        settings = RunnerSettings(**{name: self.parameters[name] for name in (
-            'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum')})
-        if self.parameters['closed_loop']:
+        shapes = self._shapes = shapes_of(handle.request, self._library, self._arm)
+        settings = RunnerSettings(jamming=self.parameters['arm.jamming'], **{
+            name: self.parameters[name] for name in (
+                'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum')})
+        if self.parameters['closed_loop'] and isinstance(self._arm, Arm):
             self._runner = ClosedLoopRunner(
                 shapes, self._planning.plan, self._planning.loop(handle.request.aim),
                 self._commander, settings, loop_from_parameters(self.parameters),
@@ -317,7 +285,7 @@ class ShapeSequencer(Node):
             segment=progress.segment, phase=progress.phase, progress=progress.fraction,
             correction=progress.correction, aim=self._handle.request.aim,
             error=nan if progress.error is None else progress.error))
-        self._show_target(() if outcome else self._targets[progress.shape_index])
+        self._show_target(None if outcome else self._shapes[progress.shape_index])
         if outcome is None:
             self._report()
             return
@@ -331,8 +299,9 @@ class ShapeSequencer(Node):
             return NOWHERE
         aim = runner.aim if isinstance(runner, ClosedLoopRunner) else None
         return Reached(
-            shape.bending_angles.tolist(), known.angle_deviations, shape.tip.tolist(),
-            known.tip_deviations, aim.tip_error(shape) if aim is not None else nan)
+            shape.bending_angles.tolist(), known.angle_deviations,
+            shape.bending_directions.tolist(), shape.tip_pose.tolist(), known.tip_deviations,
+            aim.tip_error(shape) if aim is not None else nan)
 
     def _end(self, handle: Any, outcome: Outcome, reached: Reached = NOWHERE) -> None:
         if outcome.code is Code.SUCCESSFUL:
@@ -370,12 +339,17 @@ class ShapeSequencer(Node):
             text += f'; {self._warning}'
         self.status.set(WARN if self._warning else OK, text, **values)
 
-    def _show_target(self, bending_angles: tuple[float, ...]) -> None:
-        if bending_angles != self._target:
-            self._target = bending_angles
-            self._markers.publish(target_markers(
-                self._chain, bending_angles, self.parameters['frame_id'],
-                self.get_clock().now().to_msg()))
+    def _show_target(self, shape: Shape | None) -> None:
+        if shape != self._target:
+            self._target = shape
+            self._publish_target()
+
+    def _publish_target(self) -> None:
+        shape = self._target
+        target = None if shape is None else self._chain.uniform(
+            bending_of(self._arm, shape.bending_angles, shape.bending_directions))
+        self._markers.publish(target_markers(
+            target, self.parameters['frame_id'], self.get_clock().now().to_msg()))
 
 
 def _text(error: BaseException) -> str:

@@ -156,7 +156,7 @@ class TendonActuation(ManagedNode):
     def start(self) -> None:
         """Load the model, then connect if ``autostart`` asks for it."""
         self.status.set(OK, loading())
-        load_model(self, self._on_model)
+        load_model(self, self._prediction.chain.arm, self._on_model)
 
     def _on_model(self) -> None:
         self._compiled = True

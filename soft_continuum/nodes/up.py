@@ -45,9 +45,9 @@ DRIVERS = ('tendon_driver', 'jamming_driver')
 PERIOD = 0.05  # s between two looks at the processes
 
 
-def description_file() -> Path:
-    """Return the installed config/manipulator.yaml."""
-    return Path(get_package_share_directory('soft_continuum')) / 'config' / 'manipulator.yaml'
+def description_file(arm: str = 'manipulator') -> Path:
+    """Return an installed description, by default that of the arm of the paper."""
+    return Path(get_package_share_directory('soft_continuum')) / 'config' / f'{arm}.yaml'
 
 
 def start_parser(verb: str, description: str) -> Parser:
@@ -111,13 +111,13 @@ def nodes_of(files: Sequence[str | Path],
     """
     Return the nodes that drive the described arm; raises ParameterError.
 
-    Without jamming nothing switches and sequences segments; sequences are of planar shapes.
+    Without jamming nothing switches segments, and two tendons of a planar arm set no shapes.
     arm_of: makes the arm of parameters, or refuses it.
     """
     values = load_description(*files, node=KINEMATICS)
     spatial = isinstance(arm_of(values), SpatialArm)
     left_out = {JAMMING_VALVES: not values['arm.jamming'],
-                SHAPE_SEQUENCER: spatial or not values['arm.jamming']}
+                SHAPE_SEQUENCER: not (spatial or values['arm.jamming'])}
     return tuple(name for name in NODES if not left_out.get(name))
 
 

@@ -25,13 +25,18 @@ from soft_continuum.parameters.parameter import (
     ParameterError,
     Value,
 )
-from soft_continuum.parameters.shapes import SHAPE_PREFIX, shapes_from_parameters
+from soft_continuum.parameters.shapes import (
+    DIRECTION_PREFIX,
+    SHAPE_PREFIX,
+    shapes_from_parameters,
+)
 from soft_continuum.text import printable, read_bytes
 
 MAX_DEPTH = 20  # keys below one another in a parameter file
 MAX_SIZE = 100_000  # bytes of such a file
 
-UNCHECKED = (SHAPE_PREFIX, 'use_sim_time', 'qos_overrides.', 'start_type_description_service')
+UNCHECKED = (SHAPE_PREFIX, DIRECTION_PREFIX, 'use_sim_time', 'qos_overrides.',
+             'start_type_description_service')
 """Names, or how they begin, that are allowed without being in a table; ROS nodes have the rest."""
 
 
@@ -47,8 +52,7 @@ def load_description(*paths: str | Path, node: str = '') -> dict[str, Value]:
         values |= given_parameters(path, ALL_PARAMETERS, node, prefixes=UNCHECKED)
     try:
         arm = any_arm_from_parameters(values)
-        if isinstance(arm, Arm):  # the shape library is one of planar shapes
-            shapes_from_parameters(values, arm)
+        shapes_from_parameters(values, arm)
         jamming_settings(values)
     except ParameterError as error:
         raise ParameterError(f'{", ".join(str(path) for path in paths)}: {error}') from None
@@ -72,7 +76,7 @@ def load_any_arm(*paths: str | Path) -> AnyArm:
 def load_shapes(path: str | Path) -> dict[str, tuple[float, ...]]:
     """Read the shape library (bending angles in rad by name) from a description file."""
     values = load_description(path)
-    return shapes_from_parameters(values, arm_from_parameters(values))
+    return shapes_from_parameters(values, any_arm_from_parameters(values))
 
 
 def load_rig(paths: Sequence[str | Path]) -> dict[str, Value]:

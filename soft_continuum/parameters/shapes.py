@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of the shape library, the paper's shapes, and the library they make."""
 
-from collections.abc import Mapping
-from math import radians
+from collections.abc import Mapping, Sequence
+from math import pi, radians
 from typing import Any
 
 from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.spatial.directions import direction_problem
 from soft_continuum.parameters.parameter import (
     degrees_hint,
     name_hint,
@@ -21,7 +23,7 @@ PAPER_SHAPES = {
     's_form': (BENDING_ANGLE, -BENDING_ANGLE, BENDING_ANGLE),
 }
 """Bending angles (rad) of the shapes of the paper (III-A, Fig. 1c), for three segments."""
-SHAPE_PREFIX = 'shapes.'
+SHAPE_PREFIX, DIRECTION_PREFIX = 'shapes.', 'shape_directions.'
 SHAPE_NAMES = Parameter(
     'shape_names', tuple(PAPER_SHAPES), 'names of the shapes in the library')
 
@@ -34,14 +36,24 @@ def shape_parameter(name: str) -> Parameter:
         "the paper's shapes have a default", unit='rad')
 
 
-def shapes_from_parameters(values: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float, ...]]:
+def direction_parameter(name: str) -> Parameter:
+    """Return the parameter that has the bending directions of a shape."""
+    return Parameter(
+        f'{DIRECTION_PREFIX}{name}', (), f'directions towards which the shape {name} bends, base '
+        'first, about z from x of the disc below each segment; not given: 0 for all, the only one '
+        'of a planar arm', unit='rad')
+
+
+def shapes_from_parameters(values: Mapping[str, Any], arm: AnyArm
+                           ) -> dict[str, tuple[float, ...]]:
     """
     Return the shape library: bending angles (rad) per segment by name.
 
     The paper's shapes need not be given; they are left out where the number of segments is not
-    three.
+    three, and where a spatial arm does not bend so.
 
-    Raises ParameterError for a shape without angles, of the wrong length or beyond the limits.
+    Raises ParameterError for a shape without angles, of the wrong length or beyond the limits,
+    and for directions that the arm does not have.
     """
     names: tuple[str, ...] = SHAPE_NAMES.check(  # type: ignore[assignment]
         values.get(SHAPE_NAMES.name, SHAPE_NAMES.default))
@@ -49,6 +61,7 @@ def shapes_from_parameters(values: Mapping[str, Any], arm: Arm) -> dict[str, tup
         raise ParameterError(f'shape_names lists a shape twice: {list(names)}')
     given = {key.removeprefix(SHAPE_PREFIX): value for key, value in values.items()
              if key.startswith(SHAPE_PREFIX)}
+    directions = directions_from_parameters(values)
     library: dict[str, tuple[float, ...]] = {}
     for name in names:
         parameter = shape_parameter(name)
@@ -60,19 +73,41 @@ def shapes_from_parameters(values: Mapping[str, Any], arm: Arm) -> dict[str, tup
                 + name_hint(name, {*PAPER_SHAPES, *given} - set(names)))
         angles: tuple[float, ...] = parameter.check(  # type: ignore[assignment]
             given.get(name, parameter.default))
-        problem = angles_problem(angles, arm)
-        if problem:
+        towards = directions.get(name, ())
+        if not (isinstance(arm, Arm) or name in given or towards) and angles_problem(angles, arm):
+            continue
+        if problem := _angles_problem(angles, arm):
             raise ParameterError(f'parameter {parameter.name}: {problem}')
+        if problem := _directions_problem(angles, towards, arm):
+            of = direction_parameter(name) if towards else parameter
+            raise ParameterError(f'parameter {of.name}: {problem}')
         library[name] = angles
-    for name in given:
-        if name not in names:
-            raise ParameterError(f'parameter {SHAPE_PREFIX}{name}: the shape is not listed in '
-                                 f'shape_names{name_hint(name, names)}')
+    for prefix, named in ((SHAPE_PREFIX, given), (DIRECTION_PREFIX, directions)):
+        for name in named:
+            if name not in names:
+                raise ParameterError(f'parameter {prefix}{name}: the shape is not listed in '
+                                     f'shape_names{name_hint(name, names)}')
     return library
 
 
-def angles_problem(angles: tuple[float, ...], arm: Arm) -> str:
-    """Say what is wrong with bending angles (rad) for this arm; empty when nothing is."""
+def directions_from_parameters(values: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
+    """Return the bending directions (rad) per segment by name, of shapes that have some."""
+    names = (key.removeprefix(DIRECTION_PREFIX) for key in values
+             if key.startswith(DIRECTION_PREFIX))
+    return {name: direction_parameter(name).check(  # type: ignore[misc]
+        values[f'{DIRECTION_PREFIX}{name}']) for name in names}
+
+
+def angles_problem(angles: Sequence[float], arm: AnyArm, directions: Sequence[float] = ()) -> str:
+    """
+    Say what is wrong with bending angles (rad) for this arm; empty when nothing is.
+
+    directions: of every segment, rad; empty for 0 of all.
+    """
+    return _angles_problem(angles, arm) or _directions_problem(angles, directions, arm)
+
+
+def _angles_problem(angles: Sequence[float], arm: AnyArm) -> str:
     limits = [s.bending_angle_limit for s in arm.segments]
     if len(angles) != len(limits):
         return f'{len(angles)} bending angles given, the arm has {len(limits)} segments'
@@ -81,3 +116,21 @@ def angles_problem(angles: tuple[float, ...], arm: Arm) -> str:
             return (f'the bending angle of segment {segment} is {angle:g} rad; allowed: '
                     f'{-limit:.4g} to {limit:.4g} rad{degrees_hint(angle, -limit, limit)}')
     return ''
+
+
+def _directions_problem(angles: Sequence[float], directions: Sequence[float], arm: AnyArm) -> str:
+    if len(directions) not in (0, len(angles)):
+        return (f'{len(directions)} bending directions given, the arm has {len(angles)} segments; '
+                'give one for each, or none for 0 of all')
+    for segment, direction in enumerate(directions, start=1):
+        if isinstance(arm, Arm) and direction != 0.0:
+            return (f'the bending direction of segment {segment} is {direction:g} rad; allowed: '
+                    '0, since this arm bends in one plane; a negative angle bends the other way')
+        if not abs(direction) <= 2.0 * pi:
+            return (f'the bending direction of segment {segment} is {direction:g} rad; allowed: '
+                    f'-2 pi to 2 pi rad{degrees_hint(direction, -2.0 * pi, 2.0 * pi)}')
+    if isinstance(arm, Arm):
+        return ''
+    problems = (direction_problem(arm, segment, directions[segment] if directions else 0.0)
+                for segment, angle in enumerate(angles) if angle)
+    return next(filter(None, problems), '')

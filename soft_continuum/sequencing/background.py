@@ -5,10 +5,10 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from threading import Event
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.sequencing.planner import planner_of, PlanSettings
 
 Result = TypeVar('Result')
 
@@ -21,7 +21,7 @@ class PlanningThread:
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='planner')
         self._abandoned = Event()
 
-    def start(self, work: Callable[[Planner], Result], arm: Arm, offsets: Sequence[float],
+    def start(self, work: Callable[[Any], Result], arm: AnyArm, offsets: Sequence[float],
               settings: PlanSettings) -> 'Future[Result]':
         """
         Abandon the present plan and begin the next one.
@@ -32,7 +32,7 @@ class PlanningThread:
         self.abandon()
         abandoned = self._abandoned = Event()
         return self._thread.submit(
-            lambda: work(Planner(arm, settings, abandoned.is_set, offsets)))
+            lambda: work(planner_of(arm, settings, abandoned.is_set, offsets)))
 
     def abandon(self) -> None:
         """End the present plan, if there is one, with a PlanError."""

@@ -5,9 +5,11 @@ Plans: which segment to soften in which order, and how the tendons move meanwhil
 
 Segments are set from the base to the tip, one soft at a time (paper, IV-B).  The model, under
 gravity, gives for every bending angle on the way the tendon that carries the arm and its pull;
-the others follow with a little slack.
+the others follow with a little slack.  What planners of planar and spatial arms share is here,
+and the planar one; ``planner_of`` chooses.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, sqrt
@@ -17,11 +19,14 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.parameters.shapes import angles_problem
 from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.monotone import monotone_cubic
 
+WHOLE_ARM = -1
+"""In the place of a segment (0-based): all of an arm without jamming, set at once."""
 SLACK_DEVIATIONS = 2.0
 """Deviations of a tendon's length by which one that does not carry is paid out more."""
 
@@ -32,11 +37,16 @@ class PlanError(ValueError):
 
 @dataclass(frozen=True)
 class Shape:
-    """A shape: its name, the bending angle of every segment (rad), how long to hold it (s)."""
+    """
+    A shape: its name, the bending angle of every segment (rad), how long to hold it (s).
+
+    bending_directions: of every segment of a spatial arm, rad; empty for 0 of all.
+    """
 
     name: str
     bending_angles: tuple[float, ...]
     hold_time: float = 0.0
+    bending_directions: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -46,7 +56,8 @@ class PlanSettings:
 
     pull_limits: m.  tension_limit: N.  antagonist_slack: m left in a tendon that does not carry
     the arm.  speed, acceleration: of the fastest tendon, m/s and m/s^2.  angle_step: rad between
-    two points.  angle_tolerance: rad, a segment this close is not set again.
+    two points.  angle_tolerance: rad, a segment this close is not set again.  jamming: whether
+    segments can be stiffened; else all are soft, and a shape is one move.
     """
 
     pull_limits: tuple[float, float] = (-0.06, 0.06)
@@ -56,6 +67,7 @@ class PlanSettings:
     acceleration: float = 0.1
     angle_step: float = np.radians(2.0)
     angle_tolerance: float = np.radians(0.1)
+    jamming: bool = True
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> 'PlanSettings':
@@ -63,7 +75,7 @@ class PlanSettings:
         low, high = values['pull_limits']
         return cls((low, high), values['tension_limit'], values['antagonist_slack'],
                    values['tendon_speed'], values['tendon_acceleration'], values['angle_step'],
-                   values['angle_tolerance'])
+                   values['angle_tolerance'], values['arm.jamming'])
 
     def with_slack_for(self, deviations: Sequence[float] | Array) -> 'PlanSettings':
         """
@@ -78,10 +90,10 @@ class PlanSettings:
 @dataclass(frozen=True, eq=False)
 class Move:
     """
-    One segment (0-based) softened, bent and stiffened.
+    One segment (0-based) softened, bent and stiffened, or WHOLE_ARM bent.
 
-    times: (points,) s from the start of the motion.  pulls: (points, tendons) m.
-    largest_tension: N, as the model predicts.
+    bending_angle: rad, at the end; of WHOLE_ARM the largest.  times: (points,) s from the start of
+    the motion.  pulls: (points, tendons) m.  largest_tension: N, as the model predicts.
     """
 
     segment: int
@@ -102,28 +114,33 @@ class ShapePlan:
 
     shape: Shape
     moves: tuple[Move, ...]
-    state: Equilibrium
+    state: Any
 
 
-class Planner:
-    """Plans shapes for one arm."""
+class ShapePlanner(ABC):
+    """
+    Plans shapes for one arm, planar or spatial; states are those of its statics.
 
-    def __init__(self, arm: Arm, settings: PlanSettings,
+    statics: of the arm, Statics or SpatialStatics.
+    """
+
+    statics: Any
+
+    def __init__(self, arm: AnyArm, settings: PlanSettings,
                  abandoned: Callable[[], bool] = lambda: False,
                  offsets: Sequence[float] | None = None) -> None:
         """
-        Prepare the model of ``arm``.
+        Prepare to plan for ``arm``.
 
         abandoned: whether the plan is no longer wanted.  offsets: (tendons,) m by which each
         tendon is pulled in beyond what its motor says.
         """
-        self.statics = Statics(arm)
         self.settings = settings
         self._abandoned = abandoned
         self._offsets = np.zeros(len(arm.tendon_names)) if offsets is None else np.array(offsets)
 
-    def plan(self, state: Equilibrium, pulls: Sequence[float],
-             shapes: Sequence[Shape]) -> list[ShapePlan]:
+    def plan(self, state: Any, pulls: Sequence[float], shapes: Sequence[Shape]
+             ) -> list[ShapePlan]:
         """
         Return the plans of ``shapes`` one after the other, from a state with all segments stiff.
 
@@ -133,52 +150,60 @@ class Planner:
         plans = []
         start = np.array(pulls, dtype=float)
         for shape in shapes:
-            problem = angles_problem(shape.bending_angles, self.statics.chain.arm)
+            problem = angles_problem(
+                shape.bending_angles, self.statics.chain.arm, shape.bending_directions)
             if problem:
                 raise PlanError(f'{shape.name}: {problem}')
             moves = []
-            for segment, angle in enumerate(shape.bending_angles):
-                present = state.bending_angles[segment]
-                if abs(present - angle) <= self.settings.angle_tolerance:
+            for segment, goal, text in self._goals(shape):
+                if self._away(state, segment, goal) <= self.settings.angle_tolerance:
                     continue
                 try:
-                    move, state = self.move(state, start, segment, angle)
+                    move, state = self.move(state, start, segment, goal)
                 except (StaticsError, PlanError) as error:
-                    raise PlanError(
-                        f'{shape.name}: segment {segment + 1} to {np.degrees(angle):.1f} degrees: '
-                        f'{error}') from None
+                    raise PlanError(f'{shape.name}: {text}{error}') from None
                 start = move.pulls[-1]
                 moves.append(move)
             plans.append(ShapePlan(shape, tuple(moves), state))
         return plans
 
-    def move(self, state: Equilibrium, start: Array, segment: int,
-             angle: float) -> tuple[Move, Equilibrium]:
+    @abstractmethod
+    def _goals(self, shape: Shape) -> Sequence[tuple[int, Any, str]]:
+        """Return the segments to set, one after the other, where to, and how errors begin."""
+
+    @abstractmethod
+    def _away(self, state: Any, segment: int, goal: Any) -> float:
+        """Return how far a segment is from its goal, rad."""
+
+    @abstractmethod
+    def move(self, state: Any, start: Array, segment: int, goal: Any) -> tuple[Move, Any]:
         """
         Plan one segment (0-based); return the move and the state at its end.
 
         start: (tendons,) the present pulls of the motors, m.  Raises PlanError beyond a limit,
-        StaticsError where no tendon holds the segment at ``angle`` (rad).
+        StaticsError where no tendon holds the segment at its goal.
         """
-        chain, settings = self.statics.chain, self.settings
-        soft = [i == segment for i in range(chain.segments)]
-        vacuum = state.vacuum or None  # of the jams that stay stiff
-        softened = self.softened(state, start, segment)
-        present = softened.bending_angles[segment]
-        steps = max(1, ceil(abs(angle - present) / settings.angle_step))
-        # One tendon is pulled in, the other paid out: the side that the segment turns to.
-        turn = int(np.sign(angle - present))
-        sliding = (turn, -turn)
-        points, tension = [start], float(softened.tensions.max())
-        bent = softened
-        for target in np.linspace(present, angle, steps + 1)[1:]:
-            if self._abandoned():
-                raise PlanError('the plan was abandoned')
-            bent = self.statics.bend(
-                bent, segment, float(target), vacuum=vacuum, sliding=sliding)
-            tension = max(tension, float(bent.tensions.max()))
-            points.append(self._with_slack(bent, sliding))
-        pulls = np.array(points)
+
+    def softened(self, state: Any, pulls: Sequence[float] | Array, segment: int) -> Any:
+        """
+        Return the state in which a segment (0-based) becomes soft.
+
+        pulls: (tendons,) of the motors, m.  Raises StaticsError.
+        """
+        return self.statics.solve(state, np.asarray(pulls) + self._offsets, self._soft(segment),
+                                  vacuum=state.vacuum or None)
+
+    def _soft(self, segment: int) -> list[bool]:
+        """Return which segments are soft while one is set."""
+        return [segment in (i, WHOLE_ARM) for i in range(self.statics.chain.segments)]
+
+    def _check_wanted(self) -> None:
+        if self._abandoned():
+            raise PlanError('the plan was abandoned')
+
+    def _check_limits(self, pulls: Array, tension: float) -> None:
+        """Refuse pulls (points, tendons) m, and a tension, N, that are beyond the limits."""
+        settings = self.settings
         low, high = settings.pull_limits
         if pulls.min() < low or pulls.max() > high:
             raise PlanError(
@@ -187,21 +212,54 @@ class Planner:
         if tension > settings.tension_limit:
             raise PlanError(f'needs a tendon tension of {tension:.1f} N; '
                             f'tension_limit: {settings.tension_limit:g} N')
-        end = self.statics.solve(bent, pulls[-1] + self._offsets, soft, vacuum=vacuum,
-                                 sliding=sliding)
-        times, pulls = timed(pulls, settings.speed, settings.acceleration)
-        return Move(segment, angle, times, pulls, tension), end
 
-    def softened(self, state: Equilibrium, pulls: Sequence[float] | Array, segment: int
-                 ) -> Equilibrium:
-        """
-        Return the state in which a segment (0-based) becomes soft.
+    def _timed(self, pulls: Array) -> tuple[Array, Array]:
+        return timed(pulls, self.settings.speed, self.settings.acceleration)
 
-        pulls: (tendons,) of the motors, m.  Raises StaticsError.
-        """
-        soft = [i == segment for i in range(self.statics.chain.segments)]
-        return self.statics.solve(
-            state, np.asarray(pulls) + self._offsets, soft, vacuum=state.vacuum or None)
+
+class Planner(ShapePlanner):
+    """Plans shapes for one planar arm, whose segments jam."""
+
+    statics: Statics
+
+    def __init__(self, arm: Arm, settings: PlanSettings,
+                 abandoned: Callable[[], bool] = lambda: False,
+                 offsets: Sequence[float] | None = None) -> None:
+        """Prepare the model of ``arm``; the others are those of ShapePlanner."""
+        super().__init__(arm, settings, abandoned, offsets)
+        self.statics = Statics(arm)
+
+    def _goals(self, shape: Shape) -> Sequence[tuple[int, float, str]]:
+        return [(i, angle, f'segment {i + 1} to {np.degrees(angle):.1f} degrees: ')
+                for i, angle in enumerate(shape.bending_angles)]
+
+    def _away(self, state: Equilibrium, segment: int, goal: float) -> float:
+        return abs(float(state.bending_angles[segment]) - goal)
+
+    def move(self, state: Equilibrium, start: Array, segment: int, goal: float
+             ) -> tuple[Move, Equilibrium]:
+        """Plan one segment as ShapePlanner; goal: its bending angle, rad."""
+        vacuum = state.vacuum or None  # of the jams that stay stiff
+        softened = self.softened(state, start, segment)
+        present = softened.bending_angles[segment]
+        steps = max(1, ceil(abs(goal - present) / self.settings.angle_step))
+        # One tendon is pulled in, the other paid out: the side that the segment turns to.
+        turn = int(np.sign(goal - present))
+        sliding = (turn, -turn)
+        points, tension = [start], float(softened.tensions.max())
+        bent = softened
+        for target in np.linspace(present, goal, steps + 1)[1:]:
+            self._check_wanted()
+            bent = self.statics.bend(
+                bent, segment, float(target), vacuum=vacuum, sliding=sliding)
+            tension = max(tension, float(bent.tensions.max()))
+            points.append(self._with_slack(bent, sliding))
+        pulls = np.array(points)
+        self._check_limits(pulls, tension)
+        end = self.statics.solve(bent, pulls[-1] + self._offsets, self._soft(segment),
+                                 vacuum=vacuum, sliding=sliding)
+        times, pulls = self._timed(pulls)
+        return Move(segment, goal, times, pulls, tension), end
 
     def _with_slack(self, bent: Equilibrium, sliding: Sequence[int]) -> Array:
         """Return the pulls of a bent state with slack in the tendons that do not carry it."""
@@ -210,6 +268,17 @@ class Planner:
             others = np.arange(len(pulls)) != np.argmax(bent.tensions)
             pulls[others] -= self.settings.antagonist_slack
         return pulls
+
+
+def planner_of(arm: AnyArm, settings: PlanSettings,
+               abandoned: Callable[[], bool] = lambda: False,
+               offsets: Sequence[float] | None = None) -> ShapePlanner:
+    """Return the planner of an arm; the others are as of ShapePlanner."""
+    if isinstance(arm, Arm):
+        return Planner(arm, settings, abandoned, offsets)
+    # Here, because who plans in the plane need not load it.
+    from soft_continuum.sequencing.spatial_planner import SpatialPlanner
+    return SpatialPlanner(arm, settings, abandoned, offsets)
 
 
 def timed(points: Array, speed: float, acceleration: float,

@@ -5,7 +5,8 @@ The state machine that runs shapes: all stiff, soften one, move, stiffen, wait, 
 
 A Runner is ticked with an observation of the arm and acts through an ArmPort.  At most one segment
 is softened at a time.  Whatever ends a run early, other than a stop, ends with tendons at rest and
-every segment stiff; a stop leaves everything as it is.
+every segment stiff; a stop leaves everything as it is.  An arm without jamming is moved as a
+whole, and nothing of it is switched or has to be stiff.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -78,6 +79,7 @@ class RunnerSettings:
     jamming_timeout, settle_timeout: s.  settle_tolerance: m.  soft_vacuum: Pa below ambient up to
     which a segment is soft.  horizon: s of motion sent ahead; the tendons stop
     by themselves that soon after the sequencer ended.  retry: s between repeated requests.
+    jamming: whether segments are switched.
     """
 
     jamming_timeout: float = 10.0
@@ -86,6 +88,7 @@ class RunnerSettings:
     soft_vacuum: float = 10e3
     horizon: float = 0.5
     retry: float = 2.0
+    jamming: bool = True
 
 
 Result = TypeVar('Result')
@@ -254,6 +257,8 @@ class Runner:
 
     def _stiffen_all(self, segments: Sequence[int]) -> Iterator[None]:
         """Stiffen several segments at once; every one is requested before any is waited for."""
+        if not self._settings.jamming:
+            return
         deadline = self._now + self._settings.jamming_timeout
         requested = -np.inf
         while segments:
@@ -273,6 +278,8 @@ class Runner:
             yield
 
     def _switch(self, segment: int, stiff: bool, reached: Callable[[], bool]) -> Iterator[None]:
+        if not self._settings.jamming:
+            return
         deadline = self._now + self._settings.jamming_timeout
         requested = -np.inf
         while True:
@@ -330,12 +337,14 @@ class Runner:
         self._check_stiff(segment)
         if failure := self._observed.motion_failure:
             raise EndError(failure.code, failure.message)
-        if self._observed.stiff[segment]:
+        if self._settings.jamming and self._observed.stiff[segment]:
             raise EndError(Code.HARDWARE_FAULT,
                             f'segment {segment + 1} was stiffened during its motion')
 
     def _check_stiff(self, soft: int | None) -> None:
         """Every segment but the one being set must stay stiff."""
+        if not self._settings.jamming:
+            return
         for segment, stiff in enumerate(self._observed.stiff):
             if segment != soft and not stiff:
                 raise EndError(Code.HARDWARE_FAULT,
@@ -351,5 +360,6 @@ class Runner:
         # Also the segment that was last requested to soften, whatever its state was since.
         wanted = [i for i, stiff in enumerate(self._observed.stiff)
                   if not stiff or i + 1 == self.progress.segment]
-        self.progress = replace(self.progress, phase=Phase.STIFFENING)
+        if self._settings.jamming:
+            self.progress = replace(self.progress, phase=Phase.STIFFENING)
         yield from self._stiffen_all(wanted)

@@ -178,7 +178,7 @@ def test_the_demo_sets_the_shapes_of_the_paper(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
-    monkeypatch.setattr(demo, 'description_file', lambda: quick_file(tmp_path))
+    monkeypatch.setattr(demo, 'description_file', lambda _: quick_file(tmp_path))
     with kept_signal_handlers():
         assert main(['demo']) == 0
     assert (tmp_path / 'demo_shapes.png').stat().st_size > 10_000

@@ -209,6 +209,16 @@ class SpatialArm:
         return sum(s.length for s in self.segments) + sum(d.height for d in self.discs)
 
 
+def place_of(arm: SpatialArm, tendon: SpatialTendon, segment: int, part: float = 0.5
+             ) -> tuple[float, float]:
+    """Return (x, y) of a tendon in a segment (0-based), part 0 to 1 along it, m."""
+    below = sum(s.length for s in arm.segments[:segment]) + sum(
+        d.height for d in arm.discs[:segment + 1])
+    angle = tendon.angle + tendon.twist * (below + part * arm.segments[segment].length)
+    offset = tendon.offset_at(segment, part)
+    return offset * cos(angle), offset * sin(angle)
+
+
 def spatial(arm: Arm) -> SpatialArm:
     """
     Return a planar arm as a spatial one: leaf springs that bend about y, tendons at +x and -x.

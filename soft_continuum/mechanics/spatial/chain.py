@@ -11,13 +11,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from soft_continuum.mechanics._checks import real_array
 from soft_continuum.mechanics.chain import Array, joint_lengths_of
 from soft_continuum.mechanics.spatial._assembly import HELD, JAM, SLIDING, STIFFNESS
 from soft_continuum.mechanics.spatial._rotations import rotate
 from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.spatial.directions import bending_directions
 from soft_continuum.mechanics.spatial.orientations import (
     angles_about_axes,
     bending_between,
@@ -97,6 +97,16 @@ class SpatialEquilibrium:
         """Angle between the axes of the discs below and above each segment, (segments,), rad."""
         angles: Array = np.linalg.norm(self.bending, axis=1)
         return angles
+
+    @property
+    def bending_directions(self) -> Array:
+        """Direction of each segment, about z from x of the disc below, (segments,), rad."""
+        return bending_directions(self.bending)
+
+    @property
+    def tip_pose(self) -> Array:
+        """The tip: x, y, z (m) and its rotation vector (rad), (6,)."""
+        return np.concatenate([self.tip, rotation_vectors(self.orientations[-1:])[0]])
 
     @property
     def poses(self) -> Array:
@@ -240,14 +250,6 @@ class SpatialChain:
             rotations, np.zeros(tendons), self.straight_paths - self.paths(rotations),
             np.zeros(tendons), 0.0, 0, (True,) * self.segments, joints, chain=self)
 
-    def state_at(self, joint_positions: ArrayLike) -> SpatialEquilibrium:
-        """Return the held state whose joints of the URDF have these angles, (3 * bodies,) rad."""
-        wanted = f'joint positions must be {3 * self.bodies} finite numbers (rad)'
-        angles = real_array(joint_positions, wanted)
-        if angles.shape != (3 * self.bodies,) or not np.all(np.isfinite(angles)):
-            raise ValueError(wanted)
-        return self.state(rotation_vectors(turned_about_axes(angles.reshape(-1, 3))))
-
     @property
     def coordinate_count(self) -> int:
         """How many coordinates a state has."""
@@ -268,6 +270,11 @@ class SpatialChain:
         """
         return replace(self.state(coordinates.reshape(-1, 3)), held=held.reshape(-1, 3),
                        stiff=tuple(stiff))
+
+    def at(self, joint_positions: Array) -> SpatialEquilibrium:
+        """Return the held state of joint_positions (3 * bodies,), rad, as joint_states have it."""
+        turns = turned_about_axes(np.reshape(joint_positions, (-1, 3)))
+        return self.state(rotation_vectors(turns))
 
     def uniform(self, bending: Sequence[Sequence[float]] | Array) -> SpatialEquilibrium:
         """Return the held state whose segments bend evenly about x and y, (segments, 2) rad."""

@@ -19,6 +19,7 @@ from soft_continuum.mechanics._checks import real_array, soft_flags
 from soft_continuum.mechanics.arm import ArmError
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.spatial.directions import bending_axes
 
 DETERMINED = 1e-3  # least over largest singular value of pulls by bendings
 
@@ -118,11 +119,6 @@ def bending(arm: SpatialArm, pulls_of: ArrayLike, start: ArrayLike | None = None
             'others, or let fewer segments be soft')
     bent[free] = found.x
     return bent
-
-
-def bending_axes(arm: SpatialArm) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
-    """Return whether each segment bends about x and y, (segments, 2)."""
-    return np.isfinite([[s.stiffness_x, s.stiffness_y] for s in arm.segments])
 
 
 def _rotations(vectors: Array) -> Array:

@@ -19,15 +19,15 @@ from scipy.optimize import lsq_linear
 from soft_continuum.mechanics._checks import finite, real_array, segment_order, soft_flags
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.spatial.arm import SpatialArm, SpatialTendon
+from soft_continuum.mechanics.spatial.arm import place_of
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.constant_curvature import bending_axes
+from soft_continuum.mechanics.spatial.directions import bending_axes, ONE_PLANE
 from soft_continuum.mechanics.spatial.sensitivity import SpatialLinearisation
 from soft_continuum.mechanics.spatial.statics import Booleans, SpatialStatics
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 
 SAME_BENDING = 1e-8  # rad: a segment this close has its bending
-HELD = 1e-7  # rad: a bending this close is held
+HELD = 1e-5  # rad: a bending this close is held; tendons without tension may leave 1e-6 and more
 STEP = 0.3  # rad of bending at first
 ENOUGH = 0.01  # of a change: tensions that miss it by less bring it about
 LEAST_STEP = 1e-3  # of the way of Newton's method
@@ -36,7 +36,6 @@ MAX_PASSES = 100  # over all segments, before elastic ones are taken not to fit 
 WEIGHT = 1e6  # N/rad of an error of bending against the tensions, in the choice of tensions
 NO_TENSION = 1e-6  # N above the pretension: a tendon this close does not carry
 SETTLED = 1e-7  # of the tensions: they change no more
-ONE_PLANE = 1e-3  # least over largest singular value of what tendons do to a segment
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +234,7 @@ class _Search:
         missed = np.where(self.chosen, state.bending - self.wanted, 0.0)
         worst = int(np.argmax(np.abs(missed).max(axis=1)))
         passing = [tendon for tendon in arm.tendons if tendon.end > worst]
-        places = np.array([_place(arm, tendon, worst) for tendon in passing])
+        places = np.array([place_of(arm, tendon, worst) for tendon in passing])
         names = ', '.join(f'{tendon.name} at {_degrees(place):.0f}'
                           for tendon, place in zip(passing, places, strict=True))
         off = (f'segment {worst + 1} cannot be held at its bending: '
@@ -250,14 +249,6 @@ class _Search:
         towards = _degrees(np.array([-missed[worst, 1], missed[worst, 0]]))
         return (f'{off}, and no tendon pulls it on towards {towards:.0f} degrees about z from '
                 f'x; those that pass it are {names}')
-
-
-def _place(arm: SpatialArm, tendon: SpatialTendon, segment: int) -> Array:
-    """Return (x, y) of a tendon in the middle of a segment, m."""
-    below = sum(s.length for s in arm.segments[:segment]) + sum(
-        d.height for d in arm.discs[:segment + 1])
-    angle = tendon.angle + tendon.twist * (below + 0.5 * arm.segments[segment].length)
-    return tendon.offset_at(segment, 0.5) * np.array([np.cos(angle), np.sin(angle)])
 
 
 def _degrees(across: Array) -> float:

@@ -67,6 +67,15 @@ def rotation_vectors(rotations: Array) -> Array:
     return found
 
 
+def turned_about_axes(angles: Array) -> Array:
+    """Return the rotations (k, 3, 3) of which angles_about_axes gives ``angles`` (k, 3), rad."""
+    (cx, cy, cz), (sx, sy, sz) = np.cos(angles).T, np.sin(angles).T
+    rows = [[cy * cz, -cy * sz, sy],
+            [cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy],
+            [sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy]]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
 def angles_about_axes(rotations: Array) -> Array:
     """
     Return the angles (k, 3), rad, by which to turn about x, then y, then z, each as turned so far.
@@ -76,12 +85,3 @@ def angles_about_axes(rotations: Array) -> Array:
     return np.column_stack([
         np.arctan2(-rotations[:, 1, 2], rotations[:, 2, 2]), np.arcsin(rotations[:, 0, 2]),
         np.arctan2(-rotations[:, 0, 1], rotations[:, 0, 0])])
-
-
-def turned_about_axes(angles: Array) -> Array:
-    """Return the rotations (k, 3, 3) by such angles (k, 3), rad: the inverse."""
-    (a, b, c), (d, e, f) = np.cos(angles).T, np.sin(angles).T
-    return np.moveaxis(np.array([
-        [b * c, -b * f, e],
-        [a * f + c * d * e, a * c - d * e * f, -b * d],
-        [d * f - a * c * e, c * d + a * e * f, a * b]]), -1, 0)

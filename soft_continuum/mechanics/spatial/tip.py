@@ -23,7 +23,7 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.constant_curvature import bending_axes
+from soft_continuum.mechanics.spatial.directions import bending_axes
 from soft_continuum.mechanics.spatial.inverse import SAME_BENDING, set_shape
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
 

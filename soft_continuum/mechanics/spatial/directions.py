@@ -1,0 +1,72 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Bendings as angle and direction, and the directions to which a segment can bend.
+
+A segment that bends by the angle a in the direction d leans towards d, about z from x of the disc
+below; its rotation vector is a (-sin d, cos d).
+"""
+
+from collections.abc import Sequence
+from math import cos, degrees, isfinite, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.spatial.arm import place_of, SpatialArm
+
+STRAIGHT = 1e-9  # rad: what bends by less has the direction 0
+ONE_PLANE = 1e-3  # least over largest singular value of what tendons do to a segment
+ALONG = 1e-3  # rad: a direction this close to a plane is in it
+
+
+def bending_axes(arm: SpatialArm) -> NDArray[np.bool_]:
+    """Return whether each segment bends about x and y, (segments, 2)."""
+    return np.isfinite([[s.stiffness_x, s.stiffness_y] for s in arm.segments])
+
+
+def bending_vectors(arm: SpatialArm, angles: Sequence[float], directions: Sequence[float]
+                    ) -> Array:
+    """
+    Return the bending (segments, 2), rad, of angles and directions (segments,), rad.
+
+    directions: empty for 0 of every segment.  About an axis about which a segment does not bend
+    it is 0 exactly.
+    """
+    towards = np.array(directions if len(directions) else [0.0] * len(angles))
+    vectors = np.array(angles)[:, None] * np.column_stack([-np.sin(towards), np.cos(towards)])
+    return np.where(bending_axes(arm), vectors, 0.0)
+
+
+def bending_directions(bending: Array) -> Array:
+    """Return the directions (segments,), rad, -pi to pi, of bending (segments, 2), rad."""
+    directions = np.arctan2(-bending[:, 0], bending[:, 1])
+    return np.where(np.linalg.norm(bending, axis=1) > STRAIGHT, directions, 0.0)
+
+
+def direction_problem(arm: SpatialArm, segment: int, direction: float) -> str:
+    """
+    Say why a segment (0-based) cannot bend in a direction (rad); empty if nothing is known.
+
+    What tension, gravity and stability allow beyond that is for the statics to say.
+    """
+    passing = [tendon for tendon in arm.tendons if tendon.end > segment]
+    if not passing:
+        return f'no tendon passes segment {segment + 1}, so its bending cannot be chosen'
+    about_x, about_y = bending_axes(arm)[segment]
+    if about_x and about_y:
+        places = np.array([place_of(arm, tendon, segment, part)
+                           for tendon in passing for part in (0.0, 0.5, 1.0)])
+        values, axes = np.linalg.svd(places)[1:]
+        if values[0] > 0.0 and values[1] >= ONE_PLANE * values[0]:
+            return ''
+        plane, why = axes[0], 'the tendons that pass it lie in one plane'
+    else:
+        plane, why = np.array([1.0, 0.0] if about_y else [0.0, 1.0]), 'it is a hinge'
+    if abs(plane[0] * sin(direction) - plane[1] * cos(direction)) <= ALONG:
+        return ''
+    one = degrees(np.arctan2(plane[1], plane[0])) % 180.0
+    shown = f'{degrees(direction):.4g}' if isfinite(direction) else f'{direction}'
+    return (f'segment {segment + 1} cannot bend in the direction {shown} degrees: {why}; '
+            f'allowed: {one:.4g} and {one + 180.0:.4g} degrees')

@@ -1,0 +1,91 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Plans for arms in space: each segment bends straight to its goal, with the least tensions.
+
+Between where a segment is and its goal, bending is a straight line of rotation vectors.  For every
+point on it the model, under gravity, gives the pulls with the least tensions; tendons that do not
+carry follow with a little slack, as in the plane.  Without jamming all segments are soft and go to
+their goals at once.
+"""
+
+from collections.abc import Callable, Sequence
+from math import ceil
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array, SLACK
+from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
+from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.spatial.inverse import BendingFit, pulls_for_bending
+from soft_continuum.mechanics.spatial.statics import SpatialStatics
+from soft_continuum.sequencing.planner import (
+    Move,
+    PlanError,
+    PlanSettings,
+    Shape,
+    ShapePlanner,
+    WHOLE_ARM,
+)
+
+
+class SpatialPlanner(ShapePlanner):
+    """Plans shapes for one spatial arm; a goal is a bending (segments, 2) rad."""
+
+    statics: SpatialStatics
+
+    def __init__(self, arm: SpatialArm, settings: PlanSettings,
+                 abandoned: Callable[[], bool] = lambda: False,
+                 offsets: Sequence[float] | None = None) -> None:
+        """Prepare the model of ``arm``; the others are those of ShapePlanner."""
+        super().__init__(arm, settings, abandoned, offsets)
+        self.statics = SpatialStatics(arm)
+
+    def _goals(self, shape: Shape) -> Sequence[tuple[int, Array, str]]:
+        goal = bending_vectors(
+            self.statics.chain.arm, shape.bending_angles, shape.bending_directions)
+        if not self.settings.jamming:
+            return [(WHOLE_ARM, goal, '')]
+        directions = shape.bending_directions or (0.0,) * len(goal)
+        return [(i, goal, f'segment {i + 1} to {np.degrees(angle):.1f} degrees in the direction '
+                          f'{np.degrees(direction):.1f} degrees: ')
+                for i, (angle, direction) in enumerate(
+                    zip(shape.bending_angles, directions, strict=True))]
+
+    def _away(self, state: SpatialEquilibrium, segment: int, goal: Array) -> float:
+        left = np.linalg.norm(goal - state.bending, axis=1)
+        return float(left[self._soft(segment)].max())
+
+    def move(self, state: SpatialEquilibrium, start: Array, segment: int, goal: Array
+             ) -> tuple[Move, SpatialEquilibrium]:
+        """Plan one segment, or WHOLE_ARM, as ShapePlanner; of the goal only its bending counts."""
+        soft = self._soft(segment)
+        bent = self.softened(state, start, segment)
+        if bent.jumped:
+            raise PlanError('when it becomes soft, the arm goes over to another shape: its '
+                            'tendons do not hold it; pull them in or straighten the arm first')
+        present, tension = bent.bending, float(bent.tensions.max())
+        change = np.where(np.array(soft)[:, None], goal - present, np.nan)
+        steps = max(1, ceil(np.nanmax(np.linalg.norm(change, axis=1)) / self.settings.angle_step))
+        points = [start]
+        for part in np.arange(1, steps + 1) / steps:
+            self._check_wanted()
+            fit = pulls_for_bending(self.statics, bent, present + part * change, soft)
+            bent = fit.state
+            tension = max(tension, float(bent.tensions.max()))
+            points.append(self._with_slack(fit))
+        pulls = np.array(points)
+        self._check_limits(pulls, tension)
+        end = self.statics.solve(bent, pulls[-1] + self._offsets, soft)
+        times, pulls = self._timed(pulls)
+        angle = float(np.linalg.norm(goal, axis=1)[soft].max())
+        return Move(segment, angle, times, pulls, tension), end
+
+    def _with_slack(self, fit: BendingFit) -> Array:
+        """Return the pulls of the motors, with slack in the tendons that do not carry."""
+        carries = fit.pulls != SLACK
+        # Where none carries, all hold the arm.
+        slack = self.settings.antagonist_slack if carries.any() else 0.0
+        pulls: Array = np.where(carries, fit.pulls, fit.state.pulls - slack) - self._offsets
+        return pulls
