@@ -113,7 +113,7 @@ def _bending(state: ArmState, segment: int) -> str:
         deviation = max(deviations[each * segment:each * (segment + 1)])
         text += f' ±{_number(degrees(deviation), ".1f", "°")}'
     if directions and angle >= TELLING_ANGLE:
-        text += f' @ {_number(degrees(directions[segment]), ".0f", "°")}'
+        text += f' @ {_number(degrees(directions[segment]), "z.0f", "°")}'
     return text
 
 

@@ -51,7 +51,8 @@ SPACER_RADII, SPACER_SIDES = np.array([0.0, 1.0, 1.0, 0.0]), 16
 DASHES = 9  # in a segment, of a slack tendon
 PLANAR_VIEWS = {'side': (0.1, -1.5, 0.1), 'front': (1.5, -0.1, 0.1), 'above': (0.0, -0.3, 1.5)}
 """From where an arm can be looked at, over its length; first the plane in which it bends."""
-VIEWS = {'three-quarter': (0.8, -0.95, 0.3), **PLANAR_VIEWS}
+FIRST_VIEW = 'three-quarter'
+VIEWS = {FIRST_VIEW: (0.8, -0.95, 0.3), **PLANAR_VIEWS}
 """The same of a spatial one, which bends in no one plane."""
 MAX_PLACE = 100.0  # m, of what is drawn; also not what is not a number
 OUTLINE = 1.1  # of the radius of the thickest disc
@@ -87,6 +88,11 @@ class Scene:
         self._rope = ROPE * description.arm.length
         self._half = OUTLINE * max(s.outer_diameter for s in description.arm.segments) / 2.0
         self._aside = 0.8 * description.arm.segments[0].outer_diameter
+        self._label_side = np.array([1.0, 0.0, 0.0])  # of the body's frame
+        if description.in_space:  # left of the arm in the first view: the axes are on its right
+            x, y, _ = VIEWS[FIRST_VIEW]
+            left = np.array([y * np.cos(mounting_angle_of(description.arm)), -x, 0.0])
+            self._label_side = left / np.linalg.norm(left)
         self._add_surroundings(server, description)
         self._add_arm(server.scene, description)
         self._add_beside_it(server.scene)
@@ -202,7 +208,8 @@ class Scene:
         n = self._chain.joints_per_segment
         for s, label in enumerate(self._labels):
             middle = s * n + n // 2
-            label.position = tuple(points[middle] + self._aside * frames[middle, :, 0])
+            label.position = tuple(
+                points[middle] + self._aside * frames[middle] @ self._label_side)
 
     def _colour(self, stiffness: Sequence[bool | None], tensions: Sequence[float]) -> None:
         for s, (skin, stiff) in enumerate(zip(self._skins, stiffness, strict=True)):
