@@ -24,6 +24,8 @@ MODEL: Colour = (235, 60, 200)
 """Of the arm as the model has it, over a picture of it."""
 PREDICTED: Colour = (150, 92, 44)
 """Of the arm as the model alone has it, beside the one that is measured."""
+AXES: Colour = (20, 20, 20)
+"""Of the axes at the base of an arm in space."""
 WRONG: Colour = (214, 40, 40)
 """Of what is wrong."""
 LOCKED: Colour = (142, 68, 173)

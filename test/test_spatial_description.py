@@ -222,6 +222,7 @@ def test_the_joints_of_the_urdf_give_the_poses(path, pulls, soft):
     assert np.abs(state.bending_angles).max() > 0.1
     names = joint_names(statics.chain)
     check_urdf(arm_urdf(arm), dict(zip(names, state.joint_positions, strict=True)), state.poses)
+    assert statics.chain.at(state.joint_positions).poses == pytest.approx(state.poses, abs=1e-9)
 
 
 def test_a_twisted_arm_has_the_poses_of_its_urdf():
@@ -232,6 +233,7 @@ def test_a_twisted_arm_has_the_poses_of_its_urdf():
     names = joint_names(chain)
     check_urdf(arm_urdf(chain.arm), dict(zip(names, state.joint_positions, strict=True)),
                state.poses)
+    assert chain.at(state.joint_positions).poses == pytest.approx(state.poses, abs=1e-9)
 
 
 @pytest.mark.parametrize('turn', [(0.0, 0.0, 0.0), (3.1, 0.2, 0.0), (0.0, 0.0, 3.14159),

@@ -4,7 +4,7 @@
 
 from collections.abc import Iterable, Sequence
 from html import escape
-from math import degrees, isfinite, isnan
+from math import degrees, isfinite, isnan, radians
 
 from soft_continuum.browser.charts import axis_end, chart, ERROR_ENDS, History
 from soft_continuum.browser.session import Description, Notice
@@ -40,6 +40,8 @@ PLAIN: Colour = (255, 255, 255)
 LEVELS = {'ok': PLAIN, 'warn': WARNING, 'error': WRONG}
 DARK_TEXT = (PLAIN, WARNING, TENSIONS[0], SOFT)
 MAX_ROWS, MAX_ALARM_ROWS = 30, 10  # of what others publish
+TELLING_ANGLE = radians(0.5)  # from which on a bending has a direction worth a word
+FEW_TENDONS = 3  # up to so many have a curve below their numbers, more beside them
 VACUUM_END = 100.0  # kPa, where its axis ends
 
 
@@ -68,7 +70,7 @@ def recording_html(state: RecorderState | None) -> str:
     if state.problem:
         return _table([(_chip('ERROR', WRONG), _text(state.problem))])
     if not state.recording:
-        return _text(f'last: {state.file}' if state.file else 'nothing yet')
+        return _small(_text(f'last: {state.file}' if state.file else 'nothing yet'))
     lost = f', {state.lost} lost' if state.lost else ''
     text = f'{state.messages} messages{lost}, in {state.file}'
     return _table([(_chip('REC', WRONG), _text(text))])
@@ -78,22 +80,41 @@ def segments_html(state: ArmState, description: Description, history: History) -
     """Return a row per segment: stiff or soft, vacuum, bending angle, vacuum of last minute."""
     rows: list[tuple[str, ...]] = []
     count = len(description.arm.segments)
-    angles = state.bending_angles or ()
-    estimate = state.estimate
-    deviations = estimate.angle_deviations if estimate and estimate.measured else ()
     for s in range(count):
+        bends = _bending(state, s) if len(state.bending_angles or ()) == count else ''
+        if not description.jamming:
+            rows.append((f'<b>{s + 1}</b>', bends))
+            continue
         stiff = state.stiff[s] if s < len(state.stiff) else None
         pressure = state.pressures[s] if s < len(state.pressures) else None
         chip = (_chip('not known', UNKNOWN) if stiff is None else
                 _chip('stiff', STIFF) if stiff else _chip('soft', SOFT))
         vacuum = '' if pressure is None else _number(
             (description.ambient_pressure - pressure) / 1e3, '.0f', ' kPa vacuum')
-        angle = _number(degrees(angles[s]), '+.1f', '°') if len(angles) == count else ''
-        if angle and len(deviations) == count:
-            angle += f' ±{_number(degrees(deviations[s]), ".1f", "°")}'
-        rows += [(f'<b>{s + 1}</b>', chip, vacuum, angle),
+        rows += [(f'<b>{s + 1}</b>', chip, vacuum, bends),
                  (chart(history.vacuum[s], VACUUM_END, STIFF),)]
-    return _table(rows) + _caption(f'vacuum of the last minute, 0 to {VACUUM_END:g} kPa')
+    captions = [] if description.jamming else ['without jamming: always soft']
+    if description.in_space:
+        captions.append('bending angle @ direction: about z, from x to y of the disc below')
+    if description.jamming:
+        captions.append(f'vacuum of the last minute, 0 to {VACUUM_END:g} kPa')
+    return _table(rows) + _caption('; '.join(captions))
+
+
+def _bending(state: ArmState, segment: int) -> str:
+    """Return how much a segment (from 0) bends, how well that is known, and towards where."""
+    angles, directions = state.bending_angles or (), state.bending_directions
+    estimate = state.estimate
+    deviations = estimate.angle_deviations if estimate and estimate.measured else ()
+    each = len(deviations) // len(angles)  # in space about x and y
+    angle = angles[segment]
+    text = _number(degrees(angle), '.1f' if directions else '+.1f', '°')
+    if each * len(angles) == len(deviations) > 0:
+        deviation = max(deviations[each * segment:each * (segment + 1)])
+        text += f' ±{_number(degrees(deviation), ".1f", "°")}'
+    if directions and angle >= TELLING_ANGLE:
+        text += f' @ {_number(degrees(directions[segment]), "z.0f", "°")}'
+    return text
 
 
 def tendons_html(state: ArmState, description: Description, history: History) -> str:
@@ -111,25 +132,28 @@ def tendons_html(state: ArmState, description: Description, history: History) ->
         else:
             chip = _chip('slack' if tension == 0.0 else _number(tension, '.1f', ' N'),
                          tension_colour(tension, description.tension_limit))
-        pull = _number(pulls[t] * 1e3, '+.2f', ' mm') if len(pulls) == len(names) else ''
-        rows += [(f'<b>{_text(name)}</b>', chip, pull),
-                 (chart(history.tensions[t], end, TENSIONS[1]),)]
+        pull = _number(pulls[t] * 1e3, '+.2f', '&nbsp;mm') if len(pulls) == len(names) else ''
+        cells = f'<b>{_text(name)}</b>', chip, pull
+        curve = chart(history.tensions[t], end, TENSIONS[1])
+        rows += [(*cells, curve)] if len(names) > FEW_TENDONS else [cells, (curve,)]
     return _table(rows) + _caption(f'tension of the last minute, 0 to {end:g} N')
 
 
-def positions_html(state: ArmState) -> str:
+def positions_html(state: ArmState, in_space: bool) -> str:
     """Return the tip by the model, and a row per disc that is measured: how far it is off."""
     measured = state.estimate is not None and state.estimate.measured
-    rows = [('<b>tip</b>', *_position(state.tip), 'measured' if measured else 'by the model')]
+    axes = ('x', 'y', 'z') if in_space else ('x', 'z')
+    rows = [('<b>tip</b>', *_position(state.tip, axes),
+             'measured' if measured else 'by the model')]
     for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
         off = '' if error is None else ', '.join(
             text for value, text in zip(error, (
                 _number(error[0] * 1e3, '.1f', '&nbsp;mm'),
                 _number(degrees(error[1]), '+.1f', '°')), strict=True) if isfinite(value))
-        rows.append((f'disc&nbsp;{n}', *_position(seen), off or 'not seen'))
-    return _table(rows) + _caption(
-        'x and z in mm; discs as they are seen, and how far from the model'
-        if state.measured_discs else 'x and z in mm; no sensor measures the discs')
+        rows.append((f'disc&nbsp;{n}', *_position(seen, axes), off or 'not seen'))
+    return _table(rows) + _caption(f'{" and ".join([", ".join(axes[:-1]), axes[-1]])} in mm; ' + (
+        'discs as they are seen, and how far from the model'
+        if state.measured_discs else 'no sensor measures the discs'))
 
 
 def source_html(state: ArmState, history: History) -> str:
@@ -209,22 +233,34 @@ def picture_html(address: str) -> str:
         f'<b style="color:{_css(MODEL)}">model</b>')
 
 
-def _position(pose: Pose | None) -> tuple[str, str]:
-    return ('?', '?') if pose is None else (
-        f'x&nbsp;{_number(pose.x * 1e3, "+.1f", "")}',
-        f'z&nbsp;{_number(pose.z * 1e3, "+.1f", "")}')
+def _position(pose: Pose | None, axes: Sequence[str]) -> tuple[str, ...]:
+    return tuple('?' if pose is None else
+                 f'{axis}&nbsp;{_number(pose.position["xyz".index(axis)] * 1e3, "+.1f", "")}'
+                 for axis in axes)
 
 
-def jog_hint_html(state: ArmState) -> str:
+def jog_hint_html(state: ArmState, description: Description) -> str:
     """Say how tendons are moved, or what it takes."""
     if state.stopped:
         return _small('Stopped: press Resume first.')
     if state.progress is not None:
         return _small('A sequence is running.')
-    if False in state.stiff:
-        return _small('Pay out one tendon before you pull in the other: tension in both at once '
-                      'is refused.')
+    if False in state.stiff or not description.jamming:
+        return _small(
+            'In mm. Pay out the tendons on the other side before you pull one in: tension in all '
+            'of them at once is refused.' if description.in_space else
+            'In mm. Pay out one tendon before you pull in the other: tension in both at once is '
+            'refused.')
     return _small('Soften a segment to move the tendons: a stiff arm must not be pulled.')
+
+
+def own_shape_html(description: Description) -> str:
+    """Say what the sliders of a shape mean."""
+    return _caption(
+        'Degrees. ' + (
+            'Direction: towards where, about z, from x (0) to y (90) of the disc below, as they '
+            'are drawn at the base. ' if description.in_space else '')
+        + 'The shape is shown in green for ten seconds after a change.')
 
 
 def sequence_html(state: ArmState) -> str:

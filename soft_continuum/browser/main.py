@@ -32,7 +32,6 @@ from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import argument_error, limit_memory, ROS_ARGUMENT_ERRORS
 from soft_continuum.nodes.up import chosen_nodes, ros_arguments, start_parser, twin_of
-from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import RECORDER
 
@@ -82,10 +81,11 @@ class View:
             self._panel = Panel(self._server, self._session, self._playback)
         if self._scene is not None and self._is_looked_at:
             with self._server.atomic():
-                self._scene.show(self._session.observed.snapshot(), self._session.target)
+                state = self._session.state
+                self._scene.show(state, self._session.ghost(state))
 
     def _update_panel(self) -> None:
-        state = self._session.observed.snapshot()
+        state = self._session.state
         self._bar.show(bar_state(state, self._session.notices) if self._playback is None else
                        BarState('replay', 'Replay', self._title, alarm=alarm_text(state)))
         self._panel.sample(state)
@@ -135,8 +135,8 @@ def ui() -> int:
     if options.view_only and (options.twin or options.camera):
         parser.error('--view-only starts nothing; leave out --twin and --camera')
     try:
-        nodes = () if options.view_only else (  # the view is one of planar arms
-            *chosen_nodes(options, arm_from_parameters), RECORDER)
+        nodes = () if options.view_only else (
+            *chosen_nodes(options), RECORDER)
     except ParameterError as error:
         return parser.fail(error, WRONG_USAGE)
     return run(parser, nodes, ros_arguments(options), options, twin_of(options))

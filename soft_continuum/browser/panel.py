@@ -11,7 +11,8 @@ import viser
 
 from soft_continuum.browser import html
 from soft_continuum.browser.charts import History
-from soft_continuum.browser.scene import viewpoint, VIEWS
+from soft_continuum.browser.own_shape import OwnShape
+from soft_continuum.browser.scene import viewpoint, views_of
 from soft_continuum.browser.session import Description, Session
 from soft_continuum.client.state import ArmState
 from soft_continuum.ros.names import JAMMING_VALVES, SHAPE_SEQUENCER
@@ -88,7 +89,7 @@ class Panel:
             self._learned = gui.add_html('')
         with gui.add_folder('Segments'):
             self._segments = gui.add_html('')
-            if moves:
+            if moves and description.jamming:
                 self._switches = [
                     *(self._group(f'Segment {segment}', (SOFTEN, STIFFEN),
                                   partial(self._switch, segment))
@@ -97,7 +98,7 @@ class Panel:
         with gui.add_folder('Tip and sensors'):
             self._picture = gui.add_html('')
             self._positions = gui.add_html('')
-            gui.add_button_group('Look from', tuple(VIEWS)).on_click(self._look)
+            gui.add_button_group('Look from', tuple(views_of(description))).on_click(self._look)
         with gui.add_folder('Tendons'):
             self._tendons = gui.add_html('')
             if moves:
@@ -114,8 +115,13 @@ class Panel:
             'Aim', AIMS, hint='What is to be right in the end, where measurements close the loop: '
             'the angle of every segment, or the position of the tip')
         self._motions.append(self._button('Run sequence', self._run_sequence))
-        self._cancel = self._button('Cancel', session.cancel,
-                                    hint='Ends the sequence with every segment stiff')
+        self._cancel = self._button(
+            'Cancel', session.cancel, hint='Ends the sequence' + (
+                ' with every segment stiff' if description.jamming else ''))
+        with gui.add_folder('Own shape', expand_by_default=False):
+            own = OwnShape(gui, description, lambda: session.preview(own.points))
+            self._motions.append(self._button(
+                'Set own shape', lambda: session.run([own.shape], self._chosen_aim)))
 
     def _add_loop(self, gui: viser.GuiApi) -> None:
         async def switched(event: Any) -> None:
@@ -129,7 +135,7 @@ class Panel:
     def _add_tendons(self, gui: viser.GuiApi, names: Sequence[str]) -> None:
         session = self._session
         self._jogs = [self._group(
-            f'{name} [mm]', tuple(f'{step:+g}' for step in STEPS), partial(self._jog, name))
+            name, tuple(f'{step:+g}' for step in STEPS), partial(self._jog, name))
             for name in names]
         self._hint = gui.add_html('')
         self._rests = [
@@ -165,11 +171,10 @@ class Panel:
 
     async def _look(self, event: Any) -> None:
         """Move the camera of the browser that asks, of no other."""
-        if (event.target.value in VIEWS and event.client is not None
-                and self._description is not None):
+        description, view = self._description, event.target.value
+        if description is not None and view in views_of(description) and event.client is not None:
             camera = event.client.camera
-            camera.position, camera.look_at = viewpoint(
-                self._description.arm, event.target.value)
+            camera.position, camera.look_at = viewpoint(description, view)
             camera.up_direction = (0.0, 0.0, 1.0)
 
     def _switch(self, segment: int, choice: str) -> None:
@@ -212,7 +217,7 @@ class Panel:
             return
         self._segments.content = html.segments_html(state, self._description, self._history)
         self._picture.content = html.picture_html(self._session.picture.address)
-        self._positions.content = html.positions_html(state)
+        self._positions.content = html.positions_html(state, self._description.in_space)
         self._tendons.content = html.tendons_html(state, self._description, self._history)
         self._sequence.content = html.sequence_html(state)
         self._source.content = html.source_html(state, self._history)
@@ -227,16 +232,19 @@ class Panel:
         closed = self._session.closed_loop
         if self._loop.value is not bool(closed):
             self._loop.value = bool(closed)  # type: ignore[misc]  # it can be set
-        self._hint.content = html.jog_hint_html(state)
+        self._hint.content = html.jog_hint_html(state, self._description)
         # What would do nothing now is grey.
         may_move = state.stopped == ''
-        may_switch = not (runs or state.emergency_stop or state.node(JAMMING_VALVES).stale)
+        jamming = self._description.jamming
+        may_switch = jamming and not (
+            runs or state.emergency_stop or state.node(JAMMING_VALVES).stale)
+        any_soft = not jamming or False in state.stiff
         for control, works in (
                 *((c, may_move and not state.node(SHAPE_SEQUENCER).stale) for c in self._motions),
                 (self._cancel, runs),
                 (self._loop, closed is not None and not state.node(SHAPE_SEQUENCER).stale),
                 *((c, may_switch) for c in self._switches),
-                *((c, may_move and not runs and False in state.stiff) for c in self._jogs),
+                *((c, may_move and not runs and any_soft) for c in self._jogs),
                 *((c, not runs) for c in self._rests)):
             _enable(control, works)
 

@@ -3,12 +3,12 @@
 """What the view has beyond the observed arm: its description, notices, and what buttons do."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 from time import monotonic, strftime
-from typing import Any, TypeVar
+from typing import Any, TYPE_CHECKING, TypeVar
 
 from visualization_msgs.msg import MarkerArray
 
@@ -26,14 +26,18 @@ from soft_continuum.client.estimate import anomaly_text
 from soft_continuum.client.estimate_messages import anomaly_of
 from soft_continuum.client.observed import KINEMATICS_STATE, TENDON_STATE
 from soft_continuum.client.requests import Requests
-from soft_continuum.client.state import SequenceResult
+from soft_continuum.client.state import ArmState, SequenceResult
 from soft_continuum.client.state_text import reached_text
-from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.ros.entry import subscribe
-from soft_continuum.ros.names import SHAPE_SEQUENCER
+from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS
 from soft_continuum.ros.qos import LATCHED
 from soft_continuum.sequencing.progress import AIMS
 from soft_continuum_interfaces.msg import MotionRequest
+
+if TYPE_CHECKING:
+    from soft_continuum.client.sequence import ShapeLike
 
 T = TypeVar('T')
 
@@ -44,6 +48,9 @@ MAX_TARGET_POINTS = 1000
 MAX_WAITING = 5  # requests of one title, but of STOP, that wait for an answer
 STOP = 'Stop'
 NEW_PROBLEM, NEW_NOTICE = 20.0, 6.0  # s that a notice is shown in the bar
+PREVIEW = 10.0  # s that a shape is shown that somebody chooses
+Points = tuple[tuple[float, ...], ...]
+"""x, y, z of some points, m."""
 EXPECTED_ENDS = (MotionRequest.REPLACED, MotionRequest.HELD, MotionRequest.STOPPED)
 
 
@@ -52,13 +59,20 @@ class Description:
     """
     What the running nodes were started with.
 
-    shapes: bending angles (rad) by name.  ambient_pressure: Pa.  tension_limit: N.
+    jamming: whether segments can be stiffened.  ambient_pressure: Pa.  tension_limit: N.  shapes:
+    names of those in the library.
     """
 
-    arm: Arm
-    shapes: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    arm: AnyArm
+    jamming: bool = True
     ambient_pressure: float = 101325.0
     tension_limit: float = 60.0
+    shapes: tuple[str, ...] = ()
+
+    @property
+    def in_space(self) -> bool:
+        """Whether the arm bends in every direction."""
+        return isinstance(self.arm, SpatialArm)
 
 
 @dataclass(frozen=True)
@@ -91,7 +105,7 @@ class Session:
     """
     Follows the description of the arm, collects notices, carries out what the page asks for.
 
-    target: points (x, z) m along the shape that a sequence goes to.  Requests may come from any
+    target: points (x, y, z) m along the shape that a sequence goes to.  Requests may come from any
     thread; everything else belongs on the thread that spins the node.
     """
 
@@ -102,7 +116,8 @@ class Session:
         self.picture = CameraPicture(requests.node)
         self.description: Description | None = None
         self.notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
-        self.target: tuple[tuple[float, float], ...] = ()
+        self.target: Points = ()
+        self._preview: tuple[Points, float] = (), -inf  # and when it was chosen
         self._waiting: Counter[str] = Counter()
         self._description_problem = ''
         self._describing: Future[None] | None = None
@@ -129,7 +144,8 @@ class Session:
         self.notices.append(notice)
 
     def _on_target(self, message: MarkerArray) -> None:
-        points = [(p.x, p.z) for m in message.markers[:1] for p in m.points[:MAX_TARGET_POINTS]]
+        points = [(p.x, p.y, p.z) for marker in message.markers[:1]
+                  for p in marker.points[:MAX_TARGET_POINTS]]
         self.target = tuple(p for p in points if all(map(isfinite, p)))
 
     def _on_change(self, topic: str) -> None:
@@ -153,6 +169,26 @@ class Session:
             self.notify('Alarm', anomaly_text(now[key]), is_problem=True, in_bar=False)
         self._anomalies = frozenset(now)
 
+    @property
+    def state(self) -> ArmState:
+        """What is known of the arm now, without the nodes that it has no use for."""
+        state = self.observed.snapshot()
+        if self.description is None or self.description.jamming:
+            return state
+        return replace(state, nodes=tuple(
+            node for node in state.nodes if node.name != JAMMING_VALVES))
+
+    def preview(self, points: Points) -> None:
+        """Show a shape for a while, as long as none is being set."""
+        self._preview = points, monotonic()
+
+    def ghost(self, state: ArmState) -> Points:
+        """Return points along the shape to be shown beside the arm; none for no shape."""
+        if state.progress is not None:
+            return self.target
+        points, since = self._preview
+        return points if monotonic() - since < PREVIEW else ()
+
     # What the nodes were started with.
 
     def update_description(self) -> None:
@@ -162,13 +198,15 @@ class Session:
 
     async def _describe(self) -> None:
         try:
-            arm = await self.requests.planar_description()
-            if self.description is None or self.description.arm != arm:
-                self.description = Description(arm)
-            shapes = await self.requests.shapes(arm)
+            arm = await self.requests.description()
             values = await self.requests.parameters(
-                SHAPE_SEQUENCER, ['ambient_pressure', 'tension_limit'])
-            self.description = Description(arm, shapes, **values)
+                KINEMATICS, ['arm.jamming', 'ambient_pressure', 'tension_limit'])
+            described = Description(arm, **{
+                name.removeprefix('arm.'): value for name, value in values.items()})
+            if self.description is None or self.description.arm != arm:
+                self.description = described
+            shapes = await self.requests.shapes(arm)
+            self.description = replace(described, shapes=tuple(shapes))
             self.closed_loop = await self.requests.closed_loop()
             self._description_problem = ''
         except (NodesMissingError, NoAnswerError):
@@ -209,14 +247,14 @@ class Session:
         """Pull a tendon by ``change`` m further, negative: pay out."""
         self._start('Jog', self.requests.jog({tendon: change}))
 
-    def run(self, names: Sequence[str], aim: str = AIMS[0]) -> None:
-        """Set shapes of the library one after the other; aim: one of AIMS."""
+    def run(self, shapes: 'Sequence[ShapeLike]', aim: str = AIMS[0]) -> None:
+        """Set one shape after the other; aim: one of AIMS."""
         def done(result: SequenceResult) -> None:
             self.notify('Sequence done', f'shapes reached: {result.shapes_completed}'
                         if result.reached is None else
                         reached_text(result.reached).replace('+-', '±'))
 
-        self._start('Sequence', self.requests.run(names, SEQUENCE_HOLD, aim), done)
+        self._start('Sequence', self.requests.run(shapes, SEQUENCE_HOLD, aim), done)
 
     def set_closed_loop(self, closed: bool) -> None:
         """Let sequences be corrected by measurements, or not."""

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm as it is seen over ROS: the latest message of every topic, and its age."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import hypot, isfinite, nan
 from typing import Any
@@ -25,6 +25,8 @@ from soft_continuum.client.state import (
     SequenceResult,
 )
 from soft_continuum.client.tasks import running_nodes
+from soft_continuum.mechanics.spatial.directions import bending_directions
+from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros
 from soft_continuum.ros.entry import subscribe
@@ -52,6 +54,7 @@ from soft_continuum_interfaces.msg import (
 STALE_AFTER = 3.0  # s: every node publishes /diagnostics once a second
 LEVELS = {DiagnosticStatus.OK: 'ok', DiagnosticStatus.WARN: 'warn'}  # others: error
 MAX_SEGMENTS = MAX_TENDONS = MAX_VALUES = 100  # that are shown, whatever is published
+UNTURNED = 0.0, 0.0, 0.0, 1.0  # orientation of the base
 FEEDBACK = 'run_shape_sequence/_action/feedback'
 TENDON_STATE = f'{TENDON_ACTUATION}/state'
 JAMMING_STATE = f'{JAMMING_VALVES}/state'
@@ -302,6 +305,7 @@ class ObservedArm:
         joints, tendons = self._fresh('joint_states'), self.tendon_actuation
         angles = None if joints is None else tuple(float(a) for a in joints.position)
         segment_poses, disc_poses = self.poses('segment_poses'), self.poses('disc_poses')
+        bends, towards = _bending(joints, segment_poses or ())
         numbers = range(1, self._jams + 1)
         running = self.running()
         return ArmState(
@@ -314,7 +318,7 @@ class ObservedArm:
             referenced=None if tendons is None else tendons.referenced,
             stiff=tuple(self.stiff(n) for n in numbers),
             pressures=tuple(self.pressure(n) for n in numbers),
-            bending_angles=_bending_angles(joints, len(segment_poses or ())),
+            bending_angles=bends, bending_directions=towards,
             joint_angles=angles, segment_poses=segment_poses, disc_poses=disc_poses,
             tip=disc_poses[-1] if disc_poses else None, progress=self.progress(),
             measured_discs=self._measured_discs(),
@@ -347,9 +351,20 @@ def _stopped(state: TendonActuationState) -> str:
     return printable(state.stop_message) or 'no reason given'
 
 
-def _bending_angles(joints: Any, segments: int) -> tuple[float, ...] | None:
-    """Return the sum of the joint angles (rad) of each segment; None of a spatial arm."""
-    if joints is None or not segments or any(name.endswith('_x') for name in joints.name[:1]):
-        return None
-    each = len(joints.position) // segments
-    return tuple(float(sum(joints.position[i * each:(i + 1) * each])) for i in range(segments))
+def _bending(joints: Any, segments: Sequence[Pose]
+             ) -> tuple[tuple[float, ...] | None, tuple[float, ...]]:
+    """
+    Return bending angles and, of a spatial arm, directions, rad; None and none if not known.
+
+    joints: joint_states, or None.  segments: the poses of their upper ends.
+    """
+    if joints is None or not segments:
+        return None, ()
+    if joints.name and joints.name[0].endswith('_x'):  # of a spatial arm
+        turned = matrices(np.array([UNTURNED, *(pose.orientation for pose in segments)]))
+        bending = bending_between(turned)
+        return (tuple(np.linalg.norm(bending, axis=1).tolist()),
+                tuple(bending_directions(bending).tolist()))
+    each = len(joints.position) // len(segments)
+    return tuple(float(sum(joints.position[i * each:(i + 1) * each]))
+                 for i in range(len(segments))), ()

@@ -84,8 +84,9 @@ class ArmState:
     on, so that resuming and switching are refused.  referenced: whether pulls are known relative
     to the straight arm.
     stiff: of each segment, base first, as confirmed by its pressure.  pressures: Pa, absolute.
-    bending_angles: rad, one per segment; None of a spatial arm.  joint_angles: rad, all joints of
-    the rigid chain.
+    bending_angles: rad, one per segment; of a spatial arm never negative.  bending_directions: of
+    a spatial arm, rad, one per segment: towards where it leans, about +z from +x of the disc below
+    it; empty of a planar one.  joint_angles: rad, all joints of the URDF.
     segment_poses: distal end of each segment.  disc_poses: bottom and top of each disc.  tip: top
     of the last disc.  measured_discs: bottom of each disc as a sensor sees it, empty while none
     does; nan where the sensor measures no position, or no orientation.  predicted_disc_poses: as
@@ -117,6 +118,7 @@ class ArmState:
     sensors: tuple[NodeReport, ...] = ()
     predicted_disc_poses: tuple[Pose, ...] | None = None
     estimate: Estimate | None = None
+    bending_directions: tuple[float, ...] = ()
 
     @property
     def disc_errors(self) -> tuple[tuple[float, float] | None, ...]:

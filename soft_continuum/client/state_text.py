@@ -65,7 +65,8 @@ def state_line(state: ArmState) -> str:
     return ' | '.join((
         pulls_text(state),
         ' '.join(_stiffness_text(s) for s in state.stiff),
-        angles_text(state.bending_angles) if state.bending_angles else UNKNOWN,
+        angles_text(state.bending_angles, state.bending_directions)
+        if state.bending_angles else UNKNOWN,
         f'{source}{f", ALARM: {alarms}" if alarms else ""}',
         state.node('shape_sequencer').message or UNKNOWN))
 

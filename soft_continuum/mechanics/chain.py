@@ -85,6 +85,16 @@ class Equilibrium:
         return _in_space(self.chain.backbone(self.joint_angles)[:, :2])
 
     @property
+    def rotations(self) -> Array:
+        """Orientation of every body in base_link, (joints, 3, 3)."""
+        angles = np.cumsum(self.joint_angles)
+        turned = np.zeros((len(angles), 3, 3))
+        turned[:, 0, 0] = turned[:, 2, 2] = np.cos(angles)
+        turned[:, 0, 2], turned[:, 2, 0] = np.sin(angles), -np.sin(angles)
+        turned[:, 1, 1] = 1.0
+        return turned
+
+    @property
     def tendon_points(self) -> list[Array]:
         """Guides of each tendon in space, base first, (2 * discs, 3), m."""
         return [_in_space(guides) for guides in self.chain.guide_points(self.joint_angles)]
@@ -222,6 +232,10 @@ class RigidChain:
         """
         return replace(self.state(coordinates), held_angles=held, stiff=tuple(stiff),
                        vacuum=tuple(vacuum))
+
+    def at(self, joint_positions: Array) -> Equilibrium:
+        """Return the held state of joint_positions (joints,), rad, as joint_states have it."""
+        return self.state(joint_positions)
 
     def uniform(self, bending_angles: ArrayLike) -> Equilibrium:
         """Return the held state whose segments (rad each) bend evenly over their joints."""

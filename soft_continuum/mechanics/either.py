@@ -7,6 +7,7 @@ A state says where everything is in space; its coordinates are what tells one sh
 """
 
 from collections.abc import Sequence
+from math import atan2
 from typing import Any, Protocol, TYPE_CHECKING
 
 import numpy as np
@@ -40,6 +41,10 @@ class State(Protocol):
     @property
     def backbone(self) -> Array:
         """Upper end of every body, the base disc first, (bodies + 1, 3), m."""
+
+    @property
+    def rotations(self) -> Array:
+        """Orientation of every body in base_link, (bodies, 3, 3)."""
 
     @property
     def tendon_points(self) -> list[Array]:
@@ -116,6 +121,13 @@ class Solver(Protocol):
     def solve(self, start: Any, pulls: ArrayLike, soft: Sequence[bool], *,
               vacuum: Sequence[float] | None = None, sliding: Sequence[int] = ()) -> State:
         """Return the equilibrium for pulls (tendons,) m, followed from ``start``."""
+
+
+def mounting_angle_of(arm: AnyArm) -> float:
+    """Return the rotation of base_link about +y from upright, rad: in space, as gravity has it."""
+    if isinstance(arm, Arm):
+        return arm.mounting_angle
+    return atan2(arm.gravity[0], -arm.gravity[2])
 
 
 def chain_of(arm: AnyArm) -> AnyChain:

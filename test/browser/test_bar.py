@@ -6,7 +6,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 import json
-from math import inf, isfinite, nan
+from math import inf, isfinite, nan, pi
 import threading
 from typing import Any
 from unittest.mock import Mock
@@ -23,9 +23,9 @@ from soft_continuum.browser.words import LENGTH as TEXT_LENGTH
 from soft_continuum.browser.words import plain
 from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
 from soft_continuum.client.observed import KINEMATICS_STATE
-from soft_continuum.client.state import ArmState, NodeReport, Progress
+from soft_continuum.client.state import ArmState, NodeReport, Pose, Progress
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.ros.names import NODES
 from soft_continuum.sequencing.progress import Phase
@@ -166,12 +166,33 @@ def test_no_message_of_a_node_breaks_the_readings(
     history.sample(state)
     texts = [html.segments_html(state, description, history),
              html.tendons_html(state, description, history), html.nodes_html(state),
-             html.sequence_html(state), html.jog_hint_html(state),
+             html.sequence_html(state), html.jog_hint_html(state, description),
              html.source_html(state, history), html.error_html(history),
              html.parameters_html(state.estimate)]
     assert not any('<script' in text or 'nan' in text for text in texts)
     assert max(map(len, texts)) < 40_000
     assert len(bar_state(state, ()).text) < 2 * TEXT_LENGTH
+
+
+def test_bendings_in_space_have_a_direction_and_nine_tendons_a_short_table() -> None:
+    values = load_description(description_file().with_name('tendon_arm.yaml'))
+    described = Description(any_arm_from_parameters(values), values['arm.jamming'])
+    names = described.arm.tendon_names
+    top = Pose((0.0123, -0.0456, 0.2), (0.0, 0.0, 0.0, 1.0))
+    state = replace(
+        READY, tendons=names, pulls=(0.001,) * 9, tensions=(0.0, 1.25, nan) * 3, stiff=(),
+        pressures=(), bending_angles=(0.5, 1.0, 0.001), bending_directions=(pi / 2, -pi / 6, 1.0),
+        tip=top, estimate=Estimate(True, angle_deviations=(0.01, 0.02) * 3))
+    history = History(3, 9, 101325.0)
+    segments = html.segments_html(state, described, history)
+    for text in ('28.6° ±1.1° @ 90°', '57.3° ±1.1° @ -30°', '0.1° ±1.1°<', 'always soft'):
+        assert text in segments
+    assert 'vacuum' not in segments and 'stiff' not in segments
+    tendons = html.tendons_html(state, described, history)
+    assert all(f'<b>{name}</b>' in tendons for name in names)
+    assert tendons.count('<tr>') == 9 and tendons.count('slack') == 3
+    assert 'y&nbsp;-45.6' in html.positions_html(state, described.in_space)
+    assert 'Soften' not in html.jog_hint_html(state, described)
 
 
 def gaps(svg: str) -> int:
@@ -216,7 +237,7 @@ def test_one_colour_has_one_meaning() -> None:
     meanings: dict[tuple[int, ...], str] = {}
     named = {'stiff': colours.STIFF, 'soft': colours.SOFT, 'unknown': colours.UNKNOWN,
              'disc': colours.DISC, 'target': colours.GHOST, 'held': colours.LOCKED,
-             'predicted': colours.PREDICTED,
+             'predicted': colours.PREDICTED, 'axes': colours.AXES,
              'wrong': colours.WRONG, 'warning': html.WARNING,
              **{f'tension {i}': c for i, c in enumerate(colours.TENSIONS)}}
     for name, colour in named.items():

@@ -26,6 +26,9 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Bool
 
 from soft_continuum.analysis.bag_tables import read_recording
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import given_parameters
+from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.ros.qos import LATCHED, STREAM
 
 pytestmark = pytest.mark.timeout(600)
@@ -254,3 +257,31 @@ def test_when_the_nodes_end_it_says_how_to_start_them_and_continues_when_they_ru
     page.wait_for_pixels(dark, 180, MANY, 'dark, as stiff skins are')
     page.click('soften', 0)
     rig.wait_for(lambda: rig.soft_segments() == [1], 'segment 1 soft')
+
+
+def test_another_arm_is_followed_into_space_where_a_bending_has_a_direction(
+        page: Page, rig: Rig) -> None:
+    rig.end(rig._groups[0].nodes[0])
+    rig.start_arm(**given_parameters(
+        description_file().with_name('spatial_jamming.yaml'), ALL_PARAMETERS), **SLOW)
+    page.wait_for_text('tendon_3')
+    expect(page.button('three-quarter')).to_be_visible()
+    page.wait_for_pixels(dark, 180, MANY, 'dark, as stiff skins are')
+    page.click('soften', 1)
+    rig.wait_for(lambda: rig.soft_segments() == [2], 'segment 2 soft')
+    page.wait_for_pixels(orange, 60, MANY, 'orange, as a soft skin is')
+    for tendon, step in ((1, '-5'), (2, '-5'), (0, '+5')):  # at 120, 240 and 0 degrees
+        page.click(step, tendon)
+    page.wait_for_text('° @ 0°')
+
+    page.view.get_by_text('Own shape', exact=True).click()
+    angles = page.view.get_by_role('textbox')  # the first one is that of the sequence
+    for number, degrees in ((1, 30), (2, 90)):
+        angles.nth(number).fill(str(degrees))
+        angles.nth(number).press('Tab')
+    page.wait_for_pixels(green, 25, MANY, 'green, as the shape that is chosen is')
+    page.picture(ARTEFACT.with_name('space.png'))
+    rig.set_parameter('shape_sequencer', 'tendon_speed', 0.1)
+    page.click('Set own shape')
+    page.wait_for_text('30.0° @ 90°')
+    page.wait_for_text('+30.0@90.0')  # as the end of the sequence is reported

@@ -1,0 +1,66 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sliders for a shape that is in no library: how far each segment bends and, in space, towards."""
+
+from collections.abc import Callable
+from math import degrees, floor, radians
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+import viser
+
+from soft_continuum.browser.html import own_shape_html
+from soft_continuum.browser.session import Description, Points
+from soft_continuum.mechanics.either import bending_of, chain_of
+
+if TYPE_CHECKING:
+    from soft_continuum.client.sequence import ShapeLike
+
+ROUNDING = 1e-3  # degrees: limits are written with so many digits
+
+
+class OwnShape:
+    """The shape that is chosen on the page."""
+
+    def __init__(self, gui: viser.GuiApi, description: Description,
+                 changed: Callable[[], None]) -> None:
+        """Add the sliders, all at 0; changed: called when somebody has moved one."""
+        async def moved(event: Any) -> None:
+            if event.client is not None:
+                changed()
+
+        self._arm = description.arm
+        self._limits = [segment.bending_angle_limit for segment in self._arm.segments]
+        self._angles, self._directions = [], []
+        for number, limit in enumerate(self._limits, start=1):
+            most = floor(degrees(limit) + ROUNDING)
+            least = 0 if description.in_space else -most
+            self._angles.append(gui.add_slider(f'Angle {number}', least, most, 1, 0))
+            if description.in_space:
+                self._directions.append(gui.add_slider(f'Direction {number}', -180, 180, 1, 0))
+        for slider in (*self._angles, *self._directions):
+            slider.on_update(moved)
+        gui.add_html(own_shape_html(description))
+
+    @property
+    def shape(self) -> 'ShapeLike':
+        """What each segment bends by: its angle or, in space, angle and direction, rad."""
+        angles, directions = self._values()
+        return tuple(zip(angles, directions, strict=True)) if directions else angles
+
+    @property
+    def points(self) -> Points:
+        """Points along the backbone of that shape, x, y, z, m."""
+        shape = chain_of(self._arm).uniform(bending_of(self._arm, *self._values()))
+        return tuple(tuple(point) for point in np.vstack([np.zeros(3), shape.backbone]).tolist())
+
+    def _values(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        angles = (radians(_number(slider.value)) for slider in self._angles)
+        return (tuple(max(-limit, min(limit, angle))
+                      for angle, limit in zip(angles, self._limits, strict=True)),
+                tuple(radians(_number(slider.value)) for slider in self._directions))
+
+
+def _number(value: Any) -> float:
+    """Return the value of a slider, 0 for what is none: a browser may send anything."""
+    return float(value) if isinstance(value, int | float) and abs(value) <= 360.0 else 0.0
