@@ -132,7 +132,7 @@ def energy(state):
         [np.eye(3), *state.rotations[:-1]], state.rotations, strict=True)])
     ends = chain.ends(state.rotations)
     middles = 0.5 * (ends[:-1] + ends[1:])
-    return (0.5 * (chain.stiffness * joints**2).sum()
+    return (0.5 * (chain.laws.stiffness * joints**2).sum()
             - chain.masses @ middles @ np.array(chain.arm.gravity))
 
 
@@ -199,7 +199,7 @@ def rest_in_mujoco(state, soft, pulls):
         turned = '' if soft[segment] else f' quat="{w!r} {x!r} {y!r} {z!r}"'
         lines.append(f'<body name="b{j}" pos="0 0 {below!r}"{turned}>')
         if soft[segment]:
-            stiffness = float(chain.stiffness[j, 0])
+            stiffness = float(chain.laws.stiffness[j, 0])
             lines.append(f'<joint type="ball" stiffness="{stiffness!r}" damping="0.05" '
                          'armature="1e-5"/>')
         length, mass = float(chain.lengths[j]), float(chain.masses[j])
@@ -290,7 +290,7 @@ def followed(an_arm, *pulls):
 def test_an_arm_with_friction_stays_bent_when_its_tendons_are_let_go_as_far_as_friction_holds():
     state = followed(rubbing(2e-3), PULLS, (-0.02,) * 3)
     assert not state.tensions.any()
-    held = np.linalg.norm(state.chain.stiffness * state.chain.joints(state.rotations), axis=1)
+    held = np.linalg.norm(state.chain.laws.stiffness * state.chain.joints(state.rotations), axis=1)
     assert held.max() < 2e-3 * (1.0 + 1e-9)
     assert 0.001 < np.hypot(*state.tip[:2]) < np.hypot(*followed(rubbing(2e-3), PULLS).tip[:2])
 
@@ -401,7 +401,7 @@ def test_a_jam_holds_the_shape_in_which_it_was_stiffened():
     (lambda: arm(bodies_per_segment=0), 'bodies'),
     (lambda: SpatialSegment(0.07, np.inf, np.inf), 'bend about one axis'),
     (lambda: SpatialSegment(70.0, 0.1, 0.1), 'segment length is 70'),
-    (lambda: SpatialSegment(0.07, 0.1, 0.1, jam=Jam(9.0, yield_moment=1.0)), 'yield moment'),
+    (lambda: SpatialSegment(0.07, 0.1, 0.1, soft_law=0.1), 'soft law is 0.1; give a Moment'),
 ])
 def test_what_is_no_arm_is_refused(make, words):
     with pytest.raises(ArmError, match=words):
