@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 from math import cos, pi, sin, sqrt
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -13,7 +14,14 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.measured import aligned, IDENTIFIED, read, rms
 from benchmarks.rods import shapes, STEEL, TPU
-from soft_continuum.mechanics import ArmError, Jam, OverconstrainedError, Statics
+from soft_continuum.mechanics import (
+    _kernel,
+    ArmError,
+    Jam,
+    OverconstrainedError,
+    Statics,
+    StaticsError,
+)
 from soft_continuum.mechanics.spatial import (
     spatial,
     SpatialArm,
@@ -23,7 +31,9 @@ from soft_continuum.mechanics.spatial import (
     SpatialTendon,
     Wrench,
 )
+from soft_continuum.parameters.files import load_any_arm
 
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
 BODIES = 4
 PULLS = (0.006, -0.004, -0.003)
 
@@ -348,6 +358,15 @@ def test_a_locked_arm_cannot_be_pulled():
         solved(arm(), soft=(False,) * 3)
     slackened = solved(arm(), (-0.001,) * 3, soft=(False,) * 3)
     assert slackened.slack == pytest.approx(0.001)
+    assert not slackened.tensions.any()
+
+
+def test_nothing_determines_what_a_tendon_carries_along_a_locked_arm():
+    bent = solved(arm())
+    locked = solved(arm(), bent.pulls, (False,) * 3, start=bent)
+    assert np.isnan(locked.tensions).all()
+    again = solved(arm(), bent.pulls, start=locked)
+    assert again.points == pytest.approx(bent.points, abs=1e-9)
 
 
 def test_tendons_that_stretch_carry_in_a_locked_arm_what_they_are_stretched_by():
@@ -385,6 +404,34 @@ def test_a_jam_holds_the_shape_in_which_it_was_stiffened():
     held = solved(elastic, bent.pulls - 0.02, (False,) * 3, start=bent)
     sprung = np.linalg.norm(held.bending - bent.bending, axis=1)
     assert 0.0 < sprung.max() < 0.1 * np.linalg.norm(bent.bending, axis=1).max()
+
+
+@pytest.mark.parametrize(('name', 'pulls'), [
+    ('spatial_jamming', (0.03, 0.03, 0.03)), ('tendon_arm', (0.1, 0.0, 0.0) * 3)])
+def test_an_arm_that_is_pulled_beyond_every_equilibrium_is_soon_given_up(
+        name, pulls, monkeypatch):
+    functions, iterations = _kernel.functions(), []
+
+    def newton(*arguments):
+        found = functions.spatial_newton(*arguments)
+        iterations.append(found[1])
+        return found
+
+    monkeypatch.setattr(_kernel, 'functions', lambda: functions._replace(spatial_newton=newton))
+    statics = SpatialStatics(load_any_arm(CONFIG / f'{name}.yaml'))
+    with pytest.raises(StaticsError, match='loses its equilibrium after .* pay out a tendon'):
+        statics.solve(statics.chain.straight(), pulls, (True,) * 3)
+    assert sum(iterations) < 4000  # hence less than a second
+
+
+def test_where_the_search_for_first_tensions_does_not_end_others_do(monkeypatch):
+    def endless(*_):
+        raise RuntimeError('Maximum number of iterations reached.')
+
+    there = solved(arm(), (0.006, -0.002, -0.005), (False, True, False), start=solved(arm()))
+    monkeypatch.setattr('scipy.optimize.nnls', endless)
+    again = solved(arm(), (0.006, -0.002, -0.005), (False, True, False), start=solved(arm()))
+    assert again.points == pytest.approx(there.points, abs=1e-9)
 
 
 @pytest.mark.parametrize(('make', 'words'), [

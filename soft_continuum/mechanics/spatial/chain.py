@@ -33,13 +33,13 @@ class SpatialEquilibrium:
     """
     A state in which all forces and moments balance.
 
-    rotations: (bodies, 3, 3), of every body in base_link.  tensions: (tendons,) N.  pulls:
-    (tendons,) m, by how much the path of each is shorter than in the straight arm.  slack:
-    (tendons,) m by which each tendon is longer than its path.  residual: largest unbalanced
-    moment, N m.  stiff: which segments were.  held: (bodies, 3) rotation vectors that jams and
-    friction of the joints hold.  jumped: the arm went over to another equilibrium, since the one
-    followed from the start ceased to exist.  vacuum: of each segment, 0 to 1; empty for full.
-    chain: the arm.
+    rotations: (bodies, 3, 3), of every body in base_link.  tensions: (tendons,) N at the base; nan
+    where no soft segment is there to determine it.  pulls: (tendons,) m, by how much the path of
+    each is shorter than in the straight arm.  slack: (tendons,) m by which each tendon is longer
+    than its path.  residual: largest unbalanced moment, N m.  stiff: which segments were.  held:
+    (bodies, 3) rotation vectors that jams and friction of the joints hold.  jumped: the arm went
+    over to another equilibrium, since the one followed from the start ceased to exist.  vacuum: of
+    each segment, 0 to 1; empty for full.  chain: the arm.
     """
 
     rotations: Array

@@ -105,7 +105,7 @@ class SpatialLinearisation:
         self._away = self._angles - joints[:, HELD]
         diagonal, lower, across, forces, self._slopes = _kernel.functions().spatial_linearise(
             self._rotations, carried, self._system)
-        compliance = np.array([tendon.compliance for tendon in chain.arm.tendons])
+        compliance = statics.compliance
         self._taut = np.flatnonzero(
             (carried > 0.0) & ~self._by_force
             & ((compliance > 0.0) | self._slopes.any(axis=0)))

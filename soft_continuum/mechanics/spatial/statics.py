@@ -35,7 +35,9 @@ Booleans = NDArray[np.bool_]
 ITERATIONS = 40  # of Newton's method in one step
 STEP = 0.003  # m of pull in one step at first
 LEAST_STEP = 1.0 / 4096.0  # of the way to the target
-OIL, OIL_STEPS = 5e-3, 400  # of the stiffness of a joint, at first; steps until it rests
+MAX_ITERATIONS = 4000  # on the way to the target
+OIL, OIL_STEPS = 5e-3, 120  # of the stiffness of a joint, at first; steps until it rests
+OIL_ITERATIONS = 20  # without oil, to see whether it is near its rest: then a few will do
 NUDGE = 1e-5  # rad
 AT_REST = 1e-7  # N m that may be out of balance at a start whose tensions are kept
 MAX_FRICTION_ITERATIONS = 100
@@ -81,7 +83,11 @@ class _Links:
         if len(tendons):
             from scipy.optimize import nnls  # 0.3 s that who has no tendons need not wait for
             levers = [self.balance(self.tension + unit[t]).ravel() - alone for t in tendons]
-            self.tension[tendons] = nnls(np.column_stack(levers), -alone)[0]
+            each = np.column_stack(levers)
+            try:
+                self.tension[tendons] = nnls(each, -alone)[0]
+            except RuntimeError:  # it did not end: others do as well, for what they leave is led
+                self.tension[tendons] = np.maximum(0.0, np.linalg.lstsq(each, -alone)[0])
         self.taut = self.tension > 0.0
 
     def relax(self, target: Array) -> '_Links | None':
@@ -104,7 +110,7 @@ class _Links:
             np.maximum(links.tension, 0.0, out=links.tension)
             links.taut = (links.tension > 0.0) | (
                 (self.kind == LENGTH) & (links.paths() > target))
-            found, status, *_ = links.newton(target, nothing)
+            found, status, *_ = links.newton(target, nothing, most=OIL_ITERATIONS)
             if status == CONVERGED:
                 return found
         return None
@@ -120,7 +126,7 @@ class _Links:
 
 class SpatialStatics:
     """
-    Equilibria of one spatial arm.
+    Equilibria of one spatial arm; compliance: of its tendons where nothing rubs, (tendons,) m/N.
 
     Softening returns the springs of a segment to their natural shape; stiffening locks it, or adds
     the springs of its jam about the shape that it has.
@@ -129,7 +135,7 @@ class SpatialStatics:
     def __init__(self, arm: SpatialArm) -> None:
         """Discretise ``arm``."""
         self.chain = SpatialChain(arm)
-        self._compliance = np.array([tendon.compliance for tendon in arm.tendons])
+        self.compliance = np.array([tendon.compliance for tendon in arm.tendons])
         self._all_free: tuple[Integers, System, Array] | None = None
 
     def solve(self, start: SpatialEquilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
@@ -171,6 +177,14 @@ class SpatialStatics:
         if parts:  # without any vacuum there is no jam
             stiff = tuple(one and part > 0.0 for one, part in zip(stiff, parts, strict=True))
         return self._follow(self._holding(start, stiff, parts), wanted, given, ways)
+
+    def commanded_pulls(self, state: SpatialEquilibrium, sliding: Sequence[int] = ()) -> Array:
+        """Return the pulls (tendons,) m at the motors that give a state: paths and stretch."""
+        compliance = self.compliance
+        if any(sliding):
+            compliance = carried(self.chain, state.rotations, sliding)[1]
+        pulls: Array = state.pulls + compliance * np.nan_to_num(state.tensions)
+        return pulls
 
     def _holding(self, start: SpatialEquilibrium, stiff: tuple[bool, ...],
                  vacuum: tuple[float, ...]) -> SpatialEquilibrium:
@@ -226,7 +240,7 @@ class SpatialStatics:
         """Lead lengths, tensions and what is out of balance at the start to the target."""
         chain = self.chain
         link, system, unchanged = self._system(start, rigid, ratios)
-        stretch = self._compliance if compliance is None else compliance
+        stretch = self.compliance if compliance is None else compliance
         first = np.flatnonzero(~rigid)
         by_force = ~np.isnan(given)
         links = _Links(system, np.where(by_force, TENSION, LENGTH), stretch,
@@ -253,12 +267,13 @@ class SpatialStatics:
                 links, done, step = there, part, 2.0 * step
                 continue
             step *= 0.5
-            if step < LEAST_STEP:
+            if step < LEAST_STEP or total > MAX_ITERATIONS:
                 found = links.relax(at_last)
                 if found is None:
                     raise StaticsError(
-                        'the arm loses its equilibrium, and no other was found; is a tendon too '
-                        'short for every shape?', start)
+                        f'the arm loses its equilibrium after {100.0 * done:.0f} % of the way to '
+                        'these pulls and loads, and no other was found near it; pay out a tendon, '
+                        'or go there in smaller steps', start)
                 links, jumped = found, True
                 break
         turned = np.concatenate([
@@ -292,8 +307,8 @@ class SpatialStatics:
         by_force = ~np.isnan(given)
         short = np.where(by_force, 0.0, pulls - start.pulls)
         self._refuse_short(short, start)
-        stretches = self._compliance > 0.0
-        stretched = np.maximum(0.0, short) / np.where(stretches, self._compliance, 1.0)
+        stretches = self.compliance > 0.0
+        stretched = np.maximum(0.0, short) / np.where(stretches, self.compliance, 1.0)
         # Nothing determines what one carries that neither stretches nor is slack.
         carried = np.where(stretches, stretched, np.where(short < -LOCKED_TOLERANCE, 0.0, np.nan))
         return replace(start, slack=np.maximum(0.0, -short), iterations=0,
@@ -301,7 +316,7 @@ class SpatialStatics:
 
     def _refuse_short(self, short: Array, start: SpatialEquilibrium) -> None:
         """Refuse tendons (tendons,) that are too short (m) where nothing can bend or stretch."""
-        beyond = np.where(self._compliance > 0.0, 0.0, short)
+        beyond = np.where(self.compliance > 0.0, 0.0, short)
         if beyond.max(initial=0.0) > LOCKED_TOLERANCE:
             worst = int(np.argmax(beyond))
             raise OverconstrainedError(
