@@ -38,7 +38,7 @@ STATE = f'UniTuple({VECTOR}, 3)'
 SYSTEM = f'Tuple(({MATRIX}, {MATRIX}, {TENSOR}, {MATRIX}, {MATRIX}, {INDICES}))'
 DRIVE = f'Tuple(({INDICES}, {VECTOR}, {VECTOR}, {INDICES}))'
 LINKS = (f'Tuple(({TENSOR}, {TENSOR}, {TENSOR}, {MATRIX}, {INDICES}, {MATRIX}, i8[:, :], '
-         f'{MATRIX}))')
+         f'{MATRIX}, {TENSOR}, {VECTOR}))')
 SIGNATURES = {
     'newton': f'Tuple((i8, i8, f8, f8))({STATE}, {SYSTEM}, {DRIVE}, {VECTOR}, f8, {VECTOR})',
     'newton_batch':
