@@ -79,7 +79,7 @@ def _reader(question: Question) -> Callable[[str], Given]:
 
 def _metavar(question: Question) -> str:
     return ('|'.join(question.choices) if question.choices
-            else {'': 'N', 'degrees': 'DEG'}.get(question.unit, question.unit.upper()))
+            else re.sub(r'\W', '', question.unit).upper() or 'N')
 
 
 def _run(options: argparse.Namespace) -> None:

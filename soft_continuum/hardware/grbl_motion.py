@@ -53,8 +53,10 @@ class Motors:
         """Raise ParameterError when a list has not one value for each tendon, or a wrong one."""
         count, names = len(self.tendons), ', '.join(self.tendons)
         if count > len(AXES):
-            raise ParameterError(f'the arm has {count} tendons; a GRBL controller can move at '
-                                 f'most {len(AXES)}')
+            raise ParameterError(
+                f'the arm has {count} tendons ({names}); a GRBL controller moves one by each of '
+                f'its axes, at most {len(AXES)} ({", ".join(AXES)}): describe fewer, or choose '
+                'another tendon_driver')
         for name, given in (('steps_per_mm', self.steps_per_mm), ('signs', self.signs)):
             if len(given) != count:
                 raise ParameterError(f'parameter grbl.{name} is {list(given)}; needed: one value '
