@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One description file describes a planar arm, a spatial one and a tendon arm without jamming."""
 
+from dataclasses import replace
 from math import inf, pi
 from pathlib import Path
 from xml.etree import ElementTree
@@ -11,9 +12,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.client.state import Pose
+from soft_continuum.hardware.grbl_motion import Motors
 from soft_continuum.mechanics import Arm, RigidChain
 from soft_continuum.mechanics.either import chain_of, statics_of
-from soft_continuum.mechanics.spatial import spatial, SpatialArm, SpatialChain
+from soft_continuum.mechanics.spatial import spatial, SpatialArm, SpatialChain, SpatialTendon
 from soft_continuum.nodes.prediction import TensionPrediction
 from soft_continuum.nodes.up import nodes_of
 from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
@@ -102,8 +104,9 @@ def test_the_nodes_that_an_arm_needs_are_started(path, nodes):
     ((-0.1, 0.1, 3.1), (3, 3, 3), [[0, 1, 2]]), ((1.0,), (1,), []),
     ((0.0, 0.5 * pi, pi, 0.1), (2, 2, 2, 1), [[0, 2], [0, 1, 2]])], ids=str)
 def test_tendons_oppose_each_other_with_the_backbone_between_them(angles, ends, opposing):
-    arm = described(arm__tendon_names=tuple('abcd'[:len(angles)]), arm__tendon_angles=angles,
-                    arm__tendon_ends=ends)
+    arm = replace(described(), tendons=tuple(
+        SpatialTendon(name, angle, 0.02, end)
+        for name, angle, end in zip('abcd', angles, ends, strict=False)))
     assert TensionPrediction(arm).opposing == opposing
 
 
@@ -117,6 +120,10 @@ def test_tendons_oppose_each_other_with_the_backbone_between_them(angles, ends, 
     ({'arm__tendon_angles': (0.0,)}, 'arm.tendon_names has 3, so 3 are needed'),
     ({'arm__tendon_ends': (1, 2)}, '3 are needed, or one for all'),
     ({'arm__tendon_ends': (1, 2, 4)}, 'allowed: 1 to 3'),
+    ({'arm__tendon_ends': (1, 2, 1)}, 'so no tendon passes segment 3; let one end at 3'),
+    ({'arm__tendon_ends': (1, 1, 1)}, 'no tendon passes segment 2 and 3; let one end at 3, or'),
+    ({'arm__tendon_angles': (1.0, 2.0, 1.0 - 2 * pi)}, 'a and c are one tendon: both are at'),
+    ({'arm__tendon_angles': (1.0, 2.0, 1.0), 'arm__tendon_ends': (3, 2, 0)}, 'end at disc 3; g'),
     ({'arm__tendon_ends': (-1,)}, 'allowed: 0 to'),
     ({'arm__tendon_ends': (1.5,)}, 'a whole number'),
     ({'arm__spacers': 4}, '12 bodies per segment and 4 spacers'),
@@ -129,6 +136,11 @@ def test_tendons_oppose_each_other_with_the_backbone_between_them(angles, ends, 
 ], ids=str)
 def test_what_is_no_spatial_arm_is_refused(changes, words):
     assert words in refusal(**changes)
+
+
+def test_tendons_without_an_axis_of_the_controller_are_refused():
+    with pytest.raises(ParameterError, match=r'9 tendons .*tip_3.*at most 4 \(X, Y, Z, A\)'):
+        Motors.from_parameters(load_description(TENDON_ARM))
 
 
 def test_tools_for_planar_arms_say_what_works_instead():

@@ -68,6 +68,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('learn', 'save what measurements have told of the arm', 'cli.learn:main'),
     ),
     'set up a rig, while no nodes run': (
+        Verb('new-arm', 'describe an arm, by questions', 'cli.new_arm:main'),
         Verb('doctor', 'check a rig step by step; nothing moves', 'cli.doctor:main'),
         Verb('calibrate', 'measure a rig: steps, signs, zero, vacuum', 'cli.calibrate:main'),
         Verb('emulate', 'emulate a device: grbl or modbus', 'cli.emulate:main'),

@@ -28,15 +28,18 @@ from soft_continuum.parameters.spatial_arm import (
     SPATIAL_PER_SEGMENT,
 )
 
+LEAF_SPRINGS = (
+    Parameter('arm.leaf_thicknesses', (0.0005, 0.00035, 0.00025),
+              'thickness of each leaf spring', 1e-5, 1e-2, unit='m'),
+    Parameter('arm.leaf_widths', (0.0127, 0.0127, 0.0127),
+              'width of each leaf spring', 1e-4, 1.0, unit='m'),
+)
 PER_SEGMENT = (
     Parameter('arm.segment_lengths', (0.07, 0.07, 0.07),
               'bending length of each segment, base first', 1e-3, 10.0, unit='m'),
     Parameter('arm.outer_diameters', (0.05, 0.0425, 0.035),
               'outer diameter of each segment', 1e-3, 10.0, unit='m'),
-    Parameter('arm.leaf_thicknesses', (0.0005, 0.00035, 0.00025),
-              'thickness of each leaf spring', 1e-5, 1e-2, unit='m'),
-    Parameter('arm.leaf_widths', (0.0127, 0.0127, 0.0127),
-              'width of each leaf spring', 1e-4, 1.0, unit='m'),
+    *LEAF_SPRINGS,
     Parameter('arm.bending_stiffnesses', (0.0,),
               'measured E I of each soft segment; 0: that of its leaf spring',
               0.0, 1e3, unit='N m^2'),
@@ -133,6 +136,10 @@ def any_arm_from_parameters(values: Mapping[str, Any]) -> AnyArm:
     get: dict[str, Any] = {
         p.name.removeprefix('arm.'): p.check(values.get(p.name, p.default))
         for p in ARM_PARAMETERS}
+    if all(get['bending_stiffnesses']):  # then nothing follows from the three springs of the paper
+        for spring in LEAF_SPRINGS:
+            name = spring.name.removeprefix('arm.')
+            get[name] = get[name][:1] if get[name] == spring.default else get[name]
     count = len(get['segment_lengths'])
     if count > MAX_SEGMENTS:
         raise ParameterError(f'parameter arm.segment_lengths has {count} values; allowed: up to '

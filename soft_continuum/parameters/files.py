@@ -10,6 +10,7 @@ nested keys.  A key that no table of parameters has is refused.
 from collections.abc import Mapping, Sequence
 import os
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import yaml
@@ -34,6 +35,7 @@ from soft_continuum.text import printable, read_bytes
 
 MAX_DEPTH = 20  # keys below one another in a parameter file
 MAX_SIZE = 100_000  # bytes of such a file
+WIDTH = 99  # of the comments in one
 
 UNCHECKED = (SHAPE_PREFIX, DIRECTION_PREFIX, 'use_sim_time', 'qos_overrides.',
              'start_type_description_service')
@@ -99,31 +101,37 @@ def load_rig(paths: Sequence[str | Path]) -> dict[str, Value]:
     return values
 
 
-def write_parameters(path: Path, values: Mapping[str, Value], comments: Sequence[str]) -> None:
+def write_parameters(path: Path, values: Mapping[str, Value], comments: Sequence[str],
+                     notes: Mapping[str, str] | None = None) -> None:
     """Write parameters_text to a file, whole or not at all."""
     partial = path.with_name(f'.{path.name}.{os.getpid()}')
     try:
-        partial.write_text(parameters_text(values, comments), encoding='utf-8')
+        partial.write_text(parameters_text(values, comments, notes), encoding='utf-8')
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
 
 
-def parameters_text(values: Mapping[str, Value], comments: Sequence[str]) -> str:
+def parameters_text(values: Mapping[str, Value], comments: Sequence[str],
+                    notes: Mapping[str, str] | None = None) -> str:
     """
     Return a parameter file for all nodes.
 
     values: by dotted names, those of a group one after the other.  comments: lines at the top.
+    notes: of parameters, by their names, which become comments above them.
     """
     lines = [f'# {" ".join(comment.splitlines())}'.rstrip() for comment in comments]
     lines += ['/**:', '  ros__parameters:']
     group = ''
     for name, value in values.items():
-        section, key = name.split('.')
+        section, _, key = name.rpartition('.')
         if section != group:
             group = section
-            lines.append(f'    {group}:')
-        lines.append(f'      {key}: {as_yaml(value)}')
+            lines += [f'    {group}:'] if group else ['']
+        indent = 6 * ' ' if group else 4 * ' '
+        lines += wrap((notes or {}).get(name, ''), WIDTH, initial_indent=f'{indent}# ',
+                      subsequent_indent=f'{indent}# ')
+        lines.append(f'{indent}{key}: {as_yaml(value)}')
     return '\n'.join(lines) + '\n'
 
 

@@ -6,7 +6,7 @@ The parameters that make an arm a spatial one: its tendons by name, and how it b
 Their defaults are those of a planar arm, which has a right and a left tendon.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import cos, inf, pi, sin
 import re
@@ -49,6 +49,7 @@ SPATIAL_PARAMETERS = (
     Parameter('arm.spacers', 0,
               'guides of the tendons inside each segment of a spatial arm, evenly spaced', 0, 100),
 )
+SAME_ANGLE = 1e-3  # rad
 NAME = re.compile(r'[A-Za-z]\w{0,99}', re.ASCII)
 
 
@@ -86,6 +87,13 @@ def spatial_arm(get: Mapping[str, Any]) -> SpatialArm:
         raise ParameterError(
             f'parameter arm.tendon_ends is {list(ends)}; allowed: 1 to {count}, the discs above '
             f'the {count} segments, or 0 for the last')
+    reached = max(end or count for end in ends)
+    if reached < count:
+        passed = ' and '.join(str(number) for number in range(reached + 1, count + 1))
+        raise ParameterError(
+            f'parameter arm.tendon_ends is {list(ends)}, so no tendon passes segment {passed}; '
+            f'let one end at {count}, or at 0, the last disc')
+    _refuse_same_place(names, angles, ends, twists, count)
     tendons = tuple(
         SpatialTendon(name, angle, get['guide_offsets'][:2 * (end or count)], end or count, twist,
                       friction=get['tendon_friction'], free_length=get['tendon_free_length'])
@@ -102,6 +110,20 @@ def spatial_arm(get: Mapping[str, Any]) -> SpatialArm:
     return replace(arm, tendons=tuple(
         replace(tendon, compliance=float(length) / axial)
         for tendon, length in zip(tendons, SpatialChain(arm).straight_ropes, strict=True)))
+
+
+def _refuse_same_place(names: Sequence[str], angles: Sequence[float], ends: Sequence[int],
+                       twists: Sequence[float], count: int) -> None:
+    """Refuse two tendons that are one: at the same angle all the way, to the same disc."""
+    for second in range(len(names)):
+        for first in range(second):
+            apart = (angles[second] - angles[first] + pi) % (2.0 * pi) - pi
+            if (abs(apart) < SAME_ANGLE and twists[first] == twists[second]
+                    and (ends[first] or count) == (ends[second] or count)):
+                raise ParameterError(
+                    f'{names[first]} and {names[second]} are one tendon: both are at '
+                    f'{angles[first]:g} rad and end at disc {ends[first] or count}; give '
+                    'another angle in arm.tendon_angles, or another disc in arm.tendon_ends')
 
 
 def _segment(get: Mapping[str, Any], i: int) -> SpatialSegment:

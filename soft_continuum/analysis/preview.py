@@ -1,0 +1,92 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""A first look at a described arm: straight, and bent by the statics."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+import numpy as np
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from soft_continuum.analysis.figures import finish_panels, new_panels
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm, State
+
+LABELS = 1.45  # times the distance of a tendon from the backbone: where its name is
+
+
+def bent(arm: AnyArm, bending_angles: Sequence[float], jamming: bool) -> State:
+    """
+    Return the arm in a shape, by the statics.
+
+    bending_angles: (segments,) rad; in space all towards x.  jamming: whether segments are set
+    one after the other, or all at once.  Raises StaticsError where no tendons hold it.
+    """
+    if isinstance(arm, Arm):
+        from soft_continuum.mechanics.inverse import set_shape
+        from soft_continuum.mechanics.statics import Statics
+        return set_shape(Statics(arm), bending_angles)
+    from soft_continuum.mechanics.spatial import inverse, SpatialStatics
+    statics = SpatialStatics(arm)
+    bending = np.column_stack([np.zeros(len(bending_angles)), bending_angles])
+    if jamming:
+        return inverse.set_shape(statics, bending)
+    return inverse.pulls_for_bending(
+        statics, statics.chain.straight(), bending, [True] * len(bending)).state
+
+
+def preview_figure(path: str | Path, states: Sequence[tuple[str, State]]) -> None:
+    """Write states by their titles as seen from the side, and the tendons at the base; in mm."""
+    figure, panels = new_panels(1, len(states) + 1, 3.6 * (len(states) + 1), 5.0)
+    for axes, (title, state) in zip(panels, states, strict=False):
+        _draw(axes, state)
+        axes.set_title(title)
+    figure.delaxes(panels[-1])  # the tendons have a scale of their own
+    _draw_tendons(figure.add_subplot(1, len(panels), len(panels)), states[0][1])
+    finish_panels(path, figure, 3)
+
+
+def _draw(axes: Axes, state: State) -> None:
+    """Draw backbone, discs and tendons as seen along y."""
+    axes.plot(*_side(state.backbone), color='0.0', linewidth=2.0, label='backbone')
+    for number, guides in enumerate(state.tendon_points):
+        axes.plot(*_side(guides), color='0.35', linewidth=0.7,
+                  label='tendon' if number == 0 else None)
+    for number, radius in enumerate(state.chain.disc_radii):
+        rims = np.concatenate([_rim(pose, radius)[:, ::2] for pose in state.poses[
+            2 * number:2 * number + 2]])
+        outline = rims[ConvexHull(rims, qhull_options='QJ').vertices]
+        axes.fill(*(1e3 * outline.T), facecolor='0.85', edgecolor='0.4', linewidth=0.8,
+                  label='disc' if number == 0 else None)
+
+
+def _side(points: Array) -> tuple[Array, Array]:
+    return 1e3 * points[:, 0], 1e3 * points[:, 2]
+
+
+def _draw_tendons(axes: Axes, state: State) -> None:
+    """Draw where the tendons pass the base, as seen from the tip."""
+    rim = 1e3 * _rim(state.poses[0], state.chain.disc_radii[0])
+    axes.plot(rim[:, 0], rim[:, 1], color='0.6', linewidth=1.2)
+    for name, guides in zip(state.chain.arm.tendon_names, state.tendon_points, strict=True):
+        x, y = 1e3 * guides[0, :2]
+        axes.plot(x, y, 'o', color='0.0', markersize=4)
+        axes.annotate(name, (x, y), (LABELS * x, LABELS * y), ha='center', va='center',
+                      fontsize=7, parse_math=False)
+    axes.set_aspect('equal')
+    axes.margins(0.35)
+    axes.set_title('tendons at the base, from the tip')
+    axes.set_xlabel('x in mm')
+    axes.set_ylabel('y in mm')
+    axes.grid(alpha=0.3)
+
+
+def _rim(pose: Array, radius: float) -> Array:
+    """Return the edge of a disc, (n, 3), m; pose (7,), radius in m."""
+    around = np.linspace(0.0, 2.0 * np.pi, 41)
+    edge: Array = pose[:3] + Rotation.from_quat(pose[3:]).apply(
+        radius * np.column_stack([np.cos(around), np.sin(around), np.zeros_like(around)]))
+    return edge

@@ -1,0 +1,207 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a question about an arm is, and the answers to them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf, pi
+from typing import TypeAlias
+
+from soft_continuum.parameters.nodes import ALL_PARAMETERS
+from soft_continuum.parameters.parameter import Parameter, Value
+
+PLANAR, SPATIAL, TENDONS = KINDS = ('planar', 'spatial', 'tendons')
+UNITS = {'': 1.0, 'mm': 1e-3, 'g': 1e-3, 'degrees': pi / 180.0, 'GPa': 1e9, 'N': 1.0,
+         'N m^2': 1.0}
+"""Units that are typed, in SI."""
+DIGITS = 4  # of what is suggested
+PARAMETERS = {p.name: p for p in ALL_PARAMETERS}
+Given: TypeAlias = str | tuple[float, ...]
+"""A choice, or numbers in the unit that is typed."""
+
+
+class AnswerError(ValueError):
+    """An answer does not fit; the message says what was given and what may be."""
+
+    def __init__(self, name: str, problem: str) -> None:
+        """name: of the question."""
+        super().__init__(f'{name}: {problem}')
+        self.name = name
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """A choice or numbers (in SI) that are taken when nothing is known, and where from."""
+
+    value: str | Sequence[float]
+    why: str
+
+
+@dataclass(frozen=True)
+class Answer:
+    """An answer, in the unit that is typed; assumed: why it was taken, empty if it was given."""
+
+    value: Given
+    assumed: str = ''
+
+
+@dataclass(frozen=True)
+class Question:
+    """
+    One question about an arm.
+
+    name: of the answer, and of its option.  text: what is asked.  suggest: from the answers
+    before it.  parameter: what the answer sets in the description, empty for what only serves to
+    make others.  unit: one of UNITS.  count: how many numbers there are, from the answers before
+    it, unless one counts for all; 0: some of the numbers of segments.  low, high: in SI, where the
+    parameter does not say.  choices: texts, and what they mean.  kinds: of arms that have it.
+    """
+
+    name: str
+    text: str
+    suggest: Callable[['Answers'], Suggestion]
+    parameter: str = ''
+    unit: str = ''
+    count: Callable[['Answers'], int] = lambda _: 1
+    low: float = -inf
+    high: float = inf
+    choices: Mapping[str, str] | None = None
+    kinds: tuple[str, ...] = KINDS
+
+    @property
+    def option(self) -> str:
+        """The option of the command line."""
+        return f'--{self.name.replace("_", "-")}'
+
+    @property
+    def sets(self) -> Parameter | None:
+        """The parameter that the answer sets."""
+        return PARAMETERS[self.parameter] if self.parameter else None
+
+    @property
+    def whole(self) -> bool:
+        """Whether the numbers are whole ones."""
+        return not self.choices and (
+            self.sets.type_name.startswith('integer') if self.sets else self.name in COUNTS)
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Smallest and largest number, in the unit that is typed."""
+        low, high = (self.sets.low, self.sets.high) if self.sets else (self.low, self.high)
+        return max(low, self.low) / UNITS[self.unit], min(high, self.high) / UNITS[self.unit]
+
+    def read(self, text: str) -> Given:
+        """Return what was typed; raises AnswerError saying what is allowed."""
+        if self.choices:
+            if text not in self.choices:
+                raise AnswerError(self.name, f'{text!r} given; allowed: {", ".join(self.choices)}')
+            return text
+        low, high = self.bounds
+        found = []
+        for word in text.replace(' ', ',').strip(',').split(','):
+            try:
+                number = float(word)
+            except ValueError:
+                number = float('nan')
+            if not low <= number <= high or (self.whole and not number.is_integer()):
+                raise AnswerError(
+                    self.name, f'{word!r} given; allowed: {"whole " if self.whole else ""}numbers '
+                    f'from {low:g} to {high:g} {self.unit}'.rstrip() + ', with commas between')
+            found.append(number)
+        return tuple(found)
+
+    def check(self, value: Given, answers: 'Answers') -> None:
+        """Raise AnswerError for numbers that do not fit to the answers before."""
+        count = self.count(answers)
+        if isinstance(value, str):
+            return
+        if not count and (len(set(value)) < len(value) or max(value) > answers.segments):
+            raise AnswerError(
+                self.name, f'{", ".join(f"{number:g}" for number in value)} given; allowed: '
+                f'numbers from 1 to {answers.segments}, each once')
+        if count and len(value) not in {1, count}:
+            several = f'1 or {count} numbers' if count > 1 else 'one number'
+            raise AnswerError(self.name, f'{len(value)} numbers given; allowed: {several}')
+
+    def suggested(self, answers: 'Answers') -> Answer:
+        """Return what is taken when nothing is known, rounded as it is shown."""
+        found = self.suggest(answers)
+        if isinstance(found.value, str):
+            return Answer(found.value, found.why)
+        numbers = [float(f'{number / UNITS[self.unit]:.{DIGITS}g}') for number in found.value]
+        same = len(set(numbers)) == 1
+        return Answer(tuple(numbers[:1] if same else numbers), found.why)
+
+    def value(self, answer: Answer) -> Value:
+        """Return an answer in SI, as its parameter has it."""
+        if isinstance(answer.value, str):
+            return answer.value
+        numbers = tuple(number * UNITS[self.unit] for number in answer.value)
+        if self.sets is not None and not isinstance(self.sets.default, tuple):
+            return round(numbers[0]) if self.whole else numbers[0]
+        return numbers
+
+
+COUNTS = ('segments', 'tendons')
+
+
+class Answers:
+    """The answers so far, in SI for those who estimate by them."""
+
+    def __init__(self, questions: Sequence[Question], answers: Mapping[str, Answer]) -> None:
+        """answers: by the names of questions."""
+        self._questions = {question.name: question for question in questions}
+        self._answers = answers
+
+    def text(self, name: str) -> str:
+        """Return a choice."""
+        return str(self._answers[name].value)
+
+    def all(self, name: str, count: int = 0) -> tuple[float, ...]:
+        """Return numbers in SI; one is repeated ``count`` times if that is given."""
+        found = tuple(number * UNITS[self._questions[name].unit]
+                      for number in self._answers[name].value if not isinstance(number, str))
+        return found * count if len(found) == 1 and count else found
+
+    def one(self, name: str) -> float:
+        """Return a number in SI."""
+        return self.all(name)[0]
+
+    @property
+    def kind(self) -> str:
+        """One of KINDS."""
+        return self.text('kind')
+
+    @property
+    def segments(self) -> int:
+        """How many segments the arm has."""
+        return round(self.one('segments'))
+
+    def each(self, name: str) -> tuple[float, ...]:
+        """Return a number in SI for every segment."""
+        return self.all(name, self.segments)
+
+
+def one(answers: Answers) -> int:
+    """Count of a question with one number."""
+    return 1
+
+
+def some_segments(answers: Answers) -> int:
+    """Count of a question for numbers of segments."""
+    return 0
+
+
+def per_segment(answers: Answers) -> int:
+    """Count of a question about each segment."""
+    return answers.segments
+
+
+def per_disc(answers: Answers) -> int:
+    """Count of a question about each disc, the base disc first."""
+    return answers.segments + 1
+
+
+def per_end(answers: Answers) -> int:
+    """Count of a question about each disc at which tendons end."""
+    return len(answers.all('tendon_ends'))
