@@ -31,6 +31,7 @@ LIMIT = 'solreflimit="0.01 1" solimplimit="0.9 0.95 0.001 0.5 1"'
 TIGHTENING = 0.02  # of the excess of a taut tendon, in each time step
 LOOSENING = 0.01  # of what a slack tendon was tightened by, in each time step
 MAX_TIGHTENING = 1e-3  # m
+STRETCHING = 0.05  # of what a tendon has yet to stretch, in each time step: at once, it chatters
 SLIP = 5e-3 * TIME_STEP  # m by which a tendon slips in each time step
 PRESLIDING = 5e-5  # m of a motor until the friction has turned round
 CONTACT = 'condim="1" solref="0.01 1" solimp="0.99 0.999 0.001 0.5 1"'
@@ -79,6 +80,7 @@ class Plant:
         self._stiff = np.zeros(len(arm.segments), dtype=bool)
         self._pulled = np.zeros(2)  # by the motors, less the backlash
         self._tightening = np.zeros(2)
+        self._stretched = np.zeros(2)  # m, of each tendon
         self._slipped = np.zeros(2)  # m, of each tendon in its clamp
         self._acceleration = np.zeros(joints)  # rad/s^2
         self._set_springs()
@@ -164,8 +166,9 @@ class Plant:
         self._sliding = np.clip(
             self._sliding + (self._pulled - before) / PRESLIDING, -1.0, 1.0)
         self._slipped += SLIP * (tensions > given.slip_tension)
+        self._stretched += STRETCHING * (given.tendon_compliance * tensions - self._stretched)
         longest = (self._straight - self._pulled - given.zero_offset + self._slipped
-                   + given.tendon_compliance * tensions)
+                   + self._stretched)
         excess = self._data.ten_length[:2] - longest
         self._tightening += np.where(tensions > 0.0, TIGHTENING * excess,
                                      -LOOSENING * self._tightening)
