@@ -28,6 +28,7 @@ TIME_STEP = 0.002  # s
 TIGHTENING = 0.02  # of the excess of a taut tendon, in each time step
 LOOSENING = 0.01  # of what a slack tendon was tightened by, in each time step
 MAX_TIGHTENING = 1e-3  # m
+STRETCHING = 0.05  # of what a tendon has yet to stretch, in each time step: at once, it chatters
 SLIP = 5e-3 * TIME_STEP  # m by which a tendon slips in each time step
 PRESLIDING = 5e-5  # m of a motor until the friction has turned round
 
@@ -67,6 +68,8 @@ class AnyPlant(ABC):
         self._stiff = np.zeros(len(arm.segments), dtype=bool)
         self._pulled = np.zeros(tendons)  # by the motors, less the backlash
         self._tightening = np.zeros(tendons)
+        self._compliance = np.full(tendons, differences.tendon_compliance)  # m/N
+        self._stretched = np.zeros(tendons)  # m
         self._slipped = np.zeros(tendons)  # m, of each tendon in its clamp
         self._acceleration = np.zeros(self._model.nv)  # rad/s^2
         self._set_springs()
@@ -149,8 +152,9 @@ class AnyPlant(ABC):
         self._sliding = np.clip(
             self._sliding + (self._pulled - before) / PRESLIDING, -1.0, 1.0)
         self._slipped += SLIP * (tensions > given.slip_tension)
+        self._stretched += STRETCHING * (self._compliance * tensions - self._stretched)
         longest = (self._straight - self._pulled - given.zero_offset + self._slipped
-                   + self._stretch(tensions))
+                   + self._stretched)
         excess = self._data.ten_length[self._tendons] - longest
         self._tightening += np.where(tensions > 0.0, TIGHTENING * excess,
                                      -LOOSENING * self._tightening)
@@ -162,10 +166,6 @@ class AnyPlant(ABC):
         mujoco.mj_step(self._model, self._data)
         # Over the step: at an instant, what is as stiff as a jam has none that says anything.
         self._acceleration = (self._data.qvel - speeds) / TIME_STEP
-
-    def _stretch(self, tensions: Array) -> Array:
-        """Return by how much tensions stretch the tendons, (tendons,), m."""
-        return self.differences.tendon_compliance * tensions
 
     def _friction(self, tensions: Array) -> Array:
         """Return what the spans pull less, or more, than the base: forces on the joints, N m."""

@@ -36,8 +36,6 @@ kg m^2 of each joint for each N m/rad, of what is stiff at most for this many ti
 MuJoCo finds the tensions as if its joints moved freely, as stiff ones do not.  As long as these
 are heavier tensions settle; else they chatter.
 """
-STRETCHING = 0.05
-"""Of what a tendon has still to stretch, in each time step: all at once would make it chatter."""
 AXES = 'xyz'
 
 
@@ -57,9 +55,7 @@ class SpatialPlant(AnyPlant):
         self._guides = _guides(arm)
         super().__init__(arm, differences, _model(
             arm, self._guides, springs, differences), springs, finite)
-        self._stretched = np.zeros(len(arm.tendons))  # m
-        self._compliance = differences.tendon_compliance + np.array(
-            [tendon.compliance for tendon in arm.tendons])
+        self._compliance += [tendon.compliance for tendon in arm.tendons]
         spans = [(t, high.body) for t, guides in enumerate(self._guides)
                  for low, high in zip(guides, guides[1:], strict=False) if high.ends_span]
         self._span_tendons, self._span_bodies = np.array(spans, dtype=np.intp).reshape(-1, 2).T
@@ -104,10 +100,6 @@ class SpatialPlant(AnyPlant):
         for wrench in self.arm.wrenches:
             if wrench.disc > 0:  # the base does not move
                 self._data.xfrc_applied[self._disc(wrench.disc)] += wrench.force + wrench.moment
-
-    def _stretch(self, tensions: Array) -> Array:
-        self._stretched += STRETCHING * (self._compliance * tensions - self._stretched)
-        return self._stretched
 
     def _angles(self) -> Array:
         turns = self._data.qpos.reshape(-1, 4)

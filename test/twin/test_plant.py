@@ -99,6 +99,17 @@ def test_backlash_is_taken_up_before_a_tendon_follows():
     assert angles(found)[2] < before - 0.02
 
 
+def test_tendons_that_stretch_do_not_chatter_at_rest():
+    found = plant(tendon_compliance=5e-5, stiff_ratio=15.0, zero_offset=4e-4)
+    run(found, np.zeros(2), np.zeros(2), STIFF, 1.0)
+    tensions = []
+    for _ in range(20):
+        found.step(np.zeros(2), STIFF)
+        tensions.append(found.tensions)
+    assert np.mean(tensions, axis=0).min() > 5.0
+    assert np.ptp(tensions, axis=0).max() < 0.1
+
+
 @pytest.mark.parametrize('tendon', [0, 1])
 def test_a_tendon_slips_beyond_its_tension_and_stays_longer(tendon):
     pull = np.full(2, -0.05)
