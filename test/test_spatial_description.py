@@ -140,7 +140,8 @@ def test_what_is_no_spatial_arm_is_refused(changes, words):
 
 def test_tendons_without_an_axis_of_the_controller_are_refused():
     with pytest.raises(ParameterError, match='9 tendons; .* at most 4: give the ports of 3'):
-        Motors.of_boards({**load_description(TENDON_ARM), 'grbl.port': '/dev/ttyUSB0'})
+        Motors.of_boards({**load_description(TENDON_ARM), 'grbl.port': '/dev/ttyUSB0',
+                          'grbl.steps_per_mm': (200.0,) * 9, 'grbl.signs': (1.0,) * 9})
 
 
 def test_tools_for_planar_arms_say_what_works_instead():
