@@ -3,7 +3,7 @@
 """In what the twin differs from the description of the arm: config/twin.yaml."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, MISSING
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +52,9 @@ class Differences:
     off the middle at most.  tag_offset: m, standard deviation of where the tags of the discs are
     stuck; over their size, rad, of how they are turned.  fixed_offset, depth_offset: m, standard
     deviations of where the fixed tags are, and of the depth.  seed: of everything random.
+
+    Of spatial arms, and they may be left out: lateral_stiffness_factor, of bending about x
+    besides; angle_error, rad, standard deviation of the angles of the tendons.
     """
 
     stiffness_factors: tuple[float, ...]
@@ -86,6 +89,8 @@ class Differences:
     fixed_offset: float
     depth_offset: float
     seed: int
+    lateral_stiffness_factor: float = 1.0
+    angle_error: float = 0.0
 
 
 def load_cell_parameters(tendons: int) -> dict[str, object]:
@@ -95,7 +100,8 @@ def load_cell_parameters(tendons: int) -> dict[str, object]:
 
 
 RANGES = {
-    'stiffness_factors': (0.2, 5.0), 'mass_factor': (0.0, 5.0), 'stiff_ratio': (1.1, 1e5),
+    'stiffness_factors': (0.2, 5.0), 'lateral_stiffness_factor': (0.2, 5.0),
+    'angle_error': (0.0, 0.5), 'mass_factor': (0.0, 5.0), 'stiff_ratio': (1.1, 1e5),
     'soft_below': (0.0, 0.9), 'yield_moment': (1e-6, 1e6), 'lock_in_shift': (0.0, 0.2),
     'damping_time': (0.005, 1.0), 'guide_friction': (0.0, 1.0),
     'tendon_compliance': (0.0, 0.01), 'slip_tension': (0.1, 1e6), 'backlash': (0.0, 0.01),
@@ -127,11 +133,12 @@ def read_differences(path: str | Path, preset: str) -> Differences:
     if preset not in presets:
         raise TwinError(f'{path} has no preset {preset}; it has: {", ".join(map(str, presets))}')
     values = presets[preset]
-    names = [field.name for field in fields(Differences)]
-    if not isinstance(values, dict) or sorted(map(str, values)) != sorted(names):
+    names = {field.name: field.default is MISSING for field in fields(Differences)}
+    needed = {name for name, is_needed in names.items() if is_needed}
+    if not isinstance(values, dict) or not needed <= set(values) <= set(names):
         raise TwinError(f'{path}: preset {preset} must hold these and nothing else: '
                         f'{", ".join(names)}')
-    return Differences(**{name: _checked(path, name, values) for name in names})
+    return Differences(**{name: _checked(path, name, values) for name in values})
 
 
 def _checked(path: str | Path, name: str, values: Mapping[str, Any]) -> Any:

@@ -31,7 +31,8 @@ class TwinRig:
     The emulated boards and the plant behind them; runs while this context manager is open.
 
     It begins stiff, as a rig whose pump runs, if its segments can be stiff.  While ``lock`` is
-    held no time passes for the plant.  lost: s of real time for which the plant stood still since the computer was too slow.
+    held no time passes for the plant.  lost: s of real time for which the plant stood still since
+    the computer was too slow.
     """
 
     def __init__(self, arm: AnyArm, differences: Differences, grbl_link: str | Path = '',

@@ -49,10 +49,13 @@ class SpatialPlant(AnyPlant):
         factors = stiffness_factors(arm, differences)[:, None]
         given = np.array([[s.stiffness_x, s.stiffness_y, s.torsional_stiffness]
                           for s in arm.segments]) * factors
+        given[:, 0] *= differences.lateral_stiffness_factor
         least = given[:, :2].min(axis=1, keepdims=True)
         finite = joint_stiffness(arm, np.where(given < inf, given, 0.0))
         springs = joint_stiffness(arm, np.where(given < inf, given, RIGID * least))
-        self._guides = _guides(arm)
+        random = np.random.default_rng([differences.seed, 2])
+        self._guides = _guides(arm, random.normal(
+            0.0, differences.angle_error, len(arm.tendons)).tolist())
         super().__init__(arm, differences, _model(
             arm, self._guides, springs, differences), springs, finite)
         self._compliance += [tendon.compliance for tendon in arm.tendons]
@@ -144,8 +147,8 @@ class Guide:
     ends_span: bool
 
 
-def _guides(arm: SpatialArm) -> list[list[Guide]]:
-    """Return the guides of each tendon, base first."""
+def _guides(arm: SpatialArm, turns: list[float]) -> list[list[Guide]]:
+    """Return the guides of each tendon, base first; turns: rad, of all of a tendon."""
     found: list[list[Guide]] = []
     n, spans = arm.bodies_per_segment, arm.spacers + 1
     for t, tendon in enumerate(arm.tendons):
@@ -153,7 +156,7 @@ def _guides(arm: SpatialArm) -> list[list[Guide]]:
         for s, segment in enumerate(arm.segments[:tendon.end]):
             for k in range(spans + 1):
                 along = k / spans * segment.length
-                angle = tendon.angle + tendon.twist * (bottom + along)
+                angle = tendon.angle + turns[t] + tendon.twist * (bottom + along)
                 offset = tendon.offset_at(s, k / spans)
                 on_top = k == 0  # of the disc below
                 guides.append(Guide(
