@@ -27,7 +27,8 @@ from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import jamming_settings
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.rigid import mean_pose
-from soft_continuum.sensing.tag_camera import DiscPose, TagCamera
+from soft_continuum.sensing.sight import DiscPose
+from soft_continuum.sensing.tag_camera import TagCamera
 from soft_continuum.sensing.tag_mounts import mounted, tag_mount
 from soft_continuum.sensing.tare import straight_heights
 from soft_continuum.sequencing.planner import PlanSettings
