@@ -21,6 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.parameters.files import given_parameters, load_any_arm
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
+from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX
 from soft_continuum_interfaces.msg import MotionRequest
 
 NAMES = load_any_arm(TENDON_ARM).tendon_names
@@ -31,7 +32,7 @@ SLACK = -0.02  # m: of the tendons that are not to do anything
 
 def given(path: Path, **changes: Any) -> Mapping[str, Any]:
     """Return what a description gives, and changes, as Rig.start takes them."""
-    values = given_parameters(path, ALL_PARAMETERS)
+    values = given_parameters(path, ALL_PARAMETERS, prefixes=(SHAPE_PREFIX, DIRECTION_PREFIX))
     return {name.replace('.', '__'): value for name, value in values.items()} | changes
 
 
