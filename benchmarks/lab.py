@@ -4,36 +4,40 @@
 A simulated rig without ROS: the twin's plant, driven in simulated time as the nodes drive a rig.
 
 The jams follow the suite's own control of valves and pump; the discs are measured in pictures of
-the twin's camera; the truth is what the plant knows.
+the twin's camera, or those of a spatial arm with such errors as a camera has; the truth is what
+the plant knows.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, sin
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.spatial_sight import bending_of, SpatialSight
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 from soft_continuum.mechanics import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import jamming_settings
 from soft_continuum.sensing.layout import TagLayout
+from soft_continuum.sensing.rigid import mean_pose
 from soft_continuum.sensing.tag_camera import DiscPose, TagCamera
 from soft_continuum.sensing.tag_mounts import mounted, tag_mount
 from soft_continuum.sensing.tare import straight_heights
 from soft_continuum.sequencing.planner import PlanSettings
 from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.differences import Differences
-from soft_continuum.twin.plant import Plant, TIME_STEP
+from soft_continuum.twin.plant import Plant, plant_of, TIME_STEP
 from soft_continuum.twin.sensors import Sensors
 
 CAMERA, TRUTH, NOTHING = 'camera', 'truth', 'none'
-"""What measures the discs."""
+"""What measures the discs; of a spatial arm CAMERA is SpatialSight."""
 PICTURE_PERIOD = 0.2  # s
 TRIES = 10  # pictures until all discs that move were seen in one
 TARE_PICTURES = 6  # within a second, as the camera node averages them
@@ -53,13 +57,15 @@ class Description:
     """
     What the nodes know of arm and rig, from the description file.
 
-    layout: of the tags.  settings: of plans.  jamming: thresholds.  speed_limit: of a tendon, m/s.
+    arm: planar or spatial.  layout: of the tags of a planar one.  jams: whether segments can
+    become stiff.  settings: of plans.  jamming: thresholds.  speed_limit: of a tendon, m/s.
     soft_vacuum: Pa up to which a segment is soft.  timeout: s in which a segment becomes soft or
     stiff.  period: s between two readings of the pressures.
     """
 
-    arm: Arm
-    layout: TagLayout
+    arm: Any
+    layout: TagLayout | None
+    jams: bool
     settings: PlanSettings
     jamming: JammingSettings
     speed_limit: float
@@ -68,10 +74,12 @@ class Description:
     period: float
 
     @classmethod
-    def read(cls) -> 'Description':
-        """Return that of the installed description file."""
-        values: dict[str, Any] = dict(load_description(description_file()))
-        return cls(arm_from_parameters(values), TagLayout.of(values), PlanSettings.of(values),
+    def read(cls, *paths: Path) -> 'Description':
+        """Return that of description files: without one, of that of the paper's arm."""
+        values: dict[str, Any] = dict(load_description(*paths or [description_file()]))
+        arm = any_arm_from_parameters(values)
+        layout = TagLayout.of(values) if isinstance(arm, Arm) else None
+        return cls(arm, layout, values['arm.jamming'], PlanSettings.of(values),
                    jamming_settings(values), values['speed_limit'], values['soft_vacuum'],
                    values['jamming_timeout'], 1.0 / values['jamming_rate'])
 
@@ -79,9 +87,11 @@ class Description:
 @dataclass(frozen=True)
 class Pose:
     """
-    Where a disc was measured: x, z and angle of its bottom in base_link, (3,) m and rad.
+    Where a disc was measured: its bottom in base_link, m and rad.
 
-    covariance: (3, 3) of it.
+    pose, covariance: x, z, angle and (3, 3) of a planar arm.  Of a spatial one position and
+    quaternion x, y, z, w, (7,), and (6, 6) of the position and of a rotation vector along the axes
+    of base_link.
     """
 
     pose: Array
@@ -90,11 +100,11 @@ class Pose:
 
 class Lab:
     """
-    A rig with one arm; it begins straight, all segments stiff, both tendons at 0.
+    A rig with one arm; it begins straight, all segments that can be stiff, all tendons at 0.
 
-    Time passes in ``switch``, ``follow``, ``wait`` and ``measure`` only.  pulls: (2,) m, where the
-    motors stand.  largest_tension: N, true, averaged over 20 ms.  violations: what exceeded a
-    limit, at most one entry of each kind for one call.
+    Time passes in ``switch``, ``follow``, ``wait``, ``advance`` and ``measure`` only.  pulls:
+    (tendons,) m, where the motors stand.  largest_tension: N, true, averaged over 20 ms.
+    violations: what exceeded a limit, at most one entry of each kind for one call.
     """
 
     def __init__(self, description: Description, differences: Differences,
@@ -108,21 +118,23 @@ class Lab:
         if sensor not in (CAMERA, TRUTH, NOTHING):
             raise ValueError(f'sensor is {sensor!r}; allowed: {CAMERA}, {TRUTH}, {NOTHING}')
         self.description, self.differences = description, differences
-        self.plant = Plant(description.arm, differences)
-        self.pulls = np.zeros(2)
+        self.plant = plant_of(description.arm, differences)
+        tendons = len(description.arm.tendon_names)
+        self.pulls = np.zeros(tendons)
         self.softenings = 0
         self.pictures = 0
         self.largest_tension = 0.0
         self.violations: list[str] = []
         self._segments = len(description.arm.segments)
         self._jamming = SimulatedJamming(
-            lambda: self.time, self._segments, JammingPlant(), initially_stiff=True)
+            lambda: self.time, self._segments, JammingPlant(),
+            initially_stiff=description.jams)
         self._jams = JammingController(
             self._jamming, self._segments, description.jamming, lambda: self.time)
         self._pressures = np.zeros(self._segments)
         self._updated = -np.inf
         self._steps = 0
-        self._tensions = np.zeros(2)  # sum of those not yet averaged
+        self._tensions = np.zeros(tendons)  # sum of those not yet averaged
         self._sensor = sensor
         self._drawn: TwinCamera | None = None
         self.sensors = Sensors(self.plant)
@@ -130,7 +142,10 @@ class Lab:
         self._straight: list[tuple[Array, float]] = []  # discs, and when, to be tared on
         self._read()
         self.wait(START)
-        if tared and sensor == CAMERA:
+        self._sight_in_space = None
+        if description.layout is None and sensor == CAMERA:
+            self._sight_in_space = SpatialSight(self.differences, self.truth[::2], tared)
+        elif tared and sensor == CAMERA:
             for _ in range(TARE_PICTURES):
                 self.wait(PICTURE_PERIOD)
                 self._straight.append((self.truth[::2], self.time))
@@ -153,23 +168,28 @@ class Lab:
 
     @property
     def truth(self) -> Array:
-        """Where bottom and top of every disc really are: x, z, angle, (2 * discs, 3)."""
-        return self.plant.points
+        """Where bottom and top of every disc really are, (2 * discs, 3 or 7), as in Pose."""
+        return self.plant.points if isinstance(self.plant, Plant) else self.plant.poses
 
     @property
     def tip(self) -> Array:
-        """Where the tip really is: x, z, angle, (3,) m and rad."""
+        """Where the tip really is, (3,) or (7,), as in Pose."""
         tip: Array = self.truth[-1]
         return tip
 
     @property
     def bending_angles(self) -> Array:
-        """The true bending angles, (segments,) rad."""
+        """The true bending angles of a planar arm, (segments,) rad."""
         return np.diff(self.truth[::2, 2])
 
     @property
+    def bending(self) -> Array:
+        """The true bending of a spatial arm, about x and y of the disc below, (segments, 2)."""
+        return bending_of(self.truth[::2])
+
+    @property
     def tensions(self) -> Array:
-        """The true tensions at this instant, (2,) N."""
+        """The true tensions at this instant, (tendons,) N."""
         return self.plant.tensions
 
     # What moves.
@@ -201,7 +221,7 @@ class Lab:
 
     def follow(self, times: Array, pulls: Array) -> None:
         """
-        Move the motors along pulls (k, 2) m at ``times`` (k,) s from now.
+        Move the motors along pulls (k, tendons) m at ``times`` (k,) s from now.
 
         They must begin where the motors stand: raises ValueError.
         """
@@ -218,7 +238,7 @@ class Lab:
         self.advance(np.stack([np.interp(steps, times, tendon) for tendon in pulls.T], axis=1))
 
     def advance(self, pulls: Array) -> None:
-        """Let one time step pass for each of pulls (steps, 2), m, of the motors."""
+        """Let one time step pass for each of pulls (steps, tendons), m, of the motors."""
         largest = 0.0
         for row in pulls:
             if self._steps % VACUUM_STEPS == 0:
@@ -241,7 +261,7 @@ class Lab:
             self._jams.update()
             self._updated = self.time
         self._pressures = np.array(self._jamming.read().pressures)
-        self._parts = self.vacuum
+        self._parts = self.vacuum if self.description.jams else np.zeros(self._segments)
 
     @property
     def vacuum_pascals(self) -> Array:
@@ -264,7 +284,7 @@ class Lab:
             self.wait(PICTURE_PERIOD)
             for n, disc in self.look().items():
                 seen.setdefault(n, []).append(disc)
-        return {n: Pose(np.mean([d.pose for d in discs], axis=0), discs[-1].covariance)
+        return {n: Pose(_mean([d.pose for d in discs]), discs[-1].covariance)
                 for n, discs in seen.items()}
 
     def measure_all(self, pictures: int = 1) -> dict[int, Pose]:
@@ -281,17 +301,22 @@ class Lab:
         raise LabError(f'a disc is not seen in {TRIES * pictures} pictures')
 
     def load_cells(self) -> Array:
-        """Return what load cells show of the tensions now, (2,) N."""
+        """Return what load cells show of the tensions now, (tendons,) N."""
         return self.sensors.tensions()
 
     def look(self) -> dict[int, Pose]:
         """Return the discs as they are measured now."""
         discs = self.truth[::2]
         if self._sensor == TRUTH:
-            return {n: Pose(pose, TRUTH_DEVIATION**2 * np.eye(3)) for n, pose in enumerate(discs)}
-        if self._drawn is None:
-            self._drawn = TwinCamera(self.description.layout, self.differences)
-            self._camera = TagCamera(self.description.layout, self._drawn.lens)
+            numbers = 3 if discs.shape[1] == 3 else 6
+            return {n: Pose(pose, TRUTH_DEVIATION**2 * np.eye(numbers))
+                    for n, pose in enumerate(discs)}
+        if self._sight_in_space is not None:
+            return {n: Pose(*seen) for n, seen in enumerate(self._sight_in_space.discs(discs))}
+        layout = self.description.layout
+        if self._drawn is None and layout is not None:
+            self._drawn = TwinCamera(layout, self.differences)
+            self._camera = TagCamera(layout, self._drawn.lens)
             self._tare()
         self.pictures += 1
         return {n: Pose(mounted(disc.pose, self._mounts.get(n, np.zeros(3))), disc.covariance)
@@ -308,8 +333,16 @@ class Lab:
         for discs, time in self._straight:  # drawn only now: not every contender looks
             for n, disc in self._sight(discs, time).items():
                 seen.setdefault(n, []).append(disc.pose)
-        heights = straight_heights(self.description.arm)
+        arm = self.description.arm
+        assert isinstance(arm, Arm)
+        heights = straight_heights(arm)
         self._mounts = {n: tag_mount(poses, heights[n]) for n, poses in seen.items()}
+
+
+def _mean(poses: list[Array]) -> Array:
+    """Return the mean of poses as of Pose."""
+    mean: Array = np.mean(poses, axis=0) if len(poses[0]) == 3 else mean_pose(poses)
+    return mean
 
 
 def tip_of(arm: Arm, measured: Mapping[int, Pose]) -> Array:

@@ -68,9 +68,10 @@ class Estimate:
 
     measured: whether measurements have corrected the shape; else it is the model's prediction.
     age: s since the last measurement that was used, None if there was none.  angle_deviations
-    (rad, one per segment) and tip_deviations (x, z in m, angle in rad): standard deviations, empty
-    while nothing is measured.  predicted_tip_error: m between the tip and where the model alone
-    has it, None while that is not known.
+    (rad, one per segment, in space two) and tip_deviations (x, z in m, angle in rad; in space x,
+    y, z in m, rotation vector in rad): standard deviations, empty while nothing is measured.
+    predicted_tip_error: m between the tip and where the model alone has it, None while that is
+    not known.
     """
 
     measured: bool
@@ -88,10 +89,11 @@ class Estimate:
 
 
 def position_deviation(deviations: Sequence[float]) -> float | None:
-    """Return the deviation (m) of a position from those of x, z and the angle; None of none."""
-    if len(deviations) != 3 or not all(map(isfinite, deviations[:2])):
+    """Return the deviation (m) of a position from tip_deviations; None of none."""
+    position = deviations[:2] if len(deviations) == 3 else deviations[:3]
+    if len(deviations) not in (3, 6) or not all(map(isfinite, position)):
         return None
-    return hypot(*deviations[:2])
+    return hypot(*position)
 
 
 # In words.

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.dimensions import Dimensions, PLANE
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
 from soft_continuum.estimation.hypotheses import (
     camera_directions,
@@ -30,12 +31,10 @@ from soft_continuum.estimation.hypotheses import (
 )
 from soft_continuum.estimation.measuring import (
     DiscMeasurement,
-    MAX_VARIANCE,
     Point,
     relative_distance,
 )
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.joints import wrapped
 from soft_continuum.mechanics.statics import StaticsError
 
 MOVED = 1e-5  # m of a motor
@@ -47,7 +46,7 @@ RENEWAL = 10.0  # s after which the reference of a resting arm is renewed
 EXPECTED = 1.5  # distance up to which measurements are as expected
 RATIO, MARGIN = 4.0, 2.0  # log likelihood over nothing being wrong, and over the next cause
 LEFT = 1.0  # distance that a cause may leave unexplained
-LARGE = np.array([6e-3, 6e-3, 0.12])  # m, m, rad: one that is worth an alarm without a cause
+LARGE_SHIFT, LARGE_TURN = 6e-3, 0.12  # m, rad: worth an alarm without a cause
 MAX_ATTEMPTS = 6  # at naming one
 LEAST_OFFSET = 1.7e-3  # m of a tendon: less is not named
 LEAKS = (0.0, 0.1)  # parts of full vacuum that are left in a segment that is not stiff
@@ -112,8 +111,7 @@ class Watch:
                 for segment, (was, now) in enumerate(
                         zip(last.stiff, commands.stiff, strict=True)):
                     if was and not now:
-                        self._others.append(
-                            _Other(Cause.NOT_SOFT, segment, 1.0, self._reference.copy()))
+                        self._others += _stuck(segment, self._reference)
                     if now and not was:
                         self._others += _leaking(segment, self._reference)
                         self._stiffened = last, self._reference.copy()
@@ -163,10 +161,11 @@ class Watch:
         self._window.append((time, discs))
         if len(self._window) < LEAST or time < self._window[0][0] + WINDOW:
             return
-        mean, before = _mean([discs for _, discs in self._window]), self._mean
+        dimensions = estimator.layout.dimensions
+        mean, before = _mean([discs for _, discs in self._window], dimensions), self._mean
         self._window.clear()
         self._mean = mean
-        if not _still(before, mean):
+        if not _still(before, mean, dimensions):
             return
         if self._reference is None:
             point = estimator.expected(mean)
@@ -201,11 +200,12 @@ class Watch:
             if self._changed or time > self._taken + RENEWAL:
                 self.refer_to(estimator, time)
             return
-        causes = hypotheses(point, self._last, reference, self._moved)
+        planar = reference.layout.dimensions is PLANE  # in space no cause is known yet
+        causes = hypotheses(point, self._last, reference, self._moved) if planar else []
         causes += [otherwise(one.cause, one.segment + 1, point, one.estimator, discs)
                    for one in self._others
                    if one.cause is Cause.NOT_SOFT or self._last.stiff[one.segment]]
-        if self._stiffened is not None:
+        if self._stiffened is not None and planar:
             # What happened before a segment became stiff is held since then.
             then, was = self._stiffened
             before = was.expected(discs)
@@ -226,7 +226,8 @@ class Watch:
             self._suspected = found
         self._attempts += 1
         if self._attempts == MAX_ATTEMPTS:
-            if (np.abs(point.values) > LARGE[point.coordinates]).any():
+            of_shift = point.coordinates < reference.layout.dimensions.shifts
+            if (np.abs(point.values) > np.where(of_shift, LARGE_SHIFT, LARGE_TURN)).any():
                 self.active += (_unknown(time, verdicts, self._moved),)
             self.forget()
 
@@ -276,29 +277,38 @@ class _Other:
         return True
 
 
+def _stuck(segment: int, estimator: Estimator) -> list[_Other]:
+    """Return what a segment would be that did not become soft; in space nothing follows it."""
+    if estimator.layout.dimensions is not PLANE:
+        return []
+    return [_Other(Cause.NOT_SOFT, segment, 1.0, estimator.copy())]
+
+
 def _leaking(segment: int, estimator: Estimator) -> list[_Other]:
+    """Return what a stiff segment would be that leaks; in space nothing follows it."""
+    if estimator.layout.dimensions is not PLANE:
+        return []
     return [_Other(Cause.NOT_STIFF, segment, left, estimator.copy()) for left in LEAKS]
 
 
-def _mean(windows: Sequence[Sequence[DiscMeasurement]]) -> list[DiscMeasurement]:
+def _mean(windows: Sequence[Sequence[DiscMeasurement]], dimensions: Dimensions
+          ) -> list[DiscMeasurement]:
     """Return the mean of each disc; the covariance is that of one measurement."""
     found: dict[int, list[DiscMeasurement]] = {}
     for discs in windows:
         for one in discs:
             found.setdefault(one.disc, []).append(one)
     for each in found.values():
-        first = each[0].pose
-        away = np.array([one.pose - first for one in each])
-        away[:, 2] = wrapped(away[:, 2])
-        each[-1] = replace(each[-1], pose=first + away.mean(axis=0))
+        each[-1] = replace(each[-1], pose=dimensions.mean([one.pose for one in each]))
     return [each[-1] for _, each in sorted(found.items())]
 
 
-def _still(before: Sequence[DiscMeasurement], now: Sequence[DiscMeasurement]) -> bool:
+def _still(before: Sequence[DiscMeasurement], now: Sequence[DiscMeasurement],
+           dimensions: Dimensions) -> bool:
     """Whether the same discs are where they were, by what is new in each picture."""
     return bool(before) and [one.disc for one in before] == [one.disc for one in now] and all(
-        (np.abs(one.pose - other.pose) < STILL * np.sqrt(
-            OWN_SHARE * np.diag(one.covariance)))[np.diag(one.covariance) < MAX_VARIANCE].all()
+        (np.abs(dimensions.apart(one.pose, other.pose, one.known)) < STILL * np.sqrt(
+            OWN_SHARE * np.diag(one.covariance)))[one.known].all()
         for one, other in zip(before, now, strict=True))
 
 

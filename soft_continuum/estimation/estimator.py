@@ -12,18 +12,18 @@ from collections import deque
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.dimensions import Derivatives, model_error
 from soft_continuum.estimation.measuring import (
-    disc_poses,
     DiscMeasurement,
-    GATES,
     Innovation,
     Measurement,
-    MODEL_ERROR,
     Point,
     predicted,
     rates,
@@ -34,14 +34,13 @@ from soft_continuum.estimation.unknowns import (
     Drift,
     first_covariance,
     first_values,
-    Layout,
+    layout_of,
     limited,
-    POSE,
     Prior,
 )
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.statics import Statics, StaticsError
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.errors import StaticsError
 
 HISTORY = 2.0  # s for which pulls are kept: a measurement may be that late
 LAG = 0.15  # s by which a moving arm is behind its statics
@@ -50,6 +49,7 @@ VENTING = 2.0  # s after a change of stiffness for which the vacuum shows in the
 SWITCHING = 1.0  # s after a change of stiffness for which the shape is between two models
 OWN_SHARE = 0.1  # of a sensor's variance that is new in each measurement
 MAX_PAST = 2000  # pulls that are kept, if time stands still
+OUTLIER = 1e-4  # chance of a measurement that is right, and not used
 PERSISTENT = 2  # measurements beyond the gate in turn, after which the arm has changed
 REOPENED = 2.0  # times what they are at first: offsets and held shapes then
 LINEAR = 2.0  # distance of a measurement up to which one Newton step is enough
@@ -61,23 +61,23 @@ MINUTE, CENTIMETRE = 60.0, 0.01
 class Estimator:
     """The estimate of one arm.  Times are in s on the clock of the measurements' stamps."""
 
-    def __init__(self, arm: Arm, state: Equilibrium, prior: Prior, drift: Drift) -> None:
+    def __init__(self, arm: AnyArm, state: Any, prior: Prior, drift: Drift) -> None:
         """Begin with a shape of which the prior says how well it is known."""
-        self.layout = Layout(len(arm.segments), len(arm.tendon_names))
+        self.layout = layout_of(arm)
         self.prior = prior
         self._described, self._drift = arm, drift
         self.values = first_values(arm, self.layout, prior)
         self._first = first_covariance(arm, self.layout, prior)
         self.covariance = self._first.copy()
-        self._statics = Statics(arm_with(arm, self.layout, self.values))
-        self.state = replace(state, chain=self._statics.chain)
+        self._statics: Any = statics_of(arm_with(arm, self.layout, self.values))
+        self.state: Any = replace(state, chain=self._statics.chain)
         for s, stiff in enumerate(state.stiff):
             if not stiff:
                 self._forget_held(s)
         self._past: deque[Commands] = deque(maxlen=MAX_PAST)
         self._speeds = np.zeros(self.layout.tendons)  # m/s, that the shape has not settled from
-        self._switched = -np.inf
-        self._change = np.zeros((self.layout.segments + 1, POSE))  # of the shape, when it did
+        self._switched = -np.inf  # when the stiffness changed
+        self._change = np.zeros((len(arm.discs), self.layout.dimensions.pose))  # of it, then
         self._bias_variances = np.zeros(self.layout.size - self.layout.model)
         self._displaced = np.zeros(self.layout.size - self.layout.model)  # variances, for good
         self._beyond = 0  # measurements of discs in turn beyond the gate
@@ -87,13 +87,13 @@ class Estimator:
         """When one of discs was, s."""
 
     @property
-    def arm(self) -> Arm:
-        """The arm as it is estimated to be."""
+    def arm(self) -> Any:
+        """The arm as it is estimated to be: Arm or SpatialArm."""
         return self._statics.chain.arm
 
     @property
-    def statics(self) -> Statics:
-        """The statics of it."""
+    def statics(self) -> Any:
+        """The statics of it: Statics or SpatialStatics."""
         return self._statics
 
     @property
@@ -122,10 +122,17 @@ class Estimator:
             start, commands.pulls + self.offsets, commands.soft, vacuum=commands.vacuum,
             sliding=commands.sliding)
         if switched:
-            self._change = self.state.points[::2] - start.points[::2]
+            self._change = self._moved_from(start)
         self._note(commands, before)
         self._drift_by(max(0.0, commands.time - before.time),
                        np.abs(commands.pulls - before.pulls))
+
+    def _moved_from(self, before: Any) -> Array:
+        """Return by how much all discs are elsewhere than in another state, (discs, pose)."""
+        dimensions = self.layout.dimensions
+        known = np.ones(dimensions.pose, dtype=bool)
+        return np.array([dimensions.apart(now, then, known) for now, then in zip(
+            dimensions.poses(self.state), dimensions.poses(before), strict=True)])
 
     def _note(self, now: Commands, before: Commands) -> None:
         elapsed = now.time - before.time
@@ -139,44 +146,45 @@ class Estimator:
 
     def _switch(self, stiff: tuple[bool, ...], time: float) -> None:
         """Hand on what is not known of the shape to the jams that hold it from now on."""
-        rows = self._turning()
-        change = np.eye(self.layout.size)
+        layout, rows = self.layout, self._rates().bending
+        change = np.eye(layout.size)
         for s, (was, now) in enumerate(zip(self.state.stiff, stiff, strict=True)):
             if now and not was:
-                change[s] = rows[s]
+                change[layout.held_by(s)] = rows[layout.held_by(s)]
         self.covariance = change @ self.covariance @ change.T
         for s, (was, now) in enumerate(zip(self.state.stiff, stiff, strict=True)):
             if now and not was:
-                self.covariance[s, s] += self.prior.lock_in**2
+                held = np.arange(layout.size)[layout.held_by(s)]
+                self.covariance[held, held] += self.prior.lock_in**2
             elif was and not now:
                 self._forget_held(s)
         self._switched = time
 
     def _forget_held(self, segment: int) -> None:
-        self.covariance[segment] = self.covariance[:, segment] = 0.0
+        held = self.layout.held_by(segment)
+        self.covariance[held] = self.covariance[:, held] = 0.0
 
-    def _turning(self) -> Array:
-        """Return the derivatives of all bending angles by all unknowns, (segments, size)."""
-        joints = rates(self._statics, self.layout, self.state).joint_angles
-        chain = self._statics.chain
-        rows: Array = joints.reshape(chain.segments, chain.joints_per_segment, -1).sum(axis=1)
-        return rows
+    def _rates(self) -> Derivatives:
+        return rates(self._statics, self.layout, self.state)
+
+    def _stiff(self) -> NDArray[np.bool_]:
+        """Return for each of ``layout.held`` whether its segment is stiff."""
+        return np.repeat(self.state.stiff, self.layout.dimensions.bendings)
 
     def _drift_by(self, elapsed: float, moved: Array) -> None:
         drift, layout = self._drift, self.layout
-        stiff = np.array(self.state.stiff, dtype=float)
         variances = np.zeros(layout.size)
         variances[layout.stiffness] = drift.stiffness**2 * elapsed / MINUTE
         variances[layout.ratio] = drift.ratio**2 * elapsed / MINUTE
         variances[layout.payload] = drift.payload**2 * elapsed / MINUTE
         variances[layout.offset] = (drift.offset**2 * elapsed / MINUTE
                                     + drift.offset_motion**2 * moved / CENTIMETRE)
-        variances[layout.held] = stiff * (drift.held**2 * elapsed / MINUTE
-                                          + drift.held_motion**2 * moved.max() / CENTIMETRE)
+        variances[layout.held] = self._stiff() * (
+            drift.held**2 * elapsed / MINUTE + drift.held_motion**2 * moved.max() / CENTIMETRE)
         self.covariance[np.diag_indices(layout.size)] += variances
         self._renew_biases(float(np.exp(-moved.max() / CENTIMETRE)))
         # What nothing tells is not known worse than before anything was measured.
-        rows = np.arange(layout.segments, layout.model)
+        rows = np.arange(layout.held.stop, layout.model)
         ratio = np.diag(self.covariance)[rows] / np.maximum(np.diag(self._first)[rows], 1e-30)
         for row in rows[ratio > 1.0]:
             shrink = np.sqrt(self._first[row, row] / self.covariance[row, row])
@@ -308,7 +316,7 @@ class Estimator:
 
         seen: whether it is of discs.  Tensions say too little of the shape to open it up.
         """
-        if distance * size <= GATES[min(size, len(GATES)) - 1]:
+        if distance * size <= chdtri(size, OUTLIER):
             self._beyond *= not seen
             return True
         self._beyond += seen
@@ -320,12 +328,12 @@ class Estimator:
     def _reopen(self) -> None:
         """Let offsets and held shapes be anything again: something happened to the arm."""
         self._beyond = 0
-        for row in [*range(self.layout.segments),
-                    *range(self.layout.offset.start, self.layout.offset.stop)]:
-            if row >= self.layout.segments or self.state.stiff[row]:
-                first = max(self._first[row, row], self.prior.lock_in**2
-                            if row < self.layout.segments else 0.0)
-                self.covariance[row, row] += REOPENED**2 * first
+        layout, first = self.layout, np.diag(self._first)
+        variances = np.zeros(layout.size)
+        variances[layout.held] = self._stiff() * np.maximum(
+            first[layout.held], self.prior.lock_in**2)
+        variances[layout.offset] = first[layout.offset]
+        self.covariance[np.diag_indices(layout.size)] += REOPENED**2 * variances
 
     def _linearised(self, change: Array, past: Commands, measurements: Sequence[Measurement],
                     before: Point | None = None) -> Point:
@@ -340,10 +348,9 @@ class Estimator:
         statics, start, there = self._statics, state, state
         changed = bool(change.any())
         if changed:
-            statics = Statics(arm_with(self._described, layout, unknowns))
-            per = statics.chain.joints_per_segment
-            held = np.repeat(change[layout.held] / per * np.array(state.stiff), per)
-            start = replace(state, held_angles=state.held_angles + held, chain=statics.chain)
+            statics = statics_of(arm_with(self._described, layout, unknowns))
+            start = layout.dimensions.held(
+                state, statics.chain, change[layout.held] * self._stiff())
         if changed or past is not self._past[-1]:
             there = statics.solve(start, past.pulls + unknowns[layout.offset],
                                   [not s for s in state.stiff], vacuum=state.vacuum or None,
@@ -364,7 +371,7 @@ class Estimator:
         # A moving arm is behind its statics as if its tendons were.
         late = jacobian[:, layout.offset] * (self._speeds * LAG)
         discs, coordinates = np.divmod(
-            np.concatenate([one.biases for one in found]) - layout.model, POSE)
+            np.concatenate([one.biases for one in found]) - layout.model, layout.dimensions.pose)
         return Point(change, unknowns, statics, start, there, discs, coordinates, values,
                      jacobian, noise + late @ late.T)
 
@@ -389,10 +396,10 @@ class Estimator:
         return np.asarray(np.diag(self.covariance)[where] < 0.5 * np.diag(self._first)[where])
 
     def pose_covariances(self) -> Array:
-        """Return the covariances of the poses of all discs, base first, (discs, 3, 3)."""
-        joints = rates(self._statics, self.layout, self.state).joint_angles
-        _, rows = disc_poses(self._statics.chain, self.state.joint_angles, joints)
-        found: Array = rows @ self.covariance @ rows.transpose(0, 2, 1) + MODEL_ERROR
+        """Return the covariances of the poses of all discs, base first, (discs, pose, pose)."""
+        dimensions, rows = self.layout.dimensions, self._rates().poses
+        found: Array = (rows @ self.covariance @ rows.transpose(0, 2, 1)
+                        + model_error(dimensions))
         if self._past and self.switching(self._past[-1].time):
             found += self._change[:, :, None] * self._change[:, None, :]
         return found

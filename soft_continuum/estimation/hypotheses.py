@@ -12,15 +12,15 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.dimensions import disc_rows, PLANE
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import (
-    disc_poses,
     DiscMeasurement,
     Point,
     predicted,
     relative_distance,
 )
-from soft_continuum.estimation.unknowns import Layout, POSE
+from soft_continuum.estimation.unknowns import Layout
 from soft_continuum.mechanics.arm import PointForce
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.sensitivity import Linearisation
@@ -164,7 +164,7 @@ def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion
         found += loads(point, commands, reference, segment + 1)
     poses = state.points[::2]
     for disc in np.unique(point.discs).tolist():
-        free = (point.discs == disc)[:, None] * np.eye(POSE)[point.coordinates]
+        free = (point.discs == disc)[:, None] * np.eye(PLANE.pose)[point.coordinates]
         found.append(Hypothesis(Cause.SENSOR_MOVED, disc, point, nothing,
                                 free * (SHIFT, SHIFT, TURN), covariance, SHIFT, blur=0.0))
     found.append(Hypothesis(Cause.CAMERA_MOVED, 0, point, nothing, _measured(
@@ -186,8 +186,8 @@ def loads(point: Point, commands: Commands, reference: Estimator, disc: int
     def about(statics: Statics, there: Equilibrium, force: Array) -> Hypothesis:
         """Return that of forces near one with which the arm has another shape."""
         rates = Linearisation(statics, there, commands.sliding).forces().joint_angles
-        pushed = FORCE * _measured(point, disc_poses(
-            statics.chain, there.joint_angles, rates[:, 2 * disc - 2:2 * disc])[1])
+        pushed = FORCE * _measured(point, disc_rows(
+            statics.chain, there.joint_angles, rates[:, 2 * disc - 2:2 * disc]))
         rows = _rows_at(point, statics, there, reference.layout, commands)
         return Hypothesis(
             Cause.LOAD, disc, point, _displaced(point, there) - pushed @ force / FORCE,
@@ -265,6 +265,6 @@ def _rows_at(point: Point, statics: Statics, other: Equilibrium, layout: Layout,
 
 def camera_directions(poses: Array) -> Array:
     """Return how poses (n, 3) are seen displaced by a camera that moved, (n, 3, 3)."""
-    found = np.tile(np.eye(POSE), (len(poses), 1, 1))
+    found = np.tile(np.eye(PLANE.pose), (len(poses), 1, 1))
     found[:, 0, 2], found[:, 1, 2] = poses[:, 1], -poses[:, 0]
     return found

@@ -6,21 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.estimation.unknowns import Layout, POSE
-from soft_continuum.mechanics.chain import Array, Equilibrium, RigidChain
-from soft_continuum.mechanics.joints import wrapped
-from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.estimation.dimensions import Derivatives, model_error
+from soft_continuum.estimation.unknowns import Layout
+from soft_continuum.mechanics.chain import Array
 
 MAX_VARIANCE = 1.0  # m^2 or rad^2, from which a coordinate counts as not measured
-MODEL_ERROR = np.diag([3e-4, 3e-4, 3e-3])**2
-"""Covariance of a disc's pose (m, rad) for what no unknown of the model can explain."""
-GATES = (15.1, 18.4, 21.1, 23.5, 25.7, 27.9, 29.9, 31.8, 33.7, 35.6, 37.4, 39.1, 40.9)
-"""Squared distances of 1 and more values that one in 10,000 exceeds: chi2."""
 CARRIES = 3.0  # deviations of a tension, beyond which the tendon is not slack
 FORETOLD = 1e-6  # squared distance over its expected value, by which derivatives may be wrong
 
@@ -30,23 +25,22 @@ class Predicted:
     """
     What the statics have at the time of a measurement, and how it changes with the unknowns.
 
-    layout: of the unknowns.  poses: (discs, 3) of the discs' bottoms, m and rad.  tensions:
-    (tendons,) N; a slack tendon has the tension below 0 by which it would have to push to become
-    so short.  The derivatives cost more, and are found when they are asked for.
+    statics, state: of the arm.  layout: of the unknowns.  poses: (discs, 3 or 7) of the discs'
+    bottoms.  tensions: (tendons,) N; a slack tendon has the tension below 0 by which it would have
+    to push to become so short.  The derivatives cost more, and are found when they are asked for.
     """
 
-    statics: Statics
+    statics: Any
     layout: Layout
-    state: Equilibrium
+    state: Any
     sliding: Sequence[int]
     poses: Array
     tensions: Array
 
-    @cached_property
+    @property
     def pose_rows(self) -> Array:
-        """Derivatives of the poses, (discs, 3, size)."""
-        return disc_poses(self.statics.chain, self.state.joint_angles,
-                          self._rates.joint_angles)[1]
+        """Derivatives of the poses, (discs, pose, size)."""
+        return self._rates.poses
 
     @property
     def tension_rows(self) -> Array:
@@ -54,7 +48,7 @@ class Predicted:
         return self._rates.tensions
 
     @cached_property
-    def _rates(self) -> 'Rates':
+    def _rates(self) -> Derivatives:
         return rates(self.statics, self.layout, self.state, self.sliding)
 
 
@@ -77,38 +71,33 @@ class DiscMeasurement:
     """
     A measured pose of a disc's bottom.
 
-    disc: 0 at the base.  pose: (x, z, angle), m and rad.  covariance: (3, 3); a variance of
-    MAX_VARIANCE or more: not measured.
+    disc: 0 at the base.  pose: (3,) or (7,), and covariance: (3, 3) or (6, 6), as in Dimensions; a
+    variance of MAX_VARIANCE or more: not measured.
     """
 
     disc: int
     pose: Array
     covariance: Array
 
-    @property
-    def measures_angle(self) -> bool:
-        """Whether the angle is measured."""
-        return bool(self.covariance[2, 2] < MAX_VARIANCE)
-
     @cached_property
-    def _known(self) -> NDArray[np.intp]:
-        """Coordinates that are measured."""
-        return np.flatnonzero(np.diag(self.covariance) < MAX_VARIANCE)
+    def known(self) -> NDArray[np.bool_]:
+        """Which coordinates are measured."""
+        found: NDArray[np.bool_] = np.diag(self.covariance) < MAX_VARIANCE
+        return found
 
     def away(self, predicted: Predicted, unknowns: Array) -> Array:
         """Return by how much it differs from what is predicted with ``unknowns``, (k,)."""
-        away = self.pose - predicted.poses[self.disc] - unknowns[predicted.layout.bias(self.disc)]
-        away[2] = wrapped(away[2])
-        found: Array = away[self._known]
-        return found
+        layout = predicted.layout
+        return layout.dimensions.apart(self.pose, predicted.poses[self.disc], self.known,
+                                       unknowns[layout.bias(self.disc)])[self.known]
 
     def observation(self, predicted: Predicted) -> Observation:
         """Return how it depends on the unknowns."""
-        bias, known = predicted.layout.bias(self.disc), self._known
-        rows = predicted.pose_rows[self.disc].copy()
-        rows[:, bias] = np.eye(POSE)
+        layout, known = predicted.layout, np.flatnonzero(self.known)
+        bias, rows = layout.bias(self.disc), predicted.pose_rows[self.disc].copy()
+        rows[:, bias] = np.eye(layout.dimensions.pose)
         # However good the sensor is, the model is not better than its own error.
-        covariance = self.covariance + MODEL_ERROR
+        covariance = self.covariance + model_error(layout.dimensions)
         return Observation(bias.start + known, rows[known], covariance[np.ix_(known, known)])
 
 
@@ -168,9 +157,9 @@ class Point:
 
     change: Array
     unknowns: Array
-    statics: Statics
-    start: Equilibrium
-    state: Equilibrium
+    statics: Any
+    start: Any
+    state: Any
     discs: NDArray[np.int64]
     coordinates: NDArray[np.int64]
     values: Array
@@ -186,7 +175,7 @@ class Point:
         """What is left, by its noise."""
         return float(self.values @ np.linalg.solve(self.noise, self.values))
 
-    def foretells(self, change: Array, state: Equilibrium, values: Array) -> bool:
+    def foretells(self, change: Array, state: Any, values: Array) -> bool:
         """Whether its derivatives hold for another change: they foretell the values there."""
         wrong = self.values - self.rows @ (change - self.change) - values
         return state.taut == self.state.taut and relative_distance(wrong, self.noise) < FORETOLD
@@ -212,57 +201,34 @@ def relative_distance(values: Array, covariance: Array) -> float:
     return float(values @ np.linalg.solve(covariance, values)) / len(values)
 
 
-@dataclass(frozen=True, eq=False)
-class Rates:
+def rates(statics: Any, layout: Layout, state: Any,
+          sliding: Sequence[int] = (0, 0)) -> Derivatives:
     """
-    How an equilibrium changes with the unknowns.
+    Return how a state of an arm whose tendons give changes with the unknowns, (..., size).
 
-    joint_angles: (joints, size) rad.  tensions: (tendons, size) N, of a slack tendon those of
-    Predicted.
+    The tensions of slack tendons are those of Predicted.
     """
-
-    joint_angles: Array
-    tensions: Array
-
-
-def rates(statics: Statics, layout: Layout, state: Equilibrium,
-          sliding: Sequence[int] = (0, 0)) -> Rates:
-    """Return how a state of an arm whose tendons give changes with the unknowns."""
-    found, arm = Linearisation(statics, state, sliding).all(), statics.chain.arm
     # Of the logarithms; a measured law has no factor, and no ratio.
-    scales = np.ones(layout.model)
-    scales[layout.stiffness] = [s.bending_stiffness for s in arm.segments]
-    scales[layout.ratio] = [0.0 if s.jam.law is not None else s.jam.ratio for s in arm.segments]
-    joints = np.zeros((state.joint_angles.size, layout.size))
-    tensions, paths = np.zeros((2, layout.tendons, layout.size))
-    joints[:, :layout.model] = found.joint_angles * scales
-    tensions[:, :layout.model] = found.tensions * scales
-    paths[:, :layout.model] = found.paths * scales
+    scales, segments = np.ones(layout.model), statics.chain.arm.segments
+    scales[layout.stiffness] = [layout.dimensions.unit(s) for s in segments]
+    scales[layout.ratio] = [0.0 if s.jam.law is not None else s.jam.ratio for s in segments]
+    found = layout.dimensions.derivatives(statics, state, sliding, scales)
+
+    def with_biases(rows: Array) -> Array:
+        padded = np.zeros((*rows.shape[:-1], layout.size))
+        padded[..., :layout.model] = rows
+        return padded
+
+    poses, bending, tensions, paths = map(with_biases, (
+        found.poses, found.bending, found.tensions, found.paths))
     paths[:, layout.offset] += np.eye(layout.tendons)
     slack = ~np.array(state.taut)
     tensions[slack] = paths[slack] / statics.compliance[slack, None]
-    return Rates(joints, tensions)
+    return Derivatives(poses, bending, tensions, paths)
 
 
-def predicted(statics: Statics, layout: Layout, state: Equilibrium,
+def predicted(statics: Any, layout: Layout, state: Any,
               sliding: Sequence[int] = (0, 0)) -> Predicted:
     """Return what would be measured of a state of an arm whose tendons give."""
     tensions = np.where(state.taut, state.tensions, -state.slack / statics.compliance)
-    return Predicted(statics, layout, state, sliding, state.points[::2], tensions)
-
-
-def disc_poses(chain: RigidChain, angles: Array, joints: Array) -> tuple[Array, Array]:
-    """
-    Return the poses of the discs' bottoms and their derivatives.
-
-    angles: (joints,) rad.  joints: (joints, n) their derivatives.  Returns (discs, 3), x, z in m
-    and angle in rad, and (discs, 3, n).
-    """
-    theta, turned = np.cumsum(angles), np.cumsum(joints, axis=0)
-    below = chain.body_lengths * (np.arange(chain.joints) < chain.last_joint[:, None])
-    poses = chain.points(angles)[::2]
-    rows = np.zeros((len(poses), POSE, joints.shape[1]))
-    rows[1:, 0] = (below * np.cos(theta)) @ turned
-    rows[1:, 1] = (below * -np.sin(theta)) @ turned
-    rows[1:, 2] = turned[chain.last_joint]
-    return poses, rows
+    return Predicted(statics, layout, state, sliding, layout.dimensions.poses(state), tensions)

@@ -4,24 +4,22 @@
 The shape of the arm: predicted from motors and valves alone, and estimated once it is measured.
 
 The prediction knows the shape of a stiff segment only by having followed it from a straight arm
-on.  It goes on beside the estimate, for comparison.  Spatial arms are only predicted.
+on.  It goes on beside the estimate, for comparison.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from soft_continuum.estimation.anomalies import Anomaly, Watch
 from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.dimensions import dimensions_of, SPACE
 from soft_continuum.estimation.estimator import Estimator, HISTORY
 from soft_continuum.estimation.measuring import DiscMeasurement, Innovation, Measurement
 from soft_continuum.estimation.unknowns import DEFAULT_ESTIMATION, EstimationSettings, MAX_OFFSET
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, statics_of
-from soft_continuum.mechanics.joints import wrapped
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
 
 STRAIGHT_PULLS = 1e-5
@@ -62,9 +60,9 @@ class ArmShape:
         """Why the model alone has no shape now."""
         self._path: Any = None  # what it had last
         self._watch = Watch()
-        self._planar, self._tolerance = isinstance(arm, Arm), straight_tolerance
-        self._arm: Any = arm
-        self._stretches = not isinstance(arm, Arm) and any(t.compliance for t in arm.tendons)
+        self._tolerance = straight_tolerance
+        self._arm, self._dimensions = arm, dimensions_of(arm)
+        self._stretches = self._dimensions is SPACE and bool(self.statics.compliance.any())
         self._commands: Commands | None = None
         self._solved: tuple[object, ...] = ()
         self._failures = self._far_off = 0
@@ -73,7 +71,7 @@ class ArmShape:
     @property
     def measurable(self) -> bool:
         """Whether measurements can correct the shape."""
-        return self._planar and self.settings.enabled
+        return self.settings.enabled
 
     @property
     def state(self) -> Any:
@@ -248,9 +246,6 @@ class ArmShape:
 
     def refusal(self, time: float) -> str:
         """Return why a measurement of that time cannot be used; empty when it can."""
-        if not self._planar:
-            return ('spatial arms are predicted by their model alone so far; measured poses and '
-                    'tensions correct only planar ones')
         if self._commands is None:
             return 'tendons and valves are not known yet'
         if self.estimator is None and self._path is None:
@@ -267,20 +262,22 @@ class ArmShape:
         self._measured = time
         return self._estimator(seen, commands)
 
-    def _estimator(self, start: Equilibrium, commands: Commands) -> Estimator:
+    def _estimator(self, start: Any, commands: Commands) -> Estimator:
         estimator = Estimator(self._arm, start, self.settings.prior, self.settings.drift)
         estimator.measured = estimator.updated = self._measured
-        slack = np.asarray(start.pulls) - commands.pulls
+        stretch = self.statics.compliance * np.nan_to_num(start.tensions)
+        slack = np.asarray(start.pulls) + stretch - commands.pulls
         estimator.values[estimator.layout.offset] = np.clip(slack, -MAX_OFFSET, 0.0)
         estimator.follow(commands)
         return estimator
 
-    def _seen(self, discs: Sequence[DiscMeasurement], commands: Commands) -> Equilibrium | None:
+    def _seen(self, discs: Sequence[DiscMeasurement], commands: Commands) -> Any:
         """Return the shape that bends evenly as the discs are seen; None unless all are."""
-        angles = {one.disc: one.pose[2] for one in discs if one.measures_angle}
-        segments = self.statics.chain.segments
-        if not all(n in angles for n in range(1, segments + 1)):
+        chain, dimensions = self.statics.chain, self._dimensions
+        poses = {one.disc: one.pose for one in discs if one.known[dimensions.shifts:].all()}
+        numbers = range(1, chain.segments + 1)
+        if not all(n in poses for n in numbers):
             return None
-        bends = np.diff([0.0, *(angles[n] for n in range(1, segments + 1))])
-        seen: Equilibrium = self.statics.chain.uniform(wrapped(bends))
-        return replace(seen, vacuum=commands.vacuum or ())
+        seen = dimensions.uniform(chain, [poses[n] for n in numbers])
+        return chain.state_of(seen.coordinates, seen.held_coordinates, seen.stiff,
+                              commands.vacuum or ())

@@ -7,15 +7,16 @@ Not from the paper, which takes the stiffness as known and finds shapes 22 % off
 """
 
 from dataclasses import dataclass, field, replace
-from math import exp, inf, log
+from math import exp, log
+from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
+from soft_continuum.estimation.dimensions import Dimensions, dimensions_of, PLANE
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.laws import Jam
 
-POSE = 3  # numbers of a planar pose: x, z, angle
 MIN_RATIO = 2.0  # K of a stiff segment that is estimated
 MAX_RATIO = 1e4
 MAX_FACTOR = 5.0  # of a stiffness
@@ -83,40 +84,46 @@ class Layout:
     """
     Where each unknown is in the vector.
 
-    In turn: by how much the shape that a stiff segment holds is off (rad of its bending angle),
-    the logarithms of stiffness factors and of K, of each segment; the offset of each tendon (m
-    pulled in beyond what its motor says); the payload (kg); what is wrong alike in all
-    measurements of a disc (x, z in m, angle in rad), discs from the base; what is wrong alike in
+    In turn: by how much the shape that a stiff segment holds is off (rad of its bending angle, in
+    space about x and y), the logarithms of stiffness factors and of K, of each segment; the offset
+    of each tendon (m pulled in beyond what its motor says); the payload (kg); what is wrong alike
+    in all measurements of a disc (as poses differ), discs from the base; what is wrong alike in
     all measured tensions of each tendon (N).
     """
 
     segments: int
     tendons: int
+    dimensions: Dimensions = PLANE
 
     @property
     def held(self) -> slice:
         """Shapes that stiff segments hold."""
-        return slice(0, self.segments)
+        return slice(0, self.dimensions.bendings * self.segments)
+
+    def held_by(self, segment: int) -> slice:
+        """Shape that one segment holds."""
+        each = self.dimensions.bendings
+        return slice(each * segment, each * (segment + 1))
 
     @property
     def stiffness(self) -> slice:
         """Logarithms of stiffness factors."""
-        return slice(self.segments, 2 * self.segments)
+        return slice(self.held.stop, self.held.stop + self.segments)
 
     @property
     def ratio(self) -> slice:
         """Logarithms of K."""
-        return slice(2 * self.segments, 3 * self.segments)
+        return slice(self.stiffness.stop, self.stiffness.stop + self.segments)
 
     @property
     def offset(self) -> slice:
         """Offsets of the tendons."""
-        return slice(3 * self.segments, 3 * self.segments + self.tendons)
+        return slice(self.ratio.stop, self.ratio.stop + self.tendons)
 
     @property
     def payload(self) -> int:
         """The payload."""
-        return 3 * self.segments + self.tendons
+        return (self.dimensions.bendings + 2) * self.segments + self.tendons
 
     @property
     def model(self) -> int:
@@ -126,15 +133,16 @@ class Layout:
     @property
     def parameters(self) -> slice:
         """What is estimated beside the shape."""
-        return slice(self.segments, self.model)
+        return slice(self.held.stop, self.model)
 
     def bias(self, disc: int) -> slice:
         """What is wrong in all measurements of a disc."""
-        return slice(self.model + POSE * disc, self.model + POSE * (disc + 1))
+        first, pose = self.model, self.dimensions.pose
+        return slice(first + pose * disc, first + pose * (disc + 1))
 
     def tension_bias(self, tendon: int) -> int:
         """What is wrong in all measured tensions of a tendon."""
-        return self.model + POSE * (self.segments + 1) + tendon
+        return self.model + self.dimensions.pose * (self.segments + 1) + tendon
 
     @property
     def biases(self) -> slice:
@@ -153,7 +161,12 @@ class Layout:
         return self.tension_bias(self.tendons)
 
 
-def first_values(arm: Arm, layout: Layout, prior: Prior) -> Array:
+def layout_of(arm: AnyArm) -> Layout:
+    """Return where each unknown of an arm is."""
+    return Layout(len(arm.segments), len(arm.tendon_names), dimensions_of(arm))
+
+
+def first_values(arm: AnyArm, layout: Layout, prior: Prior) -> Array:
     """Return the vector (size,) of the described arm."""
     values = np.zeros(layout.size)
     values[layout.ratio] = [log(prior.rigid_ratio if s.jam.rigid else
@@ -162,12 +175,12 @@ def first_values(arm: Arm, layout: Layout, prior: Prior) -> Array:
     return values
 
 
-def first_covariance(arm: Arm, layout: Layout, prior: Prior) -> Array:
+def first_covariance(arm: AnyArm, layout: Layout, prior: Prior) -> Array:
     """Return the covariance (size, size) before anything was measured; biases are added later."""
     variances = np.zeros(layout.size)
     variances[layout.held] = prior.straight**2
     variances[layout.stiffness] = [
-        0.0 if s.soft_law is not None else prior.stiffness**2 for s in arm.segments]
+        0.0 if layout.dimensions.has_law(s) else prior.stiffness**2 for s in arm.segments]
     variances[layout.ratio] = [
         0.0 if s.jam.law is not None else prior.ratio**2 for s in arm.segments]
     variances[layout.offset] = prior.offset**2
@@ -185,21 +198,19 @@ def limited(values: Array, layout: Layout) -> Array:
     return after
 
 
-def arm_with(arm: Arm, layout: Layout, values: Array) -> Arm:
+def arm_with(arm: AnyArm, layout: Layout, values: Array) -> Any:
     """
     Return a described arm with the estimated stiffness, K and payload; its jams and tendons give.
 
     A jam that is described by a measured law keeps it.
     """
+    dimensions, described = layout.dimensions, tuple[Any, ...](arm.segments)
     segments = tuple(
-        replace(s, bending_stiffness=s.bending_stiffness * exp(factor),
+        replace(dimensions.stiffer(s, exp(factor)),
                 jam=s.jam if s.jam.law is not None else
                 Jam(ratio=exp(ratio), yield_moment=s.jam.yield_moment,
                     stiffness_exponent=s.jam.stiffness_exponent))
-        for s, factor, ratio in zip(arm.segments, values[layout.stiffness],
+        for s, factor, ratio in zip(described, values[layout.stiffness],
                                     values[layout.ratio], strict=True))
-    tendon = arm.tendon
-    if tendon.axial_stiffness == inf:
-        tendon = replace(tendon, axial_stiffness=(tendon.free_length + arm.length) / STRETCH)
-    return replace(arm, segments=segments, tendon=tendon,
+    return replace(dimensions.giving(arm, STRETCH), segments=segments,
                    payload=float(values[layout.payload]))

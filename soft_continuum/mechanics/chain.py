@@ -60,6 +60,11 @@ class Equilibrium:
         return self.chain.bending_angles(self.joint_angles)
 
     @property
+    def bending(self) -> Array:
+        """The same; in space it is something else."""
+        return self.bending_angles
+
+    @property
     def bending_directions(self) -> Array:
         """Those of spatial arms; none, since a planar one bends in one plane only."""
         return np.zeros(0)

@@ -55,6 +55,10 @@ class State(Protocol):
         """Bending angle of each segment, (segments,), rad; in space never negative."""
 
     @property
+    def bending(self) -> Array:
+        """How each segment bends as ``chain.uniform`` takes it, (segments,) or (segments, 2)."""
+
+    @property
     def bending_directions(self) -> Array:
         """In space the direction of each segment, (segments,), rad; in the plane empty."""
 
@@ -83,6 +87,10 @@ class State(Protocol):
         """By how much the path of each tendon is shorter than in the straight arm, m."""
 
     @property
+    def taut(self) -> tuple[bool, ...]:
+        """Whether each tendon carries tension."""
+
+    @property
     def slack(self) -> Array:
         """By how much each tendon is longer than its path, (tendons,), m."""
 
@@ -105,6 +113,10 @@ class Solver(Protocol):
     @property
     def chain(self) -> AnyChain:
         """The arm."""
+
+    @property
+    def compliance(self) -> Array:
+        """By how much each tendon stretches, (tendons,), m/N."""
 
     def solve(self, start: Any, pulls: ArrayLike, soft: Sequence[bool], *,
               vacuum: Sequence[float] | None = None, sliding: Sequence[int] = ()) -> State:
@@ -130,6 +142,21 @@ def bending_of(arm: AnyArm, angles: Sequence[float], directions: Sequence[float]
     That is, (segments,) rad of a planar arm and (segments, 2) rad of a spatial one.
     """
     return np.array(angles) if isinstance(arm, Arm) else bending_vectors(arm, angles, directions)
+
+
+def bent(statics: Any, state: Any, soft: Sequence[bool], goal: Array) -> Any:
+    """
+    Return the state in which soft segments bend as a goal says, all others stiff.
+
+    goal: (segments,) or (segments, 2), as State.bending, of which that of soft segments counts; in
+    the plane one is soft.  Raises StaticsError where no tendon holds them there.
+    """
+    if isinstance(statics.chain.arm, Arm):
+        segment = list(soft).index(True)
+        return statics.bend(state, segment, float(goal[segment]))
+    from soft_continuum.mechanics.spatial.inverse import pulls_for_bending
+    wanted = np.where(np.array(soft)[:, None], goal, np.nan)
+    return pulls_for_bending(statics, state, wanted, soft).state
 
 
 def statics_of(arm: AnyArm) -> 'Statics | SpatialStatics':

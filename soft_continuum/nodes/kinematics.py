@@ -25,7 +25,9 @@ from soft_continuum.estimation.shape import (
     UnknownShapeError,
 )
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import repeat, serve, subscribe
@@ -41,11 +43,14 @@ from soft_continuum.parameters.estimation import estimation_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.conversions import (
     equilibrium_to_ros,
+    measured_pose_from_ros,
     measured_pose_to_ros,
     poses_to_ros,
     pulls_from_ros,
     seconds,
     stiffness_from_ros,
+    tracked_pose_from_ros,
+    tracked_pose_to_ros,
 )
 from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES
@@ -133,7 +138,11 @@ class Kinematics(Node):
         for i in range(segments if jamming else 0):
             subscribe(self, FluidPressure, f'segment_{i + 1}/pressure',
                       partial(self._on_pressure, i), SENSOR)
-        self._measured = MeasuredPoses(self, segments + 1, frame)
+        planar = isinstance(self._arm, Arm)
+        self._pose_to_ros = measured_pose_to_ros if planar else tracked_pose_to_ros
+        self._measured = MeasuredPoses(
+            self, segments + 1, frame,
+            measured_pose_from_ros if planar else tracked_pose_from_ros)
         self.conflicts = Conflicts(self, segments)
         repeat(self, CHECK_PERIOD, self._check)
         serve(self, Trigger, '~/reset', self._on_reset)
@@ -279,7 +288,7 @@ class Kinematics(Node):
             self._marked = now
             self._markers.publish(self._make_markers(state, stamp))
 
-    def _make_markers(self, state: Equilibrium, stamp: Any) -> MarkerArray:
+    def _make_markers(self, state: State, stamp: Any) -> MarkerArray:
         frame, shape = self.parameters['frame_id'], self._shape
         found = shape_markers(state.chain, state, self._stiff, self.parameters['tension_limit'],
                               frame, stamp)
@@ -291,7 +300,7 @@ class Kinematics(Node):
         return found
 
     def _uncertainty(self, stamp: Any) -> tuple[Array, list[EstimatedParameter]]:
-        """Return covariances of the discs (discs, 3, 3), which it publishes, and parameters."""
+        """Return covariances of the discs, which it publishes, and parameters."""
         estimator = self._shape.estimate
         assert estimator is not None
         made, found, parameters = self._uncertainties
@@ -299,9 +308,9 @@ class Kinematics(Node):
             return found, parameters
         found, parameters = estimator.pose_covariances(), parameters_to_ros(estimator)
         self._uncertainties = STEADY(), found, parameters
-        for publisher, pose, covariance in zip(
-                self._poses, estimator.state.points[2::2], found[1:], strict=True):
-            message = measured_pose_to_ros(pose, covariance)
+        poses = estimator.layout.dimensions.poses(estimator.state)
+        for publisher, pose, covariance in zip(self._poses, poses[1:], found[1:], strict=True):
+            message = self._pose_to_ros(pose, covariance)
             message.header.stamp, message.header.frame_id = stamp, self.parameters['frame_id']
             publisher.publish(message)
         return found, parameters

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measured poses of the discs as they arrive: checked, and together with others of their time."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -9,10 +10,13 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.hardware.clock import STEADY
+from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.conversions import measured_pose_from_ros, seconds
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR
+
+PoseReader = Callable[[PoseWithCovarianceStamped, str], tuple[Array, Array]]
 
 PATIENCE = 0.02  # s for which a pose waits for those of the other discs
 MAX_WAITING = 20
@@ -28,9 +32,10 @@ class MeasuredPoses:
     The base does not move: it tells whether the camera did, but alone nothing of the arm.
     """
 
-    def __init__(self, node: Any, discs: int, frame: str) -> None:
-        """Subscribe for ``node``; frame: in which poses have to be."""
-        self._frame = frame
+    def __init__(self, node: Any, discs: int, frame: str, read: PoseReader = measured_pose_from_ros
+                 ) -> None:
+        """Subscribe for ``node``; frame: in which poses have to be; read: what they say."""
+        self._frame, self._read = frame, read
         self._waiting: dict[float, tuple[float, dict[int, DiscMeasurement]]] = {}
         self._taken = -1.0
         self.refused = ''
@@ -41,7 +46,7 @@ class MeasuredPoses:
 
     def _on_pose(self, disc: int, message: PoseWithCovarianceStamped) -> None:
         try:
-            pose, covariance = measured_pose_from_ros(message, self._frame)
+            pose, covariance = self._read(message, self._frame)
         except ValueError as error:
             self.refused = f'{MEASURED_POSE.format(disc)} has {error}'
             return

@@ -7,18 +7,15 @@ from concurrent.futures import Future
 from functools import partial
 from typing import Any, TypeVar
 
-import numpy as np
-
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import RigidChain
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.either import AnyArm, bending_of, chain_of, State
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.sequencing.aiming import Aim, next_step, Step, worth_setting_again
 from soft_continuum.sequencing.background import PlanningThread
 from soft_continuum.sequencing.closed_loop import Loop
 from soft_continuum.sequencing.planner import (
     PlanError,
-    Planner,
+    planner_of,
     PlanSettings,
     Shape,
     ShapePlan,
@@ -47,7 +44,6 @@ class Planning:
 
     def _aim(self, kind: int, shape: Shape) -> 'Future[Aim]':
         settings, arm = PlanSettings.of(self._parameters), self._arm
-        assert isinstance(arm, Arm)  # loops are closed in the plane only
         return self._start(lambda *_: aim_of(shape, kind, arm, settings))
 
     def _step(self, segments: Sequence[int], aim: Aim) -> 'Future[Step]':
@@ -57,7 +53,8 @@ class Planning:
 
     def _again(self, segments: Sequence[int], aim: Aim, release_limit: float
                ) -> 'Future[tuple[int, ...]]':
-        lock_in = self._parameters['loop.lock_in_deviation']
+        jamming = self._parameters['arm.jamming']
+        lock_in = self._parameters['loop.lock_in_deviation'] if jamming else 0.0
         return self._start(lambda planner, state, pulls: worth_setting_again(
             planner, state, pulls, segments, aim, lock_in, release_limit))
 
@@ -77,17 +74,19 @@ class Planning:
             PlanSettings.of(self._parameters).with_slack_for(model.offset_deviations))
 
 
-def aim_of(shape: Shape, kind: int, arm: Arm, settings: PlanSettings) -> Aim:
+def aim_of(shape: Shape, kind: int, arm: AnyArm, settings: PlanSettings) -> Aim:
     """
     Return what a shape aims at; kind: of RunShapeSequence.
 
     Its tip is where its angles bring that of the described ``arm``, set from straight.
     """
-    angles = np.array(shape.bending_angles)
-    chain = RigidChain(arm)
+    bending = bending_of(arm, shape.bending_angles, shape.bending_directions)
+    chain = chain_of(arm)
+    state: State
     try:
-        state = Planner(arm, settings).plan(
+        state = planner_of(arm, settings).plan(
             chain.straight(), (0.0,) * len(arm.tendon_names), [shape])[0].state
     except PlanError:  # it can be reached from the present shape only
-        state = chain.uniform(angles)
-    return Aim(angles, state.tip[:2], kind == RunShapeSequence.Goal.TIP)
+        state = chain.uniform(bending)
+    tip = state.tip_pose[:2 if isinstance(arm, Arm) else 3]
+    return Aim(bending, tip, kind == RunShapeSequence.Goal.TIP)

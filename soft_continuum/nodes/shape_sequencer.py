@@ -265,7 +265,7 @@ class ShapeSequencer(Node):
             piece_period=0.0 if isinstance(self._arm, Arm) else SPATIAL_PIECE_PERIOD, **{
                 name: self.parameters[name] for name in (
                     'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum')})
-        if self.parameters['closed_loop'] and isinstance(self._arm, Arm):
+        if self.parameters['closed_loop']:
             self._runner = ClosedLoopRunner(
                 shapes, self._planning.plan, self._planning.loop(handle.request.aim),
                 self._commander, settings, loop_from_parameters(self.parameters),

@@ -9,9 +9,8 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.estimation.unknowns import arm_with, first_values, Layout, limited, Prior
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, RigidChain
+from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of, limited, Prior
+from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, chain_of
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
@@ -40,7 +39,7 @@ class Model:
     offset_deviations: Array
 
 
-def parameter_names(arm: Arm) -> tuple[str, ...]:
+def parameter_names(arm: AnyArm) -> tuple[str, ...]:
     """Return the names of what is estimated of an arm beside its shape, as they are published."""
     numbers = range(1, len(arm.segments) + 1)
     return (*(f'stiffness_factor_{n}' for n in numbers), *(f'stiff_ratio_{n}' for n in numbers),
@@ -52,18 +51,15 @@ def estimate_to_ros(estimator: 'Estimator', covariances: Array,
     """
     Write an estimate into a message.
 
-    covariances: (discs, 3, 3) of the discs' poses, base first.  parameters: of parameters_to_ros.
+    covariances: (discs, pose, pose) of the discs' poses, base first.  parameters: of
+    parameters_to_ros.
     """
-    state = estimator.state
+    state, dimensions = estimator.state, estimator.layout.dimensions
     message.source = KinematicsState.ESTIMATED
     if estimator.measured is not None:
         message.measured = stamp_of(estimator.measured)
-    angles = covariances[:, 2, 2]
-    message.angle_deviations = np.sqrt(angles[1:]).tolist()
-    height = state.chain.arm.discs[-1].height
-    lever = height * np.array([np.cos(state.tip[2]), -np.sin(state.tip[2])])
-    to_tip = np.eye(3)
-    to_tip[:2, 2] = lever
+    message.angle_deviations = dimensions.angle_deviations(state, covariances).tolist()
+    to_tip = dimensions.lever(dimensions.poses(state)[-1], state.chain.arm.discs[-1].height)
     message.tip_deviations = np.sqrt(np.diag(to_tip @ covariances[-1] @ to_tip.T)).tolist()
     message.parameters = parameters
 
@@ -107,15 +103,15 @@ def model_from_ros(parameters: Sequence[EstimatedParameter], arm: AnyArm) -> Mod
     """
     Return the model that published parameters make of a described arm.
 
-    Without any, or with those of another arm, it is the arm as described; so is a spatial one.
+    Without any, or with those of another arm, it is the arm as described.
     """
     found = {one.name: one for one in parameters}
-    names = parameter_names(arm) if isinstance(arm, Arm) else ()
-    if not isinstance(arm, Arm) or set(names) != set(found) or not all(
+    names = parameter_names(arm)
+    if set(names) != set(found) or not all(
             np.isfinite(one.value) and np.isfinite(one.deviation) for one in parameters):
         nothing = np.zeros(len(arm.tendon_names))
         return Model(chain_of(arm), nothing, nothing)
-    layout = Layout(len(arm.segments), len(arm.tendon_names))
+    layout = layout_of(arm)
     published = np.array([found[name].value for name in names])
     deviations = np.array([found[name].deviation for name in names])
     values = first_values(arm, layout, Prior())
@@ -124,5 +120,5 @@ def model_from_ros(parameters: Sequence[EstimatedParameter], arm: AnyArm) -> Mod
     values[layout.parameters] = published
     values = limited(values, layout)
     tendons = slice(logarithms, logarithms + layout.tendons)
-    return Model(RigidChain(arm_with(arm, layout, values)), values[layout.offset],
+    return Model(chain_of(arm_with(arm, layout, values)), values[layout.offset],
                  deviations[tendons])

@@ -1,23 +1,33 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Bending angles to set, one segment after the other, so that the shape in the end is right.
+Bendings to set, one segment after the other, so that the shape in the end is right.
 
 A stiff segment gives: when the tendons change for the next one it springs back, and what hangs on
 it bends it.  So the angle at which it is locked is not the angle that it has in the end.  The
 whole sequence is predicted, and the angles are those whose prediction ends where it should.  Not
-from the paper, whose stiff segments are rigid.
+from the paper, whose stiff segments are rigid.  In space a bending is two numbers, about x and y.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
+from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.statics import Statics, StaticsError
-from soft_continuum.sequencing.planner import Move, PlanError, Planner
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import bent, State
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.spatial.directions import bending_axes
+from soft_continuum.sequencing.planner import (
+    Move,
+    PlanError,
+    ShapePlanner,
+    soft_flags,
+    WHOLE_ARM,
+)
 
 ANGLE_SCALE = 0.05  # rad away from the wanted angle costs as much as
 TIP_SCALE = 1e-4  # m away from the wanted tip
@@ -34,11 +44,12 @@ class Aim:
     """
     What a sequence is to end in.
 
-    bending_angles: (segments,) rad.  tip: (x, z) m.  on_tip: whether the tip is to be right, and
-    the angles only choose among the shapes that bring it there; otherwise the angles are.
+    bending: (segments,) rad, in space (segments, 2).  tip: (x, z) m, in space (x, y, z).  on_tip:
+    whether the tip is to be right, and the bending only chooses among the shapes that bring it
+    there; otherwise the bending is.
     """
 
-    bending_angles: Array
+    bending: Array
     tip: Array
     on_tip: bool = False
 
@@ -46,62 +57,97 @@ class Aim:
         """Return an error, m of the tip or rad, as people read it."""
         return f'{error * 1e3:.1f} mm' if self.on_tip else f'{np.degrees(error):.1f} degrees'
 
-    def error(self, state: Equilibrium) -> float:
+    def error(self, state: State) -> float:
         """Return how far a state is off: m of the tip, or rad of the worst segment."""
         if self.on_tip:
             return self.tip_error(state)
-        return float(np.abs(state.bending_angles - self.bending_angles).max())
+        away = (state.bending - self.bending).reshape(len(self.bending), -1)
+        return float(np.linalg.norm(away, axis=1).max())
 
-    def tip_error(self, state: Equilibrium) -> float:
+    def tip_error(self, state: State) -> float:
         """Return how far the tip of a state is off, m."""
-        return float(np.linalg.norm(state.tip[:2] - self.tip))
+        return float(np.linalg.norm(self._tip(state) - self.tip))
 
-    def residuals(self, state: Equilibrium) -> Array:
+    def residuals(self, state: State) -> Array:
         """Return what is to be small."""
-        away = state.bending_angles - self.bending_angles
+        away = (state.bending - self.bending).ravel()
         if not self.on_tip:
             return away
-        return np.concatenate([(state.tip[:2] - self.tip) / TIP_SCALE, away / ANGLE_SCALE])
+        return np.concatenate([(self._tip(state) - self.tip) / TIP_SCALE, away / ANGLE_SCALE])
+
+    def _tip(self, state: State) -> Array:
+        return state.tip_pose[:len(self.tip)]
 
 
-def predicted(statics: Statics, state: Equilibrium, segments: Sequence[int],
-              angles: Sequence[float]) -> Equilibrium:
+def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Sequence[Any] | Array
+              ) -> Any:
     """
-    Return the state after segments (0-based) were set to angles (rad) one after the other.
+    Return the state after segments (0-based), or WHOLE_ARM, were set one after the other.
 
-    Raises StaticsError where no tendon holds one there.
+    bending: of each of them, rad; of WHOLE_ARM that of all.  Raises StaticsError where no tendon
+    holds one there.
     """
-    for segment, angle in zip(segments, angles, strict=True):
-        state = statics.bend(state, segment, float(angle))
+    goal = np.array(state.bending)
+    goal[_rows(segments, len(goal))] = bending
+    for segment in segments:
+        state = bent(statics, state, soft_flags(segment, len(goal)), goal)
     return state
 
 
-def angles_to_set(statics: Statics, state: Equilibrium, segments: Sequence[int], aim: Aim
-                  ) -> tuple[Array, Equilibrium]:
+def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim
+                  ) -> tuple[Array, Any]:
     """
-    Return the angles (rad) at which segments are to be locked, and the state that is predicted.
+    Return the bendings at which segments are to be locked, and the state that is predicted.
 
-    segments: 0-based, in the order in which they are set; the first may be soft already.  Raises
-    StaticsError when the wanted angles cannot be set.
+    segments: 0-based, or WHOLE_ARM, in the order in which they are set; the first may be soft
+    already.  The bendings are (k,) rad, in space (k, 2).  Raises StaticsError when the wanted ones
+    cannot be set.
     """
     from scipy.optimize import least_squares  # 0.3 s that a start need not wait for
-    limits = LIMIT_SHARE * np.array(
-        [statics.chain.arm.segments[s].bending_angle_limit for s in segments])
-    first = np.clip(np.asarray(aim.bending_angles)[list(segments)], -limits, limits)
+    arm = statics.chain.arm
+    planar = isinstance(arm, Arm)
+    rows = _rows(segments, len(arm.segments))
+    most = LIMIT_SHARE * np.array([arm.segments[s].bending_angle_limit for s in rows])
+    free = np.ones(len(rows), dtype=bool) if planar else bending_axes(arm)[rows]
+    limits = most if planar else np.repeat(most[:, None], 2, axis=1)
+    first = np.clip(np.asarray(aim.bending)[rows], -limits, limits)
 
-    def residuals(angles: Array) -> Array:
-        return aim.residuals(predicted(statics, state, segments, angles.tolist()))
+    def locked(values: Array) -> Array:
+        """Return bendings within the limits, where those that are free have given values."""
+        bending = first.copy()
+        bending[free] = values
+        if not planar:
+            sizes = np.linalg.norm(bending, axis=1)
+            bending *= (most / np.maximum(sizes, most))[:, None]
+        return bending
 
-    best = first
-    before = residuals(first)
+    def residuals(values: Array) -> Array:
+        return aim.residuals(predicted(statics, state, segments, locked(values)))
+
+    def slopes(values: Array) -> Array:
+        """Return derivatives by steps that do not vanish where a segment is straight."""
+        here = residuals(values)
+        steps = np.where(values > 0.0, -STEP, STEP)  # towards the inside
+        return np.column_stack([(residuals(values + step * unit) - here) / step
+                                for step, unit in zip(steps, np.eye(len(values)), strict=True)])
+
+    best = first[free]
+    before = residuals(best)
     try:
-        found = least_squares(residuals, first, bounds=(-limits, limits), diff_step=STEP,
-                              x_scale=0.1, xtol=PRECISION, ftol=PRECISION)
+        found = least_squares(
+            residuals, best, jac='2-point' if planar else slopes, diff_step=STEP,
+            bounds=(-limits[free], limits[free]), x_scale=0.1, xtol=PRECISION, ftol=PRECISION)
         if found.cost <= 0.5 * before @ before:
             best = found.x
     except StaticsError:  # on the way: the wanted angles themselves can be set
         pass
-    return best, predicted(statics, state, segments, best.tolist())
+    bending = locked(best)
+    return bending, predicted(statics, state, segments, bending)
+
+
+def _rows(segments: Sequence[int], count: int) -> list[int]:
+    """Return the segments that are set; WHOLE_ARM stands for all."""
+    return list(range(count)) if WHOLE_ARM in segments else list(segments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,32 +166,44 @@ class Step:
     predicted: float
 
 
-def next_step(planner: Planner, state: Equilibrium, pulls: Sequence[float],
+def next_step(planner: ShapePlanner, state: Any, pulls: Sequence[float],
               segments: Sequence[int], aim: Aim, dead_band: float) -> Step:
     """
     Return the next step towards an aim.
 
-    segments: 0-based, that are still to be locked, in this order; the first is soft.  dead_band: m
-    of pull: less than friction lets through is not worth a motion.  Raises PlanError beyond a
-    limit, or when no tendon holds the arm on the way.
+    segments: 0-based, that are still to be locked, in this order, of which the first is soft; or
+    WHOLE_ARM.  dead_band: m of pull: less than friction lets through is not worth a motion.
+    Raises PlanError beyond a limit, or when no tendon holds the arm on the way.
     """
     first = segments[0]
     try:
-        angles, after = angles_to_set(planner.statics, state, segments, aim)
-        change = float(angles[0] - state.bending_angles[first])
+        bending, after = angles_to_set(planner.statics, state, segments, aim)
+        goal = np.array(state.bending)
+        goal[_rows(segments, len(goal))] = bending
+        change = _change(goal, state.bending, first)
         move = None
         if abs(change) > planner.settings.angle_tolerance:
-            move, _ = planner.move(state, np.asarray(pulls, dtype=float), first, float(angles[0]))
+            move, _ = planner.move(state, np.asarray(pulls, dtype=float), first,
+                                   float(goal[first]) if goal.ndim == 1 else goal)
             if np.abs(move.pulls - move.pulls[0]).max() <= dead_band:
                 move = None
             elif move.duration < MIN_DURATION:
                 move = replace(move, times=move.times * (MIN_DURATION / move.duration))
     except (StaticsError, PlanError) as error:
-        raise PlanError(f'segment {first + 1}: {error}') from None
+        what = 'the arm' if first == WHOLE_ARM else f'segment {first + 1}'
+        raise PlanError(f'{what}: {error}') from None
     return Step(move, change, aim.error(state), aim.error(after))
 
 
-def worth_setting_again(planner: Planner, state: Equilibrium, pulls: Sequence[float],
+def _change(goal: Array, now: Array, segment: int) -> float:
+    """Return by how much a segment, or the worst of WHOLE_ARM, is to turn, rad."""
+    if goal.ndim == 1:
+        return float(goal[segment] - now[segment])
+    turns = np.linalg.norm(goal - now, axis=1)
+    return float(turns.max() if segment == WHOLE_ARM else turns[segment])
+
+
+def worth_setting_again(planner: ShapePlanner, state: Any, pulls: Sequence[float],
                         segments: Sequence[int], aim: Aim, lock_in: float,
                         release_limit: float = inf) -> tuple[int, ...]:
     """
@@ -177,20 +235,21 @@ def worth_setting_again(planner: Planner, state: Equilibrium, pulls: Sequence[fl
     return best
 
 
-def _released(planner: Planner, state: Equilibrium, pulls: Sequence[float], segment: int) -> float:
+def _released(planner: ShapePlanner, state: Any, pulls: Sequence[float], segment: int) -> float:
     """Return by how much the tip moves when a segment is softened, m; inf where nobody knows."""
     try:
         there = planner.softened(state, pulls, segment)
     except StaticsError:
         return inf
-    return float(np.linalg.norm(there.tip[:2] - state.tip[:2]))
+    return float(np.linalg.norm(there.backbone[-1] - state.backbone[-1]))
 
 
-def _lever(state: Equilibrium, segments: Sequence[int], aim: Aim) -> float:
+def _lever(state: State, segments: Sequence[int], aim: Aim) -> float:
     """Return by how much the error grows with the angles of segments that are locked."""
     if not aim.on_tip:
         return 1.0
     # What the first ones do is made up for by the later ones, but for one direction.
-    middles = (state.points[1::2, :2][:-1] + state.points[2::2, :2]) / 2.0
-    levers = np.linalg.norm(state.tip[:2] - middles, axis=1)[list(segments)]
+    points = state.poses[:, :3]
+    middles = (points[1::2][:-1] + points[2::2]) / 2.0
+    levers = np.linalg.norm(points[-1] - middles, axis=1)[list(segments)]
     return float(np.hypot(levers[-1], 0.5 * levers[-2])) if len(levers) > 1 else float(levers[0])

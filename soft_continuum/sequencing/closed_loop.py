@@ -14,7 +14,7 @@ from math import inf, isnan, nan
 
 from soft_continuum.sequencing.aiming import Aim, Step
 from soft_continuum.sequencing.loop_settings import ABORT, LoopSettings, PAUSE
-from soft_continuum.sequencing.planner import Shape
+from soft_continuum.sequencing.planner import Shape, WHOLE_ARM
 from soft_continuum.sequencing.progress import Code, Outcome, Phase
 from soft_continuum.sequencing.runner import ArmPort, EndError, Plan, Runner, RunnerSettings
 
@@ -98,8 +98,9 @@ class ClosedLoopRunner(Runner):
                    ) -> Generator[None, None, bool]:
         """Set the segments again that are worth it; return whether any was."""
         self._report(index, self._part(index), Phase.PREPARING, segment=0)
+        every = tuple(range(len(shape.bending_angles)))
         segments = yield from self._planned(self._loop.again(
-            tuple(range(len(shape.bending_angles))), aim, release_limit))
+            every if self._settings.jamming else (WHOLE_ARM,), aim, release_limit))
         for done, segment in enumerate(segments):
             yield from self._set_segment(index, segments[done:], segment, aim)
         yield from self._measure(index, None)

@@ -195,7 +195,7 @@ class ShapePlanner(ABC):
 
     def _soft(self, segment: int) -> list[bool]:
         """Return which segments are soft while one is set."""
-        return [segment in (i, WHOLE_ARM) for i in range(self.statics.chain.segments)]
+        return soft_flags(segment, self.statics.chain.segments)
 
     def _check_wanted(self) -> None:
         if self._abandoned():
@@ -279,6 +279,11 @@ def planner_of(arm: AnyArm, settings: PlanSettings,
     # Here, because who plans in the plane need not load it.
     from soft_continuum.sequencing.spatial_planner import SpatialPlanner
     return SpatialPlanner(arm, settings, abandoned, offsets)
+
+
+def soft_flags(segment: int, count: int) -> list[bool]:
+    """Return which of ``count`` segments are soft while one (0-based), or WHOLE_ARM, is set."""
+    return [segment in (i, WHOLE_ARM) for i in range(count)]
 
 
 def timed(points: Array, speed: float, acceleration: float,

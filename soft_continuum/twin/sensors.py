@@ -4,31 +4,33 @@
 
 import numpy as np
 
-from soft_continuum.twin.plant import Array, Plant
+from soft_continuum.twin.any_plant import AnyPlant, Array
 
 
 class Sensors:
     """A load cell in each tendon, and an IMU at the bottom centre of each disc, base first."""
 
-    def __init__(self, plant: Plant) -> None:
+    def __init__(self, plant: AnyPlant) -> None:
         """Draw the errors that stay; what they are drawn from is apart from that of the plant."""
         self._plant, given = plant, plant.differences
         self._random = np.random.default_rng([given.seed, 1])
-        self._zero = self._random.normal(0.0, given.load_cell_zero, 2)
-        self._scale = 1.0 + self._random.normal(0.0, given.load_cell_scale, 2)
+        tendons = len(plant.arm.tendon_names)
+        self._zero = self._random.normal(0.0, given.load_cell_zero, tendons)
+        self._scale = 1.0 + self._random.normal(0.0, given.load_cell_scale, tendons)
         shape = len(plant.arm.discs), 3
         self._bias = np.hstack([self._random.normal(0.0, size, shape)
                                 for size in (given.gyro_bias, given.accelerometer_bias)])
         self._noise = np.repeat([given.gyro_noise, given.accelerometer_noise], 3)
 
     def tensions(self) -> Array:
-        """Return what the load cells show, (2,), N."""
-        noise = self._random.normal(0.0, self._plant.differences.tension_noise, 2)
+        """Return what the load cells show, (tendons,), N."""
+        size = self._plant.differences.tension_noise
+        noise = self._random.normal(0.0, size, len(self._zero))
         shown: Array = self._zero + self._scale * self._plant.tensions + noise
         return shown
 
     def motions(self) -> Array:
-        """Return angular velocities and specific forces, (discs, 6), as Plant.motions has them."""
+        """Return angular velocities and specific forces, (discs, 6), as AnyPlant.motions."""
         shown: Array = self._plant.motions + self._bias + self._random.normal(
             0.0, self._noise, self._bias.shape)
         return shown

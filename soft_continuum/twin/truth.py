@@ -5,7 +5,6 @@
 from geometry_msgs.msg import PoseArray
 from sensor_msgs.msg import JointState
 
-from soft_continuum.mechanics.chain import full_poses
 from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.names import TWIN
 from soft_continuum.ros.qos import STREAM
@@ -22,7 +21,7 @@ class Truth(Publisher):
         """Make the node ``twin``; raises ClientError for a namespace that ROS does not take."""
         super().__init__(TWIN, namespace)
         self._rig = rig
-        self._names = [f'joint_{n}' for n in range(1, len(rig.plant.joint_angles) + 1)]
+        self._names = rig.plant.joint_names
 
     async def _begin(self) -> None:
         node = self._node
@@ -34,12 +33,12 @@ class Truth(Publisher):
     def _publish(self) -> None:
         with self._rig.lock:
             plant = self._rig.plant
-            angles, points, tensions = plant.joint_angles, plant.points, plant.tensions
+            angles, poses, tensions = plant.joint_angles, plant.poses, plant.tensions
         stamp = self._node.get_clock().now().to_msg()
         joints = JointState(name=self._names, position=angles.tolist())
         tendons = JointState(name=list(self._rig.plant.arm.tendon_names),
                              effort=tensions.tolist())
-        discs = poses_to_ros(full_poses(points), PoseArray())
+        discs = poses_to_ros(poses, PoseArray())
         joints.header.stamp = tendons.header.stamp = discs.header.stamp = stamp
         discs.header.frame_id = 'base_link'
         self._joints.publish(joints)

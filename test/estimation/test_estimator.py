@@ -10,7 +10,8 @@ import pytest
 from scipy.stats import chi2
 from true_arm import ARM, commands, COVARIANCE, DEVIATIONS, only, Session, STIFF, TrueArm
 
-from soft_continuum.estimation.estimator import HISTORY, MODEL_ERROR, OWN_SHARE, PERSISTENT
+from soft_continuum.estimation.dimensions import model_error, PLANE
+from soft_continuum.estimation.estimator import HISTORY, OWN_SHARE, PERSISTENT
 from soft_continuum.estimation.unknowns import Drift, Prior
 
 HANGING = replace(ARM, mounting_angle=pi)
@@ -240,9 +241,9 @@ def test_repeated_measurements_make_nothing_surer_than_the_sensor_is():
     # What is wrong alike in all of them: all of the prior and that of the sensor allow.
     session = Session(TrueArm(), own=0.0, discs=(3,), drift=NO_DRIFT,
                       prior=Prior(straight=0.1, ratio=0.0, stiffness=0.0, payload=0.0, offset=0.0))
-    alone = session.estimator.pose_covariances()[3] - MODEL_ERROR
+    alone = session.estimator.pose_covariances()[3] - model_error(PLANE)
     session.look(40)
-    found = session.estimator.pose_covariances()[3] - MODEL_ERROR
+    found = session.estimator.pose_covariances()[3] - model_error(PLANE)
     systematic = (1.0 - OWN_SHARE) * COVARIANCE
     least = alone @ np.linalg.solve(alone + systematic, systematic)
     bent = np.ix_([0, 2], [0, 2])  # z of a straight arm does not depend on anything

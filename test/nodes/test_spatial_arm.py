@@ -8,10 +8,10 @@ from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
 
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 import pytest
-from ros_rig import LATCHED, RELIABLE, Rig, trajectory
+from ros_rig import LATCHED, RELIABLE, Rig, STREAM, trajectory
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -19,10 +19,13 @@ from test_spatial_description import check_urdf, JAMMING, TENDON_ARM
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
+from soft_continuum.mechanics.spatial import SpatialChain
 from soft_continuum.parameters.files import given_parameters, load_any_arm
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX
-from soft_continuum_interfaces.msg import MotionRequest
+from soft_continuum.ros.conversions import tracked_pose_from_ros, tracked_pose_to_ros
+from soft_continuum.ros.estimates import parameter_names
+from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState, MotionRequest
 
 NAMES = load_any_arm(TENDON_ARM).tendon_names
 OFFSET, SEGMENT, BASE, DISC = 0.008, 0.08, 0.01, 0.005  # m, as config/tendon_arm.yaml has them
@@ -176,19 +179,6 @@ def test_no_valves_are_needed_and_none_waited_for(tendon_arm: Driven) -> None:
     assert rig.status_value('kinematics', 'soft') == '1 2 3'
 
 
-def test_a_measurement_corrects_nothing_and_says_so(tendon_arm: Driven) -> None:
-    rig = tendon_arm.rig
-    measured = rig.publisher(PoseWithCovarianceStamped, 'disc_3/measured_pose')
-    message = PoseWithCovarianceStamped()
-    message.header.frame_id = 'base_link'
-    message.header.stamp = rig.observer.get_clock().now().to_msg()
-    message.pose.pose.orientation.w = 1.0
-    message.pose.covariance = (1e-6 * np.eye(6)).ravel()
-    measured.publish(message)
-    rig.wait_for(lambda: 'spatial arms are predicted' in rig.statuses['kinematics'].last.message,
-                 'the reason')
-
-
 def test_the_markers_stand_where_the_arm_is(tendon_arm: Driven) -> None:
     rig = tendon_arm.rig
     assert tendon_arm.send({'tip_1': PULL}, SLACK).status == MotionRequest.DONE
@@ -226,6 +216,63 @@ def test_only_the_soft_segment_of_a_jamming_arm_bends(
     angle = np.linalg.norm(turn)
     chord = 2.0 * (0.07 / angle - 0.0175) * sin(angle / 2.0)
     assert 0.07 - chord == pytest.approx(0.004, rel=0.02)
+
+
+def test_measured_discs_correct_the_shape_and_say_how_well_it_is_known(
+        make_rig: Callable[..., Rig]) -> None:
+    rig = make_rig()
+    rig.start('kinematics', **given(JAMMING))
+    names = ('tendon_1', 'tendon_2', 'tendon_3')
+    state = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
+    predicted = rig.record(PoseArray, 'predicted_disc_poses', RELIABLE)
+    ends = [rig.record(PoseWithCovarianceStamped, f'segment_{n}/pose', RELIABLE)
+            for n in (1, 2, 3)]
+    tendons = rig.publisher(JointState, 'tendon_states')
+    discs = [rig.publisher(PoseWithCovarianceStamped, f'disc_{n}/measured_pose', STREAM)
+             for n in (1, 2, 3)]
+    rig.publisher(JammingValvesState, 'jamming_valves/state', LATCHED).publish(
+        JammingValvesState(stiffness=[JammingValvesState.STIFF] * 3))
+    arm = load_any_arm(JAMMING)
+    bending = np.array([[0.0, 0.0], [0.0, 0.0], [0.03, -0.02]])
+    poses = SpatialChain(arm).uniform(bending).poses[2::2]
+
+    def shown(condition: Callable[[], Any], spoil: Callable[[Any], None]) -> Any:
+        tendons.publish(JointState(name=names, position=[0.0] * 3))
+        stamp = rig.observer.get_clock().now().to_msg()
+        for publisher, pose in zip(discs, poses, strict=True):
+            message = tracked_pose_to_ros(pose, np.diag([3e-4] * 3 + [2e-3] * 3)**2)
+            message.header.frame_id, message.header.stamp = 'base_link', stamp
+            spoil(message)
+            publisher.publish(message)
+        return condition()
+
+    def twice(message: Any) -> None:
+        message.pose.pose.orientation.w *= 2.0
+
+    def correlated(message: Any) -> None:
+        message.pose.covariance[1] = message.pose.covariance[6] = 1e-3
+
+    for spoil, reason in ((twice, 'quaternion'), (correlated, 'positive definite')):
+        rig.wait_for(lambda s=spoil, r=reason: shown(
+            lambda: r in rig.statuses['kinematics'].last.message, s), reason)
+    assert state.last.source == KinematicsState.PREDICTED
+
+    def corrected() -> bool:
+        turns = np.reshape(state.last.joint_angles, (3, -1, 3)).sum(axis=1)
+        if not (np.abs(turns[:, :2] - bending).max() < 0.01 and all(map(len, (predicted, *ends)))):
+            return False
+        found = [tracked_pose_from_ros(one.last, 'base_link')[0] for one in ends]
+        return np.abs(np.array(found) - poses)[:, :3].max() < 1e-3
+
+    rig.wait_for(lambda: shown(corrected, lambda message: None), 'a corrected shape')
+    last = state.last
+    assert last.source == KinematicsState.ESTIMATED
+    assert {p.name for p in last.parameters} == set(parameter_names(arm))
+    assert len(last.angle_deviations) == len(last.tip_deviations) == 6
+    assert all(0.0 < d < 0.1 for d in (*last.angle_deviations, *last.tip_deviations))
+    assert all(tracked_pose_from_ros(one.last)[1].diagonal().max() < 0.05**2 for one in ends)
+    x = [pose.position.x for pose in predicted.last.poses]
+    assert x == pytest.approx([0.0] * 8, abs=1e-9)  # the prediction goes on: still straight
 
 
 def test_a_planar_arm_without_jamming_bends_as_a_whole(make_rig: Callable[..., Rig]) -> None:

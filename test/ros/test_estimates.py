@@ -4,7 +4,7 @@
 """What kinematics publishes of its estimate makes the same model in the other nodes."""
 
 from dataclasses import replace
-from math import exp, log
+from math import exp, log, pi
 
 import numpy as np
 import pytest
@@ -14,8 +14,9 @@ from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.unknowns import Drift, Prior
 from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.spatial import SpatialChain
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.parameters.files import load_any_arm, load_arm
 from soft_continuum.ros.estimates import (
     estimate_to_ros,
     model_from_ros,
@@ -131,6 +132,37 @@ def test_the_deviation_of_the_tip_counts_the_lever_of_the_last_disc(estimator):
     assert message.tip_deviations == pytest.approx(
         [np.hypot(1e-3, 0.02 * height), 1e-3, 0.02])
     assert len(message.angle_deviations) == 3
+
+
+def test_an_arm_in_space_is_published_and_planned_with_alike():
+    arm = replace(load_any_arm(description_file().with_name('spatial_jamming.yaml')),
+                  bodies_per_segment=3)
+    estimator = Estimator(arm, SpatialChain(arm).uniform(
+        [[0.0, 0.0], [0.0, 0.0], [pi / 2, 0.0]]), Prior(), Drift())
+    values = {name: VALUES[name] for name in list(VALUES)[:6]} | {
+        'offset_tendon_1': 1e-3, 'offset_tendon_2': -2e-3, 'offset_tendon_3': 0.0,
+        'payload': 0.05}
+    assert parameter_names(arm) == tuple(values)
+    where = estimator.layout.parameters
+    estimator.values[where] = [*np.log(list(values.values())[:6]), *list(values.values())[6:]]
+    covariances = np.tile(np.diag([1e-3, 2e-3, 3e-3, 0.02, 0.03, 0.04])**2, (4, 1, 1))
+    message = KinematicsState()
+    estimate_to_ros(estimator, covariances, parameters_to_ros(estimator), message)
+    height = arm.discs[-1].height  # the last disc leans towards -y: a turn about z moves it in x
+    assert message.tip_deviations == pytest.approx(
+        [np.hypot(1e-3, 0.04 * height), 2e-3, np.hypot(3e-3, 0.02 * height), 0.02, 0.03, 0.04])
+    assert message.angle_deviations == pytest.approx([0.02, 0.03] * 3)
+    model = model_from_ros(message.parameters, arm)
+    for segment, described, n in zip(model.chain.arm.segments, arm.segments, (1, 2, 3),
+                                     strict=True):
+        assert (segment.stiffness_x, segment.stiffness_y) == pytest.approx(
+            np.array([described.stiffness_x, described.stiffness_y])
+            * values[f'stiffness_factor_{n}'])
+        assert segment.jam.ratio == pytest.approx(values[f'stiff_ratio_{n}'])
+    assert model.offsets == pytest.approx([1e-3, -2e-3, 0.0])
+    assert model.chain.arm.payload == pytest.approx(0.05)
+    assert all(tendon.compliance > 0.0 for tendon in model.chain.arm.tendons)
+    assert model_from_ros(message.parameters[1:], arm).chain.arm == arm
 
 
 def test_when_it_was_measured_is_published(estimator):

@@ -185,7 +185,7 @@ def test_a_good_shape_is_not_set_again(statics, good, on_tip):
 def test_a_last_segment_that_shifted_is_set_again(statics, good):
     aim, state = good
     off = shifted(statics, state, 2, 0.05)
-    assert np.abs(off.bending_angles - aim.bending_angles).argmax() == 2
+    assert np.abs(off.bending_angles - aim.bending).argmax() == 2
     assert again_of(statics, off, ALL, aim, LOCK_IN) == (2,)
 
 

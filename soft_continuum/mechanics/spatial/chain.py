@@ -93,6 +93,11 @@ class SpatialEquilibrium:
         return ()
 
     @property
+    def taut(self) -> tuple[bool, ...]:
+        """Whether each tendon carries tension."""
+        return tuple((self.tensions > 0.0).tolist())
+
+    @property
     def bending_angles(self) -> Array:
         """Angle between the axes of the discs below and above each segment, (segments,), rad."""
         angles: Array = np.linalg.norm(self.bending, axis=1)

@@ -97,6 +97,18 @@ class SpatialLinearisation:
             self._columns.T @ self._inside
             + np.diag(np.concatenate([compliance[self._taut], 1.0 / forces])), check_finite=False)
 
+    def all(self) -> SpatialSensitivity:
+        """
+        Return all of them that an estimate needs.
+
+        In turn: by the held shape, stiffness factor and K of each segment, the pulls, the payload.
+        """
+        each = (self.held_shape(), self.stiffness_factors(), self.stiffness_ratio(),
+                self.pulls(), self.payload())
+        return SpatialSensitivity(*(np.concatenate(parts, axis=-1) for parts in zip(*(
+            (one.rotations, one.tensions, one.paths, one.points, one.orientations, one.bending)
+            for one in each), strict=True)))
+
     def pulls(self) -> SpatialSensitivity:
         """Return the derivatives by the pull of each tendon, per m; 0 where tension is given."""
         return self._solve(pulls=np.eye(len(self._by_force)))

@@ -129,6 +129,11 @@ class SpatialStatics:
         self._compliance = np.array([tendon.compliance for tendon in arm.tendons])
         self._all_soft: tuple[Integers, System, Array] | None = None
 
+    @property
+    def compliance(self) -> Array:
+        """By how much each tendon stretches, (tendons,), m/N."""
+        return self._compliance
+
     def solve(self, start: SpatialEquilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
               tensions: ArrayLike | None = None, vacuum: Sequence[float] | None = None,
               sliding: Sequence[int] = ()) -> SpatialEquilibrium:

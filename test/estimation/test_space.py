@@ -1,0 +1,289 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The estimate of an arm in space: the same filter, against the truth and against the plane."""
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+from spatial_truth import ARM, COVARIANCE, DEVIATIONS, PRIOR, SpatialSession, SpatialTruth
+from true_arm import ARM as PLANAR
+from true_arm import only, Session, STIFF, TrueArm
+
+from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.dimensions import dimensions_of, SPACE
+from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
+from soft_continuum.estimation.hypotheses import Cause
+from soft_continuum.estimation.measuring import DiscMeasurement, predicted
+from soft_continuum.estimation.shape import ArmShape, UnknownShapeError
+from soft_continuum.estimation.unknowns import (
+    arm_with,
+    Drift,
+    first_values,
+    layout_of,
+    Prior,
+)
+from soft_continuum.mechanics.chain import full_poses
+from soft_continuum.mechanics.spatial import spatial, SpatialStatics
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_any_arm
+
+TENDON_ARM = load_any_arm(description_file().with_name('tendon_arm.yaml'))
+UNSEEN = 1e6  # m^2 or rad^2
+ALL = np.ones(6, dtype=bool)
+IN_PLANE = np.ix_([0, 2, 4], [0, 2, 4])
+NEAR = {'factors': (1.2, 0.9, 0.8), 'ratio': 20.0, 'offsets': (4e-4, -3e-4, 2e-4),
+        'payload': 0.02}
+
+
+def toward(angle, direction):
+    """Return pulls (3,) that bend a segment towards a direction; a little slack."""
+    return 0.02 * angle * np.cos(2.0 * pi / 3.0 * np.arange(3) - direction) - 4e-4
+
+
+def soft(segment):
+    return tuple(s == segment for s in range(3))
+
+
+def set_shape(session, turned=0.0):
+    """Set one segment after the other."""
+    session.look(3)
+    for segment, (angle, direction) in enumerate(((0.4, 0.5), (0.4, 2.0), (0.5, -1.0))):
+        session.switch(soft(segment))
+        session.move(session.pulls + toward(angle, direction + turned), steps=3)
+        session.switch((False,) * 3)
+
+
+# What is predicted.
+
+
+def test_derivatives_are_those_of_solves():
+    layout = layout_of(ARM)
+    values = first_values(ARM, layout, PRIOR)
+    values[layout.ratio], values[layout.payload] = np.log(10.0), 0.05
+    pulls, now_soft = toward(0.5, 0.7), (True, False, False)
+    bent = SpatialStatics(arm_with(ARM, layout, values)).chain.uniform(
+        [[0.0, 0.0], [0.1, 0.2], [-0.1, 0.1]])
+
+    def at(change):
+        statics = SpatialStatics(arm_with(ARM, layout, values + change))
+        start = SPACE.held(bent, statics.chain, change[layout.held])
+        return predicted(statics, layout, statics.solve(
+            start, pulls + change[layout.offset], now_soft))
+
+    here, step = at(np.zeros(layout.size)), 1e-5
+    assert here.tensions.min() < 0.0 < here.tensions.max()  # taut and slack ones
+    for row in (2, 5, layout.stiffness.start, layout.ratio.start + 1, layout.offset.start,
+                layout.offset.start + 1, layout.payload):
+        more, less = (at(sign * step * np.eye(layout.size)[row]) for sign in (1.0, -1.0))
+        poses = [SPACE.apart(a, b, ALL) / (2.0 * step)
+                 for a, b in zip(more.poses, less.poses, strict=True)]
+        assert here.pose_rows[:, :, row] == pytest.approx(np.array(poses), rel=1e-4, abs=1e-6)
+        tensions = (more.tensions - less.tensions) / (2.0 * step)
+        assert here.tension_rows[:, row] == pytest.approx(tensions, rel=1e-3, abs=1e-2)
+
+
+# Against the truth.
+
+
+@pytest.fixture(scope='module')
+def learned():
+    """A session in which each segment of an arm of other parameters, and finer, was set once."""
+    session = SpatialSession(SpatialTruth(**NEAR), own=0.0)
+    set_shape(session)
+    return session
+
+
+def test_the_estimate_is_far_nearer_to_the_truth_than_the_prediction(learned):
+    estimated, alone = learned.tip_errors()
+    assert alone > 5e-3
+    assert estimated < 0.1 * alone
+    away = np.linalg.norm(learned.estimator.state.points - learned.truth.state.points, axis=1)
+    assert away.max() < 6e-4
+
+
+def test_what_can_be_seen_is_learned(learned):
+    estimator = learned.estimator
+    layout = estimator.layout
+    assert estimator.determined()[:6].all()  # stiffness and K
+    away = np.abs(estimator.offsets - NEAR['offsets'])
+    assert np.all(away < 3.0 * estimator.deviations()[layout.offset])
+
+
+def test_an_arm_turned_about_its_axis_has_the_turned_estimate(learned):
+    turn = 0.9
+    turned = replace(ARM, tendons=tuple(replace(t, angle=t.angle + turn) for t in ARM.tendons))
+    session = SpatialSession(SpatialTruth(turned, **NEAR), turned, own=0.0)
+    set_shape(session)
+    about_z = Rotation.from_rotvec([0.0, 0.0, turn])
+    assert session.estimator.state.points == pytest.approx(
+        about_z.apply(learned.estimator.state.points), abs=1e-7)
+    where = session.estimator.layout.parameters
+    assert session.estimator.values[where] == pytest.approx(
+        learned.estimator.values[where], abs=1e-5)
+    assert session.estimator.deviations()[where] == pytest.approx(
+        learned.estimator.deviations()[where], rel=1e-3)
+
+
+def test_a_planar_arm_has_the_planar_estimate():
+    arm = spatial(PLANAR)
+    plane = Session(TrueArm((1.2, 0.9, 0.8), 20.0, (3e-4, -5e-4)), own=0.0)
+    space = Estimator(arm, SpatialStatics(arm).chain.straight(), PRIOR, Drift())
+    for now_soft, pulls in ((STIFF, (0.0, 0.0)), (only(2), (0.003, -0.006)),
+                            (only(2), (0.006, -0.012)), (STIFF, (0.006, -0.012)),
+                            (only(1), (0.008, -0.014))):
+        plane.time += 1.0
+        plane.follow(pulls, now_soft)
+        for _ in range(4):
+            space.follow(Commands(plane.time, plane.pulls, tuple(not s for s in plane.soft)))
+            plane.wait(0.5)
+            space.follow(Commands(plane.time, plane.pulls, tuple(not s for s in plane.soft)))
+            seen = []
+            for one in plane.truth.seen():
+                covariance = UNSEEN * np.eye(6)
+                covariance[IN_PLANE] = one.covariance
+                seen.append(DiscMeasurement(one.disc, *full_poses(one.pose[None]), covariance))
+            ours, theirs = plane.measure(), space.measure(plane.time, seen)
+            assert (ours is None) == (theirs is None)
+            assert ours is None or ours.distance == pytest.approx(theirs.distance, rel=0.02)
+    tip = plane.estimator.state.tip
+    assert space.state.tip == pytest.approx([tip[0], 0.0, tip[1]], abs=1e-6)
+    ours, theirs = (one.layout.parameters for one in (plane.estimator, space))
+    assert space.values[theirs] == pytest.approx(plane.estimator.values[ours], abs=2e-4)
+    assert space.deviations()[theirs] == pytest.approx(
+        plane.estimator.deviations()[ours], rel=1e-3)
+
+
+def test_the_deviations_of_the_tip_are_those_of_its_errors():
+    # Arms drawn from the prior, by a camera whose errors are mostly the same in all pictures.
+    prior, errors = Prior(stiffness=0.1, ratio=0.3, offset=3e-4, payload=0.01), []
+    hanging = replace(ARM, gravity=(0.0, 0.0, 9.80665))
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        truth = SpatialTruth(
+            hanging, np.exp(prior.stiffness * rng.standard_normal(3)),
+            30.0 * np.exp(prior.ratio * rng.standard_normal()),
+            prior.offset * rng.standard_normal(3), abs(prior.payload * rng.standard_normal()), 4)
+        session = SpatialSession(
+            truth, hanging, prior, seed=seed, own=OWN_SHARE**0.5,
+            bias=(1.0 - OWN_SHARE)**0.5 * DEVIATIONS * rng.standard_normal((4, 6)))
+
+        def error(session=session, truth=truth):
+            away = SPACE.apart(session.estimator.state.poses[-2], truth.state.poses[-2], ALL)
+            return away @ np.linalg.solve(session.estimator.pose_covariances()[-1], away)
+
+        session.look(2)
+        each = [error()]
+        session.switch(soft(1), look=2)
+        session.move(toward(rng.uniform(0.2, 0.5), rng.uniform(-pi, pi)), steps=2)
+        each.append(error())
+        session.switch((False,) * 3, look=2)
+        errors.append([*each, error()])
+    assert np.all(np.mean(errors, axis=0) < chi2.ppf(0.95, 6 * len(errors)) / len(errors))
+
+
+def test_an_arm_without_jamming_is_estimated_too():
+    offsets = 1e-4 * np.array([3, -2, 1, 4, -3, 2, 1, -4, 3])
+    session = SpatialSession(SpatialTruth(TENDON_ARM, (1.2, 0.9, 0.8), offsets=offsets, bodies=1),
+                             TENDON_ARM, jamming=False)
+    pulls = dict.fromkeys(TENDON_ARM.tendon_names, 0.0) | {
+        'tip_1': 0.004, 'tip_2': -0.002, 'tip_3': -0.002}
+    session.move(list(pulls.values()), steps=3)
+    session.look(5)
+    estimated, alone = session.tip_errors()
+    assert estimated < 0.2 * alone
+    assert estimated < 1e-3
+
+
+# What is measured in part, or wrongly.
+
+
+def bent():
+    """Return a session with a bent arm, just before it is looked at."""
+    session = SpatialSession(SpatialTruth(offsets=(6e-4, -6e-4, 0.0)), own=0.0)
+    session.switch(soft(1), look=0)
+    session.move(toward(0.4, 1.0), steps=2, look=0)
+    return session
+
+
+@pytest.mark.parametrize('known', [(0, 1, 2), (3, 4, 5), (3, 4), (0,)])
+def test_any_part_of_a_pose_corrects_the_arm(known):
+    session = bent()
+    covariance = UNSEEN * np.eye(6)
+    covariance[np.ix_(known, known)] = COVARIANCE[np.ix_(known, known)]
+    session.seen['covariance'] = covariance
+
+    def error():
+        away = SPACE.apart(*(one.state.poses[-2] for one in (session.estimator, session.truth)),
+                           ALL)
+        return np.linalg.norm((away / DEVIATIONS)[list(known)])
+
+    before = error()
+    session.look(10)
+    assert error() < 0.4 * before
+
+
+def test_a_heading_that_is_not_measured_is_not_used():
+    # As of an IMU: its disc is turned about z anyhow.
+    covariance = COVARIANCE.copy()
+    covariance[5, 5] = UNSEEN
+    values = []
+    for heading in (0.0, 2.0, -3.0):
+        session = bent()
+        about_z = Rotation.from_rotvec([0.0, 0.0, heading])
+        seen = []
+        for one in session.truth.seen(covariance=covariance):
+            pose = one.pose.copy()
+            pose[3:] = (about_z * Rotation.from_quat(pose[3:])).as_quat()
+            seen.append(replace(one, pose=pose))
+        values.append(session.estimator.measure(session.time, seen).values)
+        assert len(values[-1]) == 15
+    assert values[1] == pytest.approx(values[0], abs=1e-12)
+    assert values[2] == pytest.approx(values[0], abs=1e-12)
+
+
+def test_a_single_outlier_changes_nothing():
+    session = bent()
+    session.look(3)
+    wrong = np.zeros((4, 6))
+    wrong[2] = 0.0, 0.03, 0.0, 0.0, 0.0, 0.3
+    before = session.estimator.values.copy()
+    innovation = session.estimator.measure(session.time, session.truth.seen(bias=wrong))
+    assert not innovation.used
+    assert np.array_equal(session.estimator.values, before)
+    assert session.look(1).used
+
+
+# Found by its discs.
+
+
+def discs_of(state, which=(1, 2, 3)):
+    return [DiscMeasurement(n, state.poses[2 * n].copy(), COVARIANCE) for n in which]
+
+
+def test_a_bent_arm_is_found_by_its_discs():
+    shape, bending = ArmShape(ARM, 1e-3), np.array([[0.3, 0.2], [-0.2, 0.25], [0.1, -0.4]])
+    state = SpatialStatics(ARM).chain.uniform(bending)
+    with pytest.raises(UnknownShapeError):
+        shape.follow(Commands(100.0, np.full(3, -0.03), (True,) * 3))
+    assert shape.measure(100.0, discs_of(state, (1, 2))) is None
+    assert 'every disc' in shape.refusal(100.0)
+    for _ in range(5):
+        assert shape.measure(100.0, discs_of(state)) is not None
+    assert shape.state.bending == pytest.approx(bending, abs=0.01)
+    assert shape.state.points == pytest.approx(state.points, abs=5e-4)
+
+
+def test_what_no_covariance_allows_is_reported_as_unknown():
+    chain, shape, time = SpatialStatics(ARM).chain, ArmShape(ARM, 1e-3), 100.0
+    for state, alarmed in ((chain.straight(), False),
+                           (chain.uniform([[0.0, 0.0], [0.05, 0.05], [0.1, 0.0]]), True)):
+        for _ in range(35):
+            time += 0.1
+            shape.follow(Commands(time, np.zeros(3), (True,) * 3))
+            shape.measure(time, discs_of(state))
+        assert [one.cause for one in shape.anomalies] == [Cause.UNKNOWN] * alarmed
+    assert dimensions_of(ARM) is SPACE
