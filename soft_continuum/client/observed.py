@@ -4,7 +4,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from math import hypot, isfinite, nan
+from math import dist, isfinite, nan
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -28,7 +28,11 @@ from soft_continuum.client.tasks import running_nodes
 from soft_continuum.mechanics.spatial.directions import bending_directions
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros
+from soft_continuum.ros.conversions import (
+    MAX_VARIANCE,
+    measured_pose_from_ros,
+    tracked_pose_from_ros,
+)
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
@@ -220,13 +224,14 @@ class ObservedArm:
 
     def _on_measured(self, topic: str, message: PoseWithCovarianceStamped) -> None:
         """Keep what is measured of a disc; an angle alone does not replace a whole pose."""
-        model = self.message('disc_poses')
+        model, in_space = self.message('disc_poses'), _in_space(self.message('joint_states'))
+        read = tracked_pose_from_ros if in_space else measured_pose_from_ros
         try:
-            _, covariance = measured_pose_from_ros(
-                message, model.header.frame_id if model is not None else '')
+            _, covariance = read(message, model.header.frame_id if model is not None else '')
         except ValueError:
             return  # measure says why
         pose, known = _pose(message.pose.pose), np.diag(covariance) < MAX_VARIANCE
+        place, turn = np.split(known, [3 if in_space else 2])
         age, before = self._measured.get(topic, (Age(), None))
         if before is not None and age.seconds < STALE_AFTER and not known.all() and all(
                 map(isfinite, (*before.position, *before.orientation))):
@@ -234,8 +239,8 @@ class ObservedArm:
         age = Age()
         age.refresh()
         self._measured[topic] = age, Pose(
-            pose.position if known[:2].all() else (nan,) * 3,
-            pose.orientation if known[2] else (nan,) * 4)
+            pose.position if place.all() else (nan,) * 3,
+            pose.orientation if turn.all() else (nan,) * 4)
 
     def _measured_discs(self) -> tuple[Pose | None, ...]:
         """Return where each disc is measured to be; empty while none is."""
@@ -268,7 +273,7 @@ class ObservedArm:
         if message is None:
             return None
         now, alone = self.poses('disc_poses'), self.poses(PREDICTED_DISCS)
-        error = hypot(now[-1].x - alone[-1].x, now[-1].z - alone[-1].z) if now and alone else nan
+        error = dist(now[-1].position, alone[-1].position) if now and alone else nan
         return estimate_of(message, self.age(KINEMATICS_STATE), error if isfinite(error) else None)
 
     def _last_result(self) -> SequenceResult | None:
@@ -351,6 +356,11 @@ def _stopped(state: TendonActuationState) -> str:
     return printable(state.stop_message) or 'no reason given'
 
 
+def _in_space(joints: Any) -> bool:
+    """Whether joint_states, or None, are those of a spatial arm."""
+    return joints is not None and any(name.endswith('_x') for name in joints.name[:1])
+
+
 def _bending(joints: Any, segments: Sequence[Pose]
              ) -> tuple[tuple[float, ...] | None, tuple[float, ...]]:
     """
@@ -360,7 +370,7 @@ def _bending(joints: Any, segments: Sequence[Pose]
     """
     if joints is None or not segments:
         return None, ()
-    if joints.name and joints.name[0].endswith('_x'):  # of a spatial arm
+    if _in_space(joints):
         turned = matrices(np.array([UNTURNED, *(pose.orientation for pose in segments)]))
         bending = bending_between(turned)
         return (tuple(np.linalg.norm(bending, axis=1).tolist()),

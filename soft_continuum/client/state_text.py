@@ -47,10 +47,12 @@ def _pose_text(pose: Pose | None) -> str:
 
 def _model_pose_text(pose: Pose | None) -> str:
     """Return a pose by the model: of a spatial arm, in space."""
-    if pose is None or pose.is_planar:
+    if pose is None or pose.is_planar or not all(map(isfinite, pose.position)):
         return _pose_text(pose)
     x, y, z = (f'{1e3 * part:+7.1f}' for part in pose.position)
-    return f'x {x} mm, y {y} mm, z {z} mm, {degrees(pose.tilt):6.1f} deg from the z axis'
+    tilt = (f'{degrees(pose.tilt):6.1f} deg from the z axis' if isfinite(pose.tilt)
+            else 'angle not measured')
+    return f'x {x} mm, y {y} mm, z {z} mm, {tilt}'
 
 
 def _stiffness_text(stiff: bool | None) -> str:
@@ -90,7 +92,8 @@ def state_page(state: ArmState) -> str:
     for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
         apart = ('' if error is None else f', {error[0] * 1e3:.1f} mm from the model'
                  if isfinite(error[0]) else f', {degrees(error[1]):+.1f} deg from the model')
-        lines.append(f'disc {n}     seen at {_pose_text(seen)}{apart}')
+        text = _model_pose_text if state.in_space else _pose_text
+        lines.append(f'disc {n}     seen at {text(seen)}{apart}')
     lines += estimate_lines(state.estimate)
     for node in (*state.nodes, *state.sensors):
         age = '' if node.age is None else f' ({node.age:.1f} s ago)'
