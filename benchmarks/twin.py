@@ -3,23 +3,29 @@
 """Where the ideal twin rests after random sequences, against the statics, and its speed."""
 
 from dataclasses import replace
-from math import degrees, pi
+from math import cos, degrees, nan, pi, sin
 import time
+from typing import Any
 
 import numpy as np
 
 from benchmarks.paper import only
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.mechanics import Arm, Jam, Statics, StaticsError
+from soft_continuum.mechanics import Jam, Statics, StaticsError
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.spatial import pulls_for_bending
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.parameters.files import load_any_arm, load_arm
+from soft_continuum.twin.any_plant import AnyPlant
 from soft_continuum.twin.differences import Differences, PRESETS, read_differences
-from soft_continuum.twin.plant import Plant, TIME_STEP
+from soft_continuum.twin.plant import plant_of, TIME_STEP
 
-SEQUENCES, STEPS = 50, 6  # a step: soften a segment, pull, stiffen it
+SEQUENCES, IN_SPACE, STEPS = 50, 20, 6  # a step: soften a segment, pull, stiffen it
 ANGLE = 0.6  # rad, largest bending angle of a segment
+PAYLOAD = 0.05  # kg, of every other sequence in space
+PRETENSION = 0.5  # N, of every other goal in space
 SLACK_PULL = 0.003  # m by which a slack tendon is paid out beyond what it needs
 SWITCHING, PULLING, RESTING = 0.5, 1.5, 2.0  # s
 GOAL = 0.1  # mm
@@ -30,46 +36,65 @@ def run(quick: bool) -> Section:
     """Measure; the section is of the page about the twin."""
     random = np.random.default_rng(1)
     arm = load_arm(description_file())
+    in_space: Any = load_any_arm(description_file().with_name('spatial_jamming.yaml'))
+    free = load_any_arm(description_file().with_name('tendon_arm.yaml'))
     file = description_file().with_name('twin.yaml')
     ideal = read_differences(file, 'ideal')
-    count = 3 if quick else SEQUENCES
+    count, more = (3, 1) if quick else (SEQUENCES, IN_SPACE)
     found = []
     for n in range(count):
         mounted = replace(arm, mounting_angle=float(random.uniform(-pi, pi)))
         found.append(_walk(mounted, ideal, random))
         progress(f'twin: sequence {n + 1}, mounted at {degrees(mounted.mounting_angle):.0f} '
                  f'degrees: {", ".join(f"{d * 1e3:.4f}" for d in found[-1].max(axis=0))} mm')
-    distances = np.concatenate(found) * 1e3
-    rows = [(name, number(float(np.median(each))), number(float(np.quantile(each, 0.95))),
-             number(float(each.max())), f'{np.mean(each <= GOAL):.1%}')
-            for name, each in zip(('rigid, as described', f'K = {ideal.stiff_ratio:,.0f} as in '
-                                   '`ideal`'), distances.T, strict=True)]
-    rates = [(f'`{preset}`', number(_rate(arm, read_differences(file, preset))))
-             for preset in PRESETS]
+    there = []
+    for n in range(more):
+        down = random.normal(size=3)
+        gravity = tuple((arm.gravity * down / np.linalg.norm(down)).tolist())
+        there.append(_walk(replace(in_space, gravity=gravity, payload=n % 2 * PAYLOAD), ideal,
+                           random))
+        progress(f'twin: sequence {n + 1} in space: '
+                 f'{", ".join(f"{d * 1e3:.4f}" for d in there[-1].max(axis=0))} mm')
+    rows = [row for name, each in (('planar', found), ('in space', there))
+            for row in _rows(name, np.concatenate(each) * 1e3, ideal)]
+    rates = [(f'`{preset}`', *(number(_rate(one, read_differences(file, preset)))
+                               for one in (arm, in_space, free))) for preset in PRESETS]
     body = '\n\n'.join([
         f'Simulated: {count} random sequences (seed 1) of {STEPS} steps with '
         f'{len(arm.segments)} segments, each set to up to {degrees(ANGLE):.0f}° in random order, '
-        'the arm mounted at random angles. ' + machine(),
-        table(('stiff segments of the statics', 'the farthest disc, mm: median', '95 %', 'worst',
-               f'steps within {GOAL:g} mm'), rows),
-        table(('preset', 'simulated time over processor time, one core'), rates)])
+        f'the arm mounted at random angles; and {more} of the arm of `spatial_jamming.yaml`, in '
+        f'random directions, every other one with a payload of {PAYLOAD:g} kg. ' + machine(),
+        table(('arm', 'stiff segments of the statics', 'the farthest disc, mm: median', '95 %',
+               'worst', f'steps within {GOAL:g} mm'), rows),
+        table(('preset', 'simulated time over processor time, one core: planar arm',
+               '`spatial_jamming.yaml`', '`tendon_arm.yaml`'), rates)])
     return Section('../how_to/try_it_on_a_simulated_rig.md', 'twin', body)
 
 
-def _walk(arm: Arm, ideal: Differences, random: np.random.Generator) -> Array:
+def _rows(arm: str, distances: Array, ideal: Differences) -> list[tuple[str, ...]]:
+    """Return rows of the table for distances (steps, 2), mm."""
+    return [(arm, name, number(float(np.median(each))), number(float(np.quantile(each, 0.95))),
+             number(float(each.max())), f'{np.mean(each <= GOAL):.1%}')
+            for name, each in zip(('rigid, as described', f'K = {ideal.stiff_ratio:,.0f} as in '
+                                   '`ideal`'), distances.T, strict=True)]
+
+
+def _walk(arm: AnyArm, ideal: Differences, random: np.random.Generator) -> Array:
     """Return how far a disc is at most from each statics after each step, (STEPS, 2), m."""
-    plant, rigid = Plant(arm, ideal), Statics(arm)
-    elastic = Statics(replace(arm, segments=tuple(
-        replace(s, jam=Jam(ratio=ideal.stiff_ratio)) for s in arm.segments)))
-    state = same = rigid.chain.straight()
+    plant, rigid = plant_of(arm, ideal), statics_of(arm)
+    described: Any = arm
+    elastic: Any = statics_of(replace(described, segments=tuple(
+        replace(s, jam=Jam(ratio=ideal.stiff_ratio)) for s in described.segments)))
+    state: Any = rigid.chain.straight()
+    same = elastic.chain.straight()
     distances: list[tuple[float, float]] = []
-    pulls, stiff = np.zeros(2), np.ones(len(arm.segments))
+    pulls, stiff = np.zeros(len(arm.tendon_names)), np.ones(len(arm.segments))
     _wait(plant, pulls, stiff, SWITCHING)
     while len(distances) < STEPS:
         segment = int(random.integers(len(arm.segments)))
         soft = only(segment, len(arm.segments))
         try:
-            state = rigid.bend(state, segment, float(random.uniform(-ANGLE, ANGLE)))
+            state = _bent(rigid, state, segment, random)
         except StaticsError:  # tendons cannot hold this one there
             continue
         goal = np.where(state.tensions > 0.0, state.pulls, state.pulls - SLACK_PULL)
@@ -82,24 +107,36 @@ def _walk(arm: Arm, ideal: Differences, random: np.random.Generator) -> Array:
         pulls = goal
         _wait(plant, pulls, vacuum, RESTING)
         _wait(plant, pulls, stiff, SWITCHING)
-        distances.append((_apart(plant.points, state.points), _apart(plant.points, same.points)))
+        distances.append((_apart(plant.poses, state.poses), _apart(plant.poses, same.poses)))
     return np.array(distances)
 
 
-def _wait(plant: Plant, pulls: Array, vacuum: Array, duration: float) -> None:
+def _bent(statics: Any, state: Any, segment: int, random: np.random.Generator) -> Any:
+    """Return the state in which a segment is bent by up to ANGLE, to any side."""
+    if isinstance(statics, Statics):
+        return statics.bend(state, segment, float(random.uniform(-ANGLE, ANGLE)))
+    angle, direction = random.uniform(0.0, ANGLE), random.uniform(-pi, pi)
+    goals = [(nan, nan)] * statics.chain.segments
+    goals[segment] = -angle * sin(direction), angle * cos(direction)
+    return pulls_for_bending(statics, state, goals, only(segment, statics.chain.segments),
+                             pretension=float(random.integers(2)) * PRETENSION).state
+
+
+def _wait(plant: AnyPlant, pulls: Array, vacuum: Array, duration: float) -> None:
     for _ in range(round(duration / TIME_STEP)):
         plant.step(pulls, vacuum)
 
 
 def _apart(one: Array, other: Array) -> float:
     """Return the largest distance of discs, m."""
-    return float(np.linalg.norm((one - other)[:, :2], axis=1).max())
+    return float(np.linalg.norm((one - other)[:, :3], axis=1).max())
 
 
-def _rate(arm: Arm, given: Differences) -> float:
+def _rate(arm: AnyArm, given: Differences) -> float:
     """Return how many seconds the plant simulates in one of this thread, while it is bent."""
-    plant, vacuum = Plant(arm, given), 1.0 - np.array(only(1), dtype=float)
+    plant, vacuum = plant_of(arm, given), 1.0 - np.array(only(1), dtype=float)
+    goal = np.array([0.012, *[-0.02] * (len(arm.tendon_names) - 1)])
     begin, steps = time.thread_time(), round(RATE_TIME / TIME_STEP)
     for i in range(steps):
-        plant.step(np.array([0.012, -0.02]) * (i / steps), vacuum)
+        plant.step(goal * (i / steps), vacuum)
     return plant.time / (time.thread_time() - begin)

@@ -3,14 +3,15 @@
 """Several GRBL controllers as one driver: for arms with more tendons than one has axes."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 import threading
 from typing import Protocol, TypeVar
 
+from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
 
 T = TypeVar('T')
+POLL_INTERVAL = 0.005  # s
 
 
 class Board(TendonDriver, Protocol):
@@ -29,9 +30,9 @@ class GrblBoards:
     together: while they move, one may be some 20 ms behind another.
     """
 
-    def __init__(self, boards: Sequence[Board]) -> None:
+    def __init__(self, boards: Sequence[Board], clock: Clock = STEADY) -> None:
         """Describe the devices; nothing is opened yet."""
-        self._boards = tuple(boards)
+        self._boards, self.clock = tuple(boards), clock
         self.reference_moves = boards[0].reference_moves
         self._lock = threading.Lock()
         self._closed = True
@@ -40,22 +41,18 @@ class GrblBoards:
         """Connect all of them, or none; raise HardwareError."""
         with self._lock:
             self._closed = False
-        with ThreadPoolExecutor(len(self._boards)) as pool:
-            opening = [pool.submit(board.open) for board in self._boards]
+        failed = self._at_once(lambda board: board.open())
         with self._lock:
             closed = self._closed
-        for board, opened in zip(self._boards, opening, strict=True):
-            error = opened.exception()
-            if error is not None or closed:
-                self.close()
-                raise self._named(board, error or 'closed while it was being opened') from error
+        if failed or closed:
+            self.close()
+            raise failed[0] if failed else HardwareError('closed while it was being opened')
 
     def close(self) -> None:
         """Stop, hold and disconnect; an ``open`` under way ends with HardwareError."""
         with self._lock:
             self._closed = True
-        with ThreadPoolExecutor(len(self._boards)) as pool:
-            list(pool.map(lambda board: board.close(), self._boards))
+        self._at_once(lambda board: board.close())
 
     def read(self) -> TendonReading:
         """Return the last state of all of them."""
@@ -89,6 +86,24 @@ class GrblBoards:
     def reference(self) -> None:
         """Take the present position as zero pull, or home."""
         self._each(lambda board: board.reference())
+
+    def _at_once(self, act: Callable[[Board], None]) -> list[HardwareError]:
+        """Act on all boards at the same time, and wait for them; return what they raised."""
+        failed: dict[Board, HardwareError] = {}
+
+        def run(board: Board) -> None:
+            try:
+                act(board)
+            except HardwareError as error:
+                failed[board] = self._named(board, error)
+
+        threads = [threading.Thread(target=run, args=(board,), daemon=True)
+                   for board in self._boards]
+        for thread in threads:
+            thread.start()
+        while any(thread.is_alive() for thread in threads):
+            self.clock.sleep(POLL_INTERVAL)
+        return [failed[board] for board in self._boards if board in failed]
 
     def _each(self, act: Callable[[Board], T]) -> list[T]:
         """Act on every board; when one fails stop all and raise HardwareError."""

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The four nodes drive the twin as they drive a rig, and see no more of it."""
+"""The nodes drive the twin as they drive a rig, and see no more of it."""
 
 from pathlib import Path
 import signal
@@ -10,13 +10,18 @@ from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 from processes import module_command, NodeProcess, Processes
 import pytest
-from ros_rig import Rig, STREAM
+from ros_rig import Rig, STREAM, trajectory
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import SetBool
+from trajectory_msgs.msg import JointTrajectory
 
-from soft_continuum.emulators.driving import driving_parameters
+from soft_continuum.emulators.driving import board_links, driving_parameters
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import given_parameters
+from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.ros.conversions import planar_poses, poses_from_ros
 from soft_continuum.ros.names import NODES
+from soft_continuum.twin.differences import load_cell_parameters
 
 BEND = (0.0, 0.3, -0.2)
 START_TIMEOUT = 120.0  # s for eight processes to import what they need, on a busy machine
@@ -66,6 +71,41 @@ def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
     for topic in of_twin:
         assert {info.node_name for info in
                 rig.observer.get_subscriptions_info_by_topic(topic)} <= {'observer'}
+
+
+def test_nine_tendons_of_an_arm_in_space_move_the_twin_through_three_boards(
+        rig: Rig, processes: Processes, tmp_path: Path) -> None:
+    file = description_file().with_name('tendon_arm.yaml')
+    twin = processes.start(
+        [*module_command('twin'), '--preset', 'ideal', '--namespace', rig.namespace,
+         '--params-file', str(file), f'--grbl-link={tmp_path / "grbl"}'])
+    rig.wait_for(lambda: 'Ctrl-C ends it' in twin.output, 'the twin')
+    discs = rig.record(PoseArray, 'twin/disc_poses', STREAM)
+    tendons = rig.record(JointState, 'twin/tendon_states', STREAM)
+    given = {name.replace('.', '__'): value for name, value in (
+        given_parameters(file, ALL_PARAMETERS) | driving_parameters(
+            ' '.join(board_links(tmp_path / 'grbl', 9)), '', 9) | load_cell_parameters(9)).items()}
+    given |= {'speed_limit': 0.03, 'acceleration_limit': 0.3}
+    rig.start('kinematics', 'tendon_actuation', **given)
+    publisher = rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory')
+    rig.wait_for(lambda: len(rig.segment_poses), 'poses')
+    assert rig.trigger('tendon_actuation/reference').success
+    names = given['arm__tendon_names']
+    pulls = dict(zip(names, [0.0] * 6 + [0.004, -0.002, -0.002], strict=True))
+    publisher.publish(trajectory([(1.0, list(pulls.values()))], names))
+    rig.wait_for(lambda: rig.tendons.last.position == pytest.approx(
+        [*pulls.values()], abs=1e-5), 'the end of the motion')
+    rig.wait_for_more(rig.disc_poses, 1)
+    rig.wait_for_more(discs, 1)
+
+    def apart() -> float:
+        truth, known = (poses_from_ros(each.last) for each in (discs, rig.disc_poses))
+        return float(np.abs(truth - known).max())
+    rig.wait_for(lambda: apart() < 3e-4, 'an arm at rest where the model has it')
+    assert poses_from_ros(discs.last)[-1, 1] > 0.02  # y: out of the plane
+    assert tendons.last.name == list(names)
+    assert max(tendons.last.effort) > 0.4
+    assert rig.tendons.last.effort == pytest.approx(tendons.last.effort, abs=0.1)
 
 
 def children(up: NodeProcess) -> set[str]:

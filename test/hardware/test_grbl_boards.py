@@ -1,0 +1,98 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Several GRBL boards are one driver, and what one of them does not do stops all."""
+
+from contextlib import contextmanager, ExitStack
+
+from grbl_rig import ACCELERATION, at_rest, driver, SPEED, until
+import pytest
+from virtual_clock import VirtualClock
+
+from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.grbl_boards import GrblBoards
+from soft_continuum.hardware.grbl_motion import Motors
+from soft_continuum.hardware.grbl_tendons import GrblTendons
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.parameters.parameter import ParameterError
+
+PULLS = (0.002, -0.001, 0.003, 0.004, -0.003)
+
+
+@contextmanager
+def boards():
+    """Two emulated boards of three tendons and of two, and the driver of both, not opened."""
+    clock = VirtualClock()
+    with ExitStack() as stack:
+        emulators = [stack.enter_context(GrblEmulator(clock=clock)) for _ in range(2)]
+        tendons = GrblBoards([driver(emulators[0], ('a', 'b', 'c')),
+                              driver(emulators[1], ('d', 'e'))], clock)
+        stack.callback(tendons.close)
+        yield emulators, tendons
+
+
+def test_five_tendons_move_on_two_boards():
+    with boards() as (emulators, tendons):
+        tendons.open()
+        assert not tendons.read().referenced
+        with pytest.raises(HardwareError, match='position is not known.* of a, b, c'):
+            tendons.move(PULLS, 0.3)
+        tendons.reference()
+        tendons.move(PULLS, 0.3)
+        reading = at_rest(tendons)
+        assert reading.referenced
+        assert reading.pulls == pytest.approx(PULLS, abs=1e-9)
+        assert emulators[0].motors == (400, -200, 600)
+        assert emulators[1].motors[:2] == (800, -600)
+        with pytest.raises(HardwareError, match='2 pulls were given; .* a, b, c, d, e'):
+            tendons.move((0.0, 0.0), 0.3)
+
+
+def test_when_one_board_fails_the_others_stop():
+    with boards() as (emulators, tendons):
+        tendons.open()
+        tendons.reference()
+        tendons.move((0.04,) * 5, 2.0)
+        until(tendons, lambda: emulators[0].motors[0] > 300, 'in motion')
+        emulators[1].unplug()
+
+        def failed():
+            try:
+                tendons.read()
+            except HardwareError as error:
+                return 'the controller of d, e' in str(error)
+            return False
+        until(tendons, failed, 'a HardwareError')
+        until(tendons, lambda: not emulators[0].moving, 'at rest')
+        assert emulators[0].motors[0] < 7000
+        with pytest.raises(HardwareError, match='the controller of d, e'):
+            tendons.stop()
+
+
+def test_boards_are_opened_all_or_none():
+    with boards() as (emulators, tendons):
+        emulators[1].hang = True
+        with pytest.raises(HardwareError, match='no GRBL controller answered.*of d, e'):
+            tendons.open()
+        with pytest.raises(HardwareError, match='configure the node'):
+            tendons.read()
+        emulators[1].hang = False
+        tendons.open()
+        assert len(tendons.read().pulls) == 5
+
+
+def test_ports_with_spaces_between_share_the_tendons_evenly():
+    values = {p.name: p.default for p in GrblTendons.PARAMETERS} | {
+        'speed_limit': SPEED, 'acceleration_limit': ACCELERATION, 'pull_limits': (-0.06, 0.06),
+        'arm.tendon_names': tuple('abcdefghi'), 'arm.tendon_angles': (0.0,) * 9,
+        'grbl.steps_per_mm': (200.0,) * 9, 'grbl.signs': (1.0,) * 8 + (-1.0,)}
+    values['grbl.port'] = '/dev/one /dev/two /dev/three'
+    assert isinstance(GrblTendons.from_parameters(values, STEADY), GrblBoards)
+    (_, first), _, (port, last) = Motors.of_boards(values)
+    assert port == '/dev/three'
+    assert (first.tendons, last.tendons) == (tuple('abc'), tuple('ghi'))
+    assert last.signs == (1.0, 1.0, -1.0)
+    for ports, words in (('/dev/one /dev/two', 'the ports of 3 as grbl.port'),
+                         (' '.join(map(str, range(10))), '10 ports: too many for 9 tendons')):
+        with pytest.raises(ParameterError, match=words):
+            GrblTendons.from_parameters(values | {'grbl.port': ports}, STEADY)
