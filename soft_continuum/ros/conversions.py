@@ -23,6 +23,8 @@ MAX_TILT = 0.1
 """Tangent of half the angle by which a disc may be seen to be out of the plane of the arm."""
 PLANAR = np.ix_([0, 2, 4], [0, 2, 4])
 """Of a covariance (6, 6): x, z, and the rotation about y."""
+MAX_QUATERNION_ERROR = 0.01
+"""By which the length of a quaternion may differ from 1."""
 UNKNOWN = 1e6
 """Variance, m^2 or rad^2, of a coordinate that is not measured."""
 MAX_VARIANCE = 1.0
@@ -105,11 +107,39 @@ def measured_pose_from_ros(message: PoseWithCovarianceStamped, frame: str = ''
     about_x, about_y, about_z, w = full[0, 3:]
     if not np.hypot(about_x, about_z) < MAX_TILT * np.hypot(about_y, w):
         raise ValueError('an orientation that is not about y; is z of its frame along the arm?')
+    _check_measured(message, frame, covariance)
+    return pose, covariance
+
+
+def tracked_pose_from_ros(message: PoseWithCovarianceStamped, frame: str = ''
+                          ) -> tuple[Array, Array]:
+    """
+    Return a pose (7,) and its covariance (6, 6), in m and rad.
+
+    frame: in which it has to be.  A coordinate with a variance of MAX_VARIANCE or more is not
+    measured.  Raises ValueError for another frame, for numbers that are not finite, a quaternion
+    that is none, and a covariance that is none.
+    """
+    pose = np.array(pose_from_ros(message.pose.pose))
+    covariance = np.reshape(message.pose.covariance, (6, 6))
+    if not (np.isfinite(pose).all() and np.isfinite(covariance).all()):
+        raise ValueError('a pose that is not of finite numbers')
+    length = float(np.linalg.norm(pose[3:]))
+    if not abs(length - 1.0) < MAX_QUATERNION_ERROR:
+        raise ValueError(f'a quaternion of length {length:.3g}, not 1')
+    _check_measured(message, frame, covariance)
+    pose[3:] /= length
+    return pose, (covariance + covariance.T) / 2.0
+
+
+def _check_measured(message: PoseWithCovarianceStamped, frame: str, covariance: Array) -> None:
+    """Raise ValueError for another frame, and for what is not measured as a covariance says."""
     if frame and message.header.frame_id != frame:
         raise ValueError(f'poses in {plain(message.header.frame_id)!r}; needed: {frame!r}')
-    if np.linalg.eigvalsh((covariance + covariance.T) / 2.0)[0] <= 0.0:
+    known = np.diag(covariance) < MAX_VARIANCE
+    measured = ((covariance + covariance.T) / 2.0)[np.ix_(known, known)]
+    if known.any() and np.linalg.eigvalsh(measured)[0] <= 0.0:
         raise ValueError('a covariance that is not positive definite')
-    return pose, covariance
 
 
 def pulls_from_ros(message: JointState, tendons: Sequence[str]) -> Array:
