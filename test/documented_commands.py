@@ -164,7 +164,8 @@ class Checker:
             else:
                 topic = value.partition(':=')[0] in SUBSCRIBED
                 assert flag == '-p' or (
-                    flag == '-r' and (topic or value.startswith('__ns:=/'))), f'{flag} {value}'
+                    flag == '-r' and (topic or value.startswith(('__ns:=/', '__node:=camera_')))
+                ), f'{flag} {value}'
 
     def _read(self, name: str | Path) -> None:
         path = Path(name)

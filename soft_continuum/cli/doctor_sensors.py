@@ -19,8 +19,13 @@ from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.checks import Check, FAIL, OK, WARN
-from soft_continuum.mechanics.arm import STANDARD_GRAVITY
-from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros, seconds
+from soft_continuum.mechanics.arm import STANDARD_GRAVITY, TENDONS
+from soft_continuum.ros.conversions import (
+    MAX_VARIANCE,
+    measured_pose_from_ros,
+    seconds,
+    tracked_pose_from_ros,
+)
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, LOAD_CELLS, SENSORS
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
@@ -34,13 +39,14 @@ MAX_DEVIATION_PX = 1.0  # of the corners of tags
 MAX_GRAVITY_ERROR = 0.1  # relative, in which disc_sensors takes an acceleration
 REST_RATE = 0.05  # rad/s, standard deviation of a gyroscope at rest
 MAX_BIAS = 0.1  # rad/s
+STATUS = rf'(?:{"|".join(SENSORS)})\w*/status'  # of camera_2, too
 KINDS: dict[str, tuple[Any, Any]] = {
     r'disc_\d{1,3}/measured_pose': (PoseWithCovarianceStamped, SENSOR),
     r'disc_\d{1,3}/imu': (Imu, SENSOR),
     LOAD_CELLS: (JointState, SENSOR),
     'disc_poses': (PoseArray, SENSOR),
     'tendon_states': (JointState, SENSOR),
-    '|'.join(f'{node}/status' for node in SENSORS): (DiagnosticStatus, EVERY_STATE),
+    STATUS: (DiagnosticStatus, EVERY_STATE),
 }
 """By pattern of the topics in the namespace that are listened to."""
 NOTHING = ('no sensor publishes in namespace {}: there is no disc_N/measured_pose, disc_N/imu or '
@@ -119,20 +125,20 @@ def judged(heard: dict[str, Any], sources: dict[str, tuple[str, ...]], space: st
     sensors = [*poses, *imus, *([LOAD_CELLS] if LOAD_CELLS in heard else [])]
     if not any(heard[topic] for topic in sensors):
         yield Check('sensors', FAIL, SILENT if sensors else NOTHING.format(space))
-    for node in SENSORS:
-        if heard.get(f'{node}/status'):
-            yield _status(node, heard[f'{node}/status'][-1][1])
+    for topic in sorted(t for t in heard if re.fullmatch(STATUS, t) and heard[t]):
+        yield _status(topic.removesuffix('/status'), heard[topic][-1][1])
     frame = next((m.header.frame_id for _, m in heard.get('disc_poses', ())), '')
+    tendons = next((list(m.name) for _, m in heard.get('tendon_states', ())), [])
+    spatial = bool(tendons) and tuple(tendons) != TENDONS
     for topic in poses:
         by = ', '.join(printable(name, MAX_NAME) for name in sources.get(topic, ()))
         yield _check(topic.replace('/', ' ').replace('_pose', ' pose').replace('_', ' '),
-                     heard[topic], 'pose', partial(_pose, frame=frame, by=by))
+                     heard[topic], 'pose', partial(_pose, frame=frame, by=by, spatial=spatial))
     for topic in imus:
         step = printable(topic, MAX_NAME) if topic.startswith('/') else (
             topic.replace('/', ' ').replace('_', ' '))
         yield _check(step, heard[topic], 'imu', _imu)
     if LOAD_CELLS in heard:
-        tendons = next((list(m.name) for _, m in heard.get('tendon_states', ())), [])
         yield _check('load cells', heard[LOAD_CELLS], 'load cells',
                      partial(_load_cells, tendons=tendons))
 
@@ -141,7 +147,7 @@ def _status(node: str, message: DiagnosticStatus) -> Check:
     values = {pair.key: pair.value for pair in message.values}
     status = {DiagnosticStatus.OK: OK, DiagnosticStatus.WARN: WARN}.get(message.level, FAIL)
     parts = [message.message]
-    if node == CAMERA and values:
+    if node.startswith(CAMERA) and values:
         parts.append(f'tags {values.get("tags", "") or "none"}, corners off by '
                      f'{values.get("deviation_px", "?")} px')
         try:
@@ -176,20 +182,21 @@ def _check(step: str, messages: Heard, kind: str,
     return Check(step, status, text)
 
 
-def _pose(messages: Sequence[PoseWithCovarianceStamped], frame: str, by: str) -> tuple[str, str]:
+def _pose(messages: Sequence[PoseWithCovarianceStamped], frame: str, by: str, spatial: bool
+          ) -> tuple[str, str]:
+    read = tracked_pose_from_ros if spatial else measured_pose_from_ros
     variances, reason = defaultdict(list), ''
     frame = frame or messages[0].header.frame_id
     for message in messages:
         try:
-            _, covariance = measured_pose_from_ros(message, frame)
+            _, covariance = read(message, frame)
         except ValueError as error:
             reason = str(error)
             continue
-        x, z, angle = np.diag(covariance)
-        if max(x, z) < MAX_VARIANCE:
-            variances['position'].append((x + z) / 2.0)
-        if angle < MAX_VARIANCE:
-            variances['angle'].append(angle)
+        position, angle = np.split(np.diag(covariance), [3 if spatial else 2])
+        for what, found in (('position', position), ('angle', angle)):
+            if found.max() < MAX_VARIANCE:
+                variances[what].append(found.mean())
     parts = [f'by {by}' if by else 'received', f'in {printable(frame, MAX_NAME)}']
     if variances['position']:
         parts.append(f'{1e3 * np.sqrt(np.median(variances["position"])):.2f} mm')

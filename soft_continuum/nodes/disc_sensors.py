@@ -14,10 +14,11 @@ from rclpy.node import Node
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import as_yaml, ParameterError
 from soft_continuum.ros.age import Age
@@ -59,10 +60,10 @@ class DiscSensors(Node):
         super().__init__(DISC_SENSORS, **options)
         self.parameters = values = NodeParameters(self, NODE_PARAMETERS[DISC_SENSORS])
         self.status = Status(self, 'trackers and IMUs')
-        arm = arm_from_parameters(values)
+        arm = any_arm_from_parameters(values)
         self._heights = straight_heights(arm)
         count = len(self._heights)
-        self._tracker = Tracker.of(values, count, self._heights[-1])
+        self._tracker = Tracker.of(values, count, self._heights[-1], isinstance(arm, Arm))
         position, angle = (values[f'tracker.{name}_deviation'] for name in ('position', 'angle'))
         self._covariance = np.diag([position**2] * 3 + [angle**2] * 3)
         self._rotations = imu_rotations(values['imu.axes'], count)
@@ -74,7 +75,7 @@ class DiscSensors(Node):
         self._settings = ImuSettings(arm.gravity, arm.mounting_angle, *(
             values[f'imu.{name}'] for name in ('acceleration_deviation', 'rate_deviation',
                                                'bias_deviation', 'motion_acceleration',
-                                               'deviation')))
+                                               'deviation'))) if isinstance(arm, Arm) else None
         self._filters: list[TiltFilter | None] = [None] * count
         self._sources: list[str] = [''] * count  # topic of the pose of each disc
         self._followed = [Window[Any]() for _ in range(count)]
@@ -143,6 +144,9 @@ class DiscSensors(Node):
 
     def _take_imu(self, n: int, feed: '_Feed', message: Imu) -> None:
         tilt = self._filters[n]
+        if self._settings is None:
+            raise SensorError('IMUs measure planar arms only so far; discs in space need a '
+                              'tracker, or the node camera')
         if tilt is None:  # raises where there is no gravity
             tilt = self._filters[n] = TiltFilter(self._settings)
         self._check_clock(message.header.stamp)

@@ -32,7 +32,7 @@ class Tracker:
 
     frame: base_link.  own_frame: of the tracker, empty if that is base_link.  to_base: pose (7,)
     of its frame in base_link.  mounts: by disc, pose (7,) of the disc in what is followed.  reach:
-    m, how far from the base a disc can be.
+    m, how far from the base a disc can be.  planar: whether discs stay in the plane of the arm.
     """
 
     frame: str
@@ -40,9 +40,10 @@ class Tracker:
     to_base: Array
     mounts: tuple[Array, ...]
     reach: float
+    planar: bool = True
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], discs: int, reach: float) -> Self:
+    def of(cls, values: Mapping[str, Any], discs: int, reach: float, planar: bool = True) -> Self:
         """Return the tracker of parameters frame_id and tracker.*; raises ParameterError."""
         given = values['tracker.mounts']
         if tuple(given) == (0.0,):
@@ -53,7 +54,8 @@ class Tracker:
                 f'quaternion x, y, z, w for each of {discs} discs, or 0.0 for none')
         mounts = tuple(given_pose('tracker.mounts', given[7 * n:7 * n + 7]) for n in range(discs))
         base = given_pose('tracker.base_pose', values['tracker.base_pose'])
-        return cls(values['frame_id'], values['tracker.frame_id'], inverse(base), mounts, reach)
+        return cls(values['frame_id'], values['tracker.frame_id'], inverse(base), mounts, reach,
+                   planar)
 
     def in_base(self, frame: str, pose: Sequence[float]) -> Array:
         """
@@ -81,7 +83,7 @@ class Tracker:
         """
         Return the pose (7,) of the bottom of a disc, from that of what is followed.
 
-        Raises SensorError when it is far out of the plane of the arm.
+        Raises SensorError when it is far from the arm, or out of the plane of a planar one.
         """
         pose = compose(followed, self.mounts[n])
         if pose[6] < 0.0:
@@ -92,7 +94,7 @@ class Tracker:
             raise SensorError(
                 f'{distance:.3g} m from the base, the straight arm has {self.reach:.3g} m; are '
                 'positions in m, is tracker.base_pose right, was ~/tare called?')
-        if lean > MAX_LEAN or abs(pose[1]) > MAX_OFF_PLANE:
+        if self.planar and (lean > MAX_LEAN or abs(pose[1]) > MAX_OFF_PLANE):
             raise SensorError(
                 f'{degrees(lean):.0f} degrees and {abs(pose[1]) * 1e3:.0f} mm out of the plane of '
                 'the arm; call ~/tare with the arm straight, and check tracker.base_pose')

@@ -39,6 +39,7 @@ from soft_continuum.twin.optics import (
 
 FRONT = -pi / 2  # rad about z from x: from where the camera of a planar arm looks
 REACH = 0.7  # of the arm's length, to the sides and up: where the tip has to be in the picture
+FACING = 0.75  # cosine, of how a fixed tag looks that has to be in the picture
 SUNK_IN = 0.003  # m by which the body of a ring is nearer to the axis than its tags
 DULL = 0.5  # of its brightness that a face keeps when it is seen from its side
 ALONG = np.linspace(0.0, 1.0, 9)[:, None]  # of a segment: ends of its strips
@@ -110,7 +111,7 @@ class SpatialTwinCamera:
                                np.column_stack([length * np.cos(around), length * np.sin(around),
                                                 np.full(8, length)])]
         points += [tag for tag, row in zip(self._fixed, layout.fixed, strict=True)
-                   if cos(row[3] - direction) > 0.5]
+                   if cos(row[3] - direction) > FACING]
         all_of_it = np.vstack(points)
         middle = (all_of_it[:, 2].min() + all_of_it[:, 2].max()) / 2.0
         needed = all_of_it @ back + MARGIN / FIELD * np.maximum(

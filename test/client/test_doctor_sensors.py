@@ -19,7 +19,7 @@ from sensor_msgs.msg import Imu, JointState
 from soft_continuum.cli import doctor
 from soft_continuum.cli.doctor_sensors import judged
 from soft_continuum.hardware.checks import Check
-from soft_continuum.ros.conversions import measured_pose_to_ros
+from soft_continuum.ros.conversions import measured_pose_to_ros, tracked_pose_to_ros
 
 NOW = 1000.0
 
@@ -123,6 +123,21 @@ def test_the_status_of_the_camera_is_repeated_with_what_fits_badly() -> None:
     camera, = list(judged({'camera/status': [(NOW, message)]}, {}, '/'))[-1:]
     assert camera.status == 'WARN'
     assert 'tags 0 1 100, corners off by 1.800 px; calibrate the lens' in camera.message
+
+
+def test_discs_in_space_are_seen_by_several_cameras() -> None:
+    message = tracked_pose_to_ros(np.array([0.1, 0.1, 0.1, 0.0, 0.6, 0.8, 0.0]),
+                                  np.diag([1e-6] * 3 + [1e-4] * 3))
+    spatial = {'tendon_states': [(NOW, cells(['tip_1', 'tip_2', 'tip_3'], []))]}
+    found = only('disc_1/measured_pose', heard(message), **spatial)
+    assert found.status == 'OK'
+    assert found.message.startswith('by camera, in base_link, 1.00 mm, 0.57 degrees')
+    second = DiagnosticStatus(level=DiagnosticStatus.OK, message='all discs are seen')
+    checks = list(judged({'camera_2/status': [(NOW, second)], 'disc_1/measured_pose': heard(
+        message), **spatial}, {}, '/'))
+    assert [(check.step, check.status) for check in checks] == [
+        ('camera_2', 'OK'), ('disc 1 measured pose', 'OK')]
+    assert only('disc_1/measured_pose', heard(message)).status == 'FAIL'  # of a planar arm
 
 
 def test_it_listens_to_a_running_arm(

@@ -18,11 +18,15 @@ from std_srvs.srv import Trigger
 import yaml
 
 from soft_continuum.nodes.disc_sensors import _Feed, MAX_COUNT
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import given_parameters
+from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.conversions import measured_pose_from_ros
+from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_from_ros
 from soft_continuum.ros.qos import LATCHED
 
 GRAVITY = 9.80665
+SPATIAL = description_file().with_name('spatial_jamming.yaml')
 
 
 class Sensors:
@@ -124,6 +128,25 @@ def test_a_tracker_of_all_discs_in_its_own_frame_is_turned_into_the_base(rig: Ri
     sensors.until(send, lambda: all(map(len, sensors.poses)), 'all discs')
     for n, recording in enumerate(sensors.poses):
         assert measured(recording)[0] == pytest.approx([0.01 * n, 0.1 * n, 0.2])
+
+
+def test_a_tracker_measures_discs_in_space_and_imus_do_not_yet(rig: Rig) -> None:
+    """The disc is turned by 90 degrees about x: far out of any plane."""
+    given = given_parameters(SPATIAL, ALL_PARAMETERS, 'disc_sensors')
+    sensors, message = Sensors(rig, **given), PoseStamped()
+    row = (0.02, -0.15, 0.1, sin(pi / 4), 0.0, 0.0, cos(pi / 4))
+
+    def send() -> None:
+        message.pose.position.x, message.pose.position.y, message.pose.position.z = row[:3]
+        message.pose.orientation.x, message.pose.orientation.w = row[3], row[6]
+        sensors.publish('disc_1/pose', message)
+
+    sensors.until(send, lambda: len(sensors.poses[1]), 'a pose')
+    pose, covariance = tracked_pose_from_ros(sensors.poses[1].last, 'base_link')
+    assert pose == pytest.approx(row)
+    assert np.sqrt(np.diag(covariance)) == pytest.approx([0.0005] * 3 + [0.005] * 3)
+    sensors.until_status(sensors.imu, 'IMUs measure planar arms only so far')
+    assert not len(sensors.poses[3])
 
 
 def _covariance(value: float) -> Callable[[Any], None]:

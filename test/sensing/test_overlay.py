@@ -6,9 +6,12 @@
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+import space_views
 import views
 
 from soft_continuum.sensing.overlay import overlay, SIZE
+from soft_continuum.sensing.ring_camera import RingCamera
 from soft_continuum.sensing.tag_camera import TagCamera
 
 ANGLES = (0.3, -0.2, 0.4)
@@ -62,6 +65,20 @@ def test_the_model_is_where_the_camera_sees_it(preset):
     # And nowhere but along the arm.
     low, high = corners.min(axis=0) - 15.0, corners.max(axis=0) + 15.0
     assert ((pixels > low) & (pixels < high)).all()
+
+
+def test_the_model_of_an_arm_in_space_is_where_the_camera_sees_it():
+    camera = space_views.camera('typical', **space_views.EXACT)
+    tags = RingCamera(space_views.layout(), camera.lens)
+    poses = space_views.CHAIN.uniform([(0.3, 0.2), (-0.2, 0.4), (0.1, -0.5)]).poses
+    picture = camera.picture(space_views.discs(*np.zeros((3, 2))))
+    pixels = magenta(drawn(picture, tags, tags.measure(picture), poses))
+    outer, turns = tags.layout.radius / np.cos(np.pi / 6), np.pi / 6 + np.arange(6) * np.pi / 3
+    rim = outer * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(6)])
+    for pose in poses:
+        corners = camera.seen_at(Rotation.from_quat(pose[3:]).apply(rim) + pose[:3])
+        for corner in corners * SIZE / picture.shape[1]:
+            assert np.linalg.norm(pixels - corner, axis=1).min() < 2.5
 
 
 def test_without_a_plane_or_a_model_only_the_tags_are_drawn(ideal):
