@@ -139,10 +139,10 @@ def tendons_html(state: ArmState, description: Description, history: History) ->
     return _table(rows) + _caption(f'tension of the last minute, 0 to {end:g} N')
 
 
-def positions_html(state: ArmState, in_space: bool) -> str:
+def positions_html(state: ArmState) -> str:
     """Return the tip by the model, and a row per disc that is measured: how far it is off."""
     measured = state.estimate is not None and state.estimate.measured
-    axes = ('x', 'y', 'z') if in_space else ('x', 'z')
+    axes = ('x', 'y', 'z') if state.in_space else ('x', 'z')
     rows = [('<b>tip</b>', *_position(state.tip, axes),
              'measured' if measured else 'by the model')]
     for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
