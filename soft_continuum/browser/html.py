@@ -33,6 +33,7 @@ from soft_continuum.colours import (
     UNKNOWN,
     WRONG,
 )
+from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum_interfaces.msg import RecorderState
 
 WARNING: Colour = (255, 222, 89)
@@ -273,6 +274,8 @@ def sequence_html(state: ArmState) -> str:
                  f'<br><b>{error_text(progress.error, progress.aim)}</b> off, measured')
         return _small(f'<b>{_text(progress.shape)}</b>: {where}, {_text(progress.phase)}{step}'
                       f'{error}')
+    if all(node.name != SHAPE_SEQUENCER for node in state.nodes):
+        return _small('Without jamming two tendons set no shapes: jog them.')
     last = state.last_result
     if last is None:
         return _small('no sequence yet')
