@@ -33,6 +33,7 @@ from soft_continuum.colours import (
     UNKNOWN,
     WRONG,
 )
+from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum_interfaces.msg import RecorderState
 
 WARNING: Colour = (255, 222, 89)
@@ -139,10 +140,10 @@ def tendons_html(state: ArmState, description: Description, history: History) ->
     return _table(rows) + _caption(f'tension of the last minute, 0 to {end:g} N')
 
 
-def positions_html(state: ArmState, in_space: bool) -> str:
+def positions_html(state: ArmState) -> str:
     """Return the tip by the model, and a row per disc that is measured: how far it is off."""
     measured = state.estimate is not None and state.estimate.measured
-    axes = ('x', 'y', 'z') if in_space else ('x', 'z')
+    axes = ('x', 'y', 'z') if state.in_space else ('x', 'z')
     rows = [('<b>tip</b>', *_position(state.tip, axes),
              'measured' if measured else 'by the model')]
     for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
@@ -273,6 +274,8 @@ def sequence_html(state: ArmState) -> str:
                  f'<br><b>{error_text(progress.error, progress.aim)}</b> off, measured')
         return _small(f'<b>{_text(progress.shape)}</b>: {where}, {_text(progress.phase)}{step}'
                       f'{error}')
+    if all(node.name != SHAPE_SEQUENCER for node in state.nodes):
+        return _small('Without jamming two tendons set no shapes: jog them.')
     last = state.last_result
     if last is None:
         return _small('no sequence yet')

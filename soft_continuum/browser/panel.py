@@ -217,7 +217,7 @@ class Panel:
             return
         self._segments.content = html.segments_html(state, self._description, self._history)
         self._picture.content = html.picture_html(self._session.picture.address)
-        self._positions.content = html.positions_html(state, self._description.in_space)
+        self._positions.content = html.positions_html(state)
         self._tendons.content = html.tendons_html(state, self._description, self._history)
         self._sequence.content = html.sequence_html(state)
         self._source.content = html.source_html(state, self._history)
@@ -235,14 +235,13 @@ class Panel:
         self._hint.content = html.jog_hint_html(state, self._description)
         # What would do nothing now is grey.
         may_move = state.stopped == ''
-        jamming = self._description.jamming
-        may_switch = jamming and not (
-            runs or state.emergency_stop or state.node(JAMMING_VALVES).stale)
-        any_soft = not jamming or False in state.stiff
+        works_now = {node.name for node in state.nodes if not node.stale}
+        may_switch = JAMMING_VALVES in works_now and not (runs or state.emergency_stop)
+        may_run = may_move and SHAPE_SEQUENCER in works_now
+        any_soft = not self._description.jamming or False in state.stiff
         for control, works in (
-                *((c, may_move and not state.node(SHAPE_SEQUENCER).stale) for c in self._motions),
-                (self._cancel, runs),
-                (self._loop, closed is not None and not state.node(SHAPE_SEQUENCER).stale),
+                *((c, may_run) for c in self._motions), (self._cancel, runs),
+                (self._loop, closed is not None and SHAPE_SEQUENCER in works_now),
                 *((c, may_switch) for c in self._switches),
                 *((c, may_move and not runs and any_soft) for c in self._jogs),
                 *((c, not runs) for c in self._rests)):

@@ -52,10 +52,12 @@ DASHES = 9  # in a segment, of a slack tendon
 PLANAR_VIEWS = {'side': (0.1, -1.5, 0.1), 'front': (1.5, -0.1, 0.1), 'above': (0.0, -0.3, 1.5)}
 """From where an arm can be looked at, over its length; first the plane in which it bends."""
 FIRST_VIEW = 'three-quarter'
-VIEWS = {FIRST_VIEW: (0.8, -0.95, 0.3), **PLANAR_VIEWS}
+VIEWS = {FIRST_VIEW: (0.7, -0.82, 0.25), **PLANAR_VIEWS}
 """The same of a spatial one, which bends in no one plane."""
 MAX_PLACE = 100.0  # m, of what is drawn; also not what is not a number
 OUTLINE = 1.1  # of the radius of the thickest disc
+STEEL = 7850.0  # kg/m^3: a payload is drawn as a ball of it
+BALL = np.linspace(0.0, np.pi, 9)  # rad from its lower end, of its rings
 ROPE = 0.0027  # of the length of the arm: radius of a taut tendon as drawn
 AXIS = 0.25  # of the length of the arm: axes at its base
 
@@ -150,6 +152,11 @@ class Scene:
             self._spacer_mesh = scene.add_mesh_simple(
                 '/arm/spacers', self._spacer_vertices(points, frames),
                 repeated(faces(len(SPACER_RADII), SPACER_SIDES), len(self._spacers)), color=DISC)
+        self._ball = np.cbrt(0.75 * arm.payload / (np.pi * STEEL))
+        if self._ball:
+            self._payload = scene.add_mesh_simple(
+                '/arm/payload', self._payload_vertices(points, frames), faces(len(BALL)),
+                color=DISC)
         self._dashes = max(2, round(DASHES / (spacers + 1)))
         self._tendons = [
             scene.add_line_segments(f'/arm/{name}', np.zeros((1, 2, 3)), LOCKED,
@@ -204,6 +211,8 @@ class Scene:
             skin.vertices = vertices.astype(np.float32)
         if len(self._spacers):
             self._spacer_mesh.vertices = self._spacer_vertices(points, frames).astype(np.float32)
+        if self._ball:
+            self._payload.vertices = self._payload_vertices(points, frames).astype(np.float32)
         self._guides = state.tendon_points
         n = self._chain.joints_per_segment
         for s, label in enumerate(self._labels):
@@ -305,6 +314,12 @@ class Scene:
         each = np.repeat(radii, len(self._spacers) // len(radii))
         return tube(ends.reshape(-1, 3), np.repeat(turned, rings, axis=0),
                     (each[:, None] * SPACER_RADII).ravel(), SPACER_SIDES)
+
+    def _payload_vertices(self, points: Array, frames: Array) -> Array:
+        """Return the vertices (k, 3) of a ball on the tip, m; arguments: of _along."""
+        heights = self._ball * (1.0 - np.cos(BALL))
+        return tube(points[-1] + heights[:, None] * frames[-1, :, 2],
+                    np.repeat(frames[-1:], len(BALL), axis=0), self._ball * np.sin(BALL))
 
     def _skin_vertices(self, points: Array, frames: Array) -> list[Array]:
         """Return the vertices (k, 3) along every segment, m; arguments: of _along."""

@@ -30,8 +30,9 @@ from soft_continuum.client.state import ArmState, SequenceResult
 from soft_continuum.client.state_text import reached_text
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.nodes.up import nodes_for
 from soft_continuum.ros.entry import subscribe
-from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS
+from soft_continuum.ros.names import KINEMATICS
 from soft_continuum.ros.qos import LATCHED
 from soft_continuum.sequencing.progress import AIMS
 from soft_continuum_interfaces.msg import MotionRequest
@@ -173,10 +174,10 @@ class Session:
     def state(self) -> ArmState:
         """What is known of the arm now, without the nodes that it has no use for."""
         state = self.observed.snapshot()
-        if self.description is None or self.description.jamming:
+        if self.description is None:
             return state
-        return replace(state, nodes=tuple(
-            node for node in state.nodes if node.name != JAMMING_VALVES))
+        needed = nodes_for(self.description.arm, self.description.jamming)
+        return replace(state, nodes=tuple(n for n in state.nodes if n.name in needed))
 
     def preview(self, points: Points) -> None:
         """Show a shape for a while, as long as none is being set."""

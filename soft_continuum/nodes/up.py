@@ -8,11 +8,10 @@ It takes the arguments of launch/bringup.launch.py.
 """
 
 from argparse import Namespace
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import sleep
-from typing import Any
 
 from ament_index_python.packages import get_package_share_directory, get_packages_with_prefixes
 from rclpy.exceptions import InvalidNamespaceException
@@ -105,27 +104,26 @@ def ros_arguments(options: Namespace) -> list[str]:
     return arguments
 
 
-def nodes_of(files: Sequence[str | Path],
-             arm_of: Callable[[Mapping[str, Any]], AnyArm] = any_arm_from_parameters
-             ) -> tuple[str, ...]:
-    """
-    Return the nodes that drive the described arm; raises ParameterError.
-
-    Without jamming nothing switches segments, and two tendons of a planar arm set no shapes.
-    arm_of: makes the arm of parameters, or refuses it.
-    """
+def nodes_of(files: Sequence[str | Path]) -> tuple[str, ...]:
+    """Return the nodes that drive the described arm; raises ParameterError."""
     values = load_description(*files, node=KINEMATICS)
-    spatial = isinstance(arm_of(values), SpatialArm)
-    left_out = {JAMMING_VALVES: not values['arm.jamming'],
-                SHAPE_SEQUENCER: not (spatial or values['arm.jamming'])}
+    return nodes_for(any_arm_from_parameters(values), bool(values['arm.jamming']))
+
+
+def nodes_for(arm: AnyArm, jamming: bool) -> tuple[str, ...]:
+    """
+    Return the nodes that drive an arm, with jamming or not.
+
+    Without it nothing switches segments, and two tendons of a planar arm set no shapes.
+    """
+    left_out = {JAMMING_VALVES: not jamming,
+                SHAPE_SEQUENCER: not (jamming or isinstance(arm, SpatialArm))}
     return tuple(name for name in NODES if not left_out.get(name))
 
 
-def chosen_nodes(options: Namespace,
-                 arm_of: Callable[[Mapping[str, Any]], AnyArm] = any_arm_from_parameters
-                 ) -> tuple[str, ...]:
+def chosen_nodes(options: Namespace) -> tuple[str, ...]:
     """Return the nodes that the options of start_parser ask for, as nodes_of."""
-    nodes = nodes_of(description_files(options), arm_of)
+    nodes = nodes_of(description_files(options))
     return (*nodes, CAMERA) if options.camera else nodes
 
 
