@@ -27,7 +27,7 @@ from soft_continuum.mechanics.spatial.statics import Booleans, SpatialStatics
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 
 SAME_BENDING = 1e-8  # rad: a segment this close has its bending
-HELD = 1e-7  # rad: a bending this close is held
+HELD = 1e-5  # rad: a bending this close is held; tendons without tension may leave 1e-6 and more
 STEP = 0.3  # rad of bending at first
 ENOUGH = 0.01  # of a change: tensions that miss it by less bring it about
 LEAST_STEP = 1e-3  # of the way of Newton's method
@@ -96,6 +96,7 @@ def set_shape(statics: SpatialStatics, bending: ArrayLike,
         raise ValueError('bending must be two finite numbers in rad, about x and y, for each of '
                          f'the {segments} segments; given: {bending!r}')
     goal, begin = wanted.copy(), statics.chain.straight() if start is None else start
+    left = np.inf
     for _ in range(MAX_PASSES):
         state = begin
         for s in turns:
@@ -103,7 +104,8 @@ def set_shape(statics: SpatialStatics, bending: ArrayLike,
                 soft = [i == s for i in range(segments)]
                 state = pulls_for_bending(statics, state, goal, soft, pretension=pretension).state
         missed = (wanted - state.bending)[turns]
-        if np.abs(missed).max(initial=0.0) <= SAME_BENDING:
+        before, left = left, np.abs(missed).max(initial=0.0)
+        if left <= SAME_BENDING or (left <= HELD and left > 0.5 * before):
             return state
         goal[turns] += missed
     raise StaticsError(
