@@ -57,7 +57,7 @@ def _run(options: argparse.Namespace) -> None:
     print(text_table(['n', *(f'angle {s}, deg' for s in segments),
                       *(f'change {s}, %' for s in segments),
                       *(f'error {s}, %' for s in segments)], rows))
-    print('\nChange: from n to the next. Error: against the continuum. The change is not the error.')
+    print('\nChange: from n to the next. Error: against the continuum; it is not the change.')
     if found.converged is None:
         print(f'Not converged: no change stays below {100 * options.tolerance:g} % up to '
               f'n = {most}; raise --most or --tolerance.')
