@@ -5,7 +5,8 @@ How many rigid bodies a segment needs (paper, III-B).
 
 As in the paper: every segment is bent in turn by a tendon that is pulled by the same length for
 all n, and the relative change of its bending angle from n to n + 1 bodies is looked at.  The error
-against the continuum is ours.
+against the continuum is ours.  In space as many tendons are pulled as it takes, and n are the
+multiples of the spans between guides.
 """
 
 from collections.abc import Sequence
@@ -16,10 +17,14 @@ from numpy.typing import NDArray
 
 from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics
-from soft_continuum.mechanics.arm import Arm, SECOND_ORDER
+from soft_continuum.mechanics.arm import Arm, ArmError, SECOND_ORDER
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm, Solver, State, statics_of
+from soft_continuum.mechanics.spatial import pulls_for_bending, SpatialArm, SpatialStatics
 
 CONTINUUM_BODIES = 100  # of the second-order chain, which is then within 1e-5 of the rod
+Step = tuple[tuple[bool, ...], Array]
+"""Which segments are soft, and by how much each tendon is pulled then, m; nan: it is slack."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +32,9 @@ class Convergence:
     """
     Bending angles over the number of bodies.
 
-    bodies: (m,).  angles: (m, segments) rad.  change: (m, segments), relative, from n to n + 1;
-    nan in the last row.  error: (m, segments), relative to the continuum.  converged: the first n
-    from which on every change is below the tolerance; None if there is none.
+    bodies: (m,).  angles: (m, segments) rad.  change: (m, segments), relative, from n to the next
+    n; nan in the last row.  error: (m, segments), relative to the continuum.  converged: the first
+    n from which on every change is below the tolerance; None if there is none.
     """
 
     bodies: NDArray[np.int64]
@@ -39,26 +44,28 @@ class Convergence:
     converged: int | None
 
 
-def converge(arm: Arm, bending_angles: Sequence[float], tolerance: float, most: int
-             ) -> Convergence:
+def converge(arm: AnyArm, bending_angles: Sequence[float], tolerance: float, most: int,
+             jamming: bool = True) -> Convergence:
     """
     Return the convergence analysis for 2 to ``most`` bodies per segment.
 
     bending_angles: (segments,) rad, not zero, which the arm has with the bodies it is described
-    with.  tolerance: of the relative change.  Raises StaticsError when no tendon holds the arm.
+    with; in space towards x.  tolerance: of the relative change.  jamming: whether segments are
+    bent in turn, or all at once.  Raises StaticsError when no tendon holds the arm, ArmError when
+    there are no two numbers of bodies to compare.
     """
-    model = Statics(arm)
-    state, lengths = model.chain.straight(), []
-    for segment, angle in enumerate(bending_angles):
-        bent = model.bend(state, segment, angle)
-        tendon = RIGHT if bent.tensions[RIGHT] >= bent.tensions[LEFT] else LEFT
-        lengths.append((tendon, float(bent.pulls[tendon] - state.pulls[tendon])))
-        state = bent
-    bodies = np.arange(2, most + 1)
-    angles = np.array([_angles(arm.with_bodies(n), lengths)
+    every = arm.spacers + 1 if isinstance(arm, SpatialArm) else 1
+    bodies = np.arange(max(2, every), most + 1, every)
+    if len(bodies) < 2:
+        raise ArmError(f'with {every - 1} spacers the bodies of a segment are multiples of '
+                       f'{every}, so up to {most} bodies there is nothing to compare; needed: '
+                       f'{2 * every} and more')
+    steps = (_steps(arm, bending_angles) if isinstance(arm, Arm)
+             else _steps_in_space(arm, bending_angles, jamming))
+    angles = np.array([_angles(arm.with_bodies(n), steps)
                        for n in progress(bodies.tolist(), 'bodies per segment')])
-    rod = _angles(replace(arm, discretisation=SECOND_ORDER, bodies_per_segment=CONTINUUM_BODIES),
-                  lengths)
+    rod = _angles(replace(arm, discretisation=SECOND_ORDER,
+                          bodies_per_segment=max(1, CONTINUUM_BODIES // every) * every), steps)
     change = np.full_like(angles, np.nan)
     change[:-1] = np.abs(np.diff(angles, axis=0) / angles[:-1])
     below = np.all(change[:-1] < tolerance, axis=1)
@@ -68,12 +75,40 @@ def converge(arm: Arm, bending_angles: Sequence[float], tolerance: float, most: 
                        int(bodies[first]) if first < below.size else None)
 
 
-def _angles(arm: Arm, lengths: Sequence[tuple[int, float]]) -> Array:
+def _steps(arm: Arm, bending_angles: Sequence[float]) -> list[Step]:
+    """Return by which tendon each segment is bent in turn."""
+    model = Statics(arm)
+    state, steps = model.chain.straight(), list[Step]()
+    for segment, angle in enumerate(bending_angles):
+        bent = model.bend(state, segment, angle)
+        carries = np.arange(2) == (RIGHT if bent.tensions[RIGHT] >= bent.tensions[LEFT] else LEFT)
+        steps.append((_only(segment, arm), np.where(carries, bent.pulls - state.pulls, np.nan)))
+        state = bent
+    return steps
+
+
+def _steps_in_space(arm: SpatialArm, bending_angles: Sequence[float], jamming: bool) -> list[Step]:
+    """Return by which tendons the segments are bent, in turn or all at once."""
+    statics = SpatialStatics(arm)
+    state, steps = statics.chain.straight(), list[Step]()
+    wanted = np.column_stack([np.zeros(len(arm.segments)), bending_angles])
+    for soft in ([_only(s, arm) for s in range(len(arm.segments))] if jamming
+                 else [(True,) * len(arm.segments)]):
+        fit = pulls_for_bending(statics, state, wanted, soft)
+        steps.append((soft, np.where(fit.pulls == SLACK, np.nan, fit.pulls - state.pulls)))
+        state = fit.state
+    return steps
+
+
+def _only(segment: int, arm: AnyArm) -> tuple[bool, ...]:
+    return tuple(i == segment for i in range(len(arm.segments)))
+
+
+def _angles(arm: AnyArm, steps: Sequence[Step]) -> Array:
     """Return the bending angles after the tendons were pulled by lengths, step by step."""
-    statics = Statics(arm)
-    state = statics.chain.straight()
-    for segment, (tendon, length) in enumerate(lengths):
-        pulls = [SLACK, SLACK]
-        pulls[tendon] = float(state.pulls[tendon]) + length
-        state = statics.solve(state, pulls, [i == segment for i in range(statics.chain.segments)])
+    statics: Solver = statics_of(arm)
+    state: State = statics.chain.straight()
+    for soft, lengths in steps:
+        state = statics.solve(
+            state, np.where(np.isnan(lengths), SLACK, state.pulls + lengths), soft)
     return state.bending_angles

@@ -26,6 +26,7 @@ from soft_continuum.analysis.validation import (
     WITHOUT_GRAVITY,
 )
 from soft_continuum.analysis.workspace import Reach, tips_in_common
+from soft_continuum.mechanics.chain import Array
 
 GREYS = ('0.0', '0.4', '0.65')
 DASHES = ('-', '--', ':', '-.')
@@ -77,10 +78,10 @@ def stiffness_figure(path: str | Path, states: Sequence[MeasuredState], title: s
 
 
 def convergence_figure(path: str | Path, found: Convergence, tolerance: float) -> None:
-    """Write change from n to n + 1 and error against the continuum over n, in percent."""
+    """Write change to the next n and error against the continuum over n, in percent."""
     figure = Figure(figsize=(9.0, 3.9), layout='constrained')
     left, right = figure.subplots(1, 2, sharex=True)
-    for axes, values, label in ((left, found.change, 'change of angle from n to n + 1 in %'),
+    for axes, values, label in ((left, found.change, 'change of angle to the next n in %'),
                                 (right, found.error, 'error of angle in %')):
         for segment in range(values.shape[1]):
             axes.plot(found.bodies, 100.0 * values[:, segment],
@@ -202,10 +203,48 @@ def identification_figure(path: str | Path, found: Identification, shapes: Seque
 def workspace_figure(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
                      height: float) -> None:
     """
-    Write the density of the tips, a panel for each set, and below how far gravity moves them; mm.
+    Write the tips, a panel for each set, and how far gravity moves them; mm.
 
-    base: the tips whose outline is drawn in every panel.  height: of the straight arm, m.
+    In the plane their density, and that below; in space from the side and from above, the darker
+    the further gravity moves them.  base: the tips whose outline is drawn in every panel.
+    height: of the straight arm, m.
     """
+    (_figure_in_plane if base.tips.shape[1] == 2 else _figure_in_space)(
+        path, reaches, base, height)
+
+
+def _figure_in_space(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
+                     height: float) -> None:
+    figure, panels = new_panels(2, len(reaches), 4.2 * len(reaches), 8.4)
+    for column, (title, reach) in enumerate(reaches):
+        pairs = np.array(tips_in_common(reach, base)).reshape(-1, 2, 3) * 1e3
+        moved = np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1)
+        order = np.argsort(moved)  # the furthest on top
+        for axes, (i, j) in ((panels[column], (0, 2)), (panels[column + len(reaches)], (0, 1))):
+            points = axes.scatter(pairs[order, 0, i], pairs[order, 0, j], c=moved[order], s=7,
+                                  cmap='Greys', vmin=0.0, edgecolors='0.6', linewidths=0.3,
+                                  label='tip' if not column else None)
+            _outline(axes, base.tips[:, [i, j]], base.hull)
+            axes.set_ylabel(f'{"xyz"[j]} in mm')
+        panels[column].plot([0.0, 0.0], [0.0, 1e3 * height], color='0.0', linewidth=2.5,
+                            label='straight arm')
+        panels[column].set_title(title)
+        if reach is not base and len(pairs):
+            figure.colorbar(points, ax=panels[column::len(reaches)], label='moved by gravity, mm',
+                            shrink=0.6)
+    finish_panels(path, figure, 3)
+
+
+def _outline(axes: Axes, tips: Array, hull: float) -> None:
+    """Draw the outline of tips (n, 2), m, unless their hull is nothing."""
+    if hull > 0.0:
+        around = ConvexHull(tips).vertices
+        outline = 1e3 * tips[np.append(around, around[0])]
+        axes.plot(*outline.T, '--', color='0.0', linewidth=0.9, label='outline without gravity')
+
+
+def _figure_in_plane(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
+                     height: float) -> None:
     figure, panels = new_panels(2, len(reaches), 4.2 * len(reaches), 6.8)
     for axes, moved, (title, reach) in zip(panels, panels[len(reaches):], reaches, strict=False):
         x, z = 1e3 * reach.tips.T
@@ -222,11 +261,7 @@ def workspace_figure(path: str | Path, reaches: Sequence[tuple[str, Reach]], bas
             points = moved.scatter(tip_x, tip_z, c=distances[order], s=7, cmap='Greys',
                                    vmin=0.0, edgecolors='0.6', linewidths=0.3)
             figure.colorbar(points, ax=moved, label='moved by gravity, mm', shrink=0.6)
-        if base.area > 0.0:
-            hull = ConvexHull(base.tips).vertices
-            outline = 1e3 * base.tips[np.append(hull, hull[0])]
-            axes.plot(*outline.T, '--', color='0.0', linewidth=0.9,
-                      label='outline without gravity')
+        _outline(axes, base.tips, base.hull)
         axes.plot([0.0, 0.0], [0.0, 1e3 * height], color='0.0', linewidth=2.5,
                   label='straight arm')
         axes.set_title(title)

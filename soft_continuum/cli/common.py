@@ -14,9 +14,10 @@ from soft_continuum.analysis.results import ResultError
 from soft_continuum.analysis.unknowns import IdentificationError
 from soft_continuum.arguments import DONE, FOR_ANALYSIS, INTERRUPTED, Parser, WRONG_USAGE
 from soft_continuum.mechanics.arm import Arm, ArmError
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.laws import LawError
 from soft_continuum.mechanics.statics import StaticsError
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.sensing.lens import LensError
@@ -61,9 +62,15 @@ def given_recording(options: argparse.Namespace, done: str) -> tuple[Recording, 
 
 
 def described_arm(options: argparse.Namespace) -> tuple[dict[str, Value], Arm]:
-    """Return the parameters and the arm of ``--params-file``; raises ParameterError."""
+    """Return the parameters and the planar arm of ``--params-file``; raises ParameterError."""
     values = load_description(*options.params_file)
     return values, arm_from_parameters(values)
+
+
+def any_described_arm(options: argparse.Namespace) -> tuple[dict[str, Value], AnyArm]:
+    """Return the same where the arm may be a spatial one."""
+    values = load_description(*options.params_file)
+    return values, any_arm_from_parameters(values)
 
 
 def run_verb(parser: Parser, run: Callable[[argparse.Namespace], int | None],

@@ -11,9 +11,12 @@ from soft_continuum.analysis.convergence import converge
 from soft_continuum.analysis.result_figures import convergence_figure
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, whole_number_in
-from soft_continuum.cli.common import described_arm, run_verb
+from soft_continuum.cli.common import any_described_arm, run_verb
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.spatial.arm import SpatialArm
 
 NAME = 'converge'
+USUAL_BODIES, USUAL_SPANS = 16, 4
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -24,20 +27,24 @@ def main(argv: Sequence[str] | None = None) -> int:
                         metavar='DEGREES', help='bending angle of every segment (default: 36)')
     parser.add_argument('--tolerance', type=number_in(1e-6, 0.1, ''), default=1e-3, metavar='PART',
                         help='relative change that counts as converged (default: 0.001)')
-    parser.add_argument('--most', type=whole_number_in(3, 200), default=16, metavar='N',
-                        help='largest number of bodies (default: 16)')
+    parser.add_argument('--most', type=whole_number_in(3, 200), metavar='N',
+                        help=f'largest number of bodies (default: {USUAL_BODIES}, or with spacers '
+                        f'{USUAL_SPANS} in each of their spans if that is more)')
     parser.add_argument('--gravity', action='store_true',
                         help='with the weight of the arm (default: without, as in the paper)')
     return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:
-    _, arm = described_arm(options)
+    values, arm = any_described_arm(options)
     figure, = reserve_outputs(options.output, [f'{NAME}.png'], options.force)
     if not options.gravity:
         arm = arm.without_gravity()
+    spans = arm.spacers + 1 if isinstance(arm, SpatialArm) else 1
+    most = options.most or max(USUAL_BODIES, USUAL_SPANS * spans)
+    jamming = isinstance(arm, Arm) or bool(values['arm.jamming'])
     found = converge(arm, [np.radians(options.angle)] * len(arm.segments), options.tolerance,
-                     options.most)
+                     most, jamming)
     segments = range(1, len(arm.segments) + 1)
     print(f'Pulls constant at those that bend every segment to {options.angle:g} degrees with '
           f'n = {arm.bodies_per_segment}, {"with" if options.gravity else "without"} gravity.\n')
@@ -50,10 +57,10 @@ def _run(options: argparse.Namespace) -> None:
     print(text_table(['n', *(f'angle {s}, deg' for s in segments),
                       *(f'change {s}, %' for s in segments),
                       *(f'error {s}, %' for s in segments)], rows))
-    print('\nChange: from n to n + 1. Error: against the continuum. The change is not the error.')
+    print('\nChange: from n to the next. Error: against the continuum; it is not the change.')
     if found.converged is None:
         print(f'Not converged: no change stays below {100 * options.tolerance:g} % up to '
-              f'n = {options.most}; raise --most or --tolerance.')
+              f'n = {most}; raise --most or --tolerance.')
     else:
         print(f'Converged at n = {found.converged}: every change is below '
               f'{100 * options.tolerance:g} % from there on.')

@@ -9,80 +9,115 @@ from time import monotonic
 
 from soft_continuum.analysis.result_figures import workspace_figure
 from soft_continuum.analysis.results import reserve_outputs, text_table
-from soft_continuum.analysis.workspace import furthest_apart, reach
+from soft_continuum.analysis.workspace import bends, furthest_apart, Reach, reach, shapes
 from soft_continuum.arguments import FOR_ANALYSIS, Parser, whole_number_in
-from soft_continuum.cli.common import described_arm, run_verb
+from soft_continuum.cli.common import any_described_arm, run_verb
 from soft_continuum.mechanics.arm import Arm, ArmError
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.statics import warm_up
 
 NAME = 'workspace'
-MAX_SHAPES = 50000
-"""Shapes that --per-segment may ask for: some minutes."""
-USUAL_SHAPES = 2000
-"""Shapes that are computed without --per-segment: some seconds."""
+MAX_SHAPES, MAX_IN_SPACE = 50000, 5000
+"""Shapes that may be asked for: some minutes."""
+USUAL_SHAPES, USUAL_IN_SPACE = 2000, 400
+"""Shapes that are computed if nothing is asked for: some seconds, in space about a minute."""
+USUAL_DIRECTIONS = 6
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
     parser = Parser(NAME, 'Where the tip can go, with and without gravity, when segments are '
-                    'set from the base on or from the tip on.', *FOR_ANALYSIS)
+                    'set from the base on or from the tip on; without jamming, when all are set '
+                    'at once.', *FOR_ANALYSIS)
     parser.add_argument('--per-segment', type=whole_number_in(2, 101), metavar='N',
                         help='bending angles between the limits of each segment (default: 11, '
-                        f'fewer where that would be more than {USUAL_SHAPES} shapes)')
+                        f'fewer where that would be more than {USUAL_SHAPES} shapes, in space '
+                        f'{USUAL_IN_SPACE})')
+    parser.add_argument('--directions', type=whole_number_in(3, 72), metavar='N',
+                        help='of an arm in space: directions in which each segment is bent '
+                        f'(default: {USUAL_DIRECTIONS})')
     return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:
-    _, arm = described_arm(options)
-    angles = options.per_segment or default_angles(len(arm.segments))
-    count = angles**len(arm.segments)
-    if count > MAX_SHAPES:
-        fitting = int(MAX_SHAPES**(1.0 / len(arm.segments)))
-        remedy = (f'--per-segment {fitting} is the most that is practical' if fitting > 1 else
-                  f'an arm of so many segments has too many for any; allowed: {MAX_SHAPES}')
-        raise ArmError(f'{angles} angles in each of {len(arm.segments)} segments are '
-                       f'{count} shapes; {remedy}')
+    values, arm = any_described_arm(options)
+    if isinstance(arm, Arm) and options.directions:
+        raise ArmError('a planar arm bends in its plane; leave out --directions')
+    directions = options.directions or USUAL_DIRECTIONS
+    jamming = isinstance(arm, Arm) or bool(values['arm.jamming'])
+    angles = options.per_segment or default_angles(arm, directions)
+    count, most = shapes(arm, angles, directions), _limit(arm, MAX_SHAPES, MAX_IN_SPACE)
+    if count > most:
+        raise ArmError(f'{bends(arm, angles, directions)} bendings in each of '
+                       f'{len(arm.segments)} segments are {count} shapes; '
+                       f'{_remedy(arm, directions, most)}')
     figure, = reserve_outputs(options.output, [f'{NAME}.png'], options.force)
     base_first = tuple(range(len(arm.segments)))
-    cases = [('without gravity', arm.without_gravity(), base_first),
-             ('gravity, base first', arm, base_first),
-             ('gravity, tip first', arm, base_first[::-1])]
+    cases: list[tuple[str, AnyArm, tuple[int, ...]]] = [
+        ('without gravity', arm.without_gravity(), base_first),
+        ('gravity, base first' if jamming else 'gravity', arm, base_first)]
+    if jamming:
+        cases.append(('gravity, tip first', arm, base_first[::-1]))
     reaches = []
-    duration = len(cases) * _duration(arm, angles)
+    duration = len(cases) * _duration(arm, angles, directions, jamming)
     print(f'{len(cases)} times {count} shapes, about {duration:.0f} s; --per-segment changes that',
           file=sys.stderr, flush=True)
     for number, (title, model, order) in enumerate(cases, start=1):
         print(f'{number} of {len(cases)}, {title} ...', file=sys.stderr, flush=True)
-        reaches.append((title, reach(model, order, angles)))
-    reference = reaches[0][1]
-    rows = []
-    for title, found in reaches:
-        if not len(found.tips):
-            rows.append([title, '0', str(found.asked), *['-'] * 6])
-            continue
-        (x0, z0), (x1, z1) = 1e3 * found.tips.min(axis=0), 1e3 * found.tips.max(axis=0)
-        rows.append([title, str(len(found.tips)), str(found.asked), f'{x0:.1f}', f'{x1:.1f}',
-                     f'{z0:.1f}', f'{z1:.1f}', f'{1e4 * found.area:.1f}',
-                     f'{1e3 * furthest_apart(found, reference):.1f}'])
-    print(text_table(['tips', 'held', 'of', 'x from mm', 'to mm', 'z from mm', 'to mm',
-                      'hull cm^2', 'apart mm'], rows))
+        reaches.append((title, reach(model, order, angles, directions, jamming)))
+    print(_table(reaches, 'xz' if isinstance(arm, Arm) else 'xyz'))
     print('\nHeld: shapes that a tendon can hold. Apart: furthest from the tip with the same '
           'bending angles without gravity.')
-    workspace_figure(figure, reaches, reference, arm.length)
+    workspace_figure(figure, reaches, reaches[0][1], arm.length)
     print(f'Figure: {figure}')
 
 
-def default_angles(segments: int) -> int:
-    """Return the bending angles of each segment that make no more than USUAL_SHAPES shapes."""
-    return max(2, min(11, int(USUAL_SHAPES**(1.0 / segments))))
+def _table(reaches: Sequence[tuple[str, Reach]], axes: str) -> str:
+    rows, reference = [], reaches[0][1]
+    for title, found in reaches:
+        if not len(found.tips):
+            rows.append([title, '0', str(found.asked), *['-'] * (2 * len(axes) + 2)])
+            continue
+        ends = 1e3 * found.tips.min(axis=0), 1e3 * found.tips.max(axis=0)
+        rows.append([title, str(len(found.tips)), str(found.asked),
+                     *(f'{end:.1f}' for both in zip(*ends, strict=True) for end in both),
+                     f'{1e2**len(axes) * found.hull:.1f}',
+                     f'{1e3 * furthest_apart(found, reference):.1f}'])
+    return text_table(['tips', 'held', 'of', *(
+        head for axis in axes for head in (f'{axis} from mm', 'to mm')),
+        f'hull cm^{len(axes)}', 'apart mm'], rows)
 
 
-def _duration(arm: Arm, angles: int) -> float:
-    """Estimate how long ``reach`` takes (s), from the two extreme angles of each segment."""
+def _limit(arm: AnyArm, in_plane: int, in_space: int) -> int:
+    return in_plane if isinstance(arm, Arm) else in_space
+
+
+def _most_angles(arm: AnyArm, directions: int, count: int) -> int:
+    """Return the angles of each segment that make no more than ``count`` shapes; 0 for none."""
+    fitting = int((count + 0.5)**(1.0 / len(arm.segments)))
+    return fitting if isinstance(arm, Arm) else 2 * ((fitting - 1) // directions)
+
+
+def default_angles(arm: AnyArm, directions: int = USUAL_DIRECTIONS) -> int:
+    """Return the bending angles of each segment that make no more than the usual shapes."""
+    return max(2, min(11, _most_angles(
+        arm, directions, _limit(arm, USUAL_SHAPES, USUAL_IN_SPACE))))
+
+
+def _remedy(arm: AnyArm, directions: int, most: int) -> str:
+    fitting = _most_angles(arm, directions, most)
+    if fitting > 1:
+        return f'--per-segment {fitting} is the most that is practical'
+    fewer = '' if isinstance(arm, Arm) or directions == 3 else '; try --directions 3'
+    return f'an arm of so many segments has too many for any; allowed: {most}{fewer}'
+
+
+def _duration(arm: AnyArm, angles: int, directions: int, jamming: bool) -> float:
+    """Estimate how long ``reach`` takes (s), from two bendings of each segment."""
     def solves(count: int) -> int:
         return sum(count**n for n in range(1, len(arm.segments) + 1))
 
     warm_up()
     begin = monotonic()
-    reach(arm, range(len(arm.segments)), 2)
-    return (monotonic() - begin) * solves(angles) / solves(2)
+    reach(arm, range(len(arm.segments)), 2, 1, jamming)
+    return (monotonic() - begin) * solves(bends(arm, angles, directions)) / solves(2)

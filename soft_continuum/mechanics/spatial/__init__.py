@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     )
     from soft_continuum.mechanics.spatial.batch import solve_batch, solve_path, SpatialBatch
     from soft_continuum.mechanics.spatial.chain import SpatialChain, SpatialEquilibrium
+    from soft_continuum.mechanics.spatial.grid import set_on_grid, workspace
     from soft_continuum.mechanics.spatial.inverse import (
         BendingFit,
         pulls_for_bending,
@@ -33,19 +34,19 @@ if TYPE_CHECKING:
         SpatialSensitivity,
     )
     from soft_continuum.mechanics.spatial.statics import SpatialStatics
-    from soft_continuum.mechanics.spatial.tip import bending_for_tip, SpatialTipFit, workspace
+    from soft_continuum.mechanics.spatial.tip import bending_for_tip, SpatialTipFit
 
 __all__ = [
     'BendingFit', 'SpatialArm', 'SpatialBatch', 'SpatialChain', 'SpatialDisc',
     'SpatialEquilibrium', 'SpatialLinearisation', 'SpatialSegment', 'SpatialSensitivity',
     'SpatialStatics', 'SpatialTendon', 'SpatialTipFit', 'Wrench', 'bending_for_tip',
-    'constant_curvature', 'pulls_for_bending', 'self_intersections', 'set_shape', 'solve_batch',
-    'solve_path', 'spatial', 'workspace', 'wound_up',
+    'constant_curvature', 'pulls_for_bending', 'self_intersections', 'set_on_grid', 'set_shape',
+    'solve_batch', 'solve_path', 'spatial', 'workspace', 'wound_up',
 ]
 
 # Cheap ones first, as in the plane: who solves does not load SciPy.
 _MODULES = ('arm', 'chain', 'statics', 'batch', 'self_contact', 'sensitivity',
-            'constant_curvature', 'inverse', 'tip')
+            'constant_curvature', 'inverse', 'grid', 'tip')
 
 
 def __getattr__(name: str) -> Any:

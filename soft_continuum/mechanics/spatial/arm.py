@@ -8,7 +8,7 @@ straight arm, x and y across it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import cos, inf, pi, radians, sin
 
 from soft_continuum.mechanics._checks import whole
@@ -216,6 +216,14 @@ class SpatialArm:
     def tendon_names(self) -> tuple[str, ...]:
         """Names of the tendons, in the order of every list of tendons."""
         return tuple(tendon.name for tendon in self.tendons)
+
+    def without_gravity(self) -> 'SpatialArm':
+        """Return the same arm with gravity left out."""
+        return replace(self, gravity=(0.0, 0.0, 0.0))
+
+    def with_bodies(self, bodies_per_segment: int) -> 'SpatialArm':
+        """Return the same arm with another number of rigid bodies per segment."""
+        return replace(self, bodies_per_segment=bodies_per_segment)
 
     @property
     def length(self) -> float:

@@ -96,6 +96,7 @@ def set_shape(statics: SpatialStatics, bending: ArrayLike,
         raise ValueError('bending must be two finite numbers in rad, about x and y, for each of '
                          f'the {segments} segments; given: {bending!r}')
     goal, begin = wanted.copy(), statics.chain.straight() if start is None else start
+    left = np.inf
     for _ in range(MAX_PASSES):
         state = begin
         for s in turns:
@@ -103,7 +104,8 @@ def set_shape(statics: SpatialStatics, bending: ArrayLike,
                 soft = [i == s for i in range(segments)]
                 state = pulls_for_bending(statics, state, goal, soft, pretension=pretension).state
         missed = (wanted - state.bending)[turns]
-        if np.abs(missed).max(initial=0.0) <= SAME_BENDING:
+        before, left = left, np.abs(missed).max(initial=0.0)
+        if left <= SAME_BENDING or (left <= HELD and left > 0.5 * before):
             return state
         goal[turns] += missed
     raise StaticsError(

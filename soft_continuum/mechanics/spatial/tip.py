@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Bending for a tip position or pose, and the workspace of an arm set segment by segment.
+Bending for a tip position or pose of an arm set segment by segment.
 
 Constant curvature is fitted to the tip; by how much the statics end beside it is then taken off
 the tip that is fitted, until that changes no more.  Where that does not lead there, near the edge
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.mechanics._checks import real_array, whole
+from soft_continuum.mechanics._checks import real_array
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial import constant_curvature
@@ -115,42 +115,6 @@ def _better(one: SpatialTipFit | None, other: SpatialTipFit | None) -> SpatialTi
     if one is None or (other is not None and _error(other) < _error(one) - REACHED):
         return other
     return one
-
-
-def workspace(statics: SpatialStatics, angles: int = 2, directions: int = 6
-              ) -> tuple[Array, Array]:
-    """
-    Return tips that the arm reaches when it is set base first, and their bending.
-
-    Every segment is straight, or bent by each of ``angles`` evenly spaced angles up to its limit
-    in each of ``directions`` evenly spaced directions.  Returns tips (m, 3), m, and bending
-    (m, segments, 2), rad.  Shapes that no tendon holds are left out.  There are
-    (1 + angles * directions) ** segments of them, some 10 ms each.
-    """
-    for name, count in (('angles', angles), ('directions', directions)):
-        if not whole(count) or count < 1:
-            raise ValueError(f'{name} is {count!r}; a whole number, at least 1, is needed')
-    arm, free = statics.chain.arm, bending_axes(statics.chain.arm)
-    found = [statics.chain.straight()]
-    for s, segment in enumerate(arm.segments):
-        sizes = segment.bending_angle_limit * np.linspace(0.0, 1.0, angles + 1)[1:]
-        ways = 2.0 * np.pi * np.arange(directions) / directions
-        bends = [(0.0, 0.0), *(
-            (-size * np.sin(way), size * np.cos(way)) for size in sizes for way in ways)]
-        after = []
-        for state in found:
-            for bend in bends:
-                if np.any(np.abs(np.array(bend)[~free[s]]) > SAME_BENDING):
-                    continue  # a hinge about the other axis
-                wanted = np.full((len(arm.segments), 2), np.nan)
-                wanted[s] = np.where(free[s], bend, 0.0)
-                try:
-                    after.append(set_shape(statics, wanted, state, (s,)))
-                except StaticsError:
-                    continue
-        found = after
-    return (np.array([state.tip for state in found]).reshape(-1, 3),
-            np.array([state.bending for state in found]).reshape(-1, len(arm.segments), 2))
 
 
 def _error(fit: SpatialTipFit) -> float:
