@@ -8,6 +8,7 @@ As in the plane (RigidChain) a segment is n bodies between n + 1 springs, and a 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -215,6 +216,10 @@ class SpatialChain:
 
     def straight(self) -> SpatialEquilibrium:
         """Return the straight arm with all tendons just taut, nothing pulled."""
+        return self._straight
+
+    @cached_property
+    def _straight(self) -> SpatialEquilibrium:
         return self.state(np.zeros((self.bodies, 3)))
 
     def state(self, joints: Array) -> SpatialEquilibrium:
@@ -299,10 +304,10 @@ class SpatialChain:
             'eij,ej->ei', rotations[self.entry_bodies], self.entry_vectors))
         return sums(self.span_tendons, np.linalg.norm(spans, axis=1), len(self.arm.tendons))
 
-    def rigid(self, soft: Sequence[bool]) -> NDArray[np.bool_]:
+    def rigid(self, stiff: Sequence[bool]) -> NDArray[np.bool_]:
         """Return which joints are locked, (bodies,)."""
-        return np.repeat([not is_soft and s.jam.rigid for s, is_soft in zip(
-            self.arm.segments, soft, strict=True)], self.joints_per_segment)
+        return np.repeat([is_stiff and s.jam.rigid for s, is_stiff in zip(
+            self.arm.segments, stiff, strict=True)], self.joints_per_segment)
 
     def system(self, rotations: Array, rigid: NDArray[np.bool_], joints: Array,
                ratios: Array | None = None) -> tuple[Integers, System, Array]:

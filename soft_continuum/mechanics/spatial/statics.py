@@ -9,6 +9,7 @@ whose Lagrange multipliers are the tensions, followed from the state before it.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,12 +22,7 @@ from soft_continuum.mechanics.spatial._laws import HELD, STIFFNESS
 from soft_continuum.mechanics.spatial._newton import LENGTH
 from soft_continuum.mechanics.spatial._rotations import rotate
 from soft_continuum.mechanics.spatial.arm import SpatialArm
-from soft_continuum.mechanics.spatial.chain import (
-    Integers,
-    SpatialChain,
-    SpatialEquilibrium,
-    System,
-)
+from soft_continuum.mechanics.spatial.chain import SpatialChain, SpatialEquilibrium, System
 from soft_continuum.mechanics.spatial.friction import carried
 
 Booleans = NDArray[np.bool_]
@@ -53,7 +49,7 @@ class _Links:
         """Begin with rotations (links, 3, 3) and tension (tendons,) N."""
         self.system, self.compliance = system, compliance
         self.kind = by_force.astype(np.int64)  # TENSION or LENGTH
-        self.rotations, self.tension = np.array([rotations, rotations]), np.array([tension] * 2)
+        self.rotations, self.tension = np.array([rotations] * 2), np.array([tension] * 2)
         self.taut = self.tension > 0.0
         self.targets = np.empty((4, len(tension)))
         self.bias = np.zeros((2, len(rotations), 3))
@@ -126,7 +122,7 @@ class SpatialStatics:
         """Discretise ``arm``."""
         self.chain = SpatialChain(arm)
         self.compliance = np.array([tendon.compliance for tendon in arm.tendons])
-        self._all_free: tuple[Integers, System, Array] | None = None
+        self._rigid = cache(self.chain.rigid)
 
     def solve(self, start: SpatialEquilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
               tensions: ArrayLike | None = None, vacuum: Sequence[float] | None = None,
@@ -147,20 +143,24 @@ class SpatialStatics:
         if wanted.shape != (tendons,) or not np.all(np.isfinite(wanted) | (wanted == SLACK)):
             raise ValueError(f'pulls must be {tendons} finite numbers (m), one for each tendon, '
                              'or SLACK')
-        given = np.full(tendons, np.nan) if tensions is None else np.array(tensions, dtype=float)
-        if given.shape != (tendons,) or np.any(np.isinf(given)) or np.any(given < 0.0):
-            raise ValueError(f'tensions must be {tendons} numbers of 0 N and more, or nan')
-        given = np.where((wanted == SLACK) & np.isnan(given), 0.0, given)
-        wanted = np.where(wanted == SLACK, start.pulls, wanted)
+        given = np.full(tendons, np.nan)
+        if tensions is not None:
+            given = np.array(tensions, dtype=float)
+            if given.shape != (tendons,) or np.any(np.isinf(given)) or np.any(given < 0.0):
+                raise ValueError(f'tensions must be {tendons} numbers of 0 N and more, or nan')
+        never = wanted == SLACK
+        if never.any():
+            given[never & np.isnan(given)] = 0.0
+            wanted = np.where(never, start.pulls, wanted)
         mask = tuple(bool(one) for one in soft)
         if len(mask) != segments:
             raise ValueError(f'soft has {len(mask)} flags; needed: {segments}')
-        if start.chain.arm != self.chain.arm:
+        if start.chain is not self.chain and start.chain.arm != self.chain.arm:
             raise ValueError('the start is a state of another arm; begin with '
                              'statics.chain.straight()')
         parts = vacuum_parts(vacuum, segments)
-        ways = np.array(sliding, dtype=float) if any(sliding) else np.zeros(tendons)
-        if ways.shape != (tendons,) or not np.all(np.isin(ways, (-1.0, 0.0, 1.0))):
+        ways = [int(way) for way in sliding] if any(sliding) else []
+        if ways and (len(ways) != tendons or not set(sliding) <= {-1, 0, 1}):
             raise ValueError(f'sliding must be 1, 0 or -1 for each of the {tendons} tendons; '
                              f'given: {sliding!r}')
         stiff = tuple(not one for one in mask)
@@ -203,20 +203,19 @@ class SpatialStatics:
                 s, angles[rows] - held[rows], share)
         return replace(start, held=held, stiff=stiff, vacuum=vacuum)
 
-    def _follow(self, start: SpatialEquilibrium, pulls: Array, given: Array, sliding: Array
-                ) -> SpatialEquilibrium:
+    def _follow(self, start: SpatialEquilibrium, pulls: Array, given: Array,
+                sliding: Sequence[int]) -> SpatialEquilibrium:
         """Return the equilibrium for pulls, and where they are given, tensions."""
-        rigid = self.chain.rigid([not one for one in start.stiff])
+        rigid = self._rigid(start.stiff)
         if rigid.all():
             return self._locked(start, pulls, given)
         state = self._led(start, pulls, given, rigid)
-        rubs = any(t.friction and way for t, way in zip(
-            self.chain.arm.tendons, sliding, strict=True))
-        if not rubs:
+        if not any(t.friction and way for t, way in zip(
+                self.chain.arm.tendons, sliding, strict=False)):
             return state
         before = np.ones(len(self.chain.span_tendons))
         for _ in range(MAX_FRICTION_ITERATIONS):  # friction depends on the shape it leads to
-            ratios, compliance = carried(self.chain, state.rotations, sliding.tolist())
+            ratios, compliance = carried(self.chain, state.rotations, sliding)
             jumped, state = state.jumped, self._led(state, pulls, given, rigid, ratios, compliance)
             state = replace(state, jumped=state.jumped or jumped)
             if np.abs(ratios - before).max() < 1e-13:
@@ -229,11 +228,13 @@ class SpatialStatics:
              ) -> SpatialEquilibrium:
         """Lead lengths, tensions and what is out of balance at the start to the target."""
         chain = self.chain
-        link, system, unchanged = self._system(start, rigid, ratios)
+        link, system, unchanged = chain.system(
+            start.rotations, rigid,
+            chain.laws.joints(start.stiff, start.vacuum, start.held), ratios)
         stretch = self.compliance if compliance is None else compliance
         by_force = ~np.isnan(given)
-        links = _Links(system, by_force, stretch, start.rotations[~rigid],
-                       np.nan_to_num(start.tensions))
+        before = np.where(np.isnan(start.tensions), 0.0, start.tensions)
+        links = _Links(system, by_force, stretch, start.rotations[~rigid], before)
         bias = links.balance(links.tension[0])
         if np.abs(bias).max() > AT_REST:
             links.hold(by_force | (start.slack > 0.0))
@@ -241,8 +242,8 @@ class SpatialStatics:
         links.bias[0] = bias
         length = chain.straight_paths - unchanged  # of what can change
         at_last = np.where(by_force, given, length - pulls)
-        at_first = np.where(by_force, np.nan_to_num(start.tensions),
-                            length - start.pulls + start.slack - stretch * links.tension[0])
+        at_first = np.where(
+            by_force, before, length - start.pulls + start.slack - stretch * links.tension[0])
         if rigid.any():
             still = np.bincount(system[6][:, 0], minlength=len(pulls)) == 0
             self._refuse_short(np.where(still & ~by_force, -at_last, 0.0), start)
@@ -264,18 +265,6 @@ class SpatialStatics:
             np.where(by_force | (tensions > 0.0), 0.0, np.maximum(0.0, slack)), residual, total,
             start.stiff, held, done < 1.0, start.vacuum, chain=chain)
 
-    def _system(self, start: SpatialEquilibrium, rigid: Booleans, ratios: Array | None
-                ) -> tuple[Integers, System, Array]:
-        """Return chain.system; where all is free, it is laid out once."""
-        soft = [not one for one in start.stiff]
-        joints = self.chain.laws.joints(soft, start.vacuum, start.held)
-        if rigid.any() or ratios is not None:
-            return self.chain.system(start.rotations, rigid, joints, ratios)
-        if self._all_free is None:
-            self._all_free = self.chain.system(start.rotations, rigid, joints)
-        link, (_, *others), unchanged = self._all_free
-        return link, (joints, *others), unchanged
-
     def _locked(self, start: SpatialEquilibrium, pulls: Array, given: Array
                 ) -> SpatialEquilibrium:
         """Return a wholly rigid arm: its tendons stretch, become slack, or cannot be pulled."""
@@ -285,9 +274,9 @@ class SpatialStatics:
         stretches = self.compliance > 0.0
         stretched = np.maximum(0.0, short) / np.where(stretches, self.compliance, 1.0)
         # Nothing determines what one carries that neither stretches nor is slack.
-        carried = np.where(stretches, stretched, np.where(short < -LOCKED_TOLERANCE, 0.0, np.nan))
-        return replace(start, slack=np.maximum(0.0, -short), iterations=0,
-                       tensions=np.where(by_force, given, carried))
+        found = np.where(stretches, stretched, np.where(short < -LOCKED_TOLERANCE, 0.0, np.nan))
+        return replace(start, slack=np.maximum(0.0, -short), residual=0.0, iterations=0,
+                       tensions=np.where(by_force, given, found), jumped=False)
 
     def _refuse_short(self, short: Array, start: SpatialEquilibrium) -> None:
         """Refuse tendons (tendons,) that are too short (m) where nothing can bend or stretch."""
