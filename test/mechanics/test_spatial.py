@@ -412,12 +412,12 @@ def test_an_arm_that_is_pulled_beyond_every_equilibrium_is_soon_given_up(
         name, pulls, monkeypatch):
     functions, iterations = _kernel.functions(), []
 
-    def newton(*arguments):
-        found = functions.spatial_newton(*arguments)
+    def lead(*arguments):
+        found = functions.spatial_lead(*arguments)
         iterations.append(found[1])
         return found
 
-    monkeypatch.setattr(_kernel, 'functions', lambda: functions._replace(spatial_newton=newton))
+    monkeypatch.setattr(_kernel, 'functions', lambda: functions._replace(spatial_lead=lead))
     statics = SpatialStatics(load_any_arm(CONFIG / f'{name}.yaml'))
     with pytest.raises(StaticsError, match='loses its equilibrium after .* pay out a tendon'):
         statics.solve(statics.chain.straight(), pulls, (True,) * 3)

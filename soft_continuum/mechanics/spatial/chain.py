@@ -8,11 +8,13 @@ As in the plane (RigidChain) a segment is n bodies between n + 1 springs, and a 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial._rotations import rotate
 from soft_continuum.mechanics.spatial.arm import SpatialArm
@@ -220,9 +222,17 @@ class SpatialChain:
         self.entry_spans = np.array(of_span, dtype=np.int64)
         self.entry_bodies = np.array(bodies, dtype=np.int64)
         self.entry_vectors = np.array(vectors, dtype=float).reshape(-1, 3)
+        self._routing = (
+            self.span_fixed, self.span_tendons,
+            np.searchsorted(self.entry_spans, np.arange(len(tendons) + 1)).astype(np.int64),
+            self.entry_bodies, self.entry_vectors)  # as _path has it
 
     def straight(self) -> SpatialEquilibrium:
         """Return the straight arm with all tendons just taut, nothing pulled."""
+        return self._straight
+
+    @cached_property
+    def _straight(self) -> SpatialEquilibrium:
         return self.state(np.zeros((self.bodies, 3)))
 
     def state(self, joints: Array) -> SpatialEquilibrium:
@@ -312,10 +322,10 @@ class SpatialChain:
             'eij,ej->ei', rotations[self.entry_bodies], self.entry_vectors))
         return sums(self.span_tendons, np.linalg.norm(spans, axis=1), len(self.arm.tendons))
 
-    def rigid(self, soft: Sequence[bool]) -> NDArray[np.bool_]:
+    def rigid(self, stiff: Sequence[bool]) -> NDArray[np.bool_]:
         """Return which joints are locked, (bodies,)."""
-        return np.repeat([not is_soft and s.jam.rigid for s, is_soft in zip(
-            self.arm.segments, soft, strict=True)], self.joints_per_segment)
+        return np.repeat([is_stiff and s.jam.rigid for s, is_stiff in zip(
+            self.arm.segments, stiff, strict=True)], self.joints_per_segment)
 
     def system(self, rotations: Array, rigid: NDArray[np.bool_], joints: Array,
                ratios: Array | None = None) -> tuple[Integers, System, Array]:
@@ -328,36 +338,11 @@ class SpatialChain:
         (tendons,) m.
         """
         link = np.cumsum(~rigid) - 1
-        first = np.flatnonzero(~rigid)
-        links = len(first)
-        own = np.concatenate([rotations[first], np.eye(3)[None]])[link]
-        inside = np.einsum('kji,kjl->kil', own, rotations)  # of each body in its link
-        loads, moments = np.zeros((links + 1, 3, 3)), np.zeros((links + 1, 3))
-        np.add.at(loads, link, self.lengths[:, None, None]
-                  * inside[:, :, 2, None] * self.forces[:, None, :])
-        np.add.at(moments, link, self.moments)
-        before = np.concatenate([np.eye(3)[None], inside])  # a joint is on the body before
-        turns = before[first]
-        # Spans: what moves with one link is one vector.
-        vectors = np.einsum('eij,ej->ei', inside[self.entry_bodies], self.entry_vectors)
-        links_of = link[self.entry_bodies]
-        constants = self.span_fixed.copy()
-        fixed = links_of < 0
-        np.add.at(constants, self.entry_spans[fixed], vectors[fixed])
-        keys, of_entry = np.unique(
-            self.entry_spans[~fixed] * (links + 1) + links_of[~fixed], return_inverse=True)
-        moved = np.zeros((len(keys), 3))
-        np.add.at(moved, of_entry, vectors[~fixed])
-        spans_of, entries = np.divmod(keys, links + 1)
-        ends = np.searchsorted(spans_of, np.arange(len(constants) + 1))
-        moving = np.flatnonzero(np.diff(ends))
-        spans = np.column_stack([self.span_tendons[moving], ends[moving], ends[moving + 1]])
-        still = np.diff(ends) == 0
-        unchanged = sums(self.span_tendons[still], np.linalg.norm(constants[still], axis=1),
-                         len(self.arm.tendons))
-        carried = np.ones(len(constants)) if ratios is None else ratios
-        return link, (joints[first], turns, loads[:links], moments[:links], entries, moved, spans,
-                      constants[moving], self.laws.tables, carried[moving]), unchanged
+        *parts, moving, unchanged = _kernel.functions().spatial_lay_out(
+            rotations, link, self.lengths, self.forces, self.moments, self._routing,
+            len(self.arm.tendons))
+        carried = np.ones(len(moving)) if ratios is None else ratios[moving]
+        return link, (joints[~rigid], *parts, self.laws.tables, carried), unchanged
 
 
 def _turns(rotations: Array) -> Array:

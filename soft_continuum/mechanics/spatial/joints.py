@@ -86,17 +86,19 @@ class SpatialLaws:
                              np.array(law.moments) * part / _first_slope(law)))
         return len(self._tables) - 1.0
 
-    def joints(self, soft: Sequence[bool], vacuum: Sequence[float], held: Array) -> Array:
+    def joints(self, stiff: Sequence[bool], vacuum: Sequence[float], held: Array) -> Array:
         """
-        Return the joints of all bodies, (bodies, 4, 3), as _assembly has them.
+        Return the joints of all bodies, (bodies, 4, 3), as _laws has them; rigid ones as soft.
 
-        soft: per segment.  vacuum: per segment, 0 to 1, or none for full.  held: (bodies, 3) rad.
+        stiff: per segment.  vacuum: per segment, 0 to 1, or none for full.  held: (bodies, 3) rad.
         """
-        is_soft = np.repeat(soft, self._per_segment)[:, None, None]
-        joints: Array = np.where(is_soft, self._soft, self._jam)
+        joints = self._soft.copy()
         for s, segment in enumerate(self._segments):
-            if vacuum and not soft[s] and vacuum[s] < 1.0:
-                rows = slice(s * self._per_segment, (s + 1) * self._per_segment)
+            if not stiff[s] or segment.jam.rigid:
+                continue
+            rows = slice(s * self._per_segment, (s + 1) * self._per_segment)
+            joints[rows] = self._jam[rows]
+            if vacuum and vacuum[s] < 1.0:
                 joints[rows, JAM] *= vacuum[s]**segment.jam.stiffness_exponent
                 joints[rows, LAW, YIELD] *= vacuum[s]
         joints[:, HELD] = held

@@ -88,10 +88,10 @@ class SpatialLinearisation:
         if given.shape != (count,):
             raise ValueError(f'tensions must be {count} numbers (N), or nan')
         self._chain, self._state, self._by_force = chain, state, ~np.isnan(given)
-        soft, carried = [not stiff for stiff in state.stiff], np.nan_to_num(state.tensions)
-        rigid = chain.rigid(soft)
+        carried = np.nan_to_num(state.tensions)
+        rigid = chain.rigid(state.stiff)
         self._link, self._system, _ = chain.system(
-            state.rotations, rigid, chain.laws.joints(soft, state.vacuum, state.held))
+            state.rotations, rigid, chain.laws.joints(state.stiff, state.vacuum, state.held))
         first = np.flatnonzero(~rigid)
         self._segment = first // chain.joints_per_segment  # of each link's joint
         self._rotations = np.ascontiguousarray(state.rotations[first])
