@@ -97,7 +97,9 @@ class _Push:
 class _Rig:
     """The plant with its boards."""
 
-    def __init__(self, arm: Arm, differences: Differences, fault: Fault, seed: int) -> None:
+    def __init__(self, arm: Arm, differences: Differences, fault: Fault, seed: int,
+                 harmless: bool) -> None:
+        self.harmless = harmless
         self.plant = Plant(arm, differences)
         self.random = np.random.default_rng([seed, list(Fault).index(fault)])
         self.fault = fault
@@ -165,6 +167,9 @@ class _Rig:
             self.plant.tensions[self.carrying] > LEAST_TENSION)
 
     def _break(self, move: Move | None) -> None:
+        if self.harmless:
+            self.broke('')
+            return
         random, plant = self.random, self.plant
         fault = self.fault
         tendon = self.carrying if fault in (Fault.SLIP_MOVING, Fault.STEPS) else int(
@@ -221,13 +226,15 @@ def moved(poses: Array, shift: Array, turn: float) -> Array:
     return np.column_stack([middle + shift + turned, poses[:, 2] + turn])
 
 
-def simulate(arm: Arm, differences: Differences, fault: Fault, seed: int, shapes: int = 1) -> Run:
+def simulate(arm: Arm, differences: Differences, fault: Fault, seed: int, shapes: int = 1,
+             harmless: bool = False) -> Run:
     """
     Return a sequence of random shapes in which a fault happens in a random move.
 
-    With a fault it ends WATCHED after it, at the earliest after that move.
+    With a fault it ends WATCHED after it, at the earliest after that move.  harmless: nothing
+    breaks, and all else is the same.
     """
-    rig = _Rig(arm, replace(differences, seed=seed), fault, seed)
+    rig = _Rig(arm, replace(differences, seed=seed), fault, seed, harmless)
     in_motion = fault in (Fault.SLIP_MOVING, Fault.STEPS)
     more = 2 if in_motion or fault is Fault.SLIP else 0  # until a tendon does what it has to
     moves, carrying = _plan(arm, rig.random, shapes + more)
@@ -257,7 +264,7 @@ def simulate(arm: Arm, differences: Differences, fault: Fault, seed: int, shapes
             at[phase] = rig.random.uniform(0.3, 0.6)
             if fault is Fault.NOT_SOFT:
                 at = [np.inf] * 4
-                rig.keeping[move.segment] = True
+                rig.keeping[move.segment] = not harmless
         rig.set_soft(move.segment, True)
         rig.run(SWITCH, at=at[0])
         if n == chosen and fault is Fault.NOT_SOFT:
@@ -275,6 +282,12 @@ def simulate(arm: Arm, differences: Differences, fault: Fault, seed: int, shapes
         rig.run(rig.moment + WATCHED - rig.plant.time)
     times, pulls, soft, poses = (np.array(one) for one in zip(*rig.rows, strict=True))
     return Run(fault, seed, times, pulls, soft, poses, rig.moment, rig.detail)
+
+
+def displacement(arm: Arm, differences: Differences, run: Run) -> float:
+    """Return by how much at most a fault displaced a disc, m: against the run without it."""
+    without = simulate(arm, differences, run.fault, run.seed, harmless=True)
+    return float(np.linalg.norm((run.poses - without.poses)[:, :, :2], axis=2).max())
 
 
 def _plan(arm: Arm, random: np.random.Generator, shapes: int

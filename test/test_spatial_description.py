@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """One description file describes a planar arm, a spatial one and a tendon arm without jamming."""
 
-from dataclasses import replace
-from math import inf, pi, nan, radians
 from argparse import ArgumentTypeError
+from dataclasses import replace
+from math import inf, nan, pi, radians
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from soft_continuum.cli.operate import _bendings
+from soft_continuum.client.sequence import goal
 from soft_continuum.client.state import Pose, Reached
+from soft_continuum.client.state_text import reached_text
 from soft_continuum.hardware.grbl_motion import Motors
 from soft_continuum.mechanics import Arm, RigidChain
 from soft_continuum.mechanics.either import chain_of, statics_of
 from soft_continuum.mechanics.spatial import spatial, SpatialArm, SpatialChain, SpatialTendon
-from soft_continuum.cli.operate import _bendings
-from soft_continuum.client.sequence import goal
-from soft_continuum.client.state_text import reached_text
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.prediction import TensionPrediction
 from soft_continuum.nodes.up import nodes_of

@@ -38,6 +38,7 @@ UNMOVED = 0.3  # part of the squared distance that a load may leave
 YIELDING = 1.0  # deviation of what a jam gives way by, as a part of what it is bent by
 GIVEN = 0.3  # deviation of the way that a leaking segment gives, as a part of it
 BLUR = 0.15  # of a displacement: how well the statics know what a fault does
+UNEVEN = 0.3  # of it, as a part of that
 
 
 class Cause(Enum):
@@ -115,10 +116,27 @@ def judge(one: Hypothesis) -> Verdict:
     weighted = cho_solve(cho_factor(covariance), rows).T
     sizes = np.linalg.solve(weighted @ rows + np.eye(rows.shape[1]), weighted @ away)
     moved = one.expected + rows @ sizes
-    blurred = covariance + np.diag((one.blur * _extent(moved, point))**2)
+    blurred = covariance + _blur(one, moved)
     rest = point.values - moved
     return Verdict(one, log_likelihood(away, blurred + rows @ rows.T), sizes, moved,
                    relative_distance(rest, blurred))
+
+
+def _blur(one: Hypothesis, moved: Array) -> Array:
+    """
+    Return the covariance (k, k) of what the statics do not know of a displacement (k,).
+
+    They know how it bends each segment to a part of that, and evenly along it to a smaller one.
+    """
+    point = one.point
+    chain = point.statics.chain
+    evenly = np.repeat(np.eye(chain.segments), chain.joints_per_segment, axis=0)
+    turning = _measured(point, disc_poses(
+        chain, point.state.joint_angles, evenly / chain.joints_per_segment)[1])
+    bends = np.linalg.lstsq(turning, moved, rcond=None)[0]
+    bent = turning * bends
+    uneven = np.maximum(np.abs(moved - bent.sum(axis=1)), UNEVEN * _extent(moved, point))
+    return np.asarray(one.blur**2 * (bent @ bent.T + np.diag(uneven**2)))
 
 
 def _extent(moved: Array, point: Point) -> Array:
