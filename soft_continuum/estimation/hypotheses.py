@@ -131,8 +131,8 @@ def _blur(one: Hypothesis, moved: Array) -> Array:
     point = one.point
     chain = point.statics.chain
     evenly = np.repeat(np.eye(chain.segments), chain.joints_per_segment, axis=0)
-    turning = _measured(point, disc_poses(
-        chain, point.state.joint_angles, evenly / chain.joints_per_segment)[1])
+    turning = _measured(point, disc_rows(
+        chain, point.state.joint_angles, evenly / chain.joints_per_segment))
     bends = np.linalg.lstsq(turning, moved, rcond=None)[0]
     bent = turning * bends
     uneven = np.maximum(np.abs(moved - bent.sum(axis=1)), UNEVEN * _extent(moved, point))
