@@ -14,13 +14,13 @@ from benchmarks.lab import Lab, LabError
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
-from soft_continuum.mechanics import Arm
-from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm, bending_of, State
 from soft_continuum.parameters.loop import DEAD_BAND, LOCK_IN_DEVIATION
 from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
 from soft_continuum.sequencing.loop_settings import LoopSettings
-from soft_continuum.sequencing.planner import Planner, Shape, ShapePlan
+from soft_continuum.sequencing.planner import planner_of, Shape, ShapePlan, ShapePlanner
 from soft_continuum.sequencing.progress import Phase
 from soft_continuum.sequencing.runner import Observation, RunnerSettings
 from soft_continuum.twin.plant import TIME_STEP
@@ -35,12 +35,12 @@ Result = TypeVar('Result')
 class _Rig:
     """An ArmPort on a lab, with the estimate of the nodes beside it."""
 
-    def __init__(self, lab: Lab, arm: Arm) -> None:
+    def __init__(self, lab: Lab, arm: AnyArm) -> None:
         self._lab = lab
         self.shape = ArmShape(arm, 5e-4)
         self.measured: float | None = None
         self._times, self._pulls = np.zeros(1), lab.pulls[None].copy()
-        self._sliding = np.zeros(2, dtype=int)
+        self._sliding = np.zeros(len(lab.pulls), dtype=int)
         self._pictured = -np.inf
         self.motions: list[tuple[int, int]] = []
         """Number of each motion, and the segment that was soft."""
@@ -50,7 +50,7 @@ class _Rig:
         self._lab.request(segment, stiff)
 
     def follow(self, motion: int, start: float, times: Array, pulls: Array) -> None:
-        """Request the pulls (k, 2) m at ``start + times`` s."""
+        """Request the pulls (k, tendons) m at ``start + times`` s."""
         if not self.motions or self.motions[-1][0] != motion:
             soft = [s for s, stiff in enumerate(self._lab.stiff) if not stiff]
             self.motions.append((motion, soft[0]))
@@ -95,12 +95,12 @@ class _Rig:
             tuple(lab.vacuum_pascals.tolist()), measured=self.measured)
 
 
-def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
+def closed_loop(lab: Lab, goal: Goal, arm: AnyArm, on_tip: bool = True) -> Outcome:
     """Set the shape by measurements; on_tip: its tip is to be right, otherwise its angles."""
     rig = _Rig(lab, arm)
-    settings, described = lab.description.settings, Planner(arm, lab.description.settings)
+    settings, described = lab.description.settings, planner_of(arm, lab.description.settings)
 
-    def planned(work: Callable[[Planner], Result]) -> 'Future[Result]':
+    def planned(work: Callable[[ShapePlanner], Result]) -> 'Future[Result]':
         future: Future[Result] = Future()
         estimator = rig.shape.estimator
         try:
@@ -109,7 +109,7 @@ def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
             else:
                 slack = settings.with_slack_for(
                     estimator.deviations()[estimator.layout.offset])
-                future.set_result(work(Planner(
+                future.set_result(work(planner_of(
                     estimator.arm, slack, offsets=estimator.offsets.tolist())))
         except Exception as error:
             future.set_exception(error)
@@ -118,12 +118,12 @@ def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
     def plan(shapes: Sequence[Shape]) -> 'Future[list[ShapePlan]]':
         return planned(lambda planner: planner.plan(state(), lab.pulls.tolist(), shapes))
 
-    def state() -> Equilibrium:
-        found: Equilibrium | None = rig.shape.state
+    def state() -> State:
+        found: State | None = rig.shape.state
         assert found is not None
         return found
 
-    aim = Aim(np.array(goal.angles), np.array(goal.tip), on_tip)
+    aim = Aim(bending_of(arm, goal.angles, goal.directions), np.array(goal.tip), on_tip)
     loop = Loop(
         lambda _: planned(lambda planner: aim),
         lambda segments, aim: planned(lambda planner: next_step(
@@ -133,7 +133,7 @@ def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
             limit)),
         lambda aim: aim.error(state()))
     runner = ClosedLoopRunner(
-        [Shape('goal', goal.angles)], plan, loop, rig, RunnerSettings(
+        [Shape('goal', goal.angles, 0.0, goal.directions)], plan, loop, rig, RunnerSettings(
             jamming_timeout=lab.description.timeout, soft_vacuum=lab.description.soft_vacuum),
         LoopSettings(), arm.tendon_names)
     deadline = lab.time + TIMEOUT

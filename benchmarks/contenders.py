@@ -4,13 +4,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from benchmarks.lab import angles_of, Lab
 from soft_continuum.mechanics import Arm, constant_curvature, Jam
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.sequencing.planner import Planner, Shape, timed
+from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.sequencing.planner import planner_of, Shape, timed
 from soft_continuum.twin.differences import Differences
 
 SETTLING = 1.0  # s after each motion
@@ -22,10 +24,15 @@ TOLERANCE = np.radians(0.1)
 
 @dataclass(frozen=True)
 class Goal:
-    """A shape: bending angles (segments,), rad, and the tip (x, z), m, that they shall give."""
+    """
+    A shape: bending angles (segments,), rad, and the tip (x, z), m, that they shall give.
+
+    In space the tip is (x, y, z), and bendings have directions (segments,), rad.
+    """
 
     angles: tuple[float, ...]
-    tip: tuple[float, float]
+    tip: tuple[float, ...]
+    directions: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -40,15 +47,15 @@ class Outcome:
     failed: str = ''
 
 
-Contender = Callable[[Lab, Goal, Arm], Outcome]
+Contender = Callable[[Lab, Goal, Any], Outcome]
 """Sets the arm of a lab to a goal, given the described arm; may raise LabError or PlanError."""
 
 
-def open_loop(lab: Lab, goal: Goal, arm: Arm) -> Outcome:
+def open_loop(lab: Lab, goal: Goal, arm: AnyArm) -> Outcome:
     """Plan by the model, and carry that out."""
-    planner = Planner(arm, lab.description.settings)
+    planner = planner_of(arm, lab.description.settings)
     plan, = planner.plan(planner.statics.chain.straight(), lab.pulls.tolist(),
-                         [Shape('goal', goal.angles)])
+                         [Shape('goal', goal.angles, 0.0, goal.directions)])
     for move in plan.moves:
         lab.switch(move.segment, False)
         lab.follow(move.times, move.pulls)

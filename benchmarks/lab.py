@@ -37,8 +37,8 @@ from soft_continuum.twin.differences import Differences
 from soft_continuum.twin.plant import Plant, plant_of, TIME_STEP
 from soft_continuum.twin.sensors import Sensors
 
-CAMERA, TRUTH, NOTHING = 'camera', 'truth', 'none'
-"""What measures the discs; of a spatial arm CAMERA is SpatialSight."""
+CAMERA, TWO_CAMERAS, TRUTH, NOTHING = 'camera', 'two cameras', 'truth', 'none'
+"""What measures the discs; TWO_CAMERAS those of a spatial arm."""
 PICTURE_PERIOD = 0.2  # s
 TRIES = 10  # pictures until all discs that move were seen in one
 TARE_PICTURES = 6  # within a second, as the camera node averages them
@@ -116,8 +116,9 @@ class Lab:
         sensor: CAMERA, TRUTH or NOTHING.  tared: whether the camera takes the arm as it is in the
         beginning as straight.
         """
-        if sensor not in (CAMERA, TRUTH, NOTHING):
-            raise ValueError(f'sensor is {sensor!r}; allowed: {CAMERA}, {TRUTH}, {NOTHING}')
+        if sensor not in (CAMERA, TWO_CAMERAS, TRUTH, NOTHING):
+            raise ValueError(f'sensor is {sensor!r}; allowed: {CAMERA}, {TWO_CAMERAS}, {TRUTH}, '
+                             f'{NOTHING}')
         self.description, self.differences = description, differences
         self.plant = plant_of(description.arm, differences)
         tendons = len(description.arm.tendon_names)
@@ -143,9 +144,11 @@ class Lab:
         self._straight: list[tuple[Array, float]] = []  # discs, and when, to be tared on
         self._read()
         self.wait(START)
-        self._sight_in_space = None
-        if description.layout is None and sensor == CAMERA:
-            self._sight_in_space = SpatialSight(self.differences, self.truth[::2], tared)
+        self._in_space = description.layout is None and sensor in (CAMERA, TWO_CAMERAS)
+        self._sight_in_space: RingSight | None = None
+        self._first = self.truth[::2]
+        if self._in_space:
+            pass
         elif tared and sensor == CAMERA:
             for _ in range(TARE_PICTURES):
                 self.wait(PICTURE_PERIOD)
@@ -312,8 +315,14 @@ class Lab:
             numbers = 3 if discs.shape[1] == 3 else 6
             return {n: Pose(pose, TRUTH_DEVIATION**2 * np.eye(numbers))
                     for n, pose in enumerate(discs)}
-        if self._sight_in_space is not None:
-            return {n: Pose(*seen) for n, seen in enumerate(self._sight_in_space.discs(discs))}
+        if self._in_space:
+            if self._sight_in_space is None:  # drawn only now: not every contender looks
+                from benchmarks.ring_sight import RingSight
+                self._sight_in_space = RingSight(
+                    description_file().with_name('spatial_jamming.yaml'), self.differences,
+                    self._first, 1 + (self._sensor == TWO_CAMERAS))
+            self.pictures += 1
+            return {n: Pose(*seen) for n, seen in self._sight_in_space.discs(discs).items()}
         layout = self.description.layout
         if self._drawn is None and layout is not None:
             self._drawn = TwinCamera(layout, self.differences)

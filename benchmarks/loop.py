@@ -14,6 +14,8 @@ from benchmarks.lab import CAMERA, Description, Lab, LabError
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import StaticsError
+from soft_continuum.mechanics.spatial import SpatialArm
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.up import description_file
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape
@@ -67,9 +69,9 @@ def run(quick: bool) -> Section:
             for name, contender in CONTENDERS.items():
                 results[name].append(
                     judged(description, replace(given, seed=seed), goal, contender))
-                progress(f'loop: {preset}, seed {seed}, {name}: {_line(results[name][-1])}')
+                progress(f'loop: {preset}, seed {seed}, {name}: {line(results[name][-1])}')
         parts.append(f'`{preset}`:\n\n' + table(HEAD, [
-            _row(name, each) for name, each in results.items()]))
+            row(name, each) for name, each in results.items()]))
     body = '\n\n'.join([
         f'Simulated: {len(seeds)} rigs of each preset, each with other random errors and another '
         f'random shape of up to {np.degrees(ANGLE):.0f}° per segment, the same for all '
@@ -96,11 +98,14 @@ def random_goal(description: Description, seed: int) -> Goal:
 def judged(description: Description, given: Differences, goal: Goal, contender: Contender,
            sensor: str = CAMERA, tared: bool = True) -> Result:
     """Let a contender set a goal on a rig of its own, stiffen what it left soft, and judge."""
-    begin = time.process_time()
-    lab = Lab(description, given, sensor, tared)
-    start = lab.time
+    return judged_in(Lab(description, given, sensor, tared), goal, contender)
+
+
+def judged_in(lab: Lab, goal: Goal, contender: Contender) -> Result:
+    """Let a contender set a goal in a lab, stiffen what it left soft, and judge."""
+    begin, start = time.process_time(), lab.time
     try:
-        outcome = contender(lab, goal, description.arm)
+        outcome = contender(lab, goal, lab.description.arm)
     except (LabError, PlanError, SensorError, StaticsError) as error:
         outcome = Outcome((0,) * len(goal.angles), f'{type(error).__name__}: {error}')
     duration = lab.time - start
@@ -109,19 +114,27 @@ def judged(description: Description, given: Differences, goal: Goal, contender: 
             lab.switch(segment, True)
     lab.wait(HOLDING)
     return Result(
-        float(np.linalg.norm(lab.tip[:2] - goal.tip)),
-        float(np.abs(lab.bending_angles - goal.angles).max()), outcome, duration,
-        lab.largest_tension, lab.softenings, tuple(lab.violations), time.process_time() - begin)
+        float(np.linalg.norm(lab.tip[:len(goal.tip)] - goal.tip)), _angle_error(lab, goal), outcome,
+        duration, lab.largest_tension, lab.softenings, tuple(lab.violations), time.process_time() - begin)
 
 
-def _line(result: Result) -> str:
+def _angle_error(lab: Lab, goal: Goal) -> float:
+    """Return how far the worst segment really is off, rad."""
+    arm = lab.description.arm
+    if isinstance(arm, SpatialArm):
+        away = lab.bending - bending_vectors(arm, goal.angles, goal.directions)
+        return float(np.linalg.norm(away, axis=1).max())
+    return float(np.abs(lab.bending_angles - goal.angles).max())
+
+
+def line(result: Result) -> str:
     more = ' '.join(['', result.outcome.failed, *result.violations]).rstrip()
     return (f'tip {result.tip_error * 1e3:.2f} mm, angles {np.degrees(result.angle_error):.2f} '
             f'degrees, corrections {result.outcome.corrections}, {result.duration:.0f} s, '
             f'{result.largest_tension:.0f} N, {result.spent:.1f} s of processor time{more}')
 
 
-def _row(name: str, results: list[Result]) -> tuple[str, ...]:
+def row(name: str, results: list[Result]) -> tuple[str, ...]:
     tips = np.array([r.tip_error for r in results]) * 1e3
     angles = np.degrees([r.angle_error for r in results])
     spread = [number(float(value)) for errors in (tips, angles) for value in (

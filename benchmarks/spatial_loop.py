@@ -1,0 +1,62 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where the simulated arm in space ends up when it is set to random shapes, in open and closed loop."""
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+
+from benchmarks.closed import closed_loop, on_angles
+from benchmarks.contenders import Contender, Goal, open_loop
+from benchmarks.lab import Description
+from benchmarks.loop import HEAD, judged, line, Result, row
+from benchmarks.tables import machine, Section, table
+from benchmarks.timing import progress
+from soft_continuum.nodes.up import description_file
+from soft_continuum.sequencing.planner import PlanError, planner_of, Shape
+from soft_continuum.twin.differences import read_differences
+
+ARM = 'spatial_jamming.yaml'
+PRESET = 'bad'
+SEEDS = 12
+ANGLE = 0.6  # rad, largest bending angle of a goal
+CONTENDERS: dict[str, Contender] = {
+    'open loop': open_loop, 'closed loop on the bending': on_angles,
+    'closed loop on the tip': closed_loop}
+
+
+def run(quick: bool) -> Section:
+    """Measure; the section is of the page about the closed loop."""
+    description = Description.read(description_file().with_name(ARM))
+    given = read_differences(description_file().with_name('twin.yaml'), PRESET)
+    seeds = range(1 if quick else SEEDS)
+    results: dict[str, list[Result]] = {name: [] for name in CONTENDERS}
+    for seed in seeds:
+        goal = random_goal(description, seed)
+        for name, contender in CONTENDERS.items():
+            results[name].append(judged(description, replace(given, seed=seed), goal, contender))
+            progress(f'spatial_loop: seed {seed}, {name}: {line(results[name][-1])}')
+    body = '\n\n'.join([
+        f'Simulated: {len(seeds)} rigs of `config/{ARM}`, preset `{PRESET}`, each with other '
+        f'random errors and another random shape of up to {np.degrees(ANGLE):.0f}° per segment in '
+        'any direction, the same for all contenders. Errors are against the truth of the plant. '
+        'Measured poses have the errors of one tared camera of the preset, without its pictures. '
+        + machine(), table(HEAD, [row(name, each) for name, each in results.items()])])
+    return Section('../how_to/close_the_loop.md', 'spatial_loop', body)
+
+
+def random_goal(description: Description, seed: int) -> Goal:
+    """Return a shape that the described arm can be set to, and where its tip then is."""
+    random = np.random.default_rng([seed, 15])
+    planner = planner_of(description.arm, description.settings)
+    straight, count = planner.statics.chain.straight(), len(description.arm.segments)
+    while True:
+        angles = tuple(random.uniform(0.0, ANGLE, count).tolist())
+        directions = tuple(random.uniform(-pi, pi, count).tolist())
+        try:
+            plan, = planner.plan(straight, (0.0,) * len(description.arm.tendon_names),
+                                 [Shape('goal', angles, 0.0, directions)])
+        except PlanError:
+            continue
+        return Goal(angles, tuple(plan.state.tip.tolist()), directions)
