@@ -11,7 +11,7 @@ from soft_continuum.mechanics._checks import segment_order, whole
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.constant_curvature import bending_axes
+from soft_continuum.mechanics.spatial.directions import bending_axes
 from soft_continuum.mechanics.spatial.inverse import pulls_for_bending, SAME_BENDING, set_shape
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
 
