@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One description file describes a planar arm, a spatial one and a tendon arm without jamming."""
 
-from math import inf, nan, pi
+from argparse import ArgumentTypeError
+from math import inf, nan, pi, radians
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -10,7 +11,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.client.state import Pose
+from soft_continuum.cli.operate import _bendings
+from soft_continuum.client.sequence import goal
+from soft_continuum.client.state import Pose, Reached
+from soft_continuum.client.state_text import reached_text
 from soft_continuum.mechanics import Arm, RigidChain
 from soft_continuum.mechanics.either import chain_of, statics_of
 from soft_continuum.mechanics.spatial import spatial, SpatialArm, SpatialChain
@@ -323,7 +327,37 @@ def test_orientations_of_every_size_are_quaternions(turn):
     assert quaternions(Rotation.from_rotvec(turn).as_matrix()[None])[0] == pytest.approx(wanted)
 
 
-# What people are told.
+# What people say, and are told.
+
+
+@pytest.mark.parametrize('shape, angles, directions', [
+    ((0.1, 0.2), [0.1, 0.2], []), (np.array([0.1, 0.2]), [0.1, 0.2], []),
+    ([(0.1, 1.0), 0.2], [0.1, 0.2], [1.0, 0.0]), ([(0.1, 0.0), (0.2, -2.0)], [0.1, 0.2],
+                                                  [0.0, -2.0])], ids=str)
+def test_a_segment_bends_by_an_angle_or_by_angle_and_direction(shape, angles, directions):
+    message = goal([shape], 0.0).shapes[0]
+    assert list(message.bending_angles) == angles
+    assert list(message.bending_directions) == directions
+
+
+@pytest.mark.parametrize('bend', [(0.1, 1.0, 2.0), None, ()], ids=str)
+def test_what_is_no_bending_is_refused(bend):
+    with pytest.raises(ValueError, match='its bending angle, or its angle and direction'):
+        goal([[0.1, bend]], 0.0)
+
+
+def test_degrees_on_the_command_line_have_directions_behind_an_at():
+    assert _bendings('10,20@120,-30@-60') == (
+        radians(10.0), (radians(20.0), radians(120.0)), (radians(-30.0), radians(-60.0)))
+    for text in '10@', '@20', '10@20@30', '10@nan', '10;20':
+        with pytest.raises(ArgumentTypeError, match='such as 10@0,20@120,30@-60'):
+            _bendings(text)
+
+
+def test_what_was_reached_in_space_has_directions():
+    reached = Reached(False, (0.5, 0.25), (0.0,) * 6, (), (), nan, 0, (1.0, -2.0))
+    assert reached_text(reached) == (
+        'predicted: nothing was measured; angles +28.6@57.3 +14.3@-114.6 deg')
 
 
 def test_a_pose_out_of_the_plane_is_told_in_space():

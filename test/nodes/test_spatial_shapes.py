@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from test_spatial_arm import given
 from test_spatial_description import JAMMING, TENDON_ARM
 
+from soft_continuum.client.observed import ObservedArm
 from soft_continuum.parameters.files import load_description
 from soft_continuum_interfaces.msg import Shape
 
@@ -87,6 +88,16 @@ def test_an_arm_without_jamming_is_moved_as_a_whole(tendon_arm: Rig) -> None:
         (0, 'preparing'), (0, 'moving'), (0, 'holding')}
     values = load_description(TENDON_ARM)
     check_orientations(tendon_arm, values['shapes.s_form'], values['shape_directions.s_form'])
+
+
+def test_a_client_has_all_of_an_arm_without_jamming_though_no_valves_report(
+        tendon_arm: Rig) -> None:
+    observed = tendon_arm.on_ros_thread(ObservedArm, tendon_arm.observer)
+    tendon_arm.wait_for(lambda: observed.complete, 'everything that such an arm publishes')
+    lines = str(observed.snapshot()).splitlines()
+    assert [line.partition('  ')[0] for line in lines if 'end at' in line] == [
+        'segment 1', 'segment 2', 'segment 3']
+    assert observed.snapshot().stiff == ()
 
 
 def test_a_stop_ends_a_motion_of_all_tendons_and_a_resumed_arm_goes_on(tendon_arm: Rig) -> None:
