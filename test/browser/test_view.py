@@ -194,7 +194,7 @@ def test_nothing_covers_stop_and_no_panel_covers_the_arm_at_any_size(
     page.click('Run sequence')
     page.wait_for_bar('Sequence: refused')
     usual = page.page.viewport_size
-    for width, height in ((800, 600), (390, 844)):
+    for width, height in ((800, 600), (360, 640)):
         page.page.set_viewport_size({'width': width, 'height': height})
         page.wait_for(lambda: page.is_on_top('stop') and page.is_on_top('resume'), 'on top')
 
