@@ -18,7 +18,7 @@ from soft_continuum.browser.log import LOG
 MAX_MESSAGE = 2**14  # bytes
 MAX_TEXT = 1000  # characters
 Vector = tuple[float, float, float]
-Number = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]  # of the slider of a replay, s
+Number = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]  # of a slider: s, or degrees
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 
 

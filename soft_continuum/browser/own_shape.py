@@ -29,11 +29,11 @@ class OwnShape:
             if event.client is not None:
                 changed()
 
-        self._arm = description.arm
-        self._limits = [segment.bending_angle_limit for segment in self._arm.segments]
+        self._chain = chain_of(description.arm)
+        self._limits = [segment.bending_angle_limit for segment in description.arm.segments]
         self._angles, self._directions = [], []
         for number, limit in enumerate(self._limits, start=1):
-            most = floor(degrees(limit) + ROUNDING)
+            most = max(1, floor(degrees(limit) + ROUNDING))
             least = 0 if description.in_space else -most
             self._angles.append(gui.add_slider(f'Angle {number}', least, most, 1, 0))
             if description.in_space:
@@ -51,7 +51,7 @@ class OwnShape:
     @property
     def points(self) -> Points:
         """Points along the backbone of that shape, x, y, z, m."""
-        shape = chain_of(self._arm).uniform(bending_of(self._arm, *self._values()))
+        shape = self._chain.uniform(bending_of(self._chain.arm, *self._values()))
         return tuple(tuple(point) for point in np.vstack([np.zeros(3), shape.backbone]).tolist())
 
     def _values(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

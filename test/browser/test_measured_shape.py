@@ -4,6 +4,7 @@
 """What measurements say of the arm is seen in a real browser, beside what the model predicts."""
 
 from collections.abc import Iterator
+from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -103,6 +104,23 @@ def test_the_measured_error_of_a_run_is_said_in_the_unit_of_its_aim(
     arm.end_goal(shapes_completed=1, source=1, bending_angles=[0.1] * 3, tip=[0.0] * 3,
                  tip_deviations=[3e-4, 4e-4, 0.01], tip_error=6e-4, corrections=4)
     page.wait_for_bar('reached: tip 0.6 mm from its aim (measured, ±0.5 mm)')
+
+
+def test_a_shape_of_its_own_is_sent_with_the_angles_of_the_page(
+        page: Page, arm: EstimatedArm) -> None:
+    page.view.get_by_text('Own shape', exact=True).click()
+    expect(page.button('Set own shape')).to_be_enabled(timeout=DEADLINE * 1e3)
+    angles = page.view.get_by_role('textbox')  # the first one is that of the sequence
+    for number, degrees in ((1, 30), (2, -45)):
+        angles.nth(number).fill(str(degrees))
+        angles.nth(number).press('Tab')
+    before = len(arm.goals)
+    page.click('Set own shape')
+    page.wait_for(lambda: len(arm.goals) > before, 'a goal')
+    shape, = arm.goals[-1].shapes
+    assert list(shape.bending_angles) == pytest.approx([radians(30), radians(-45), 0.0])
+    assert not shape.bending_directions
+    arm.end_goal(shapes_completed=1)
 
 
 def test_the_loop_is_switched_and_another_client_is_followed(

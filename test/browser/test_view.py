@@ -194,7 +194,7 @@ def test_nothing_covers_stop_and_no_panel_covers_the_arm_at_any_size(
     page.click('Run sequence')
     page.wait_for_bar('Sequence: refused')
     usual = page.page.viewport_size
-    for width, height in ((800, 600), (390, 844)):
+    for width, height in ((800, 600), (360, 640)):
         page.page.set_viewport_size({'width': width, 'height': height})
         page.wait_for(lambda: page.is_on_top('stop') and page.is_on_top('resume'), 'on top')
 
@@ -276,12 +276,12 @@ def test_another_arm_is_followed_into_space_where_a_bending_has_a_direction(
 
     page.view.get_by_text('Own shape', exact=True).click()
     angles = page.view.get_by_role('textbox')  # the first one is that of the sequence
-    for number, degrees in ((1, 30), (2, 90)):
+    for number, degrees in ((1, 30), (2, -90)):
         angles.nth(number).fill(str(degrees))
         angles.nth(number).press('Tab')
     page.wait_for_pixels(green, 25, MANY, 'green, as the shape that is chosen is')
     page.picture(ARTEFACT.with_name('space.png'))
     rig.set_parameter('shape_sequencer', 'tendon_speed', 0.1)
     page.click('Set own shape')
-    page.wait_for_text('30.0° @ 90°')
-    page.wait_for_text('+30.0@90.0')  # as the end of the sequence is reported
+    page.wait_for_text('30.0° @ -90°')
+    page.wait_for_text('+30.0@-90.0')  # as the end of the sequence is reported
