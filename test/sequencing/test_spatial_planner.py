@@ -174,6 +174,13 @@ def test_more_bendings_than_tendons_are_refused():
         planned(coarse(), Shape('bow', (0.2, 0.2, 0.2)), jamming=False)
 
 
+def test_an_upright_arm_may_lean_within_the_slack_of_its_tendons():
+    plans = planned(coarse(), Shape('bow', (0.0, 0.5, 0.0), 0.0, (2.0,) * 3), STRAIGHT,
+                    Shape('bow', (0.5, 0.0, 0.0), 0.0, (2.0,) * 3))
+    assert plans[1].moves[-1].pulls[-1] == pytest.approx(-1e-4, abs=1e-6)  # as ropes absorb
+    assert plans[2].state.bending_angles == pytest.approx([0.5, 0.0, 0.0], abs=0.01)
+
+
 def test_softening_what_nothing_holds_is_refused():
     with pytest.raises(PlanError, match='goes over to another shape: its tendons do not hold it'):
         planned(coarse(payload=1.0), Shape('bow', (0.2, 0.0, 0.0)), pulls=(-0.02,) * 3)
