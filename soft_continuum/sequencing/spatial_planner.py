@@ -30,7 +30,6 @@ from soft_continuum.sequencing.planner import (
     WHOLE_ARM,
 )
 
-
 LEAN = 0.1  # rad that a segment may lean over when it becomes soft, until its tendons hold it
 
 
