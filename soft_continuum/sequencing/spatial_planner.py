@@ -30,6 +30,8 @@ from soft_continuum.sequencing.planner import (
     WHOLE_ARM,
 )
 
+LEAN = 0.1  # rad that a segment may lean over when it becomes soft, until its tendons hold it
+
 
 class SpatialPlanner(ShapePlanner):
     """Plans shapes for one spatial arm; a goal is a bending (segments, 2) rad."""
@@ -63,7 +65,7 @@ class SpatialPlanner(ShapePlanner):
         """Plan one segment, or WHOLE_ARM, as ShapePlanner; of the goal only its bending counts."""
         soft = self._soft(segment)
         bent = self.softened(state, start, segment)
-        if bent.jumped:
+        if bent.jumped and np.abs(bent.bending - state.bending).max() > LEAN:
             raise PlanError('when it becomes soft, the arm goes over to another shape: its '
                             'tendons do not hold it; pull them in or straighten the arm first')
         present, tension = bent.bending, float(bent.tensions.max())

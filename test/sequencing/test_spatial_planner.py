@@ -174,6 +174,21 @@ def test_more_bendings_than_tendons_are_refused():
         planned(coarse(), Shape('bow', (0.2, 0.2, 0.2)), jamming=False)
 
 
+def test_an_upright_arm_may_lean_within_the_slack_of_its_tendons():
+    planner = planner_of(coarse(), SETTINGS)
+    chain = planner.statics.chain
+    turns = np.random.default_rng(0).normal(0.0, 1e-4, (chain.bodies, 3)) * [1.0, 1.0, 0.0]
+    nearly = chain.state_of(turns, turns, (True,) * 3)  # as an arm that was straightened is
+    assert planner.statics.solve(nearly, [-1e-4] * 3, [True, False, False]).jumped
+    plan, = planner.plan(nearly, [-1e-4] * 3, [Shape('bow', (0.5, 0.0, 0.0), 0.0, (2.0,) * 3)])
+    assert plan.state.bending_angles == pytest.approx([0.5, 0.0, 0.0], abs=0.01)
+
+
+def test_an_arm_that_nothing_bends_has_tendons_that_are_just_slack():
+    bow = Shape('bow', (0.0, 0.4, 0.0), 0.0, (2.0,) * 3)
+    assert planned(coarse(), bow, STRAIGHT)[1].moves[-1].pulls[-1] == pytest.approx(-1e-4)
+
+
 def test_softening_what_nothing_holds_is_refused():
     with pytest.raises(PlanError, match='goes over to another shape: its tendons do not hold it'):
         planned(coarse(payload=1.0), Shape('bow', (0.2, 0.0, 0.0)), pulls=(-0.02,) * 3)
