@@ -32,7 +32,7 @@ class SpatialSight:
         straight: (discs, 7), poses of the bottom of each disc in the beginning.  tared: whether
         those are taken as the straight arm's.
         """
-        self._random = np.random.default_rng([given.seed, 2])
+        self._random = np.random.default_rng([given.seed, 3])
         moved = given.tag_offset, given.tag_offset / TAG_SIZE
         self._mounts = [self._draw(*moved) for _ in straight]
         fixed = given.fixed_offset / 2.0, given.fixed_offset / BOARD_SIZE

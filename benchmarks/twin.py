@@ -73,10 +73,16 @@ def run(quick: bool) -> Section:
 
 def _rows(arm: str, distances: Array, ideal: Differences) -> list[tuple[str, ...]]:
     """Return rows of the table for distances (steps, 2), mm."""
-    return [(arm, name, number(float(np.median(each))), number(float(np.quantile(each, 0.95))),
-             number(float(each.max())), f'{np.mean(each <= GOAL):.1%}')
-            for name, each in zip(('rigid, as described', f'K = {ideal.stiff_ratio:,.0f} as in '
-                                   '`ideal`'), distances.T, strict=True)]
+    rows: list[tuple[str, ...]] = []
+    for name, each in zip(('rigid, as described', f'K = {ideal.stiff_ratio:,.0f} as in `ideal`'),
+                          distances.T, strict=True):
+        found = each[np.isfinite(each)]
+        if len(found) < len(each):
+            name += f', {len(found)} of {len(each)} steps solved'
+        rows.append((arm, name, number(float(np.median(found))),
+                     number(float(np.quantile(found, 0.95))), number(float(found.max())),
+                     f'{np.mean(found <= GOAL):.1%}'))
+    return rows
 
 
 def _walk(arm: AnyArm, ideal: Differences, random: np.random.Generator) -> Array:
@@ -98,7 +104,7 @@ def _walk(arm: AnyArm, ideal: Differences, random: np.random.Generator) -> Array
         except StaticsError:  # tendons cannot hold this one there
             continue
         goal = np.where(state.tensions > 0.0, state.pulls, state.pulls - SLACK_PULL)
-        same = elastic.solve(same, goal, soft)
+        same = _followed(elastic, same, goal, soft)
         vacuum = 1.0 - np.array(soft, dtype=float)
         _wait(plant, pulls, vacuum, SWITCHING)
         steps = round(PULLING / TIME_STEP)
@@ -107,8 +113,17 @@ def _walk(arm: AnyArm, ideal: Differences, random: np.random.Generator) -> Array
         pulls = goal
         _wait(plant, pulls, vacuum, RESTING)
         _wait(plant, pulls, stiff, SWITCHING)
-        distances.append((_apart(plant.poses, state.poses), _apart(plant.poses, same.poses)))
+        distances.append((_apart(plant.poses, state.poses),
+                          _apart(plant.poses, same.poses) if same else nan))
     return np.array(distances)
+
+
+def _followed(statics: Any, state: Any, pulls: Array, soft: tuple[bool, ...]) -> Any:
+    """Return the next state; None where the statics find none, and after that."""
+    try:
+        return state and statics.solve(state, pulls, soft)
+    except StaticsError:
+        return None
 
 
 def _bent(statics: Any, state: Any, segment: int, random: np.random.Generator) -> Any:

@@ -255,7 +255,14 @@ def _spring_lengths(length: float, bodies: int, discretisation: str) -> Array:
 
 
 def stiffness_factors(arm: AnyArm, differences: Differences) -> Array:
-    """Return the factor of each segment, (segments,); raises TwinError for another number."""
+    """
+    Return the factor of each segment, (segments,).
+
+    Raises TwinError for another number, and for segments that are no linear springs.
+    """
+    if any(getattr(segment, 'soft_law', None) is not None for segment in arm.segments):
+        raise TwinError('the twin knows linear springs only; the description has a measured '
+                        'moment-curvature law')
     factors = differences.stiffness_factors
     if len(factors) not in (1, len(arm.segments)):
         raise TwinError(f'{len(factors)} stiffness factors are given; the arm has '

@@ -19,7 +19,7 @@ from soft_continuum.twin.any_plant import (
     stiffness_factors,
     TIME_STEP,
 )
-from soft_continuum.twin.differences import Differences, Obstacle, TwinError
+from soft_continuum.twin.differences import Differences, Obstacle
 from soft_continuum.twin.spatial_plant import SpatialPlant
 
 __all__ = ('Plant', 'plant_of', 'TIME_STEP')
@@ -41,9 +41,6 @@ class Plant(AnyPlant):
     def __init__(self, arm: Arm, differences: Differences) -> None:
         """Build it as AnyPlant."""
         factors = stiffness_factors(arm, differences)
-        if any(s.soft_law is not None for s in arm.segments):
-            raise TwinError('the twin knows linear springs only; the description has a measured '
-                            'moment-curvature law')
         stiffnesses = np.array([s.bending_stiffness for s in arm.segments]) * factors
         springs = joint_stiffness(arm, stiffnesses[:, None])
         super().__init__(arm, differences,

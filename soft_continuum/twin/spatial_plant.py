@@ -26,9 +26,9 @@ from soft_continuum.twin.any_plant import (
     stiffness_factors,
     TIME_STEP,
 )
-from soft_continuum.twin.differences import Differences
+from soft_continuum.twin.differences import Differences, TwinError
 
-RIGID = 1e5
+RIGID = 1e6
 ARMATURE, HEAVIEST = 5e-4, 30.0
 """
 kg m^2 of each joint for each N m/rad, of what is stiff at most for this many times its spring.
@@ -47,6 +47,9 @@ class SpatialPlant(AnyPlant):
     def __init__(self, arm: SpatialArm, differences: Differences) -> None:
         """Build it as AnyPlant."""
         factors = stiffness_factors(arm, differences)[:, None]
+        if any(segment.friction for segment in arm.segments):
+            raise TwinError('the twin knows friction of tendons only, as guide_friction of its '
+                            'presets; the description has some of segments')
         given = np.array([[s.stiffness_x, s.stiffness_y, s.torsional_stiffness]
                           for s in arm.segments]) * factors
         given[:, 0] *= differences.lateral_stiffness_factor

@@ -152,6 +152,12 @@ def test_what_differs_out_of_the_plane_takes_the_arm_there():
         assert np.arctan2(y, x) <= 0.5 + 1e-3
 
 
+def test_an_arm_with_friction_inside_is_refused():
+    segments = tuple(replace(s, friction=0.01) for s in JAMMING.segments)
+    with pytest.raises(TwinError, match='friction of tendons only'):
+        plant_of(few(segments=segments), IDEAL)
+
+
 def test_an_obstacle_stops_an_arm_in_space():
     pull = np.array([0.018, -0.03, -0.03])
     for obstacles in ((), (Obstacle(0.055, 0.305, 0.01),)):
