@@ -121,7 +121,7 @@ class RingCamera:
             return ''
         return (f'the tags of disc 0 are {factor * self.layout.disc_size * 1e3:.1f} mm large, '
                 f'measured by the fixed tags, not {self.layout.disc_size * 1e3:.1f} mm: print at '
-                '100 %, or correct tags.disc_size')
+                '100 %, or correct tags.disc_size; is the ring of the base where it should be?')
 
     def _implausible(self, poses: Mapping[int, Array]) -> tuple[set[int], list[str]]:
         """Return neighbours that are nearer or farther than the segment between them lets."""
