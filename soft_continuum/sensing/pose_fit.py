@@ -197,7 +197,7 @@ def width(corners: Array) -> float:
     """Return the least height of a tag (4, 2) over its longest edge, px."""
     (ax, ay), (bx, by) = corners[2] - corners[0], corners[3] - corners[1]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max()
-    return float(max(1.0, abs(ax * by - ay * bx) / 2.0 / longest))
+    return float(max(1.0, abs(ax * by - ay * bx) / 2.0 / max(1.0, longest)))
 
 
 def angle(one: Array, other: Array) -> float:

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, Picture
-from soft_continuum.sensing.pose_fit import cross, PoseFit, TagGroup, width
+from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, cross, PoseFit, TagGroup, width
 from soft_continuum.sensing.ring_layout import MIN_FIXED, off_a_line, RingLayout, Tag
 from soft_continuum.sensing.sight import DiscPose, exchanged, Sight, TagFinder
 from soft_continuum.sensing.tag_camera import (
@@ -24,6 +24,7 @@ from soft_continuum.sensing.tag_camera import (
     MAX_SCALE_ERROR,
 )
 
+FAR_OFF = 0.5  # of a size, relative: no printer does that
 MAX_MISFIT = 16.0  # of corners over what is expected of them, both squared
 CLEARER = 12.0  # by which the misfit of every other pose of a disc is larger
 MIN_WIDTH = 16.0  # px, 2 per module: of a tag seen more from its side corners are not exact
@@ -68,8 +69,8 @@ class RingCamera:
         discs = {n: DiscPose(poses[n], view.covariance(fit, max(1.0, factor))
                              + self._of_ring(n, poses[n]), fit.residual)
                  for n, fit in fits.items()}
-        deviation = np.sqrt(np.mean([fit.residual**2 for fit in used]))
-        return Sight(discs, numbers, float(deviation), (*problems, *on_wrong_discs), corners, view)
+        deviation = CORNER_DEVIATION * float(np.sqrt(factor))
+        return Sight(discs, numbers, deviation, (*problems, *on_wrong_discs), corners, view)
 
     def _view(self, picture: Picture, corners: Mapping[int, Array]) -> 'View | str':
         """Return how the camera sees base_link, or why it is not known."""
@@ -85,11 +86,11 @@ class RingCamera:
         if not fits:
             return 'the fixed tags do not fit; are they where tags.fixed_poses says?'
         factor = group.size_factor(fits[0])
-        if abs(factor - 1.0) > MAX_SCALE_ERROR:
+        if MAX_SCALE_ERROR < abs(factor - 1.0) < FAR_OFF:
             return (f'the fixed tags are {factor * self.layout.fixed_size * 1e3:.1f} mm large, '
                     f'measured by their distances, not {self.layout.fixed_size * 1e3:.1f} mm: '
                     'print at 100 %, or correct tags.fixed_poses')
-        if _does_not_fit(fits[0]):
+        if _does_not_fit(fits[0]) or abs(factor - 1.0) >= FAR_OFF:
             return (f'the fixed tags do not fit by {fits[0].residual:.1f} px; are they where '
                     'tags.fixed_poses says, and is this calibration of this camera?')
         return View(fits[0], self.lens)
@@ -120,7 +121,7 @@ class RingCamera:
             return ''
         return (f'the tags of disc 0 are {factor * self.layout.disc_size * 1e3:.1f} mm large, '
                 f'measured by the fixed tags, not {self.layout.disc_size * 1e3:.1f} mm: print at '
-                '100 %, or correct tags.disc_size')
+                '100 %, or correct tags.disc_size; is the ring of the base where it should be?')
 
     def _implausible(self, poses: Mapping[int, Array]) -> tuple[set[int], list[str]]:
         """Return neighbours that are nearer or farther than the segment between them lets."""

@@ -29,8 +29,9 @@ def _strips(layout: RingLayout) -> list[Page]:
     longest = int((room - FLAP) / layout.face)
     columns = int((A4[0] - 2.0 * BORDER + GAP / 2.0) / (layout.face + GAP))
     if not (longest and columns):
+        most = layout.disc_size / layout.face * (A4[0] - 2.0 * BORDER - GAP / 2.0)
         raise ParameterError(f'a tag of {layout.disc_size * 1e3:g} mm does not fit on A4; '
-                             'tags.disc_size: 100 mm at most, to print them')
+                             f'tags.disc_size: {most * 1e3:.0f} mm at most, to print them')
     parts = []
     for disc in range(len(layout.heights)):
         numbers = list(layout.ring(disc))

@@ -44,7 +44,8 @@ class Sight:
     What one picture shows.
 
     discs: by number, base first.  numbers: of all tags that were seen, others too.  deviation: px,
-    of the corners by their residuals; nan where nothing was measured.  problems: for people.
+    of the corners by their residuals, of a spatial arm less what tags that are stuck off do to
+    them; nan where nothing was measured.  problems: for people.
     corners: by number of the tag, (4, 2) px, without the distortion of the lens.  view: where
     other points are seen; None while the fixed tags do not tell.
     """
