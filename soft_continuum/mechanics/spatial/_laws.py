@@ -112,7 +112,9 @@ def creep(rotations, system):  # type: ignore[no-untyped-def]
         least = min(stiffness[0], stiffness[1])
         if least <= 0.0 or most == np.inf:
             continue
-        before[:] = turns[0]
+        for i in range(3):
+            for j in range(3):
+                before[i, j] = turns[0, i, j]
         if k > 0:
             multiply(rotations[k - 1], turns[k], before)
         transposed_multiply(before, rotations[k], relative)

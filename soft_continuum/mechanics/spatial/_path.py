@@ -30,18 +30,20 @@ def lay_out(rotations, link, lengths, forces, torques, routing, count):  # type:
     """
     fixed, tendons, begins, of_entry, along = routing
     bodies, links = len(link), link[-1] + 1
-    inside, own = np.empty((bodies, 3, 3)), np.empty((3, 3))  # of each body in its link
+    inside, own = np.empty((bodies, 3, 3)), np.zeros((3, 3))  # of each body in its link
     turns, loads = np.zeros((links, 3, 3)), np.zeros((links, 3, 3))
     moments = np.zeros((links, 3))
-    own[:] = np.eye(3)
+    for i in range(3):
+        own[i, i] = 1.0
     for k in range(bodies):
         j = link[k]
         if j >= 0 and (k == 0 or link[k - 1] != j):
-            own[:] = rotations[k]
             for i in range(3):
                 turns[j, i, i] = 1.0
-            if k > 0:
-                turns[j] = inside[k - 1]
+                for m in range(3):
+                    own[i, m] = rotations[k, i, m]
+                    if k > 0:
+                        turns[j, i, m] = inside[k - 1, i, m]
         transposed_multiply(own, rotations[k], inside[k])
         if j >= 0:
             for i in range(3):
@@ -55,26 +57,42 @@ def lay_out(rotations, link, lengths, forces, torques, routing, count):  # type:
     used, moved = 0, 0
     for s in range(size):
         first = used
-        constants[moved] = fixed[s]
+        for i in range(3):
+            constants[moved, i] = fixed[s, i]
         for e in range(begins[s], begins[s + 1]):
             j = link[of_entry[e]]
             apply(inside[of_entry[e]], along[e], vector)
-            if j < 0:
-                constants[moved] += vector
-            elif used > first and entries[used - 1] == j:
-                vectors[used - 1] += vector
-            else:
+            starts = j >= 0 and (used == first or entries[used - 1] != j)
+            if starts:
                 entries[used] = j
-                vectors[used] = vector
                 used += 1
+            for i in range(3):
+                if j < 0:
+                    constants[moved, i] += vector[i]
+                elif starts:
+                    vectors[used - 1, i] = vector[i]
+                else:
+                    vectors[used - 1, i] += vector[i]
         if used > first:
             spans[moved, 0], spans[moved, 1], spans[moved, 2] = tendons[s], first, used
             moving[moved] = s
             moved += 1
         else:
-            unchanged[tendons[s]] += sqrt((constants[moved]**2).sum())
+            unchanged[tendons[s]] += sqrt(
+                constants[moved, 0]**2 + constants[moved, 1]**2 + constants[moved, 2]**2)
     return (turns, loads, moments, entries[:used].copy(), vectors[:used].copy(),
             spans[:moved].copy(), constants[:moved].copy(), moving[:moved].copy(), unchanged)
+
+
+@compiled
+def take_over(rotations, tension, taut, there, here):  # type: ignore[no-untyped-def]
+    """Copy a state of the links to another place."""
+    for t in range(tension.shape[1]):
+        tension[here, t], taut[here, t] = tension[there, t], taut[there, t]
+    for k in range(rotations.shape[1]):
+        for i in range(3):
+            for m in range(3):
+                rotations[here, k, i, m] = rotations[there, k, i, m]
 
 
 @compiled
@@ -97,15 +115,18 @@ def lead(  # type: ignore[no-untyped-def]
     done, total, residual, status, downhill = 0.0, 0, 0.0, CONVERGED, True
     while done < 1.0:
         part = min(1.0, done + step)
-        rotations[1], tension[1], taut[1] = rotations[0], tension[0], taut[0]
-        targets[2] = targets[0] + part * (targets[1] - targets[0])
-        bias[1] = (1.0 - part) * bias[0]
+        take_over(rotations, tension, taut, 0, 1)
+        for t in range(len(kind)):
+            targets[2, t] = targets[0, t] + part * (targets[1, t] - targets[0, t])
+        for k in range(bias.shape[1]):
+            for i in range(3):
+                bias[1, k, i] = (1.0 - part) * bias[0, k, i]
         status, used, residual, downhill = newton(
             rotations[1], tension[1], taut[1], system,
             (kind, targets[2], compliance, bias[1], damping), most)
         total += used
         if status == CONVERGED:
-            rotations[0], tension[0], taut[0] = rotations[1], tension[1], taut[1]
+            take_over(rotations, tension, taut, 1, 0)
             done, step = part, 2.0 * step
             continue
         step *= 0.5
@@ -113,7 +134,8 @@ def lead(  # type: ignore[no-untyped-def]
             break
     spans, paths = len(system[6]), np.empty(len(kind))
     span_lengths(rotations[1], system, np.empty((spans, 3)), np.empty(spans), paths)
-    targets[3] = paths
+    for t in range(len(kind)):
+        targets[3, t] = paths[t]
     return done, total, residual, status, downhill
 
 
@@ -126,11 +148,14 @@ def carry(rotations, begin, link):  # type: ignore[no-untyped-def]
     step of Newton's method for the polar decomposition (Higham 1986), else rounding triples in
     each solve.
     """
-    found = begin.copy()
-    turn, turned, square = np.eye(3), np.empty((3, 3)), np.empty((3, 3))
+    found = np.empty((len(link), 3, 3))
+    turn, turned, square = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for k in range(len(link)):
         j = link[k]
         if j < 0:
+            for i in range(3):
+                for m in range(3):
+                    found[k, i, m] = begin[k, i, m]
             continue
         if k == 0 or link[k - 1] != j:
             for i in range(3):
