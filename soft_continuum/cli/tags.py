@@ -15,8 +15,9 @@ NAME = 'tags'
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the PDF; return the exit status."""
-    parser = Parser(NAME, 'The tags to print for the described arm (36h11): one for each disc, '
-                    'fixed ones for the board behind it, a drawing of where they go, and rulers. '
+    parser = Parser(NAME, 'The tags to print for the described arm (36h11): one for each disc, or '
+                    'a ring of them for each disc of a spatial arm, fixed ones for the boards '
+                    'behind it, a drawing of where they go, and rulers. '
                     'Their sizes and places are the parameters tags.* of the node camera.',
                     *FOR_ANALYSIS)
     return run_verb(parser, _run, argv)
@@ -26,9 +27,12 @@ def _run(options: argparse.Namespace) -> None:
     require_opencv()
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
-    from soft_continuum.sensing.layout import TagLayout
-    layout = TagLayout.of(load_description(*options.params_file, node=CAMERA))
+    from soft_continuum.sensing.any_camera import layout_of
+    from soft_continuum.sensing.ring_layout import RingLayout
+    layout = layout_of(load_description(*options.params_file, node=CAMERA))
     path, = reserve_outputs(options.output, [f'{NAME}.pdf'], options.force)
     from soft_continuum.sensing.printing import write_tags
     write_tags(path, layout)
-    print(f'{len(layout.heights)} tags for discs and {len(layout.fixed)} fixed ones: {path}')
+    of_each = layout.faces if isinstance(layout, RingLayout) else 1
+    print(f'{of_each * len(layout.heights)} tags for discs and {len(layout.fixed)} fixed ones: '
+          f'{path}')

@@ -2,25 +2,37 @@
 # SPDX-License-Identifier: Apache-2.0
 """``twin_camera``: a simulated camera before the twin, on the topics of any camera driver."""
 
+from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from contextlib import ExitStack
+from math import radians
+import re
 
 from soft_continuum.arguments import number_in, Parser
 from soft_continuum.cli.twin import add_preset_options, chosen_differences, serve
+from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.opencv import OpenCVError, require_opencv
 
 RATE = 10.0  # Hz
+DIRECTION = -90.0  # degrees
+NAME = re.compile(r'[a-z]\w{0,30}', re.ASCII)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Publish pictures until Ctrl-C; return the exit status."""
     parser = Parser('twin_camera', 'A simulated camera before the twin: draws the arm and its '
-                    'tags, and publishes camera/image_raw and camera/camera_info.',
+                    'tags, and publishes NAME/image_raw and NAME/camera_info, those of the node '
+                    'camera of that name.',
                     '--params-file', '--namespace')
     add_preset_options(parser)
     parser.add_argument('--rate', type=number_in(0.1, 60.0, 'Hz'), default=RATE, metavar='HZ',
                         help=f'pictures per second (default: {RATE:g}); to draw one takes '
                         'about 0.05 s of a core')
+    parser.add_argument('--name', type=_name, default='camera',
+                        help='of the camera (default: camera)')
+    parser.add_argument('--direction', type=number_in(-360.0, 360.0, 'degrees'), metavar='DEGREES',
+                        help='from where it looks at a spatial arm: angle about z from x '
+                        '(default: -90)')
     options = parser.parse_args(argv)
     try:
         require_opencv()
@@ -29,15 +41,32 @@ def main(argv: Sequence[str] | None = None) -> int:
     from soft_continuum.nodes.up import description_file
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
-    from soft_continuum.sensing.layout import TagLayout
+    from soft_continuum.sensing.any_camera import layout_of
+    from soft_continuum.sensing.ring_layout import RingLayout
     from soft_continuum.twin.camera import TwinCamera
-    from soft_continuum.twin.pictures import Pictures
+    from soft_continuum.twin.pictures import AnyTwinCamera, Pictures
+    from soft_continuum.twin.spatial_camera import SpatialTwinCamera
 
     def begin(running: ExitStack) -> None:
-        layout = TagLayout.of(load_description(
+        layout = layout_of(load_description(
             *options.params_file or [description_file()], node=CAMERA))
-        camera = TwinCamera(layout, chosen_differences(options))
-        running.enter_context(Pictures(camera, options.rate, options.namespace))
-        print('Simulated pictures on camera/image_raw. Ctrl-C ends it.', flush=True)
+        differences = chosen_differences(options)
+        camera: AnyTwinCamera
+        if isinstance(layout, RingLayout):
+            direction = DIRECTION if options.direction is None else options.direction
+            camera = SpatialTwinCamera(layout, differences, radians(direction))
+        elif options.direction is None:
+            camera = TwinCamera(layout, differences)
+        else:
+            raise ParameterError('--direction is of spatial arms; a planar one is seen from -y')
+        running.enter_context(Pictures(camera, options.rate, options.namespace, options.name))
+        print(f'Simulated pictures on {options.name}/image_raw. Ctrl-C ends it.', flush=True)
 
     return serve(parser, begin)
+
+
+def _name(text: str) -> str:
+    if not NAME.fullmatch(text):
+        raise ArgumentTypeError(f'{text!r} is no name of a camera; allowed: letters, digits and '
+                                '_, such as camera_2')
+    return text

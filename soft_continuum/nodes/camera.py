@@ -21,36 +21,44 @@ from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import as_yaml, ParameterError
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import (
     measured_pose_to_ros,
-    planar_poses,
     poses_from_ros,
     seconds,
+    tracked_pose_to_ros,
 )
-from soft_continuum.ros.names import CAMERA, MEASURED_POSE, OVERLAY
+from soft_continuum.ros.names import CAMERA, MEASURED_POSE
 from soft_continuum.ros.pictures import grey_picture, MAX_PICTURE_BYTES
 from soft_continuum.ros.qos import SENSOR, STREAM
-from soft_continuum.sensing.layout import TagLayout
+from soft_continuum.sensing.any_camera import AnyCamera, camera_of, layout_of
 from soft_continuum.sensing.lens import Lens, LensError
 from soft_continuum.sensing.opencv import OpenCVError, require_opencv
 from soft_continuum.sensing.pictures import is_black
+from soft_continuum.sensing.rigid import compose
+from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.sensing.sources import is_device, pictures, SourceError
-from soft_continuum.sensing.tag_mounts import mounted, tag_mount, tag_mounts
+from soft_continuum.sensing.tag_mounts import (
+    mounted,
+    ring_mount,
+    ring_mounts,
+    tag_mount,
+    tag_mounts,
+)
 from soft_continuum.sensing.tare import straight_heights, Window
 from soft_continuum.sensing.tilt import SensorError
 
 if TYPE_CHECKING:  # OpenCV may not be there
-    from soft_continuum.sensing.tag_camera import Sight, TagCamera
+    from soft_continuum.sensing.sight import Sight
 
 MAX_AGE = 1.0  # s between a picture's stamp and now
 FROZEN_AFTER = 2.0  # s of one and the same picture, of a camera
 STALE_AFTER = 2.0  # s without a picture
 OVERLAY_PERIOD = 0.2  # s between two pictures for people
-IMAGES = 'camera/image_raw'
+IMAGES, INFO = '~/image_raw', '~/camera_info'
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 RETRY = 2.0  # s until a device that failed is opened again
 CLOSE_TIMEOUT = 2.0  # s
@@ -60,12 +68,12 @@ class Camera(Node):
     """
     Measures where the discs are in the pictures of one camera.
 
-    Subscribes to camera/image_raw (sensor_msgs/Image) and camera/camera_info
-    (sensor_msgs/CameraInfo) unless it opens a device, a file or a folder itself.  Publishes
-    disc_N/measured_pose (geometry_msgs/PoseWithCovarianceStamped), N from 0 at the base, ~/status
-    and /diagnostics.  For those who look, camera/overlay/compressed (sensor_msgs/CompressedImage)
-    is the picture with the tags and the arm of disc_poses drawn over it.  Serves ~/tare
-    (std_srvs/Trigger).
+    Subscribes to ~/image_raw (sensor_msgs/Image) and ~/camera_info (sensor_msgs/CameraInfo)
+    unless it opens a device, a file or a folder itself.  Publishes disc_N/measured_pose
+    (geometry_msgs/PoseWithCovarianceStamped), N from 0 at the base, ~/status and /diagnostics.
+    For those who look, ~/overlay/compressed (sensor_msgs/CompressedImage) is the picture with the
+    tags and the arm of disc_poses drawn over it.  Serves ~/tare (std_srvs/Trigger).  Several
+    cameras are several of these nodes, each with a name of its own.
 
     Pictures are looked at on a thread of their own; of those that come faster, the newest.
     """
@@ -78,13 +86,12 @@ class Camera(Node):
         except OpenCVError as error:
             raise ParameterError(str(error)) from None
         from soft_continuum.sensing.overlay import overlay
-        from soft_continuum.sensing.tag_camera import TagCamera
         self.parameters = NodeParameters(self, NODE_PARAMETERS[CAMERA])
         self.status = Status(self, 'camera and printed tags')
-        self._layout = TagLayout.of(self.parameters)
+        self._layout = layout_of(self.parameters)
         self._draw = overlay
-        self._make_camera = partial(TagCamera, self._layout)
-        self._camera: TagCamera | None = None
+        self._make_camera = partial(camera_of, self._layout)
+        self._camera: AnyCamera | None = None
         if path := self.parameters['camera.calibration']:
             try:
                 self._camera = self._make_camera(Lens.read(path))
@@ -94,16 +101,20 @@ class Camera(Node):
         if self._source and self._camera is None:
             raise ParameterError('parameter camera.calibration is needed beside camera.source; '
                                  'soft_continuum calibrate camera writes that file')
-        self._info_problem = 'no camera/camera_info yet'
+        self._info_problem = f'no {self.resolve_topic_name(INFO)} yet'
         self._poses = [self.create_publisher(
             PoseWithCovarianceStamped, MEASURED_POSE.format(n), STREAM)
             for n in range(len(self._layout.heights))]
-        self._overlays = self.create_publisher(CompressedImage, OVERLAY, STREAM)
-        self._model: Any = None  # disc_poses of the model, (2 * discs, 3)
+        self._overlays = self.create_publisher(CompressedImage, '~/overlay/compressed', STREAM)
+        self._model: Any = None  # disc_poses of the model, (2 * discs, 7)
         self._model_age = Age()
         self._shown = 0.0  # when an overlay was published, s
-        self._straight = straight_heights(arm_from_parameters(self.parameters))
-        self._mounts = tag_mounts(self.parameters, len(self._poses))
+        self._straight = straight_heights(any_arm_from_parameters(self.parameters))
+        spatial = isinstance(self._layout, RingLayout)
+        self._mounts = (ring_mounts if spatial else tag_mounts)(self.parameters, len(self._poses))
+        self._mounted = compose if spatial else mounted
+        self._mount = ring_mount if spatial else tag_mount
+        self._to_ros = tracked_pose_to_ros if spatial else measured_pose_to_ros
         self._seen = [Window[Any]() for _ in self._poses]
         self._tared = ''
         self._worker = Worker('pictures', self._on_failure)
@@ -130,7 +141,7 @@ class Camera(Node):
             threading.Thread(target=self._read, name='source', daemon=True).start()
         else:
             if self._camera is None:
-                subscribe(self, CameraInfo, 'camera/camera_info', self._on_info, SENSOR)
+                subscribe(self, CameraInfo, INFO, self._on_info, SENSOR)
             self._subscribe(SENSOR)
         if not self._source or is_device(self._source):
             repeat(self, 0.5, self._check_age)
@@ -155,7 +166,7 @@ class Camera(Node):
         self._worker.close(CLOSE_TIMEOUT)
 
     def _on_model(self, message: PoseArray) -> None:
-        poses = planar_poses(poses_from_ros(message))
+        poses = poses_from_ros(message)
         self._model_age.refresh()
         self._model = poses if len(poses) == 2 * len(self._poses) else None
 
@@ -234,7 +245,7 @@ class Camera(Node):
         """Publish where the discs are, and what was seen."""
         for n, disc in sight.discs.items():
             self._seen[n].add(monotonic(), disc.pose)
-            message = measured_pose_to_ros(mounted(disc.pose, self._mounts[n]), disc.covariance)
+            message = self._to_ros(self._mounted(disc.pose, self._mounts[n]), disc.covariance)
             message.header.stamp = stamp
             message.header.frame_id = self.parameters['frame_id']
             self._poses[n].publish(message)
@@ -249,7 +260,7 @@ class Camera(Node):
         else:
             self._reports.put((OK, 'all discs are seen', values))
 
-    def _show(self, stamp: Time, picture: Any, camera: 'TagCamera | None', sight: 'Sight | None'
+    def _show(self, stamp: Time, picture: Any, camera: AnyCamera | None, sight: 'Sight | None'
               ) -> None:
         """Draw for those who look; most of all when nothing could be measured."""
         now = monotonic()
@@ -268,7 +279,7 @@ class Camera(Node):
         for n, height in enumerate(self._straight):
             try:
                 if poses := self._seen[n].recent(now):
-                    mounts[n] = tag_mount(poses, height)
+                    mounts[n] = self._mount(poses, height)
                     discs.append(str(n))
             except SensorError as error:
                 response.message = f'disc {n}: {error}; nothing was tared'
@@ -281,7 +292,7 @@ class Camera(Node):
         response.success = True
         response.message = (
             f'taken as straight: disc {", ".join(discs)}. To keep it over a restart, write into '
-            f'the parameter file: {CAMERA}: {{ros__parameters: {{tags: {{mounts: '
+            f'the parameter file: {self.get_name()}: {{ros__parameters: {{tags: {{mounts: '
             f'{as_yaml(numbers, 6)}}}}}}}')
         return response
 

@@ -115,24 +115,34 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     CAMERA: (
         *ARM_PARAMETERS, FRAME,
         Parameter('camera.source', '', 'path of a video device or file, or of a folder of '
-                  'pictures; empty: the topics camera/image_raw and camera/camera_info'),
+                  'pictures; empty: the topics ~/image_raw and ~/camera_info'),
         Parameter('camera.calibration', '', 'YAML file with the calibration of the lens, as '
-                  'camera drivers of ROS keep it; empty: from camera/camera_info'),
+                  'camera drivers of ROS keep it; empty: from ~/camera_info'),
         Parameter('camera.rate', 15.0, 'pictures that are looked at per second, at most',
                   0.1, 200.0, unit='Hz'),
         Parameter('tags.disc_size', 0.024, 'edge of the black square of the tags of the discs',
                   0.002, 1.0, unit='m'),
         Parameter('tags.fixed_size', 0.06, 'the same of the fixed tags', 0.002, 1.0, unit='m'),
         Parameter('tags.fixed_positions', (-0.3, -0.02, 0.3, -0.02, 0.3, 0.4, -0.3, 0.4),
-                  'x and z of the centre of each fixed tag, in the order of their numbers from '
-                  '100 on', -10.0, 10.0, unit='m'),
+                  'of a planar arm, x and z of the centre of each fixed tag, in the order of '
+                  'their numbers from 100 on', -10.0, 10.0, unit='m'),
+        Parameter('tags.faces', 6, 'tags around every disc of a spatial arm', 3, 24),
+        Parameter('tags.fixed_poses', (
+            -0.22, 0.3, 0.0, -pi / 2, 0.22, 0.3, 0.0, -pi / 2,
+            0.22, 0.3, 0.3, -pi / 2, -0.22, 0.3, 0.3, -pi / 2,
+            0.3, 0.22, 0.0, pi, 0.3, -0.22, 0.0, pi, 0.3, -0.22, 0.3, pi, 0.3, 0.22, 0.3, pi),
+            'the same of a spatial arm: x, y, z (m) of the centre, and the direction that the tag '
+            'looks, rad about z from x', -10.0, 10.0),
         Parameter('tags.depth', 0.03, 'by how much the tags of the discs are nearer to the camera '
-                  'than the fixed ones', -0.5, 0.5, unit='m'),
+                  'than the fixed ones, of a planar arm', -0.5, 0.5, unit='m'),
         Parameter('tags.deviation', 0.0003, 'standard deviation of where the tags are stuck on '
-                  'the discs', 0.0, 0.05, unit='m'),
+                  'the discs, or of a spatial arm on their rings', 0.0, 0.05, unit='m'),
+        Parameter('tags.ring_deviation', 0.0003, 'standard deviation of where the rings of tags '
+                  'sit on the discs of a spatial arm', 0.0, 0.05, unit='m'),
         Parameter('tags.mounts', (0.0,), 'x, z (m) and angle (rad) of each disc in the pose that '
-                  'its tag tells, base first, as ~/tare prints them; 0.0 alone: the tags are '
-                  'where they should be', -1.0, 1.0),
+                  'its tag tells, base first, as ~/tare prints them; of a spatial arm x, y, z '
+                  '(m) and quaternion x, y, z, w; 0.0 alone: the tags are where they should be',
+                  -1.0, 1.0),
         Parameter('tags.fixed_deviation', 0.0005, 'standard deviation of where the fixed tags are',
                   0.0, 0.05, unit='m'),
         Parameter('tags.depth_deviation', 0.001, 'standard deviation of tags.depth', 0.0, 0.05,

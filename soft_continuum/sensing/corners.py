@@ -27,9 +27,14 @@ MIN_REACH, MAX_REACH = 1.5, 6.0  # px
 class TagDetector:
     """Finds tags in pictures of one camera."""
 
-    def __init__(self, lens: Lens, expected: Collection[int]) -> None:
-        """Take the calibration of the camera, and the numbers that are looked for thoroughly."""
-        self._lens, self._expected = lens, set(expected)
+    def __init__(self, lens: Lens, expected: Collection[int], passes: int = 1) -> None:
+        """
+        Take the calibration of the camera, and the numbers that are looked for thoroughly.
+
+        passes: how often edges are fitted, each time about the corners of the time before.  Tags
+        that are seen from their side need two: the first corners may be 1 px off.
+        """
+        self._lens, self._expected, self._passes = lens, set(expected), passes
         self._quick, self._thorough = _detector(QUICK), _detector(THOROUGH)
 
     def numbers(self, picture: Picture) -> tuple[int, ...]:
@@ -45,9 +50,17 @@ class TagDetector:
         numbers, quads = self._find(picture)
         if not numbers:
             return []
+        corners = self._refined(picture, quads)
+        for _ in range(1, self._passes):
+            seen = self._lens.distorted(corners.reshape(-1, 2)).reshape(quads.shape)
+            corners = self._refined(picture, seen)
+        return list(zip(numbers, corners, strict=True))
+
+    def _refined(self, picture: Picture, quads: Array) -> Array:
+        """Return the corners (tags, 4, 2) without distortion, near those in the picture."""
         edges = _edge_points(picture, quads)
         flat = self._lens.undistorted(edges).reshape(edges.shape)
-        return [(n, _corners(sides)) for n, sides in zip(numbers, flat, strict=True)]
+        return np.array([_corners(sides) for sides in flat])
 
     def _find(self, picture: Picture) -> tuple[tuple[int, ...], Array]:
         """Return the numbers and corners (tags, 4, 2) px of the tags."""

@@ -71,6 +71,11 @@ class TagLayout:
         return tuple(height / 2.0 for height in self.disc_heights)
 
     @property
+    def rim(self) -> Array:
+        """Outline of a disc in its frame as views draw it at bottom and top, (2, 3) m."""
+        return np.array([[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]]) * self.disc_size
+
+    @property
     def fixed_numbers(self) -> tuple[int, ...]:
         """Numbers of the fixed tags."""
         return tuple(range(FIRST_FIXED, FIRST_FIXED + len(self.fixed)))

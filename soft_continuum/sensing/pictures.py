@@ -14,6 +14,8 @@ Picture = NDArray[np.uint8]
 BLACK = 8  # grey value that the brightest part of a picture exceeds
 MODULES = 8
 """Modules along the edge of a tag's black square: each is a square of one colour."""
+FAMILY_SIZE = 587
+"""How many numbers the family 36h11 has."""
 
 
 def is_black(picture: Picture) -> bool:

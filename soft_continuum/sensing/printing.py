@@ -2,123 +2,41 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tags to print at true scale, with a ruler, and a drawing of where they go."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.backends.backend_pdf import PdfPages
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
-import numpy as np
 
-from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.sensing.layout import QUIET, TagLayout
-from soft_continuum.sensing.lens_calibration import board, COLUMNS, ROWS, SQUARE
-from soft_continuum.sensing.pictures import MODULES, white_modules
-
-A4 = 0.210, 0.297  # m
-INCH = 0.0254  # m
-BORDER = 0.015  # m that printers leave white
-GAP = 0.010  # m between two tags on a page
-RULER = 0.100  # m
-MAX_SIZE = (A4[0] - 2.0 * BORDER - GAP) / (1.0 + 2.0 * QUIET)  # m, of a tag
+from soft_continuum.sensing.any_camera import AnyLayout
+from soft_continuum.sensing.layout import TagLayout
+from soft_continuum.sensing.pages import board_page, BORDER, Page, tag_pages
+from soft_continuum.sensing.ring_layout import RingLayout
+from soft_continuum.sensing.ring_printing import ring_pages
 
 
-class _Page(Figure):
-    """A page of A4 whose coordinates are m from its lower left corner."""
-
-    def __init__(self, title: str) -> None:
-        super().__init__(figsize=(A4[0] / INCH, A4[1] / INCH))
-        self.axes_ = self.add_axes((0.0, 0.0, 1.0, 1.0))
-        self.axes_.set(xlim=(0.0, A4[0]), ylim=(0.0, A4[1]))
-        self.axes_.axis('off')
-        self.axes_.text(BORDER, A4[1] - BORDER, title, va='top', fontsize=9)
-        self._ruler()
-
-    def _ruler(self) -> None:
-        """Draw a ruler: a printer that scales is found out with a real one."""
-        y = BORDER + 0.004
-        self.axes_.plot([BORDER, BORDER + RULER], [y, y], 'k', lw=0.6)
-        for k in range(int(RULER * 1e3) + 1):
-            height = 0.004 if k % 10 == 0 else 0.0025 if k % 5 == 0 else 0.0015
-            self.axes_.plot([BORDER + k * 1e-3] * 2, [y, y + height], 'k', lw=0.4)
-        self.axes_.text(BORDER + RULER + 0.004, y, f'{RULER * 1e3:.0f} mm: print at 100 % and '
-                        'measure this', fontsize=8, va='bottom')
-
-    def tag(self, number: int, x: float, y: float, size: float, label: str) -> None:
-        """Draw a tag about (x, y), m, with a frame to cut along and crosses at its middle."""
-        edge = size / MODULES
-        for row, column in np.argwhere(~white_modules(number)):
-            self.axes_.add_patch(Rectangle(
-                (x - size / 2.0 + column * edge, y + size / 2.0 - (row + 1) * edge), edge, edge,
-                facecolor='k', edgecolor='k', lw=0.05))
-        frame = size * (1.0 + 2.0 * QUIET)
-        self.axes_.add_patch(Rectangle((x - frame / 2.0, y - frame / 2.0), frame, frame,
-                                       fill=False, edgecolor='0.6', lw=0.3))
-        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            near, far = frame / 2.0, frame / 2.0 + 0.003
-            self.axes_.plot([x + dx * near, x + dx * far], [y + dy * near, y + dy * far], 'k',
-                            lw=0.4)
-        self.axes_.text(x + 0.001, y - frame / 2.0 - 0.001, label, fontsize=7, va='top')
-
-
-def write_tags(path: Path, layout: TagLayout) -> None:
-    """Write a PDF of A4 with all tags of a layout; raises OSError."""
+def write_tags(path: Path, layout: AnyLayout) -> None:
+    """Write a PDF of A4 with all tags of a layout; raises OSError, ParameterError."""
+    pages = ring_pages(layout) if isinstance(layout, RingLayout) else _plane_pages(layout)
     with PdfPages(path) as pdf:
-        _save(pdf, _drawing(layout))
-        numbers = range(len(layout.heights))
-        labels = [f'disc {n}{" (base)" if n == 0 else ""}, {height * 1e3:g} mm up'
-                  for n, height in enumerate(layout.heights)]
-        for page in _pages('Tags of the discs: number 0 at the base', numbers,
-                           layout.disc_size, labels):
-            _save(pdf, page)
-        labels = [f'{n}: x {x * 1e3:+.0f} mm, z {z * 1e3:+.0f} mm' for n, (x, z) in zip(
-            layout.fixed_numbers, layout.fixed, strict=True)]
-        for page in _pages('Fixed tags', layout.fixed_numbers, layout.fixed_size, labels):
-            _save(pdf, page)
-        _save(pdf, _board())
+        for page in (*pages, board_page()):  # as large as the page: nothing scales it
+            pdf.savefig(page)
 
 
-def _save(pdf: PdfPages, page: Figure) -> None:
-    pdf.savefig(page)  # type: ignore[no-untyped-call]  # as large as the page: nothing scales it
+def _plane_pages(layout: TagLayout) -> list[Page]:
+    """Return the pages of a planar arm."""
+    of_discs = [f'disc {n}{" (base)" if n == 0 else ""}, {height * 1e3:g} mm up'
+                for n, height in enumerate(layout.heights)]
+    of_fixed = [f'{n}: x {x * 1e3:+.0f} mm, z {z * 1e3:+.0f} mm' for n, (x, z) in zip(
+        layout.fixed_numbers, layout.fixed, strict=True)]
+    return [_drawing(layout),
+            *tag_pages('Tags of the discs: number 0 at the base', range(len(layout.heights)),
+                       layout.disc_size, of_discs),
+            *tag_pages('Fixed tags', layout.fixed_numbers, layout.fixed_size, of_fixed)]
 
 
-def _pages(title: str, numbers: Sequence[int], size: float, labels: Sequence[str]
-           ) -> list[_Page]:
-    """Return as many pages as these tags need."""
-    frame = size * (1.0 + 2.0 * QUIET) + GAP
-    if frame > A4[0] - 2.0 * BORDER:
-        raise ParameterError(f'a tag of {size * 1e3:g} mm does not fit on A4; tags.disc_size and '
-                             f'tags.fixed_size: {MAX_SIZE * 1e3:.0f} mm at most, to print them')
-    columns = max(1, int((A4[0] - 2.0 * BORDER) / frame))
-    rows = max(1, int((A4[1] - 2.0 * BORDER - 0.03) / frame))
-    pages = []
-    for first in range(0, len(numbers), columns * rows):
-        page = _Page(f'{title}. Edge of the black square: {size * 1e3:g} mm.')
-        for k, (number, label) in enumerate(
-                list(zip(numbers, labels, strict=True))[first:first + columns * rows]):
-            row, column = divmod(k, columns)
-            page.tag(number, BORDER + (column + 0.5) * frame,
-                     A4[1] - BORDER - 0.012 - (row + 0.5) * frame, size, label)
-        pages.append(page)
-    return pages
-
-
-def _board() -> _Page:
-    """Return the board for `calibrate camera`."""
-    page = _Page('For `soft_continuum calibrate camera`: glue it onto something stiff and flat.')
-    width, height = COLUMNS * SQUARE, ROWS * SQUARE
-    dots = 40  # per square, a multiple of what its tags are drawn with
-    picture = board().generateImage((COLUMNS * dots, ROWS * dots), marginSize=0)
-    left, below = (A4[0] - width) / 2.0, (A4[1] - height) / 2.0
-    page.axes_.imshow(picture, cmap='gray', extent=(left, left + width, below, below + height),
-                      interpolation='nearest', zorder=0)
-    page.axes_.set(xlim=(0.0, A4[0]), ylim=(0.0, A4[1]))
-    return page
-
-
-def _drawing(layout: TagLayout) -> _Page:
+def _drawing(layout: TagLayout) -> Page:
     """Return the page that says where the tags go."""
-    page = _Page('Where the tags go, seen from the camera (from -y): x to the right, z along the '
+    page = Page('Where the tags go, seen from the camera (from -y): x to the right, z along the '
                  'straight arm.\nThis page is not to scale.')
     axes = page.add_axes((0.14, 0.36, 0.78, 0.50))
     half = layout.fixed_size / 2.0

@@ -8,56 +8,22 @@ the picture.  The pose of a disc is the one at which its tag's corners are where
 the least-squares sense.  One tag's depth and tilt, which a single tag tells badly, are not used.
 """
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.layout import carry_a_plane, directions, MIN_FIXED, TagLayout
 from soft_continuum.sensing.lens import Lens
-from soft_continuum.sensing.pictures import Array, is_black, Picture
+from soft_continuum.sensing.pictures import Array, Picture
+from soft_continuum.sensing.sight import DiscPose, exchanged, Sight, TagFinder
 
 SHARED_DEVIATION = 0.05  # px that all corners of a tag are off alike: residuals do not show it
 FOCAL_DEVIATION = 0.005  # relative, of a good calibration
 MAX_RESIDUAL = 2.0  # px, RMS: tags beyond it are not where they were said to be
 MAX_SCALE_ERROR = 0.03  # relative, of the edge of a printed tag
-MIN_CHORD, MAX_CHORD = 0.5, 1.05  # of a segment's length, between the discs at its ends
 ITERATIONS = 5
-
-
-@dataclass(frozen=True)
-class DiscPose:
-    """
-    Where a disc was seen: pose (x, z, angle) of its bottom in base_link, m and rad.
-
-    covariance: (3, 3) of it.  residual: px, RMS of the corners of its tag.
-    """
-
-    pose: Array
-    covariance: Array
-    residual: float
-
-
-@dataclass(frozen=True)
-class Sight:
-    """
-    What one picture shows.
-
-    discs: by number, base first.  numbers: of all tags that were seen, others too.  deviation: px,
-    of the corners by their residuals; nan where nothing was measured.  problems: for people.
-    corners: by number of the tag, (4, 2) px, without the distortion of the lens.  plane: where
-    points of the plane of the arm are seen; None while the fixed tags do not tell.
-    """
-
-    discs: Mapping[int, DiscPose]
-    numbers: tuple[int, ...]
-    deviation: float
-    problems: tuple[str, ...]
-    corners: Mapping[int, Array]
-    plane: 'Plane | None' = None
 
 
 class TagCamera:
@@ -66,17 +32,14 @@ class TagCamera:
     def __init__(self, layout: TagLayout, lens: Lens) -> None:
         """Take where the tags are, and the calibration of the camera."""
         self.layout, self.lens = layout, lens
-        self._known = {*layout.fixed_numbers, *range(len(layout.heights))}
-        self._detector = TagDetector(lens, self._known)
+        known = {*layout.fixed_numbers, *range(len(layout.heights))}
+        self._finder = TagFinder(lens, known, known)
 
     def measure(self, picture: Picture) -> Sight:
         """Return what a grey picture (height, width) shows."""
-        if picture.shape[::-1] != self.lens.size:
-            problem = (f'the picture has {picture.shape[1]} x {picture.shape[0]} px, the '
-                       f'calibration {self.lens.size[0]} x {self.lens.size[1]}; calibrate '
-                       'the camera at the resolution that is used')
+        if problem := self._finder.wrong_size(picture):
             return Sight({}, (), np.nan, (problem,), {})
-        numbers, corners, problems = self._detect(picture)
+        numbers, corners, problems = self._finder.find(picture)
         plane = self._plane(picture, corners)
         if isinstance(plane, str):
             return Sight({}, numbers, np.nan, (*problems, plane), corners)
@@ -87,20 +50,22 @@ class TagCamera:
                 del fits[n]
                 problems.append(f'the tag of disc {n} does not fit by {fit.residual:.1f} px; is '
                                 'it flat, and of the size tags.disc_size?')
-        fits, exchanged = self._plausible(fits)
+        wrong, on_wrong_discs = self._implausible(fits)
+        fits = {n: fit for n, fit in fits.items() if n not in wrong}
         squares = plane.squares + sum(8.0 * fit.residual**2 for fit in fits.values())
         deviation = np.sqrt(squares / (plane.freedom + 5 * len(fits)))
         variance = deviation**2 + SHARED_DEVIATION**2
         discs = {n: DiscPose(fit.pose, variance * fit.covariance + self._fixed_covariance(n, fit),
                              fit.residual) for n, fit in fits.items()}
-        return Sight(discs, numbers, float(deviation), (*problems, *exchanged), corners, plane)
+        return Sight(discs, numbers, float(deviation), (*problems, *on_wrong_discs), corners,
+                     plane)
 
     def _plane(self, picture: Picture, corners: Mapping[int, Array]) -> 'Plane | str':
         """Return the plane that the fixed tags tell, or why they do not."""
         seen = {n: c for n, c in corners.items() if n in self.layout.fixed_numbers}
         if len(seen) < MIN_FIXED:
             return (f'{len(seen)} of {len(self.layout.fixed)} fixed tags are seen; needed: '
-                    f'{MIN_FIXED}{self._why_so_few(picture, corners)}')
+                    f'{MIN_FIXED}{self._finder.why_so_few(picture, corners)}')
         if not carry_a_plane(np.array([self.layout.fixed_corners(n).mean(axis=0) for n in seen])):
             return 'the fixed tags that are seen stand in a line, but for one; uncover the others'
         plane = Plane(self.layout, self.lens, seen)
@@ -119,41 +84,15 @@ class TagCamera:
             (FOCAL_DEVIATION * self.layout.depth)**2 + self.layout.depth_deviation**2)
         return covariance
 
-    def _detect(self, picture: Picture
-                ) -> tuple[tuple[int, ...], dict[int, Array], list[str]]:
-        """Return all numbers, the corners of the tags of this layout, px, and what is wrong."""
-        found = self._detector.detect(picture)
-        count = Counter(n for n, _ in found)
-        problems = [f'{times} tags with the number {n} are seen; take the wrong one away'
-                    for n, times in sorted(count.items()) if times > 1 and n in self._known]
-        corners = {n: c for n, c in found if n in self._known and count[n] == 1}
-        return tuple(sorted(count)), corners, problems
-
-    def _why_so_few(self, picture: Picture, corners: Mapping[int, Array]) -> str:
-        """Return a remedy for a picture without enough tags."""
-        if is_black(picture):
-            return '; the picture is black: is the lens covered, is there light?'
-        if not corners and self._detector.numbers(cv2.flip(picture, 1)):
-            return '; the picture is mirrored: turn that off in the driver of the camera'
-        return '; is something before them, are they in the picture, sharp and lit?'
-
-    def _plausible(self, fits: dict[int, '_Fit']) -> tuple[dict[int, '_Fit'], list[str]]:
-        """Leave out neighbours that are nearer or farther than the segment between them lets."""
-        wrong: set[int] = set()
-        problems = []
-        for n, length in enumerate(self.layout.segment_lengths):
-            if n not in fits or n + 1 not in fits:
-                continue
-            below = fits[n].pose
-            top = below[:2] + self.layout.disc_heights[n] * directions(below[2])[1]
-            chord = float(np.linalg.norm(fits[n + 1].pose[:2] - top))
-            if not MIN_CHORD * length <= chord <= MAX_CHORD * length:
-                wrong |= {n, n + 1}
-                problems.append(
-                    f'discs {n} and {n + 1} are seen {chord * 1e3:.0f} mm apart, though segment '
-                    f'{n + 1} between them has {length * 1e3:.0f} mm; are the tags on the right '
-                    'discs?')
-        return {n: fit for n, fit in fits.items() if n not in wrong}, problems
+    def _implausible(self, fits: Mapping[int, '_Fit']) -> tuple[set[int], list[str]]:
+        """Return neighbours that are nearer or farther than the segment between them lets."""
+        chords = {}
+        for n in range(len(self.layout.segment_lengths)):
+            if n in fits and n + 1 in fits:
+                below = fits[n].pose
+                top = below[:2] + self.layout.disc_heights[n] * directions(below[2])[1]
+                chords[n] = float(np.linalg.norm(fits[n + 1].pose[:2] - top))
+        return exchanged(chords, self.layout.segment_lengths)
 
 
 @dataclass(frozen=True)
@@ -199,6 +138,10 @@ class Plane:
     def project(self, points: Array, depth: float = 0.0) -> Array:
         """Return where points (k, 2) m, nearer to the camera by ``depth``, are seen, (k, 2) px."""
         return _mapped(self._matrix, self._behind(points, depth))
+
+    def seen_at(self, points: Array) -> Array:
+        """Return where points (k, 3) m of the arm, in base_link, are seen, (k, 2) px."""
+        return self.project(points[:, [0, 2]], self._layout.depth)
 
     def _behind(self, points: Array, depth: float) -> Array:
         """Return which points of the plane these hide, (k, 2) m."""

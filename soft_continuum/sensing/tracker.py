@@ -51,8 +51,8 @@ class Tracker:
             raise ParameterError(
                 f'parameter tracker.mounts has {len(given)} numbers; needed: x, y, z and '
                 f'quaternion x, y, z, w for each of {discs} discs, or 0.0 for none')
-        mounts = tuple(_given('tracker.mounts', given[7 * n:7 * n + 7]) for n in range(discs))
-        base = _given('tracker.base_pose', values['tracker.base_pose'])
+        mounts = tuple(given_pose('tracker.mounts', given[7 * n:7 * n + 7]) for n in range(discs))
+        base = given_pose('tracker.base_pose', values['tracker.base_pose'])
         return cls(values['frame_id'], values['tracker.frame_id'], inverse(base), mounts, reach)
 
     def in_base(self, frame: str, pose: Sequence[float]) -> Array:
@@ -99,7 +99,8 @@ class Tracker:
         return pose
 
 
-def _given(name: str, numbers: Sequence[float]) -> Array:
+def given_pose(name: str, numbers: Sequence[float]) -> Array:
+    """Return the pose (7,) that a parameter is; raises ParameterError for none."""
     pose = np.array(numbers, dtype=float)
     length = float(np.linalg.norm(pose[3:])) if len(pose) == 7 else 0.0
     if abs(length - 1.0) > MAX_LENGTH_ERROR:

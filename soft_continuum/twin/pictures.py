@@ -8,28 +8,35 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from soft_continuum.ros.conversions import planar_poses, poses_from_ros, seconds
 from soft_continuum.ros.entry import subscribe
-from soft_continuum.ros.names import TWIN_CAMERA
+from soft_continuum.ros.names import CAMERA, TWIN
 from soft_continuum.ros.pictures import grey_message
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.publisher import DISC_POSES, Publisher
+from soft_continuum.twin.spatial_camera import SpatialTwinCamera
 
-FRAME = 'simulated_camera'
+AnyTwinCamera = TwinCamera | SpatialTwinCamera
+FRAME = 'simulated_{}'
 
 
 class Pictures(Publisher):
-    """Publishes camera/image_raw and camera/camera_info, drawn from twin/disc_poses."""
+    """Publishes the pictures and the calibration of a camera, drawn from twin/disc_poses."""
 
-    def __init__(self, camera: TwinCamera, rate: float, namespace: str = '') -> None:
-        """Make the node ``twin_camera``; rate: Hz; raises ClientError, as Publisher does."""
-        super().__init__(TWIN_CAMERA, namespace)
-        self._camera, self._rate = camera, rate
+    def __init__(self, camera: AnyTwinCamera, rate: float, namespace: str = '',
+                 name: str = CAMERA) -> None:
+        """
+        Make the node twin_NAME, which publishes NAME/image_raw and NAME/camera_info.
+
+        rate: Hz.  Raises ClientError, as Publisher does.
+        """
+        super().__init__(f'{TWIN}_{name}', namespace)
+        self._camera, self._rate, self._name = camera, rate, name
         self._discs: PoseArray | None = None
 
     async def _begin(self) -> None:
         node = self._node
-        self._images = node.create_publisher(Image, 'camera/image_raw', STREAM)
-        self._infos = node.create_publisher(CameraInfo, 'camera/camera_info', STREAM)
+        self._images = node.create_publisher(Image, f'{self._name}/image_raw', STREAM)
+        self._infos = node.create_publisher(CameraInfo, f'{self._name}/camera_info', STREAM)
         subscribe(node, PoseArray, DISC_POSES, self._on_discs, SENSOR)
         node.create_timer(1.0 / self._rate, self._publish)
 
@@ -40,14 +47,17 @@ class Pictures(Publisher):
         if self._discs is None:
             return
         message, self._discs = self._discs, None
+        discs = poses_from_ros(message)[::2]
         image = grey_message(self._camera.picture(
-            planar_poses(poses_from_ros(message)[::2]), seconds(message.header.stamp)))
+            planar_poses(discs) if isinstance(self._camera, TwinCamera) else discs,
+            seconds(message.header.stamp)))
         lens = self._camera.lens
         info = CameraInfo(width=lens.size[0], height=lens.size[1], distortion_model='plumb_bob',
                           d=lens.distortion.tolist(), k=lens.matrix.ravel())
         info.p = lens.projection.ravel()
         info.r = np.eye(3).ravel()
         for item in (image, info):
-            item.header.stamp, item.header.frame_id = message.header.stamp, FRAME
+            item.header.stamp, item.header.frame_id = (
+                message.header.stamp, FRAME.format(self._name))
         self._infos.publish(info)
         self._images.publish(image)

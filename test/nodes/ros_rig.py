@@ -296,10 +296,12 @@ class Rig:
 
     # Nodes.
 
-    def start(self, *names: str, ready: bool = True, **parameters: Any) -> list[Any]:
+    def start(self, *names: str, ready: bool = True, remapped: tuple[str, str] = ('', ''),
+              **parameters: Any) -> list[Any]:
         """Start nodes in this process, on one thread, and wait until they are heard."""
+        rules = ['--ros-args', '-r', ':='.join(remapped)] if remapped[0] else None
         nodes = [
-            node_class(name)(context=self.context, namespace=self.namespace,
+            node_class(name)(context=self.context, namespace=self.namespace, cli_args=rules,
                              parameter_overrides=parameter_values(name, **parameters))
             for name in names]
         group = Spinner(BestExecutor(context=self.context), nodes, self.context)

@@ -5,6 +5,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from math import pi
 from pathlib import Path
 import sys
 from typing import Any
@@ -19,12 +20,16 @@ from ros_rig import Rig, STREAM
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
+from soft_continuum.parameters.files import given_parameters
+from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.conversions import measured_pose_from_ros
+from soft_continuum.ros.conversions import measured_pose_from_ros, pose_from_ros
 from soft_continuum.ros.pictures import CHANNELS, grey_message, grey_picture
 from soft_continuum.ros.qos import LATCHED, SENSOR
+from soft_continuum.twin.spatial_camera import FRONT
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / 'sensing'))
+import space_views  # noqa: E402
 import views  # noqa: E402
 
 TRUTH = views.discs(0.3, -0.2, 0.4)
@@ -51,13 +56,15 @@ def wait_for(rig: Rig, heard: Any, text: str) -> None:
 class Driver:
     """A driver of a camera: publishes pictures and their calibration."""
 
-    def __init__(self, rig: Rig, drawn: Any, profile: QoSProfile = STREAM) -> None:
-        self.rig, self.lens, self.statuses = rig, drawn.lens, statuses(rig)
+    def __init__(self, rig: Rig, drawn: Any, profile: QoSProfile = STREAM, name: str = 'camera',
+                 **parameters: Any) -> None:
+        self.rig, self.lens = rig, drawn.lens
+        self.statuses = rig.record(DiagnosticStatus, f'{name}/status', LATCHED)
         self.poses = [rig.record(PoseWithCovarianceStamped, f'disc_{n}/measured_pose', STREAM)
                       for n in range(4)]
-        rig.start('camera', ready=False)
-        self._images = rig.publisher(Image, 'camera/image_raw', profile)
-        self._infos = rig.publisher(CameraInfo, 'camera/camera_info', profile)
+        rig.start('camera', ready=False, remapped=('__node', name), **parameters)
+        self._images = rig.publisher(Image, f'{name}/image_raw', profile)
+        self._infos = rig.publisher(CameraInfo, f'{name}/camera_info', profile)
         self._number = 0
 
     @property
@@ -158,6 +165,31 @@ def test_a_folder_of_pictures_is_measured(rig: Rig, drawn: Any, picture: Any, tm
         'camera.source': str(folder), 'camera.calibration': str(calibration), 'camera.rate': 5.0})
     rig.wait_for(lambda: len(tip) >= 1, 'a pose')
     wait_for(rig, heard, 'no more pictures')
+
+
+def test_two_cameras_of_an_arm_in_space(rig: Rig) -> None:
+    """Two of these nodes: each measures all six coordinates and has topics of its own name."""
+    truth = space_views.discs((0.3, 0.2), (-0.2, 0.4), (0.1, -0.5))
+    drawn = {'camera': space_views.camera(),
+             'camera_2': space_views.camera(direction=FRONT - pi / 3)}
+    pictures = [one.picture(truth) for one in drawn.values()]
+    given = given_parameters(space_views.PATH, ALL_PARAMETERS, 'camera')
+    drivers = [Driver(rig, one, name=name, **given) for name, one in drawn.items()]
+    for driver, picture in zip(drivers, pictures, strict=True):
+        tip = driver.poses[2]
+        before = len(tip)
+        driver.send_until(lambda n=before, d=tip: len(d) > n, 'disc 2', picture)
+        pose = np.array(pose_from_ros(tip.last.pose.pose))
+        covariance = np.reshape(tip.last.pose.covariance, (6, 6))
+        assert space_views.error(pose, truth[2]) == pytest.approx(np.zeros(6), abs=5e-3)
+        assert np.abs(space_views.error(pose, truth[2])[:3]).max() < 2e-3
+        assert np.diag(covariance).max() < 1e-3
+        assert np.linalg.eigvalsh(covariance)[0] > 0.0
+    wait_for(rig, drivers[1].statuses, 'all discs are seen')
+    tare, straight = partial(rig.call, Trigger, 'camera_2/tare'), space_views.discs(*[(0, 0)] * 3)
+    drivers[1].send_until(lambda: 'is the arm straight' in tare().message, 'a refusal', picture)
+    drivers[1].send_until(lambda: 'camera_2: {ros__parameters: {tags: {mounts' in tare().message,
+                          'a tare', drawn['camera_2'].picture(straight))
 
 
 @pytest.mark.parametrize(('parameters', 'named'), [

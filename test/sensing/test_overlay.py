@@ -15,8 +15,8 @@ ANGLES = (0.3, -0.2, 0.4)
 
 
 def points(*bending_angles):
-    """Return x, z and angle of bottom and top of each disc."""
-    return views.CHAIN.uniform(bending_angles).points
+    """Return the poses of bottom and top of each disc."""
+    return views.CHAIN.uniform(bending_angles).poses
 
 
 def drawn(*arguments):
@@ -56,7 +56,7 @@ def test_the_model_is_where_the_camera_sees_it(preset):
     pixels = magenta(drawn(picture, tags, tags.measure(picture), model))
     scale = SIZE / picture.shape[1]
     # The twin's own projection, which shares nothing with the one that is drawn with.
-    corners = camera.seen_at(model[:, :2], camera._layout.depth) * scale
+    corners = camera.seen_at(model[:, [0, 2]], camera._layout.depth) * scale
     for corner in corners:
         assert np.linalg.norm(pixels - corner, axis=1).min() < 2.5
     # And nowhere but along the arm.
@@ -69,7 +69,7 @@ def test_without_a_plane_or_a_model_only_the_tags_are_drawn(ideal):
     covered = picture.copy()
     covered[:, :picture.shape[1] // 3] = 100  # two of the four fixed tags
     few = tags.measure(covered)
-    assert few.plane is None
+    assert few.view is None
     for shown in (drawn(covered, tags, few, points(*ANGLES)),
                   drawn(picture, tags, tags.measure(picture), None)):
         assert len(magenta(shown)) == 0
@@ -80,7 +80,7 @@ def test_without_a_plane_or_a_model_only_the_tags_are_drawn(ideal):
 @pytest.mark.parametrize('bad', [np.nan, 1e300, -1e9])
 def test_a_model_that_is_no_arm_draws_nothing_and_fails_nothing(ideal, bad):
     _, tags, picture = ideal
-    shown = drawn(picture, tags, tags.measure(picture), np.full((8, 3), bad))
+    shown = drawn(picture, tags, tags.measure(picture), np.full((8, 7), bad))
     assert len(magenta(shown)) == 0
 
 

@@ -5,6 +5,7 @@
 import cv2
 import numpy as np
 import pytest
+import space_views
 import views
 
 from soft_continuum.cli import calibrate, tags
@@ -17,10 +18,9 @@ DOTS = 10  # per mm
 SIZE, FOCAL = (640, 480), 600.0
 
 
-@pytest.fixture(scope='module')
-def pages(tmp_path_factory):
+def printed(layout, folder):
     """Return what a PDF gets, page by page, as grey pictures of 10 dots per mm."""
-    found, folder = [], tmp_path_factory.mktemp('pages')
+    found = []
 
     class Pdf:
         def __init__(self, path):
@@ -39,8 +39,13 @@ def pages(tmp_path_factory):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(printing, 'PdfPages', Pdf)
-        printing.write_tags(folder / 'tags.pdf', views.layout())
+        printing.write_tags(folder / 'tags.pdf', layout)
     return found
+
+
+@pytest.fixture(scope='module')
+def pages(tmp_path_factory):
+    return printed(views.layout(), tmp_path_factory.mktemp('pages'))
 
 
 def test_every_tag_is_printed_in_its_size_on_a4(pages):
@@ -58,6 +63,27 @@ def test_every_tag_is_printed_in_its_size_on_a4(pages):
     assert sorted(edges) == [0, 1, 2, 3, 100, 101, 102, 103]
     for number, sides in edges.items():
         assert sides == pytest.approx(60.0 if number >= 100 else 24.0, abs=0.25)
+
+
+def test_a_strip_of_tags_folds_to_a_ring_that_goes_round_counterclockwise(tmp_path):
+    detector = cv2.aruco.ArucoDetector(
+        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11))
+    _, strips, *others = printed(space_views.layout(), tmp_path)
+    lying = np.rot90(strips, -1)  # z of the discs upwards: as who looks at a ring sees its faces
+    found, numbers, _ = detector.detectMarkers(np.ascontiguousarray(lying))
+    middles = {}
+    for corners, number in zip(found, numbers.ravel(), strict=True):
+        square = corners.reshape(4, 2)
+        middles[int(number)] = square.mean(axis=0) / DOTS
+        assert square[0, 1] < square[3, 1]  # upright
+        assert np.linalg.norm(square - np.roll(square, 1, axis=0), axis=1) / DOTS == (
+            pytest.approx(24.0, abs=0.25))
+    assert sorted(middles) == list(range(24))
+    for disc in range(4):
+        steps = np.diff([middles[6 * disc + face] for face in range(6)], axis=0)
+        assert steps == pytest.approx(np.tile([30.0, 0.0], (5, 1)), abs=0.1)  # to the right
+    fixed = [detector.detectMarkers(page)[1] for page in others[:-1]]
+    assert sorted(np.concatenate(fixed).ravel()) == list(range(100, 108))
 
 
 def test_the_board_is_printed_as_it_is_detected(pages):
@@ -125,3 +151,6 @@ def test_the_command_writes_a_pdf_and_never_over_another_one(tmp_path, capsys):
     assert (tmp_path / 'tags.pdf').read_bytes().startswith(b'%PDF')
     assert tags.main(['--output', str(tmp_path)]) == 2
     assert '--force' in capsys.readouterr().err
+    spatial = ['--params-file', str(space_views.PATH), '--output', str(tmp_path), '--force']
+    assert tags.main(spatial) == 0
+    assert '24 tags for discs and 8 fixed ones' in capsys.readouterr().out

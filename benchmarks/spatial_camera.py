@@ -1,0 +1,90 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""How well discs in space are measured in drawn pictures, by one camera and by two."""
+
+from dataclasses import replace
+from math import pi
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from benchmarks.tables import machine, number, Section, table
+from benchmarks.timing import progress
+from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.spatial.chain import SpatialChain
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.files import load_description
+from soft_continuum.sensing.pictures import Array
+from soft_continuum.sensing.ring_camera import RingCamera
+from soft_continuum.sensing.ring_layout import RingLayout
+from soft_continuum.sensing.sight import DiscPose
+from soft_continuum.twin.differences import Differences, PRESETS, read_differences
+from soft_continuum.twin.spatial_camera import FRONT, SpatialTwinCamera
+
+ARM = 'spatial_jamming.yaml'
+RIGS, PICTURES = 50, 6  # each rig has other tags, and its cameras another place and calibration
+DIRECTIONS = (FRONT, FRONT - pi / 3)  # from where they look
+ANGLE = 0.6  # rad, largest bending angle of a segment
+INSIDE = 12.592  # chi squared of six that 95 % are below
+HEAD = ('preset', 'cameras', 'discs seen', 'position, mm: median', '95 %', 'turn, mrad: median',
+        '95 %', 'squares over covariance, mean (6)', 'inside the 95 % ellipsoid')
+
+
+def run(quick: bool) -> Section:
+    """Measure; the section is of sensing.md."""
+    cv2.setNumThreads(1)
+    values = load_description(description_file().with_name(ARM), node='camera')
+    arm = any_arm_from_parameters(values)
+    assert isinstance(arm, SpatialArm)
+    layout, chain = RingLayout.of(values, arm), SpatialChain(arm)
+    random, rigs, rows = np.random.default_rng(1), 2 if quick else RIGS, []
+    for preset in PRESETS:
+        given = read_differences(description_file().with_name('twin.yaml'), preset)
+        found: dict[int, list[Array]] = {1: [], 2: []}
+        for seed in range(rigs):
+            _measure(layout, chain, replace(given, seed=seed), random, found)
+        for cameras, errors in found.items():
+            position, turn, squares = np.array(errors).T
+            total = rigs * PICTURES * len(arm.discs)
+            rows.append((
+                f'`{preset}`', str(cameras), f'{len(errors)} of {total}',
+                *(number(float(np.quantile(e, part)) * 1e3) for e in (position, turn)
+                  for part in (0.5, 0.95)),
+                number(float(np.mean(squares))), f'{np.mean(squares < INSIDE):.1%}'))
+        progress(f'spatial_camera: {preset} done')
+    body = '\n\n'.join([
+        f'Simulated: the arm of `config/{ARM}`, {rigs} rigs, {PICTURES} shapes of each, pictures '
+        'of 1280 x 960. ' + machine(), table(HEAD, rows)])
+    return Section('sensing.md', 'spatial_camera', body)
+
+
+def _measure(layout: RingLayout, chain: SpatialChain, given: Differences,
+             random: np.random.Generator, found: dict[int, list[Array]]) -> None:
+    """Add errors of position (m) and turn (rad), and their squares over the covariance."""
+    drawn = [SpatialTwinCamera(layout, given, direction) for direction in DIRECTIONS]
+    cameras = [RingCamera(layout, camera.lens) for camera in drawn]
+    for _ in range(PICTURES):
+        discs = chain.uniform(random.uniform(-ANGLE, ANGLE, (chain.segments, 2))).poses[::2]
+        sights = [camera.measure(one.picture(discs))
+                  for camera, one in zip(cameras, drawn, strict=True)]
+        for n, truth in enumerate(discs):
+            seen = [sight.discs[n] for sight in sights if n in sight.discs]
+            if n in sights[0].discs:
+                found[1].append(_error([sights[0].discs[n]], truth))
+            if seen:
+                found[2].append(_error(seen, truth))
+
+
+def _error(seen: list[DiscPose], truth: NDArray[np.float64]) -> Array:
+    """Return the error of what was measured, weighted by its covariance: m, rad, and squares."""
+    back = Rotation.from_quat(truth[3:]).inv()
+    errors = [np.concatenate([one.pose[:3] - truth[:3],
+                              (Rotation.from_quat(one.pose[3:]) * back).as_rotvec()])
+              for one in seen]
+    weights = [np.linalg.inv(one.covariance) for one in seen]
+    total = sum(weights)
+    error = np.linalg.solve(total, sum(w @ e for w, e in zip(weights, errors, strict=True)))
+    return np.array([np.linalg.norm(error[:3]), np.linalg.norm(error[3:]), error @ total @ error])

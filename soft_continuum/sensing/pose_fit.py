@@ -1,0 +1,237 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The pose of something with tags in the frame of a camera, from all their corners at once.
+
+Generalised least squares: what a tag is off on its body moves its four corners together, so their
+covariance is that of single corners plus what the stated deviation of the tag does to them
+(Hartley and Zisserman, Multiple View Geometry, 2nd edition, chapter 5).  The start is the pose
+that one tag alone tells; there are two of them, and each may lead to a minimum of its own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from soft_continuum.sensing.lens import Lens
+from soft_continuum.sensing.pictures import Array
+from soft_continuum.sensing.ring_layout import Tag
+
+CORNER_DEVIATION = 0.1  # px, of each corner of a tag
+FULL_WIDTH = 32.0  # px of such a tag; those of a narrower one are worse by the square
+ITERATIONS, HALVINGS = 20, 6
+DONE = 1e-7  # m and rad: a smaller step is the last one
+SAME = 0.01  # rad between two poses that are one minimum
+
+
+@dataclass(frozen=True)
+class PoseFit:
+    """
+    A minimum: where the body is in the frame of the camera (x right, y down, z forward).
+
+    turn: (3, 3).  shift: (3,) m.  focal: focal length over the calibrated one.  covariance: (6, 6)
+    of shift (m) and of a rotation vector (rad) in the axes of the camera, about the origin of the
+    body, by corners and tags; (7, 7) with the focal length (relative) where that was fitted.
+    per_focal: (6,), change of the pose per relative error of the focal length.  misfit: sum of
+    squares over their covariance.  freedom: corners less unknowns.  residual: px RMS.
+    """
+
+    turn: Array
+    shift: Array
+    focal: float
+    covariance: Array
+    per_focal: Array
+    misfit: float
+    freedom: int
+    residual: float
+
+
+class TagGroup:
+    """Tags of one body, and where they are seen."""
+
+    def __init__(self, tags: Sequence[Tag], pixels: Sequence[Array], lens: Lens,
+                 deviation: float, focal: float = 1.0, focal_deviation: float = 0.0) -> None:
+        """
+        Take corners (4, 2) px without distortion; deviation: m, of the tags on the body.
+
+        focal: focal length over the calibrated one.  focal_deviation: of that; 0: not fitted.
+        """
+        self._tags, self._lens = tags, lens
+        self._pixels = np.array(pixels)
+        self._points = np.array([tag.corners for tag in tags])
+        self._centres = np.array([tag.centre for tag in tags])
+        self._axes = np.array([tag.axes.T for tag in tags])
+        sizes = np.array([tag.size for tag in tags])
+        self._priors = deviation * np.stack([np.ones_like(sizes)] * 3 + [1.0 / sizes] * 3, axis=1)
+        widths = np.array([width(corners) for corners in self._pixels])
+        noise = CORNER_DEVIATION * np.maximum(1.0, FULL_WIDTH / widths)**2
+        self._noise = noise[:, None, None]**2 * np.eye(8)
+        self._focal, self._given = np.diag(lens.matrix)[:2], focal
+        self._free = 7 if focal_deviation else 6
+        self._stiff = 1.0 / focal_deviation**2 if focal_deviation else 0.0
+
+    def fits(self) -> list[PoseFit]:
+        """Return the minima that were found, the best one first; none if it looks like no tag."""
+        found: list[tuple[float, _Guess]] = []
+        for start in self._starts():
+            misfit, guess = self._refined(start)
+            if np.isfinite(misfit) and all(angle(guess.turn, g.turn) > SAME for _, g in found):
+                found.append((misfit, guess))
+        return [self._fit(*minimum) for minimum in sorted(found, key=lambda one: one[0])]
+
+    def size_factor(self, fit: PoseFit) -> float:
+        """Return the size of the tags over the stated one, measured by their distances."""
+        guess = _Guess(fit.turn, fit.shift, fit.focal)
+        places = self._points @ fit.turn.T + fit.shift
+        errors, slopes, weights = self._system(guess)
+        by_size = (self._slopes(places, fit.focal) @ (
+            (self._points - self._centres[:, None]) @ fit.turn.T)[..., None])[..., 0]
+        columns = np.concatenate([slopes[..., :6], by_size.reshape(len(slopes), 8, 1)], axis=2)
+        return 1.0 + float(_solved(*_normal(columns, weights, errors))[6])
+
+    def _starts(self) -> 'list[_Guess]':
+        """Return the two poses of the body that each tag alone tells."""
+        found = []
+        for tag, pixels in zip(self._tags, self._pixels, strict=True):
+            half = tag.size / 2.0
+            square = np.array([(-half, half, 0), (half, half, 0), (half, -half, 0),
+                               (-half, -half, 0)])  # in the order that OpenCV wants
+            _, vectors, shifts, _ = cv2.solvePnPGeneric(
+                square, pixels, self._lens.matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+            for vector, shift in zip(vectors, shifts, strict=True):
+                if np.isfinite(vector).all() and np.isfinite(shift).all():
+                    turn = cv2.Rodrigues(vector)[0] @ tag.axes
+                    found.append(_Guess(turn, shift.ravel() - turn @ tag.centre, self._given))
+        return found
+
+    def _refined(self, guess: '_Guess') -> 'tuple[float, _Guess]':
+        """Return the minimum that a start leads to, after its misfit; infinite for none."""
+        misfit = self._misfit(guess)
+        for _ in range(ITERATIONS):
+            if not np.isfinite(misfit):
+                break
+            step = _solved(*self._normal(guess))
+            for _ in range(HALVINGS):
+                moved = guess.moved(step)
+                after = self._misfit(moved)
+                if after <= misfit:
+                    break
+                step = step / 2.0
+            else:
+                break
+            guess, misfit = moved, after
+            if np.abs(step).max() < DONE:
+                break
+        return misfit, guess
+
+    def _fit(self, misfit: float, guess: '_Guess') -> PoseFit:
+        errors, slopes, weights = self._system(guess)
+        covariance = np.asarray(np.linalg.inv(self._normal(guess)[0]), dtype=float)
+        per_focal = -_solved(*_normal(slopes[..., :6], weights, slopes[..., 6]))
+        return PoseFit(guess.turn, guess.shift, guess.focal, covariance, per_focal, misfit,
+                       errors.size - 6, float(np.sqrt(2.0 * np.mean(errors**2))))
+
+    def _normal(self, guess: '_Guess') -> tuple[Array, Array]:
+        """Return matrix and right-hand side of the normal equations, of what is free."""
+        errors, slopes, weights = self._system(guess)
+        matrix, pull = _normal(slopes[..., :self._free], weights, errors)
+        if self._stiff:
+            matrix[6, 6] += self._stiff
+            pull[6] += self._stiff * np.log(self._given / guess.focal)
+        return matrix, pull
+
+    def _misfit(self, guess: '_Guess') -> float:
+        """Return the sum of squares over their covariance; infinite behind the camera."""
+        if (self._points @ guess.turn[2] + guess.shift[2]).min() <= 0.0:
+            return np.inf
+        errors, _, weights = self._system(guess)
+        return float(np.einsum('ki,kij,kj->', errors, weights, errors)
+                     + self._stiff * np.log(self._given / guess.focal)**2)
+
+    def _system(self, guess: '_Guess') -> tuple[Array, Array, Array]:
+        """
+        Return errors (tags, 8) px, how pixels go with the guess (tags, 8, 7), and weights.
+
+        The seventh is the logarithm of the focal length.
+        """
+        turn = guess.turn
+        arms = self._points @ turn.T
+        places = arms + guess.shift
+        seen = places[..., :2] / places[..., 2:] * self._focal * guess.focal
+        slopes = self._slopes(places, guess.focal)
+        by_pose = _moved(slopes, np.broadcast_to(np.eye(3), (len(arms), 3, 3)), arms)
+        by_tag = _moved(slopes, turn @ self._axes, arms - (self._centres @ turn.T)[:, None])
+        spread = by_tag * self._priors[:, None]
+        weights = np.asarray(np.linalg.inv(
+            self._noise + spread @ spread.transpose(0, 2, 1)), dtype=float)
+        errors: Array = (self._pixels - self._lens.matrix[:2, 2] - seen).reshape(-1, 8)
+        by_all: Array = np.concatenate([by_pose, seen.reshape(-1, 8, 1)], axis=2)
+        return errors, by_all, weights
+
+    def _slopes(self, places: Array, focal: float) -> Array:
+        """Return how pixels go with places (tags, 4, 3) before the camera, (tags, 4, 2, 3)."""
+        slopes = np.zeros((*places.shape[:2], 2, 3))
+        scale = focal * self._focal / places[..., 2:]
+        slopes[..., 0, 0], slopes[..., 1, 1] = scale[..., 0], scale[..., 1]
+        slopes[..., 2] = -scale * places[..., :2] / places[..., 2:]
+        return slopes
+
+
+@dataclass(frozen=True)
+class _Guess:
+    """A pose of the body in the frame of the camera, and a focal length, as of PoseFit."""
+
+    turn: Array
+    shift: Array
+    focal: float
+
+    def moved(self, step: Array) -> '_Guess':
+        """Return the guess after a step (6,) or (7,): shift, rotation vector, focal length."""
+        return _Guess(cv2.Rodrigues(step[3:6])[0] @ self.turn, self.shift + step[:3],
+                      self.focal * float(np.exp(step[6:].sum())))
+
+
+def width(corners: Array) -> float:
+    """Return the least height of a tag (4, 2) over its longest edge, px."""
+    (ax, ay), (bx, by) = corners[2] - corners[0], corners[3] - corners[1]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max()
+    return float(max(1.0, abs(ax * by - ay * bx) / 2.0 / longest))
+
+
+def angle(one: Array, other: Array) -> float:
+    """Return the angle between two rotation matrices, rad."""
+    return float(np.arccos(np.clip((np.trace(one.T @ other) - 1.0) / 2.0, -1.0, 1.0)))
+
+
+def cross(vectors: Array) -> Array:
+    """Return the matrices of the cross product with vectors (..., 3), (..., 3, 3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    rows = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)
+    return rows.reshape(*vectors.shape[:-1], 3, 3)
+
+
+def _moved(slopes: Array, axes: Array, arms: Array) -> Array:
+    """
+    Return how pixels go when corners are moved, (tags, 8, 6): shift, then turn, along ``axes``.
+
+    slopes: (tags, 4, 2, 3).  axes: (tags, 3, 3), columns.  arms: (tags, 4, 3), from the centre
+    of the turn.
+    """
+    turned = -cross(arms) @ axes[:, None]
+    shifted = np.broadcast_to(axes[:, None], turned.shape)
+    found: Array = (slopes @ np.concatenate([shifted, turned], axis=-1)).reshape(
+        len(slopes), 8, 6)
+    return found
+
+
+def _normal(slopes: Array, weights: Array, errors: Array) -> tuple[Array, Array]:
+    """Return matrix and right-hand side of the normal equations."""
+    weighted = slopes.transpose(0, 2, 1) @ weights
+    return (weighted @ slopes).sum(axis=0), (weighted @ errors[..., None]).sum(axis=0)[:, 0]
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    return np.asarray(np.linalg.solve(matrix, right), dtype=float)

@@ -1,0 +1,188 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Poses of the discs of a spatial arm from one picture of the tags around them.
+
+The fixed tags tell the pose of base_link in the frame of the camera, and the focal length as far
+as they stand at different depths; all tags of a disc that are seen tell that of the disc.  Where
+a disc could have two poses, as one tag seen from its front has, nothing is measured of it.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from soft_continuum.sensing.lens import Lens
+from soft_continuum.sensing.pictures import Array, Picture
+from soft_continuum.sensing.pose_fit import cross, PoseFit, TagGroup, width
+from soft_continuum.sensing.ring_layout import MIN_FIXED, off_a_line, RingLayout, Tag
+from soft_continuum.sensing.sight import DiscPose, exchanged, Sight, TagFinder
+from soft_continuum.sensing.tag_camera import (
+    FOCAL_DEVIATION,
+    MAX_RESIDUAL,
+    MAX_SCALE_ERROR,
+)
+
+MAX_MISFIT = 16.0  # of corners over what is expected of them, both squared
+CLEARER = 12.0  # by which the misfit of every other pose of a disc is larger
+MIN_WIDTH = 16.0  # px, 2 per module: of a tag seen more from its side corners are not exact
+MIN_TILT = 0.35  # rad by which a tag that is seen alone has to look past the camera
+MAX_TURN = 0.1  # rad, standard: a disc that is known worse than that is not measured
+
+
+class RingCamera:
+    """Measures the discs of a spatial arm in the pictures of one camera."""
+
+    def __init__(self, layout: RingLayout, lens: Lens) -> None:
+        """Take where the tags are, and the calibration of the camera."""
+        self.layout, self.lens = layout, lens
+        self._fixed = layout.fixed_tags
+        self._rings = [layout.ring(n) for n in range(len(layout.heights))]
+        known = {n for tags in (self._fixed, *self._rings) for n in tags}
+        self._finder = TagFinder(lens, known, (), passes=2)
+
+    def measure(self, picture: Picture) -> Sight:
+        """Return what a grey picture (height, width) shows."""
+        if problem := self._finder.wrong_size(picture):
+            return Sight({}, (), np.nan, (problem,), {})
+        numbers, found, problems = self._finder.find(picture)
+        corners = {n: c for n, c in found.items() if width(c) >= MIN_WIDTH}
+        view = self._view(picture, corners)
+        if isinstance(view, str):
+            return Sight({}, numbers, np.nan, (*problems, view), corners)
+        fits: dict[int, PoseFit] = {}
+        for n, ring in enumerate(self._rings):
+            fit = self._disc(n, ring, corners, view.base.focal)
+            if isinstance(fit, str):
+                problems.append(fit)
+            elif fit:
+                fits[n] = fit
+        if 0 in fits and (wrong_scale := self._wrong_scale(fits[0], view)):
+            return Sight({}, numbers, np.nan, (*problems, wrong_scale), corners, view)
+        poses = {n: view.pose(fit) for n, fit in fits.items()}
+        wrong, on_wrong_discs = self._implausible(poses)
+        fits = {n: fit for n, fit in fits.items() if n not in wrong}
+        used = [view.base, *fits.values()]
+        factor = sum(fit.misfit for fit in used) / sum(fit.freedom for fit in used)
+        discs = {n: DiscPose(poses[n], view.covariance(fit, max(1.0, factor))
+                             + self._of_ring(n, poses[n]), fit.residual)
+                 for n, fit in fits.items()}
+        deviation = np.sqrt(np.mean([fit.residual**2 for fit in used]))
+        return Sight(discs, numbers, float(deviation), (*problems, *on_wrong_discs), corners, view)
+
+    def _view(self, picture: Picture, corners: Mapping[int, Array]) -> 'View | str':
+        """Return how the camera sees base_link, or why it is not known."""
+        seen = [n for n in self._fixed if n in corners]
+        if len(seen) < MIN_FIXED:
+            return (f'{len(seen)} of {len(self._fixed)} fixed tags are seen; needed: '
+                    f'{MIN_FIXED}{self._finder.why_so_few(picture, corners)}')
+        if not off_a_line(np.array([self._fixed[n].centre for n in seen])):
+            return 'the fixed tags that are seen stand in a line; uncover the others'
+        group = TagGroup([self._fixed[n] for n in seen], [corners[n] for n in seen], self.lens,
+                         self.layout.fixed_deviation, focal_deviation=FOCAL_DEVIATION)
+        fits = group.fits()
+        if not fits:
+            return 'the fixed tags do not fit; are they where tags.fixed_poses says?'
+        factor = group.size_factor(fits[0])
+        if abs(factor - 1.0) > MAX_SCALE_ERROR:
+            return (f'the fixed tags are {factor * self.layout.fixed_size * 1e3:.1f} mm large, '
+                    f'measured by their distances, not {self.layout.fixed_size * 1e3:.1f} mm: '
+                    'print at 100 %, or correct tags.fixed_poses')
+        if _does_not_fit(fits[0]):
+            return (f'the fixed tags do not fit by {fits[0].residual:.1f} px; are they where '
+                    'tags.fixed_poses says, and is this calibration of this camera?')
+        return View(fits[0], self.lens)
+
+    def _disc(self, n: int, ring: Mapping[int, Tag], corners: Mapping[int, Array], focal: float
+              ) -> PoseFit | str | None:
+        """Return the pose of a disc, why it is not known, or None when it is not seen."""
+        seen = [number for number in ring if number in corners]
+        fits = TagGroup([ring[k] for k in seen], [corners[k] for k in seen], self.lens,
+                        self.layout.deviation, focal).fits() if seen else []
+        if not fits:
+            return None
+        best = fits[0]
+        if _does_not_fit(best):
+            return (f'the tags of disc {n} do not fit by {best.residual:.1f} px; is each on its '
+                    'face, flat, and of the size tags.disc_size?')
+        alone = len(seen) == 1 and _tilt(ring[seen[0]], best) < MIN_TILT
+        unclear = any(fit.misfit - best.misfit < CLEARER for fit in fits[1:])
+        if alone or unclear or np.linalg.eigvalsh(best.covariance[3:, 3:])[-1] > MAX_TURN**2:
+            return (f'of disc {n} only tag {", ".join(map(str, seen))} is seen, too much from its '
+                    'front to tell how it is turned; turn the ring, or move the camera')
+        return best
+
+    def _wrong_scale(self, fit: PoseFit, view: 'View') -> str:
+        """Return what is wrong with the size of the rings, as the base shows it; or nothing."""
+        factor = float(np.linalg.norm(view.base.shift) / np.linalg.norm(fit.shift))
+        if abs(factor - 1.0) <= MAX_SCALE_ERROR:
+            return ''
+        return (f'the tags of disc 0 are {factor * self.layout.disc_size * 1e3:.1f} mm large, '
+                f'measured by the fixed tags, not {self.layout.disc_size * 1e3:.1f} mm: print at '
+                '100 %, or correct tags.disc_size')
+
+    def _implausible(self, poses: Mapping[int, Array]) -> tuple[set[int], list[str]]:
+        """Return neighbours that are nearer or farther than the segment between them lets."""
+        chords = {}
+        for n in range(len(self.layout.segment_lengths)):
+            if n in poses and n + 1 in poses:
+                along = Rotation.from_quat(poses[n][3:]).as_matrix()[:, 2]
+                top = poses[n][:3] + self.layout.disc_heights[n] * along
+                chords[n] = float(np.linalg.norm(poses[n + 1][:3] - top))
+        return exchanged(chords, self.layout.segment_lengths)
+
+    def _of_ring(self, n: int, pose: Array) -> Array:
+        """Return the covariance of a disc by how its ring sits on it."""
+        sits, turn = self.layout.ring_deviation, Rotation.from_quat(pose[3:]).as_matrix()
+        lever = np.eye(6)  # a ring that is turned about its middle shifts the bottom of the disc
+        lever[:3, 3:] = cross(self.layout.heights[n] * turn[:, 2])
+        squares = np.repeat([sits, sits / self.layout.radius], 3)**2
+        covariance: Array = lever * squares @ lever.T
+        return covariance
+
+
+class View:
+    """How a camera sees base_link."""
+
+    def __init__(self, base: PoseFit, lens: Lens) -> None:
+        """Take the pose of base_link in the frame of the camera."""
+        self.base, self._lens = base, lens
+
+    def seen_at(self, points: Array) -> Array:
+        """Return where points (k, 3) m in base_link are seen, (k, 2) px; nan if not before it."""
+        places = points @ self.base.turn.T + self.base.shift
+        depths = np.where(places[:, 2:] > 0.0, places[:, 2:], np.nan)
+        pixels: Array = (places[:, :2] / depths * self.base.focal * np.diag(self._lens.matrix)[:2]
+                         + self._lens.matrix[:2, 2])
+        return pixels
+
+    def pose(self, fit: PoseFit) -> Array:
+        """Return the pose (7,) in base_link of something that the camera sees."""
+        back = self.base.turn.T
+        return np.concatenate([back @ (fit.shift - self.base.shift),
+                               Rotation.from_matrix(back @ fit.turn).as_quat(canonical=True)])
+
+    def covariance(self, fit: PoseFit, factor: float) -> Array:
+        """
+        Return the covariance (6, 6) of that pose, along the axes of base_link.
+
+        factor: by which the squares of the corners are larger than expected.
+        """
+        back = np.kron(np.eye(2), self.base.turn.T)
+        by_base = np.hstack([-np.eye(6), fit.per_focal[:, None]])
+        by_base[:3, 3:6] = cross(fit.shift - self.base.shift)
+        found = factor * (fit.covariance + by_base @ self.base.covariance @ by_base.T)
+        covariance: Array = back @ found @ back.T
+        return covariance
+
+
+def _tilt(tag: Tag, fit: PoseFit) -> float:
+    """Return the angle between where a tag looks and the line of sight, rad."""
+    place = fit.turn @ tag.centre + fit.shift
+    return float(np.arccos(-(fit.turn @ tag.axes[2]) @ place / np.linalg.norm(place)))
+
+
+def _does_not_fit(fit: PoseFit) -> bool:
+    """Return whether corners are off by more than pixels and stated deviations explain."""
+    return fit.residual > MAX_RESIDUAL and fit.misfit > MAX_MISFIT * fit.freedom

@@ -1,0 +1,294 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Discs in space are measured where they are; a picture that tells something else is refused."""
+
+import re
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+import space_views as views
+
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.sensing.lens import Lens
+from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, TagGroup
+from soft_continuum.sensing.rigid import compose
+from soft_continuum.sensing.ring_camera import RingCamera
+from soft_continuum.sensing.tag_mounts import ring_mount, ring_mounts
+from soft_continuum.sensing.tilt import SensorError
+from soft_continuum.twin.spatial_camera import FRONT
+
+STRAIGHT = views.discs(*np.zeros((3, 2)))
+BENT = views.discs((0.3, 0.2), (-0.2, 0.4), (0.1, -0.5))
+LENS = Lens.of((1280, 960), [1030, 0, 640, 0, 1030, 480, 0, 0, 1], [0.0] * 5)
+HEAD_ON = 0.0  # rad: a camera there sees one face of each ring from its front
+EDGE = np.pi / 6  # and one there two
+
+
+@pytest.fixture(scope='module')
+def ideal():
+    """Return a drawn camera, what measures in its pictures, and one of the straight arm."""
+    drawn = views.camera()
+    return drawn, RingCamera(views.layout(), drawn.lens), drawn.picture(STRAIGHT)
+
+
+# The fit.
+
+def seen(tags, turn, shift):
+    """Return where the corners of tags are seen by LENS, projected by OpenCV, (tags, 4, 2)."""
+    vector = Rotation.from_matrix(turn).as_rotvec()
+    return np.array([cv2.projectPoints(tag.corners, vector, shift, LENS.matrix, None)[0][:, 0]
+                     for tag in tags])
+
+
+def before_the_camera(direction):
+    """Return the pose of a ring at 0.6 m before LENS that is seen from a direction about its z."""
+    upright = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+    return upright @ Rotation.from_rotvec([0.0, 0.0, -direction]).as_matrix(), np.array(
+        [0.05, -0.02, 0.6])
+
+
+@pytest.mark.parametrize('faces', [(0, 1), (0,), (5, 0, 1)])
+def test_the_pose_is_found_from_any_tags_of_a_ring(faces):
+    ring = list(views.layout().ring(0).values())
+    tags = [ring[k] for k in faces]
+    turn, shift = before_the_camera(0.45)
+    turn = Rotation.from_rotvec([0.3, -0.2, 0.4]).as_matrix() @ turn
+    best = TagGroup(tags, seen(tags, turn, shift), LENS, 3e-4).fits()[0]
+    assert best.turn == pytest.approx(turn, abs=1e-6)
+    assert best.shift == pytest.approx(shift, abs=1e-7)
+    assert best.misfit < 1e-6
+
+
+def test_the_covariance_is_that_of_noise_and_of_tags_that_are_stuck_off():
+    random, ring, off = np.random.default_rng(1), list(views.layout().ring(0).values()), 3e-4
+    turn, shift = before_the_camera(EDGE)
+    errors, squares = [], []
+    for _ in range(150):
+        tags, places = ring[:2], []
+        for tag in tags:
+            twist = Rotation.from_rotvec(random.normal(0.0, off / tag.size, 3))
+            moved = (twist.apply(tag.corners - tag.centre) + tag.centre
+                     + random.normal(0.0, off, 3)) @ turn.T + shift
+            places.append(moved[:, :2] / moved[:, 2:] * 1030.0 + [640.0, 480.0]
+                          + random.normal(0.0, CORNER_DEVIATION, (4, 2)))
+        fit = TagGroup(tags, places, LENS, off).fits()[0]
+        error = np.concatenate([fit.shift - shift,
+                                Rotation.from_matrix(fit.turn @ turn.T).as_rotvec()])
+        errors.append(error)
+        squares.append(error @ np.linalg.solve(fit.covariance, error))
+    assert np.mean(squares) == pytest.approx(6.0, abs=1.2)  # 4 standard errors
+    assert np.abs(np.mean(errors, axis=0) / np.std(errors, axis=0)).max() < 0.35
+
+
+def test_one_tag_has_two_poses_and_two_tags_have_one():
+    ring, random = list(views.layout().ring(0).values()), np.random.default_rng(2)
+    for direction, faces, clear in ((0.2, (0,), False), (EDGE, (0, 1), True)):
+        turn, shift = before_the_camera(direction)
+        tags = [ring[k] for k in faces]
+        apart = []
+        for _ in range(8):
+            places = seen(tags, turn, shift) + random.normal(0.0, 0.1, (len(tags), 4, 2))
+            fits = TagGroup(tags, places, LENS, 3e-4).fits()
+            apart.append(fits[1].misfit - fits[0].misfit if len(fits) > 1 else np.inf)
+        assert (min(apart) > 100.0) == clear
+
+
+def test_a_wrong_focal_length_is_corrected_by_fixed_tags_at_different_depths():
+    turn, shift = before_the_camera(FRONT)
+    shift = shift + [0.0, 0.15, 0.2]
+    tags = [tag for tag in views.layout().fixed_tags.values()
+            if ((tag.centre @ turn.T + shift)[2] > 0.5)]
+    places = (seen(tags, turn, shift) - LENS.matrix[:2, 2]) * 1.004 + LENS.matrix[:2, 2]
+    fit = TagGroup(tags, places, LENS, 1e-5, focal_deviation=0.01).fits()[0]
+    assert fit.focal == pytest.approx(1.004, abs=5e-4)
+    assert fit.shift == pytest.approx(shift, abs=5e-4)
+
+
+# Pictures.
+
+@pytest.mark.parametrize(('preset', 'across', 'along', 'turn'), [
+    ('ideal', 0.15e-3, 0.4e-3, 3e-3), ('typical', 0.8e-3, 1.0e-3, 5e-3)])
+def test_discs_are_measured_where_they_are(preset, across, along, turn):
+    random, found = np.random.default_rng(1), []
+    drawn = views.camera(preset, **views.EXACT)
+    measuring = RingCamera(views.layout(), drawn.lens)
+    for _ in range(4):
+        truth = views.random_discs(random)
+        sight = measuring.measure(drawn.picture(truth))
+        assert len(sight.discs) >= 3
+        found.append(views.errors(sight, truth))
+    found = np.sqrt(np.median(np.square(np.vstack(found)), axis=0))
+    assert (found[[0, 2]] < across).all()
+    assert found[1] < along  # y, along which it looks
+    assert (found[3:] < turn).all()
+
+
+def test_the_covariance_is_as_large_as_the_errors_are():
+    random, squares = np.random.default_rng(2), []
+    for seed in range(4):  # each has other tags, another place and another calibration
+        drawn = views.camera('typical', seed=seed)
+        measuring = RingCamera(views.layout(), drawn.lens)
+        for _ in range(2):
+            truth = views.random_discs(random)
+            sight = measuring.measure(drawn.picture(truth))
+            for disc, error in zip(sight.discs.values(), views.errors(sight, truth), strict=True):
+                squares.append(error @ np.linalg.solve(disc.covariance, error))
+    assert len(squares) >= 28  # of 32
+    assert 3.0 < np.mean(squares) < 9.0  # 6, but those of one rig go together
+    assert np.mean(np.array(squares) < 12.59) > 0.85
+
+
+def test_a_second_camera_sees_what_the_first_is_not_sure_of(ideal):
+    aside = views.camera(direction=FRONT - np.pi / 3)
+    along = []
+    for drawn in (ideal[0], aside):
+        sight = RingCamera(views.layout(), drawn.lens).measure(drawn.picture(BENT))
+        along.append(sight.discs[2])
+    x, y = np.sqrt(np.diag(along[0].covariance)[:2])
+    assert y > 1.5 * x  # along its view
+    both = np.linalg.inv(sum(np.linalg.inv(one.covariance) for one in along))
+    assert np.sqrt(both[1, 1]) < 0.7 * y
+
+
+def test_what_is_nearer_hides_what_is_behind_it(ideal):
+    behind = STRAIGHT.copy()
+    behind[3, :3] = STRAIGHT[1, :3] + [0.0, 0.1, 0.0]  # disc 3 behind disc 1, as it is seen
+    numbers = ideal[1].measure(ideal[0].picture(behind)).numbers
+    assert {10, 11} <= set(numbers)
+    assert not {22, 23} & set(numbers)
+    assert not {6, 7, 8, 9} & set(numbers)  # the back of the ring of disc 1
+
+
+# Bad pictures: each names what to do, and measures nothing that is wrong.
+
+def without_pose(sight, *words):
+    assert not sight.discs
+    assert len(sight.problems) == 1
+    for word in words:
+        assert word in sight.problems[0]
+
+
+@pytest.mark.parametrize(('change', 'words'), [
+    (np.zeros_like, ('black', 'lens covered')), (lambda p: cv2.flip(p, 1), ('mirrored', 'driver')),
+    (lambda p: cv2.resize(p, (640, 480)), ('640 x 480', '1280 x 960'))])
+def test_a_picture_in_which_nothing_can_be_measured(ideal, change, words):
+    without_pose(ideal[1].measure(change(ideal[2])), *words)
+
+
+def covered(drawn, picture, points, half=45):
+    """Return a picture with grey squares over points (k, 3)."""
+    hidden = picture.copy()
+    for u, v in drawn.seen_at(points).astype(int):
+        hidden[max(0, v - half):v + half, max(0, u - half):u + half] = 90
+    return hidden
+
+
+def test_fixed_tags_that_are_hidden(ideal):
+    places = views.layout().fixed[:, :3]
+    few = covered(ideal[0], ideal[2], places[[0, 1, 4, 5, 6, 7]])
+    without_pose(ideal[1].measure(few), '2 of 8', 'needed: 3', 'before them')
+
+
+@pytest.mark.parametrize('scale', [0.94, 1.06])
+def test_fixed_tags_that_were_printed_at_another_scale(ideal, scale):
+    wrong = RingCamera(views.layout(fixed_size=0.06 * scale), ideal[0].lens)
+    sight = wrong.measure(ideal[2])
+    without_pose(sight, 'print at 100 %')
+    assert float(re.search('are ([0-9.]+) mm', sight.problems[0])[1]) == pytest.approx(60, abs=0.3)
+
+
+def test_fixed_tags_that_are_elsewhere(ideal):
+    tags = views.layout()
+    exchanged = tags.fixed.copy()
+    exchanged[[0, 1]] = exchanged[[1, 0]]
+    wrong = RingCamera(views.layout(fixed_poses=tuple(exchanged.ravel())), ideal[0].lens)
+    sight = wrong.measure(ideal[2])
+    assert not sight.discs
+    assert 'tags.fixed_poses' in sight.problems[0]
+
+
+def test_a_calibration_of_another_camera(ideal):
+    lens = ideal[0].lens
+    bent = Lens.of(lens.size, lens.matrix, [-0.6, 0.0, 0.0, 0.0, 0.0])
+    without_pose(RingCamera(views.layout(), bent).measure(ideal[2]), 'tags')
+
+
+def test_rings_that_were_printed_at_another_scale(ideal):
+    wrong = RingCamera(views.layout(disc_size=0.025), ideal[0].lens)
+    without_pose(wrong.measure(ideal[2]), 'tags of disc 0 are 24.0 mm', 'print at 100 %')
+
+
+def test_a_ring_with_one_wrong_tag(ideal):
+    drawn = views.camera()
+    first, second = drawn._rings[1][4], drawn._rings[1][5]
+    drawn._rings[1][4:6] = (type(first)(first.corners, 0.0, second.modules),
+                            type(first)(second.corners, 0.0, first.modules))
+    sight = ideal[1].measure(drawn.picture(STRAIGHT))
+    assert list(sight.discs) == [0, 2, 3]
+    assert 'disc 1 do not fit' in sight.problems[0]
+
+
+def test_a_number_that_is_seen_twice(ideal):
+    twice = ideal[2].copy()
+    tag = views.layout().ring(1)[10]
+    u, v = ideal[0].seen_at(tag.centre[None] + STRAIGHT[1, :3])[0].astype(int)
+    twice[400:470, 1150:1220] = ideal[2][v - 35:v + 35, u - 35:u + 35]
+    sight = ideal[1].measure(twice)
+    assert list(sight.discs) == [0, 1, 2, 3]  # the other tag of disc 1 is seen from its side
+    assert 'number 10' in sight.problems[0]
+    assert np.abs(views.error(sight.discs[1].pose, STRAIGHT[1])[:3]).max() < 2e-3
+
+
+def test_rings_on_the_wrong_discs():
+    drawn = views.camera()
+    drawn._rings[1], drawn._rings[3] = drawn._rings[3], drawn._rings[1]
+    sight = RingCamera(views.layout(), drawn.lens).measure(drawn.picture(STRAIGHT))
+    assert not {1, 3} & set(sight.discs)
+    assert 'right discs' in sight.problems[0]
+
+
+def test_a_disc_that_is_hidden_is_left_out_and_nothing_else(ideal):
+    hidden = covered(ideal[0], ideal[2], STRAIGHT[2:3, :3] + [0.0, -0.03, 0.015], 60)
+    sight = ideal[1].measure(hidden)
+    assert list(sight.discs) == [0, 1, 3] and not sight.problems
+
+
+def test_of_a_disc_of_which_one_tag_is_seen_from_its_front_nothing_is_measured():
+    tags = views.layout(fixed_poses=tuple(v for y in (-0.2, 0.2) for z in (0.0, 0.3)
+                                          for v in (-0.3, y, z, 0.0)))
+    drawn = views.camera(tags=tags, direction=HEAD_ON)
+    measuring, picture = RingCamera(tags, drawn.lens), drawn.picture(STRAIGHT)
+    assert 2 in measuring.measure(picture).discs
+    ring = tags.ring(2)
+    aside = np.array([STRAIGHT[2, :3] + ring[k].centre for k in (13, 17)])  # at its sides
+    sight = measuring.measure(covered(drawn, picture, aside, 10))
+    assert {12, 13, 17} & set(sight.numbers) == {12}
+    assert 2 not in sight.discs
+    assert any('disc 2 only tag 12' in problem for problem in sight.problems)
+
+
+# Layouts and the straight arm.
+
+@pytest.mark.parametrize(('changes', 'named'), [
+    ({'fixed_poses': (0.0,) * 8}, 'at least 3'), ({'fixed_poses': (0.0,) * 13}, '13 numbers'),
+    ({'fixed_poses': (-0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0)}, 'in a line'),
+    ({'disc_size': 0.02}, 'at least 23.1 mm'), ({'faces': 4}, 'radius of 25 mm')])
+def test_rings_that_cannot_be_are_refused(changes, named):
+    with pytest.raises(ParameterError, match=named):
+        views.layout(**changes)
+
+
+def test_a_tare_of_the_straight_arm_tells_how_the_rings_sit():
+    sits = np.array([0.002, -0.001, 0.0015,
+                     *Rotation.from_rotvec([0.02, 0.03, -0.1]).as_quat()])
+    mount = ring_mount([compose(STRAIGHT[2], sits)] * 10, STRAIGHT[2, 2])
+    assert views.error(compose(compose(BENT[2], sits), mount), BENT[2]) == pytest.approx(
+        np.zeros(6), abs=1e-9)
+    with pytest.raises(SensorError, match='is the arm straight, does tags.fixed_poses fit'):
+        ring_mount([BENT[2]] * 10, STRAIGHT[2, 2])
+    assert ring_mounts({'tags.mounts': (0.0,)}, 2)[1] == pytest.approx([0, 0, 0, 0, 0, 0, 1])
+    for numbers, named in (((0.0,) * 12, '12 numbers'), ((0.0,) * 14, 'of length 1')):
+        with pytest.raises(ParameterError, match=named):
+            ring_mounts({'tags.mounts': numbers}, 2)
