@@ -3,6 +3,7 @@
 """Spatial statics against SoRoSim, and what they cost beside the planar ones."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import islice
 from math import nan
 import time
@@ -11,7 +12,8 @@ import numpy as np
 
 from benchmarks.rods import Rod, shapes, STEEL, TPU
 from benchmarks.tables import machine, number, Section, table
-from soft_continuum.mechanics import _kernel, Statics
+from soft_continuum.mechanics import _kernel, PAPER, SECOND_ORDER, Statics
+from soft_continuum.mechanics.references import solve_rods
 from soft_continuum.mechanics.spatial import (
     bending_for_tip,
     pulls_for_bending,
@@ -40,7 +42,8 @@ def run(quick: bool) -> Section:
     head = ('rod', 'bodies', 'shapes solved', 'tip, mm: mean', 'worst', 'all stations, mm: mean',
             'worst', 'ms for a shape, median', 'worst')
     return Section('space.md', 'spatial', '\n\n'.join([
-        f'{machine()}', table(head, rows), _beside_the_plane(20 if quick else REPEATS),
+        f'{machine()}', table(head, rows), _beside_rods(),
+        _beside_the_plane(20 if quick else REPEATS),
         _questions(3 if quick else 30)]))
 
 
@@ -59,6 +62,23 @@ def _row(rod: Rod, bodies: int, most: int | None) -> tuple[str, ...]:
             number(float(np.median(times))), number(max(times)))
 
 
+def _beside_rods() -> str:
+    """Return how far the chain of an arm with three tendons is off its rods, by its bodies."""
+    pulls, rows = (0.008, -0.005, -0.006), []
+    for bodies in (6, 12, 24, 48):
+        cells = []
+        for discretisation, spacers in ((PAPER, 0), (SECOND_ORDER, 0), (SECOND_ORDER, 2)):
+            statics = SpatialStatics(replace(
+                three_tendons(), bodies_per_segment=bodies, discretisation=discretisation,
+                spacers=spacers))
+            state = statics.solve(statics.chain.straight(), pulls, [True] * 3)
+            off = np.linalg.norm(state.points - solve_rods(state, pulls).points, axis=1)
+            cells.append(number(1e3 * float(off.max())))
+        rows.append((str(bodies), *cells))
+    return table(('bodies in each of three segments, all soft and hanging',
+                  'paper, off the rods at most, mm', 'second order', 'with two spacers'), rows)
+
+
 def _beside_the_plane(repeats: int) -> str:
     """Return how long one solve of the same planar arm takes by either, in turns."""
     arm = load_arm(description_file())
@@ -70,13 +90,17 @@ def _beside_the_plane(repeats: int) -> str:
     return _times('the arm of the paper, from straight', solves, repeats)
 
 
-def _questions(repeats: int) -> str:
-    """Return how long what is asked of an arm of three segments and tendons takes."""
-    arm = SpatialArm(
+def three_tendons() -> SpatialArm:
+    """Return an arm of three segments and tendons that hangs."""
+    return SpatialArm(
         (SpatialSegment(0.07, 0.02, 0.02, 0.015, 0.05),) * 3, (SpatialDisc(0.02, 0.02),) * 4,
         tuple(SpatialTendon(f't{i}', 2.0944 * i, 0.025, 3) for i in range(3)),
         gravity=(0.0, 0.0, 9.8))
-    statics = SpatialStatics(arm)
+
+
+def _questions(repeats: int) -> str:
+    """Return how long what is asked of an arm of three segments and tendons takes."""
+    statics = SpatialStatics(three_tendons())
     straight, soft, pulls = statics.chain.straight(), [True, False, False], (0.006, -0.004, -0.003)
     state = statics.solve(straight, pulls, soft)
     bend = [(0.4, 0.6), (nan, nan), (nan, nan)]

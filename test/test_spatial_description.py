@@ -53,9 +53,9 @@ def test_the_shipped_tendon_arm_has_three_tendons_for_each_segment():
     assert arm.segments[0].stiffness_x == arm.segments[0].stiffness_y == pytest.approx(rod, 1e-2)
     assert arm.segments[0].torsional_stiffness == pytest.approx(rod / 1.33, 1e-2)
     assert arm.gravity == pytest.approx((0.0, 0.0, 9.80665), abs=1e-6)  # hanging
-    # Stretch: the path between the guides, and what is between stepper and base.
+    # Stretch: segments and discs that it passes, and what is between stepper and base.
     assert [t.compliance for t in arm.tendons] == pytest.approx(
-        (np.repeat([0.08, 0.16, 0.24], 3) + 0.3) / 5000.0)
+        (np.repeat([0.095, 0.18, 0.265], 3) + 0.3) / 5000.0)
 
 
 def test_the_shipped_jamming_arm_is_that_of_the_paper_with_round_springs():
@@ -121,10 +121,9 @@ def test_tendons_oppose_each_other_with_the_backbone_between_them(angles, ends, 
     ({'arm__tendon_ends': (1.5,)}, 'a whole number'),
     ({'arm__spacers': 4}, '12 bodies per segment and 4 spacers'),
     ({'arm__torsional_stiffnesses': (0.1, 0.2)}, 'so 3 are needed, or one for all'),
-    ({'arm__yield_moments': (0.2,)}, 'parameter arm.yield_moments is [0.2, 0.2, 0.2]; spatial'),
-    ({'arm__tendon_friction': 0.1}, 'parameter arm.tendon_friction is 0.1; spatial arms know'),
-    ({'arm__soft_curvatures': (0.0, 1.0), 'arm__soft_moments': (0.0, 0.02)},
-     'leave arm.soft_curvatures out'),
+    ({'arm__yield_moments': (0.2,)}, 'a rigid segment does not yield'),
+    ({'arm__stiff_curvatures': (0.0, 1.0), 'arm__stiff_moments': (0.0, 1e-4)},
+     'arm.stiff_moments, segment 1: row 2 of the stiff law'),
     ({'arm__stiffness_ratios': (0.5,)}, 'stiffness ratio K is 0.5'),
     ({'arm__tendon_names': ('',)}, 'give arm.tendon_names to describe a spatial one'),
 ], ids=str)

@@ -65,6 +65,8 @@ class ArmShape:
         self._stretches = self._dimensions is SPACE and bool(self.statics.compliance.any())
         self._commands: Commands | None = None
         self._solved: tuple[object, ...] = ()
+        self._stood: Array | None = None
+        """(tendons,) m: as far as the motors have pulled since all segments are stiff."""
         self._failures = self._far_off = 0
         self._measured: float | None = None  # when it last was, s
 
@@ -138,7 +140,7 @@ class ArmShape:
         self._begin_prediction(None)
 
     def _begin_prediction(self, state: Any) -> None:
-        self._path, self.unpredicted, self._solved = state, None, ()
+        self._path, self.unpredicted, self._solved, self._stood = state, None, (), None
 
     def _forget_estimate(self) -> None:
         self.estimator, self._measured, self._watch = None, None, Watch()
@@ -171,13 +173,19 @@ class ArmShape:
     def _followed(self, start: Any, commands: Commands) -> Any:
         """Return the state that ``start`` becomes; raises ShapeError and StaticsError."""
         pulls = commands.pulls
-        if all(commands.stiff):
-            short = pulls - np.asarray(start.pulls)
+        if not all(commands.stiff):
+            self._stood = None
+        else:
+            stood = self.statics.commanded_pulls(start)  # with what tendons are stretched by
+            if self.statics.compliance.any():  # also after they were slackened
+                self._stood = stood = np.maximum(stood, stood if self._stood is None
+                                                 else self._stood)
+            short = pulls - stood
             if short.max() > self._tolerance:
                 raise ShapeError('the tendons do not fit the stiff arm: its shape is unknown',
                                  short=short)
             # A locked arm does not yield to the last step of a stepper.
-            pulls = np.minimum(pulls, start.pulls)
+            pulls = np.minimum(pulls, stood)
         return self._equilibrium(start, pulls, commands)
 
     def _equilibrium(self, start: Any, pulls: Array, commands: Commands) -> Any:

@@ -9,8 +9,7 @@ finds the next stable equilibrium.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -36,8 +35,7 @@ TURN_LIMIT_NOT_CONVEX = 0.1  # where loads can outweigh springs, so that paths m
 TURN_LIMIT_BOTH_TAUT = 0.05  # where both tendons are taut, so that the arm may buckle
 
 
-@dataclass(frozen=True)
-class Point:
+class Point(NamedTuple):
     """
     A state on the path, and how the solve for it ended.
 
@@ -57,8 +55,7 @@ class Point:
     slack: Array | None = None
 
 
-@dataclass(frozen=True)
-class Problem:
+class Problem(NamedTuple):
     """
     What is free, what acts, and what drives the tendons in one solve.
 
@@ -78,8 +75,8 @@ class Problem:
 
     def with_friction(self, chain: RigidChain, angles: Array, sliding: Sequence[int]) -> Self:
         """Return the problem with the tendons' friction and stretch at joint angles (joints,)."""
-        return replace(
-            self, system=self.system._replace(ratios=tension_ratios(chain, angles, sliding)),
+        return self._replace(
+            system=self.system._replace(ratios=tension_ratios(chain, angles, sliding)),
             drive=self.drive._replace(compliance=compliances(chain, angles, sliding)))
 
     def reached_by(self, end: Point) -> bool:
@@ -172,10 +169,10 @@ class Continuation:
             end, there, jumped = point, problem, False
             try:
                 for target in way:
-                    there = replace(there, drive=drive._replace(target=target))
+                    there = there._replace(drive=drive._replace(target=target))
                     direct = self.newton(end, there)
                     if there.reached_by(direct):
-                        end = replace(direct, slack=_slack(direct, there.drive))
+                        end = direct._replace(slack=_slack(direct, there.drive))
                         continue
                     end, there, also = self.follow(end, there)
                     jumped = jumped or also
@@ -240,8 +237,8 @@ class Continuation:
                 raise StaticsError(f'not converged after {iterations} iterations',
                                    self.result(point, problem))
             crept = self.laws.crept(np.diff(point.theta, prepend=0.0), problem.system.joints)
-            problem = replace(problem, system=problem.system._replace(joints=crept))
-        return replace(point, iterations=iterations, slack=_slack(point, drive)), problem, jumped
+            problem = problem._replace(system=problem.system._replace(joints=crept))
+        return point._replace(iterations=iterations, slack=_slack(point, drive)), problem, jumped
 
     def _gap(self, point: Point, problem: Problem) -> Array:
         """Return how far each driven tendon (or angle) is from its target at the start."""
@@ -308,7 +305,7 @@ class Continuation:
                 iterations += final.iterations
                 away = float(np.abs(final.theta - point.theta).max())
                 if final.status == _newton.CONVERGED and away < AT_REST:
-                    return replace(final, iterations=iterations)
+                    return final._replace(iterations=iterations)
                 if final.status == _newton.UNSTABLE and away < 1e-4:
                     point = _turned(final, problem, perturbation)
                     perturbation *= -2.0
@@ -367,8 +364,11 @@ class Continuation:
 
 def _slack(point: Point, drive: Drive) -> Array:
     """Return how much longer than its way each tendon that carries nothing is, (2,) m."""
-    free = (drive.mode == LENGTH) & (point.tension <= 0.0)
-    return np.where(free, np.maximum(drive.target - point.lengths, 0.0), 0.0)
+    slack = np.zeros(2)
+    for t in (RIGHT, LEFT):
+        if drive.mode[t] == LENGTH and point.tension[t] <= 0.0:
+            slack[t] = max(drive.target[t] - point.lengths[t], 0.0)
+    return slack
 
 
 def _side(point: Point, target: Array) -> float:
@@ -387,4 +387,4 @@ def _side(point: Point, target: Array) -> float:
 def _turned(point: Point, problem: Problem, turn: Array) -> Point:
     """Return the point with its rigid groups turned by ``turn`` (groups,), rad."""
     group = problem.system.group
-    return replace(point, theta=point.theta + np.where(group >= 0, turn[group], 0.0))
+    return point._replace(theta=point.theta + np.where(group >= 0, turn[group], 0.0))

@@ -30,7 +30,7 @@ import numpy as np
 from soft_continuum.mechanics import _assembly, _newton
 from soft_continuum.mechanics._compile import Function, jit, MARKED
 from soft_continuum.mechanics.spatial import _assembly as _spatial_assembly
-from soft_continuum.mechanics.spatial import _newton as _spatial_newton
+from soft_continuum.mechanics.spatial import _path
 
 # Arrays of any strides: an extension does not check those that it is given.
 VECTOR, MATRIX, TENSOR, INDICES = 'f8[:]', 'f8[:, :]', 'f8[:, :, :]', 'i8[:]'
@@ -38,7 +38,7 @@ STATE = f'UniTuple({VECTOR}, 3)'
 SYSTEM = f'Tuple(({MATRIX}, {MATRIX}, {TENSOR}, {MATRIX}, {MATRIX}, {INDICES}))'
 DRIVE = f'Tuple(({INDICES}, {VECTOR}, {VECTOR}, {INDICES}))'
 LINKS = (f'Tuple(({TENSOR}, {TENSOR}, {TENSOR}, {MATRIX}, {INDICES}, {MATRIX}, i8[:, :], '
-         f'{MATRIX}))')
+         f'{MATRIX}, {TENSOR}, {VECTOR}))')
 SIGNATURES = {
     'newton': f'Tuple((i8, i8, f8, f8))({STATE}, {SYSTEM}, {DRIVE}, {VECTOR}, f8, {VECTOR})',
     'newton_batch':
@@ -49,9 +49,15 @@ SIGNATURES = {
     'moment_balance': f'f8[::1]({VECTOR}, {VECTOR}, {SYSTEM}, i8)',
     'dense_system':
         f'Tuple((f8[:, ::1], f8[:, ::1], f8[:, ::1]))({VECTOR}, {VECTOR}, {SYSTEM}, i8)',
-    'spatial_newton':
-        f'Tuple((i8, i8, f8, b1))({TENSOR}, {VECTOR}, b1[:], {LINKS}, '
-        f'Tuple(({INDICES}, {VECTOR}, {VECTOR}, {MATRIX}, f8)), i8)',
+    'spatial_lay_out':
+        'Tuple((f8[:, :, ::1], f8[:, :, ::1], f8[:, ::1], i8[::1], f8[:, ::1], i8[:, ::1], '
+        'f8[:, ::1], i8[::1], f8[::1]))'
+        f'({TENSOR}, {INDICES}, {VECTOR}, {MATRIX}, {MATRIX}, '
+        f'Tuple(({MATRIX}, {INDICES}, {INDICES}, {INDICES}, {MATRIX})), i8)',
+    'spatial_lead':
+        f'Tuple((f8, i8, f8, i8, b1))(f8[:, :, :, :], {MATRIX}, b1[:, :], {LINKS}, '
+        f'Tuple(({INDICES}, {VECTOR}, {MATRIX}, {TENSOR}, f8)), f8, f8, i8)',
+    'spatial_carry': f'f8[:, :, ::1]({TENSOR}, {TENSOR}, {INDICES})',
     'spatial_balance': f'f8[:, ::1]({TENSOR}, {VECTOR}, {LINKS})',
     'spatial_linearise':
         'Tuple((f8[:, :, ::1], f8[:, :, ::1], f8[:, ::1], f8[::1], f8[:, ::1]))'
@@ -79,14 +85,16 @@ class Functions(NamedTuple):
     newton_batch: Function
     moment_balance: Function
     dense_system: Function
-    spatial_newton: Function
+    spatial_lay_out: Function
+    spatial_lead: Function
+    spatial_carry: Function
     spatial_balance: Function
     spatial_linearise: Function
     runs_in: str
 
 
 SOURCE = Functions(_newton.newton, _newton.newton_batch, _assembly.moment_balance,
-                   _assembly.dense_system, _spatial_newton.newton,
+                   _assembly.dense_system, _path.lay_out, _path.lead, _path.carry,
                    _spatial_assembly.balance, _spatial_assembly.linearise, 'python')
 """The functions as they are written."""
 

@@ -4,7 +4,7 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 import os
 from typing import TypeVar
@@ -127,7 +127,7 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
         problem = problems[i % kinds]
         return models[i % len(models)].continuation.result(
             Point(theta[i], tension[i], lengths[i], residual=residual[i]),
-            replace(problem, drive=problem.drive._replace(target=target[i])))
+            problem._replace(drive=problem.drive._replace(target=target[i])))
 
     alone: dict[int, Equilibrium] = {}
     batch = Batch(

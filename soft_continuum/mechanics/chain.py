@@ -9,6 +9,7 @@ rigid.  A state is the vector of all joint angles, (n + 1) per segment, base fir
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -201,6 +202,10 @@ class RigidChain:
 
     def straight(self) -> Equilibrium:
         """Return the straight arm with both tendons just taut, nothing pulled."""
+        return self._straight
+
+    @cached_property
+    def _straight(self) -> Equilibrium:
         return self.state(np.zeros(self.joints))
 
     def state(self, joint_angles: ArrayLike) -> Equilibrium:

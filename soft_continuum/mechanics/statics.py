@@ -85,7 +85,7 @@ class Statics:
         """
         wanted = 'pulls must be two numbers in m (right, left)'
         target = real_array(pulls, wanted)
-        if target.shape != (2,) or not all(pull < np.inf for pull in target.tolist()):
+        if target.shape != (2,) or not (target[RIGHT] < inf and target[LEFT] < inf):
             raise ValueError(f'{wanted}; given: {pulls!r}')
         problem = self.problem(start, soft, self.chain.straight_length - target, vacuum)
         if problem.groups == 0:

@@ -154,6 +154,8 @@ def any_arm_from_parameters(values: Mapping[str, Any]) -> AnyArm:
     get['guide_offsets'] = tuple(offset or get['outer_diameters'][i // 2] / 2
                                  for i, offset in enumerate(get['guide_offsets']))
     try:
+        get['soft_laws'] = _laws(get, 'soft', count)
+        get['jams'] = _jams(get, count)
         if get['tendon_names'] not in (NO_NAMES, ()):
             return spatial_arm(get)
         refuse_spatial(get)
@@ -163,35 +165,41 @@ def any_arm_from_parameters(values: Mapping[str, Any]) -> AnyArm:
 
 
 def _planar_arm(get: Mapping[str, Any], count: int) -> Arm:
-    soft_laws, stiff_laws = _laws(get, 'soft', count), _laws(get, 'stiff', count)
-    arm = Arm(
-        segments=tuple(_segment(get, i, soft_laws[i], stiff_laws[i]) for i in range(count)),
+    return Arm(
+        segments=tuple(_segment(get, i) for i in range(count)),
         discs=tuple(Disc(height=height, mass=mass) for height, mass in zip(
             get['disc_heights'], get['disc_masses'], strict=True)),
         tendon=Tendon(get['tendon_axial_stiffness'] or inf, get['tendon_free_length'],
                       get['tendon_friction']),
         **{name: get[name] for name in ('bodies_per_segment', 'discretisation', 'payload',
                                         'mounting_angle', 'gravity')})
-    for number, segment in enumerate(arm.segments, start=1):
-        if segment.jam.law is not None:
-            try:  # what the jam adds must be a law, too
-                segment.jam.law.minus(segment.soft_law or linear(segment.bending_stiffness))
-            except LawError as error:
-                raise ParameterError(
-                    f'parameters arm.stiff_curvatures and arm.stiff_moments, segment {number}: '
-                    f'{error}; is it softer than the soft one?') from None
-    return arm
 
 
-def _segment(get: Mapping[str, Any], i: int, soft_law: MomentCurvature | None,
-             stiff_law: MomentCurvature | None) -> Segment:
-    ratio = inf if stiff_law else get['stiffness_ratios'][i] or inf
+def _segment(get: Mapping[str, Any], i: int) -> Segment:
     return Segment(
         length=get['segment_lengths'][i], outer_diameter=get['outer_diameters'][i],
         mass=get['segment_masses'][i], bending_stiffness=get['bending_stiffnesses'][i],
         guide_offsets=get['guide_offsets'][2 * i:2 * i + 2],
-        bending_angle_limit=get['bending_angle_limits'][i], soft_law=soft_law,
-        jam=Jam(ratio=ratio, law=stiff_law, yield_moment=get['yield_moments'][i] or inf))
+        bending_angle_limit=get['bending_angle_limits'][i], soft_law=get['soft_laws'][i],
+        jam=get['jams'][i])
+
+
+def _jams(get: Mapping[str, Any], count: int) -> list[Jam]:
+    """Return how each segment is stiffened; ParameterError where it would become softer."""
+    jams = []
+    for i, law in enumerate(_laws(get, 'stiff', count)):
+        about_y = get['bending_stiffnesses'][i]
+        softer = min(get['lateral_bending_stiffnesses'][i] or about_y, about_y)
+        if law is not None:
+            try:  # what the jam adds must be a law, too
+                law.minus(get['soft_laws'][i] or linear(softer))
+            except LawError as error:
+                raise ParameterError(
+                    f'parameters arm.stiff_curvatures and arm.stiff_moments, segment {i + 1}: '
+                    f'{error}; is it softer than the soft one?') from None
+        jams.append(Jam(ratio=inf if law else get['stiffness_ratios'][i] or inf, law=law,
+                        yield_moment=get['yield_moments'][i] or inf))
+    return jams
 
 
 def _laws(get: Mapping[str, Any], state: str, count: int) -> list[MomentCurvature | None]:

@@ -12,7 +12,6 @@ from math import cos, inf, pi, sin
 import re
 from typing import Any
 
-from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.spatial.arm import (
     SpatialArm,
     SpatialDisc,
@@ -50,9 +49,6 @@ SPATIAL_PARAMETERS = (
     Parameter('arm.spacers', 0,
               'guides of the tendons inside each segment of a spatial arm, evenly spaced', 0, 100),
 )
-PLANAR_ONLY = ('arm.yield_moments', 'arm.soft_curvatures', 'arm.soft_moments',
-               'arm.stiff_curvatures', 'arm.stiff_moments', 'arm.tendon_friction')
-"""What spatial arms do not have: it has to be 0."""
 NAME = re.compile(r'[A-Za-z]\w{0,99}', re.ASCII)
 
 
@@ -75,13 +71,6 @@ def spatial_arm(get: Mapping[str, Any]) -> SpatialArm:
     Lists of segments, guides and discs are complete, without zeros that stand for something else.
     Raises ParameterError, and ArmError for what is not a physical arm.
     """
-    for name in PLANAR_ONLY:
-        value = get[name.removeprefix('arm.')]
-        if value not in (0.0, (0.0,)) and any(value if isinstance(value, tuple) else (value,)):
-            raise ParameterError(
-                f'parameter {name} is {_shown(value)}; spatial arms know no measured laws, no '
-                f'yielding and no friction yet: leave {name} out, or describe a planar arm '
-                '(without arm.tendon_names)')
     names = get['tendon_names']
     for name in names:
         if not NAME.fullmatch(name) or names.count(name) > 1:
@@ -98,7 +87,8 @@ def spatial_arm(get: Mapping[str, Any]) -> SpatialArm:
             f'parameter arm.tendon_ends is {list(ends)}; allowed: 1 to {count}, the discs above '
             f'the {count} segments, or 0 for the last')
     tendons = tuple(
-        SpatialTendon(name, angle, get['guide_offsets'][:2 * (end or count)], end or count, twist)
+        SpatialTendon(name, angle, get['guide_offsets'][:2 * (end or count)], end or count, twist,
+                      friction=get['tendon_friction'], free_length=get['tendon_free_length'])
         for name, angle, end, twist in zip(names, angles, ends, twists, strict=True))
     slope, gravity = get['mounting_angle'], get['gravity']
     arm = SpatialArm(
@@ -109,10 +99,9 @@ def spatial_arm(get: Mapping[str, Any]) -> SpatialArm:
         gravity=(gravity * sin(slope), 0.0, -gravity * cos(slope)))
     if not (axial := get['tendon_axial_stiffness']):
         return arm
-    lengths = SpatialChain(arm).straight_paths + get['tendon_free_length']
     return replace(arm, tendons=tuple(
         replace(tendon, compliance=float(length) / axial)
-        for tendon, length in zip(tendons, lengths, strict=True)))
+        for tendon, length in zip(tendons, SpatialChain(arm).straight_ropes, strict=True)))
 
 
 def _segment(get: Mapping[str, Any], i: int) -> SpatialSegment:
@@ -120,9 +109,5 @@ def _segment(get: Mapping[str, Any], i: int) -> SpatialSegment:
     return SpatialSegment(
         get['segment_lengths'][i], get['lateral_bending_stiffnesses'][i] or about_y, about_y,
         get['torsional_stiffnesses'][i] or inf, get['segment_masses'][i],
-        Jam(ratio=get['stiffness_ratios'][i] or inf), get['outer_diameters'][i],
-        get['bending_angle_limits'][i])
-
-
-def _shown(value: Any) -> str:
-    return str(list(value) if isinstance(value, tuple) else value)
+        get['jams'][i], get['outer_diameters'][i], get['bending_angle_limits'][i],
+        soft_law=get['soft_laws'][i])

@@ -14,10 +14,13 @@ from soft_continuum.estimation.shape import (
     Commands,
     EstimationSettings,
     MAX_FAR_OFF,
+    ShapeError,
     UnknownShapeError,
 )
 from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
+from soft_continuum.mechanics.spatial import spatial
 from soft_continuum.mechanics.statics import StaticsError
 
 TOLERANCE = 1e-3  # m
@@ -47,6 +50,24 @@ def lost(settings=DEFAULT):
 
 
 # Without measurements.
+
+
+@pytest.mark.parametrize('in_space', [False, True])
+def test_a_stiff_arm_whose_tendons_stretch_keeps_its_shape_while_they_are_pulled_as_they_were(
+        in_space):
+    flat = replace(ARM, tendon=Tendon(1e3))
+    shape = ArmShape(spatial(flat) if in_space else flat, TOLERANCE)
+    shape.follow(commands(0.0, (0.0, 0.0), STIFF))
+    pulls = np.array([0.02, -0.03])
+    shape.follow(commands(1.0, pulls, only(0)))
+    bent = shape.state
+    assert bent.tensions[0] / 1e3 * ARM.length > 1.1 * TOLERANCE  # by so much it is stretched
+    for time, change in enumerate((0.0, -0.01, 0.0), start=2):
+        shape.follow(commands(time, pulls + change, STIFF))
+        assert np.array_equal(shape.state.points, bent.points)
+    assert shape.state.tensions == pytest.approx(bent.tensions, abs=1e-6)
+    with pytest.raises(ShapeError, match='do not fit the stiff arm'):
+        shape.follow(commands(6.0, pulls + 2.0 * TOLERANCE, STIFF))
 
 
 @pytest.mark.parametrize('arm', [ARM, ELASTIC], ids=['rigid jams', 'jams that give'])

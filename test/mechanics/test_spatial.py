@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 from math import cos, pi, sin, sqrt
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -13,7 +14,14 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.measured import aligned, IDENTIFIED, read, rms
 from benchmarks.rods import shapes, STEEL, TPU
-from soft_continuum.mechanics import ArmError, Jam, OverconstrainedError, Statics
+from soft_continuum.mechanics import (
+    _kernel,
+    ArmError,
+    Jam,
+    OverconstrainedError,
+    Statics,
+    StaticsError,
+)
 from soft_continuum.mechanics.spatial import (
     spatial,
     SpatialArm,
@@ -23,7 +31,9 @@ from soft_continuum.mechanics.spatial import (
     SpatialTendon,
     Wrench,
 )
+from soft_continuum.parameters.files import load_any_arm
 
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
 BODIES = 4
 PULLS = (0.006, -0.004, -0.003)
 
@@ -132,7 +142,7 @@ def energy(state):
         [np.eye(3), *state.rotations[:-1]], state.rotations, strict=True)])
     ends = chain.ends(state.rotations)
     middles = 0.5 * (ends[:-1] + ends[1:])
-    return (0.5 * (chain.stiffness * joints**2).sum()
+    return (0.5 * (chain.laws.stiffness * joints**2).sum()
             - chain.masses @ middles @ np.array(chain.arm.gravity))
 
 
@@ -199,7 +209,7 @@ def rest_in_mujoco(state, soft, pulls):
         turned = '' if soft[segment] else f' quat="{w!r} {x!r} {y!r} {z!r}"'
         lines.append(f'<body name="b{j}" pos="0 0 {below!r}"{turned}>')
         if soft[segment]:
-            stiffness = float(chain.stiffness[j, 0])
+            stiffness = float(chain.laws.stiffness[j, 0])
             lines.append(f'<joint type="ball" stiffness="{stiffness!r}" damping="0.05" '
                          'armature="1e-5"/>')
         length, mass = float(chain.lengths[j]), float(chain.masses[j])
@@ -290,7 +300,7 @@ def followed(an_arm, *pulls):
 def test_an_arm_with_friction_stays_bent_when_its_tendons_are_let_go_as_far_as_friction_holds():
     state = followed(rubbing(2e-3), PULLS, (-0.02,) * 3)
     assert not state.tensions.any()
-    held = np.linalg.norm(state.chain.stiffness * state.chain.joints(state.rotations), axis=1)
+    held = np.linalg.norm(state.chain.laws.stiffness * state.chain.joints(state.rotations), axis=1)
     assert held.max() < 2e-3 * (1.0 + 1e-9)
     assert 0.001 < np.hypot(*state.tip[:2]) < np.hypot(*followed(rubbing(2e-3), PULLS).tip[:2])
 
@@ -348,6 +358,15 @@ def test_a_locked_arm_cannot_be_pulled():
         solved(arm(), soft=(False,) * 3)
     slackened = solved(arm(), (-0.001,) * 3, soft=(False,) * 3)
     assert slackened.slack == pytest.approx(0.001)
+    assert not slackened.tensions.any()
+
+
+def test_nothing_determines_what_a_tendon_carries_along_a_locked_arm():
+    bent = solved(arm())
+    locked = solved(arm(), bent.pulls, (False,) * 3, start=bent)
+    assert np.isnan(locked.tensions).all()
+    again = solved(arm(), bent.pulls, start=locked)
+    assert again.points == pytest.approx(bent.points, abs=1e-9)
 
 
 def test_tendons_that_stretch_carry_in_a_locked_arm_what_they_are_stretched_by():
@@ -387,6 +406,34 @@ def test_a_jam_holds_the_shape_in_which_it_was_stiffened():
     assert 0.0 < sprung.max() < 0.1 * np.linalg.norm(bent.bending, axis=1).max()
 
 
+@pytest.mark.parametrize(('name', 'pulls'), [
+    ('spatial_jamming', (0.03, 0.03, 0.03)), ('tendon_arm', (0.1, 0.0, 0.0) * 3)])
+def test_an_arm_that_is_pulled_beyond_every_equilibrium_is_soon_given_up(
+        name, pulls, monkeypatch):
+    functions, iterations = _kernel.functions(), []
+
+    def lead(*arguments):
+        found = functions.spatial_lead(*arguments)
+        iterations.append(found[1])
+        return found
+
+    monkeypatch.setattr(_kernel, 'functions', lambda: functions._replace(spatial_lead=lead))
+    statics = SpatialStatics(load_any_arm(CONFIG / f'{name}.yaml'))
+    with pytest.raises(StaticsError, match='loses its equilibrium after .* pay out a tendon'):
+        statics.solve(statics.chain.straight(), pulls, (True,) * 3)
+    assert sum(iterations) < 4000  # hence less than a second
+
+
+def test_where_the_search_for_first_tensions_does_not_end_others_do(monkeypatch):
+    def endless(*_):
+        raise RuntimeError('Maximum number of iterations reached.')
+
+    there = solved(arm(), (0.006, -0.002, -0.005), (False, True, False), start=solved(arm()))
+    monkeypatch.setattr('scipy.optimize.nnls', endless)
+    again = solved(arm(), (0.006, -0.002, -0.005), (False, True, False), start=solved(arm()))
+    assert again.points == pytest.approx(there.points, abs=1e-9)
+
+
 @pytest.mark.parametrize(('make', 'words'), [
     (lambda: SpatialTendon('t', 0.0, 0.025, 0), 'ends at disc 0; the base is 0'),
     (lambda: SpatialTendon('t', 0.0, (0.02, 0.02, 0.02), 2), '3 offsets; needed: one, or 4'),
@@ -401,7 +448,7 @@ def test_a_jam_holds_the_shape_in_which_it_was_stiffened():
     (lambda: arm(bodies_per_segment=0), 'bodies'),
     (lambda: SpatialSegment(0.07, np.inf, np.inf), 'bend about one axis'),
     (lambda: SpatialSegment(70.0, 0.1, 0.1), 'segment length is 70'),
-    (lambda: SpatialSegment(0.07, 0.1, 0.1, jam=Jam(9.0, yield_moment=1.0)), 'yield moment'),
+    (lambda: SpatialSegment(0.07, 0.1, 0.1, soft_law=0.1), 'soft law is 0.1; give a Moment'),
 ])
 def test_what_is_no_arm_is_refused(make, words):
     with pytest.raises(ArmError, match=words):

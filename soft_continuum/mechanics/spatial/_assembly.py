@@ -3,14 +3,14 @@
 """
 What is out of balance in a spatial chain, and its derivatives, in compiled scalar code.
 
-system: (joints, turns, loads, moments, entries, vectors, spans, constants)
-    joints (links, 4, 3): spring stiffness about x, y, z; that of its jam or friction; the rotation
-    vector that these hold; the moment at which they slide, three times.  turns (links, 3, 3):
-    orientation, in the link before or the base, of what the joint is on.  loads (links, 3, 3):
-    sum of (vector of a body) x (force that it carries), so that the energy is -trace(load R).
+system: (joints, turns, loads, moments, entries, vectors, spans, constants, tables, ratios)
+    joints (links, 4, 3), tables: as of _laws.  turns (links, 3, 3): orientation, in the link
+    before or the base, of what the joint is on.  loads (links, 3, 3): sum
+    of (vector of a body) x (force that it carries), so that the energy is -trace(load R).
     moments (links, 3): dead moments, N m, in base_link.
     entries (k,): link of each vector (k, 3) of a span, in its frame.  spans (spans, 3): tendon,
     first and last entry (exclusive).  constants (spans, 3): the part of a span in base_link.
+    ratios (spans,): tension of a span over that at the base.
 """
 
 from math import sqrt
@@ -18,38 +18,15 @@ from math import sqrt
 import numpy as np
 
 from soft_continuum.mechanics._compile import compiled
+from soft_continuum.mechanics.spatial._laws import joint_law
 from soft_continuum.mechanics.spatial._rotations import (
+    apply,
     inverse_jacobian,
+    multiply,
     rotation_vector,
+    transposed_multiply,
     turned_moment_slope,
 )
-
-STIFFNESS, JAM, HELD, SLIDING = 0, 1, 2, 3
-
-
-@compiled
-def multiply(one, other, product):  # type: ignore[no-untyped-def]
-    """Write a product of (3, 3) matrices."""
-    for i in range(3):
-        for j in range(3):
-            product[i, j] = (one[i, 0] * other[0, j] + one[i, 1] * other[1, j]
-                             + one[i, 2] * other[2, j])
-
-
-@compiled
-def transposed_multiply(one, other, product):  # type: ignore[no-untyped-def]
-    """Write the product of the transpose of a (3, 3) matrix and another."""
-    for i in range(3):
-        for j in range(3):
-            product[i, j] = (one[0, i] * other[0, j] + one[1, i] * other[1, j]
-                             + one[2, i] * other[2, j])
-
-
-@compiled
-def apply(matrix, vector, product):  # type: ignore[no-untyped-def]
-    """Write the product of a (3, 3) matrix and a vector (3,)."""
-    for i in range(3):
-        product[i] = matrix[i, 0] * vector[0] + matrix[i, 1] * vector[1] + matrix[i, 2] * vector[2]
 
 
 @compiled
@@ -65,37 +42,18 @@ def add_half_cross(vector, times, matrix):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def joint_law(joint, angle, moment, slope):  # type: ignore[no-untyped-def]
+def springs(  # type: ignore[no-untyped-def]
+        rotations, system, by_secant, gradient, diagonal, lower):
     """
-    Write the moment (3,) of a joint at a rotation vector, and its derivative (3, 3).
+    Add the moments of the joints and their derivatives; lower: d(g of k) by k - 1.
 
-    What is held beyond the moment at which it slides is let go in the direction in which it pulls
-    (radial return; Simo and Hughes, Computational Inelasticity, 1998, 2.3).
+    by_secant: with secants where laws soften, a majorant of the energy.
     """
-    square = 0.0
-    for i in range(3):
-        moment[i] = joint[JAM, i] * (angle[i] - joint[HELD, i])
-        square += moment[i] * moment[i]
-    size, most = sqrt(square), joint[SLIDING, 0]
-    part = 1.0 if size <= most else most / size
-    for i in range(3):
-        for j in range(3):
-            slope[i, j] = 0.0
-            if size > most:
-                slope[i, j] = -part * moment[i] * moment[j] * joint[JAM, j] / square
-        slope[i, i] += part * joint[JAM, i] + joint[STIFFNESS, i]
-    for i in range(3):
-        moment[i] = part * moment[i] + joint[STIFFNESS, i] * angle[i]
-
-
-@compiled
-def springs(rotations, system, gradient, diagonal, lower):  # type: ignore[no-untyped-def]
-    """Add the moments of the joints and their derivatives; lower: d(g of k) by k - 1."""
     joints, turns = system[0], system[1]
     before, relative = np.empty((3, 3)), np.empty((3, 3))
     jacobian, transpose, slope = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     left, product, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    angle, moment, law = np.empty(3), np.empty(3), np.empty((3, 3))
+    angle, moment, law, away = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty(3)
     for k in range(len(rotations)):
         if k > 0:
             multiply(rotations[k - 1], turns[k], before)
@@ -104,7 +62,7 @@ def springs(rotations, system, gradient, diagonal, lower):  # type: ignore[no-un
         transposed_multiply(before, rotations[k], relative)
         rotation_vector(relative, angle)
         inverse_jacobian(angle, jacobian)
-        joint_law(joints[k], angle, moment, law)
+        joint_law(joints[k], angle, system[8], by_secant, away, moment, law)
         turned_moment_slope(angle, moment, slope)
         transposed_multiply(jacobian, law, left)
         for i in range(3):
@@ -239,7 +197,7 @@ def across_spans(  # type: ignore[no-untyped-def]
     The tension over the length, N/m, of the span ``of_span`` acts along each two new columns
     (3 links, :).  Spans between neighbours go into the blocks instead.
     """
-    spans = system[6]
+    spans, ratios = system[6], system[9]
     one, other = np.empty(3), np.empty(3)
     for s in range(len(spans)):
         begin, end = spans[s, 1], spans[s, 2]
@@ -247,7 +205,7 @@ def across_spans(  # type: ignore[no-untyped-def]
             continue
         across(units[s], one, other)
         if end - begin <= 2 and system[4][end - 1] - system[4][begin] <= 1:
-            force = tension[spans[s, 0]] / lengths[s]
+            force = tension[spans[s, 0]] * ratios[s] / lengths[s]
             for way in (one, other):
                 add_neighbours(way, force, rotations, system, begin, end, diagonal, lower)
             continue
@@ -262,31 +220,41 @@ def across_spans(  # type: ignore[no-untyped-def]
 
 @compiled
 def tendons(  # type: ignore[no-untyped-def]
-        rotations, system, tension, units, gradient, diagonal, slopes):
-    """Add the moments of the tendons; slopes: (3 links, tendons), m, of the paths."""
-    entries, vectors, spans = system[4], system[5], system[6]
+        rotations, system, tension, units, gradient, diagonal, forces, slopes):
+    """
+    Add the moments of the tendons.
+
+    forces, slopes: (3 links, tendons), m, by a tension, and of the paths: the same but for
+    friction.
+    """
+    entries, vectors, spans, ratios = system[4], system[5], system[6], system[9]
+    forces[:] = 0.0
     slopes[:] = 0.0
+    weighed = np.empty(3)
     for s in range(len(spans)):
         t, unit = spans[s, 0], units[s]
+        for i in range(3):
+            weighed[i] = ratios[s] * unit[i]
         for e in range(spans[s, 1], spans[s, 2]):
             k, vector = entries[e], vectors[e]
             rotation = rotations[k]
             add_lever(unit, rotation, vector, slopes, k, t)
+            add_lever(weighed, rotation, vector, forces, k, t)
             if tension[t] != 0.0:
                 trace = 0.0
                 for i in range(3):
-                    local = (rotation[0, i] * unit[0] + rotation[1, i] * unit[1]
-                             + rotation[2, i] * unit[2])
+                    local = tension[t] * (rotation[0, i] * weighed[0] + rotation[1, i] * weighed[1]
+                                          + rotation[2, i] * weighed[2])
                     trace += local * vector[i]
                     for j in range(3):
-                        diagonal[k, i, j] += 0.5 * tension[t] * local * vector[j]
-                        diagonal[k, j, i] += 0.5 * tension[t] * local * vector[j]
+                        diagonal[k, i, j] += 0.5 * local * vector[j]
+                        diagonal[k, j, i] += 0.5 * local * vector[j]
                 for i in range(3):
-                    diagonal[k, i, i] -= tension[t] * trace
+                    diagonal[k, i, i] -= trace
     for k in range(len(rotations)):
         for i in range(3):
             for t in range(slopes.shape[1]):
-                gradient[k, i] += tension[t] * slopes[3 * k + i, t]
+                gradient[k, i] += tension[t] * forces[3 * k + i, t]
 
 
 @compiled
@@ -295,12 +263,13 @@ def balance(rotations, tension, system):  # type: ignore[no-untyped-def]
     links, count = len(rotations), len(tension)
     gradient, diagonal = np.zeros((links, 3)), np.zeros((links, 3, 3))
     lower, slopes = np.zeros((links, 3, 3)), np.empty((3 * links, count))
+    pulling = np.empty((3 * links, count))
     units, lengths = np.empty((len(system[6]), 3)), np.empty(len(system[6]))
     paths = np.empty(count)
-    springs(rotations, system, gradient, diagonal, lower)
+    springs(rotations, system, False, gradient, diagonal, lower)
     dead_loads(rotations, system, gradient, diagonal)
     span_lengths(rotations, system, units, lengths, paths)
-    tendons(rotations, system, tension, units, gradient, diagonal, slopes)
+    tendons(rotations, system, tension, units, gradient, diagonal, pulling, slopes)
     return gradient
 
 
@@ -316,15 +285,17 @@ def linearise(rotations, tension, system):  # type: ignore[no-untyped-def]
     links, count, spans = len(rotations), len(tension), system[6]
     gradient, diagonal = np.zeros((links, 3)), np.zeros((links, 3, 3))
     lower, slopes = np.zeros((links, 3, 3)), np.empty((3 * links, count))
+    pulling = np.empty((3 * links, count))
     units, lengths = np.empty((len(spans), 3)), np.empty(len(spans))
     paths, of_span = np.empty(count), np.empty(2 * len(spans), np.int64)
     columns, forces = np.zeros((3 * links, 2 * len(spans))), np.empty(2 * len(spans))
-    springs(rotations, system, gradient, diagonal, lower)
+    springs(rotations, system, False, gradient, diagonal, lower)
     dead_loads(rotations, system, gradient, diagonal)
     span_lengths(rotations, system, units, lengths, paths)
-    tendons(rotations, system, tension, units, gradient, diagonal, slopes)
+    tendons(rotations, system, tension, units, gradient, diagonal, pulling, slopes)
     used = across_spans(rotations, system, tension, units, lengths, columns, 0, of_span,
                         diagonal, lower)
     for c in range(used):
-        forces[c] = tension[spans[of_span[c], 0]] / lengths[of_span[c]]
+        s = of_span[c]
+        forces[c] = tension[spans[s, 0]] * system[9][s] / lengths[s]
     return diagonal, lower, columns[:, :used].copy(), forces[:used].copy(), slopes

@@ -24,13 +24,12 @@ from soft_continuum.mechanics._linear_algebra import negative_eigenvalues, small
 from soft_continuum.mechanics.spatial._assembly import (
     across_spans,
     dead_loads,
-    multiply,
     span_lengths,
     springs,
-    STIFFNESS,
     tendons,
 )
-from soft_continuum.mechanics.spatial._rotations import rotate
+from soft_continuum.mechanics.spatial._laws import creep, STIFFNESS
+from soft_continuum.mechanics.spatial._rotations import multiply, rotate
 
 LENGTH, TENSION = 0, 1
 CONVERGED, DIVERGED, SINGULAR, CYCLED, UNSTABLE = 0, 1, 2, 3, 4
@@ -104,13 +103,14 @@ def newton(rotations, tension, taut, system, drive, most):  # type: ignore[no-un
     Returns status, iterations, residual in N m, and whether the energy with the damping had a
     minimum, under the lengths of the taut tendons, in the last step.  Also tension (tendons,) and
     taut (tendons,) are changed in place: tendons become slack that would push, and taut that would
-    be too short.  most: iterations.
+    be too short; what joints hold beyond their yield moment is let go.  most: iterations.
     """
     kind, target, compliance, bias, damping = drive
     links, count, spans = len(rotations), len(tension), system[6]
     size = count + 2 * len(spans)
     raw, columns = np.empty((3 * links, size + 1)), np.empty((3 * links, size + 1))
     slopes, gradient = np.empty((3 * links, count)), np.empty((links, 3))
+    forces = np.empty((3 * links, count))
     diagonal, lower = np.empty((links, 3, 3)), np.empty((links, 3, 3))
     units, lengths, paths = np.empty((len(spans), 3)), np.empty(len(spans)), np.empty(count)
     small, whole, right = np.empty((size, size)), np.empty((size, size)), np.empty(size)
@@ -131,10 +131,12 @@ def newton(rotations, tension, taut, system, drive, most):  # type: ignore[no-un
                     diagonal[k, i, j] = 0.0
                     lower[k, i, j] = 0.0
                 diagonal[k, i, i] = damping + NEUTRAL * system[0][k, STIFFNESS].min()
-        springs(rotations, system, gradient, diagonal, lower)
+        # Newton's steps may go back and forth about a joint that yields; those by secants do not.
+        by_secant = iteration % 16 >= 8
+        springs(rotations, system, by_secant, gradient, diagonal, lower)
         dead_loads(rotations, system, gradient, diagonal)
         span_lengths(rotations, system, units, lengths, paths)
-        tendons(rotations, system, tension, units, gradient, diagonal, slopes)
+        tendons(rotations, system, tension, units, gradient, diagonal, forces, slopes)
         residual = 0.0
         used = 0
         raw[:] = 0.0
@@ -142,7 +144,7 @@ def newton(rotations, tension, taut, system, drive, most):  # type: ignore[no-un
             if kind[t] == LENGTH and taut[t]:
                 of_column[used], of_span[used] = t, -1
                 for row in range(3 * links):
-                    raw[row, used] = slopes[row, t]
+                    raw[row, used] = forces[row, t]
                 used += 1
         active = used
         used = across_spans(rotations, system, tension, units, lengths, raw, used, of_span,
@@ -158,7 +160,10 @@ def newton(rotations, tension, taut, system, drive, most):  # type: ignore[no-un
         worst = 0.0
         for a in range(used):
             begin, end = 0, 3 * links
-            if a >= active:  # a span moves with its own links only
+            if a < active:
+                for row in range(3 * links):
+                    raw[row, a] = slopes[row, of_column[a]]
+            else:  # a span moves with its own links only
                 begin = 3 * system[4][spans[of_span[a], 1]]
                 end = 3 * system[4][spans[of_span[a], 2] - 1] + 3
             for c in range(used + 1):
@@ -177,10 +182,10 @@ def newton(rotations, tension, taut, system, drive, most):  # type: ignore[no-un
                 right[a] -= missing
             else:
                 s = of_span[a]
-                small[a, a] += lengths[s] / tension[spans[s, 0]]
+                small[a, a] += lengths[s] / (tension[spans[s, 0]] * system[9][s])
         for a in range(used):
             for c in range(used):
-                whole[a, c] = small[a, c]
+                whole[a, c] = 0.5 * (small[a, c] + small[c, a])
         if not small_solve(small, right, used):
             return SINGULAR, iteration, residual, False
         largest = 0.0
@@ -211,9 +216,10 @@ def newton(rotations, tension, taut, system, drive, most):  # type: ignore[no-un
             if not taut[t] and paths[t] - target[t] > most_short:
                 most_short, take = paths[t] - target[t], t
         if release < 0 and take < 0:
-            if largest > STEP_TOLERANCE or worst > LENGTH_TOLERANCE:
+            if largest > STEP_TOLERANCE or worst > LENGTH_TOLERANCE or by_secant:
                 continue
             if negatives == negative_eigenvalues(whole[:used, :used]):
+                creep(rotations, system)
                 return CONVERGED, iteration + 1, residual, True
             # One that is just taut carries nothing, but may be what holds the arm.
             for t in range(count):

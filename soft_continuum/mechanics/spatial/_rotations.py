@@ -15,6 +15,31 @@ SMALL = 1e-4  # rad: below, series of two terms are exact to rounding
 
 
 @compiled
+def multiply(one, other, product):  # type: ignore[no-untyped-def]
+    """Write a product of (3, 3) matrices."""
+    for i in range(3):
+        for j in range(3):
+            product[i, j] = (one[i, 0] * other[0, j] + one[i, 1] * other[1, j]
+                             + one[i, 2] * other[2, j])
+
+
+@compiled
+def transposed_multiply(one, other, product):  # type: ignore[no-untyped-def]
+    """Write the product of the transpose of a (3, 3) matrix and another."""
+    for i in range(3):
+        for j in range(3):
+            product[i, j] = (one[0, i] * other[0, j] + one[1, i] * other[1, j]
+                             + one[2, i] * other[2, j])
+
+
+@compiled
+def apply(matrix, vector, product):  # type: ignore[no-untyped-def]
+    """Write the product of a (3, 3) matrix and a vector (3,)."""
+    for i in range(3):
+        product[i] = matrix[i, 0] * vector[0] + matrix[i, 1] * vector[1] + matrix[i, 2] * vector[2]
+
+
+@compiled
 def rotate(matrix, vector):  # type: ignore[no-untyped-def]
     """Turn a rotation matrix (3, 3) on by a rotation vector (3,) in its own frame, in place."""
     x, y, z = vector[0], vector[1], vector[2]

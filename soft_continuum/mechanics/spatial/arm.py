@@ -21,7 +21,7 @@ from soft_continuum.mechanics.arm import (
     PAPER,
     STANDARD_GRAVITY,
 )
-from soft_continuum.mechanics.laws import Jam
+from soft_continuum.mechanics.laws import Jam, linear, MomentCurvature
 
 
 def _vector(name: str, value: Sequence[float], unit: str, most: float = 1e6) -> None:
@@ -38,12 +38,16 @@ class SpatialSegment:
 
     length: m.  stiffness_x, stiffness_y: E I about the x and y axes of its cross-section, N m^2;
     inf for a hinge about the other axis, as a leaf spring is.  torsional_stiffness: G J, N m^2.
-    mass: kg.  jam: how it is stiffened; a yield moment or a law of its own is not supported.
+    mass: kg.  jam: how it is stiffened; it yields by the moment of bending, about the softer axis
+    at its yield moment, about the other at as many times it as the root of the stiffness.
     outer_diameter: m, for drawing.  bending_angle_limit: largest bending angle in any direction
     that goals and inverse problems may use, rad.
     friction: moment, N m, with which the soft segment resists being bent, whichever way, as do
     tendons that rub in guides; so its shape depends on those before.  presliding: curvature, 1/m,
     by which it bends against its friction before this slides.
+    soft_law: measured moment over curvature of the soft state about the softer axis, in place of
+    its E I; the other axis is as many times stiffer as stiffness_x and stiffness_y say.  In a
+    round spring the moment is along the bending, by its size.
     """
 
     length: float
@@ -56,6 +60,7 @@ class SpatialSegment:
     bending_angle_limit: float = pi / 2
     friction: float = 0.0
     presliding: float = 0.5
+    soft_law: MomentCurvature | None = None
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical segment."""
@@ -73,8 +78,11 @@ class SpatialSegment:
         check_range('presliding curvature', self.presliding, 1e-3, 1e3, '1/m')
         if not isinstance(self.jam, Jam):
             raise ArmError(f'jam is {self.jam!r}; give a Jam, such as Jam(ratio=5.0)')
-        if self.jam.law is not None or self.jam.yield_moment != inf:
-            raise ArmError('a jam with a law or a yield moment is only supported in planar arms')
+        if not isinstance(self.soft_law, MomentCurvature | None):
+            raise ArmError(f'soft law is {self.soft_law!r}; give a MomentCurvature or none')
+        if self.jam.law is not None:  # what the jam adds must be a law, too
+            self.jam.law.minus(
+                self.soft_law or linear(min(self.stiffness_x, self.stiffness_y)))
 
 
 @dataclass(frozen=True)
@@ -98,7 +106,9 @@ class SpatialTendon:
     name: unique.  angle: of its guide at the base, rad about z from x.  offset: m from the axis;
     one for all guides, or two for each segment up to the disc where it ends, at its lower and its
     upper end.  end: number of that disc (base 0).  twist: rad per m of arm, by which a helical
-    tendon winds around it.  compliance: m/N by which it stretches.
+    tendon winds around it.  compliance: m/N by which it stretches where nothing rubs.  friction:
+    Capstan coefficient at every guide.  free_length: m of it between motor and base, which
+    stretches by the tension at the base.
     """
 
     name: str
@@ -107,6 +117,8 @@ class SpatialTendon:
     end: int
     twist: float = 0.0
     compliance: float = 0.0
+    friction: float = 0.0
+    free_length: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what is not a tendon."""
@@ -124,6 +136,8 @@ class SpatialTendon:
                            f'{2 * self.end}, two for each segment up to disc {self.end}')
         check_range(f'twist of {self.name}', self.twist, -1e3, 1e3, 'rad/m')
         check_range(f'compliance of {self.name}', self.compliance, 0.0, 1.0, 'm/N')
+        check_range(f'friction coefficient of {self.name}', self.friction, 0.0, 2.0, '')
+        check_range(f'free length of {self.name}', self.free_length, 0.0, 100.0, 'm')
 
     def offset_at(self, segment: int, part: float) -> float:
         """Distance from the axis in a segment (0-based), part 0 to 1 along it, m."""
@@ -220,24 +234,19 @@ def place_of(arm: SpatialArm, tendon: SpatialTendon, segment: int, part: float =
 
 
 def spatial(arm: Arm) -> SpatialArm:
-    """
-    Return a planar arm as a spatial one: leaf springs that bend about y, tendons at +x and -x.
-
-    Raises ArmError for what spatial arms do not have: laws, friction, tendons that stretch.
-    """
-    if (arm.tendon.friction or arm.tendon.axial_stiffness != inf
-            or any(s.soft_law is not None for s in arm.segments)):
-        raise ArmError('measured laws, friction and stretch are only supported in planar arms')
+    """Return a planar arm as a spatial one: leaf springs about y, tendons at +x and -x."""
     offsets = tuple(offset for s in arm.segments for offset in s.guide_offsets)
-    angle = arm.mounting_angle
-    last = len(arm.segments)
+    angle, tendon, last = arm.mounting_angle, arm.tendon, len(arm.segments)
+    rope = tendon.free_length + sum(arm.straight_spans) + sum(d.height for d in arm.discs)
     return SpatialArm(
         tuple(SpatialSegment(s.length, inf, s.bending_stiffness, inf, s.mass, s.jam,
-                             s.outer_diameter, min(s.bending_angle_limit, pi))
+                             s.outer_diameter, min(s.bending_angle_limit, pi),
+                             soft_law=s.soft_law)
               for s in arm.segments),
         tuple(SpatialDisc(d.height, d.mass) for d in arm.discs),
-        (SpatialTendon(arm.tendon_names[0], 0.0, offsets, last),
-         SpatialTendon(arm.tendon_names[1], radians(180.0), offsets, last)),
+        tuple(SpatialTendon(name, turn, offsets, last, 0.0, rope / tendon.axial_stiffness,
+                            tendon.friction, tendon.free_length)
+              for name, turn in zip(arm.tendon_names, (0.0, radians(180.0)), strict=True)),
         arm.bodies_per_segment, 0, arm.discretisation, arm.payload,
         tuple(Wrench(f.disc, (f.x, 0.0, f.z)) for f in arm.forces),
         (arm.gravity * sin(angle), 0.0, -arm.gravity * cos(angle)))

@@ -8,16 +8,18 @@ As in the plane (RigidChain) a segment is n bodies between n + 1 springs, and a 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.mechanics.chain import Array, joint_lengths_of
-from soft_continuum.mechanics.spatial._assembly import HELD, JAM, SLIDING, STIFFNESS
+from soft_continuum.mechanics import _kernel
+from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial._rotations import rotate
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.directions import bending_directions
+from soft_continuum.mechanics.spatial.joints import SpatialLaws
 from soft_continuum.mechanics.spatial.orientations import (
     angles_about_axes,
     bending_between,
@@ -29,10 +31,6 @@ from soft_continuum.mechanics.spatial.orientations import (
 Integers = NDArray[np.int64]
 System = tuple[Any, ...]
 """The arrays of _newton."""
-RIGID = 1e6
-"""Times the smallest bending stiffness of a joint: of what is described as infinitely stiff."""
-ACROSS = np.array([1.0, 1.0, 0.0])
-"""Friction resists bending, not twist."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +38,13 @@ class SpatialEquilibrium:
     """
     A state in which all forces and moments balance.
 
-    rotations: (bodies, 3, 3), of every body in base_link.  tensions: (tendons,) N.  pulls:
-    (tendons,) m, by how much the path of each is shorter than in the straight arm.  slack:
-    (tendons,) m by which each tendon is longer than its path.  residual: largest unbalanced
-    moment, N m.  stiff: which segments were.  held: (bodies, 3) rotation vectors that jams and
-    friction of the joints hold.  jumped: the arm went over to another equilibrium, since the one
-    followed from the start ceased to exist.  chain: the arm.
+    rotations: (bodies, 3, 3), of every body in base_link.  tensions: (tendons,) N at the base; nan
+    where no soft segment is there to determine it.  pulls: (tendons,) m, by how much the path of
+    each is shorter than in the straight arm.  slack: (tendons,) m by which each tendon is longer
+    than its path.  residual: largest unbalanced moment, N m.  stiff: which segments were.  held:
+    (bodies, 3) rotation vectors that jams and friction of the joints hold.  jumped: the arm went
+    over to another equilibrium, since the one followed from the start ceased to exist.  vacuum: of
+    each segment, 0 to 1; empty for full.  chain: the arm.
     """
 
     rotations: Array
@@ -57,6 +56,7 @@ class SpatialEquilibrium:
     stiff: tuple[bool, ...]
     held: Array
     jumped: bool = False
+    vacuum: tuple[float, ...] = ()
     chain: 'SpatialChain' = field(kw_only=True, repr=False)
 
     @property
@@ -86,11 +86,6 @@ class SpatialEquilibrium:
         return bending_between(self.orientations)
 
     # What every state has, planar or spatial.
-
-    @property
-    def vacuum(self) -> tuple[float, ...]:
-        """Always that of full jams, for which planar states have nothing."""
-        return ()
 
     @property
     def taut(self) -> tuple[bool, ...]:
@@ -158,20 +153,12 @@ class SpatialChain:
         self.bodies = self.segments * (n + 1)
         self.last_body = np.arange(1, self.segments + 1) * (n + 1) - 1
         """Of each segment: the disc above it."""
-        lengths, masses, stiffness, friction, holds = [], [], [], [], []
+        lengths, masses = [], []
         for segment, disc in zip(arm.segments, arm.discs[1:], strict=True):
             lengths += [segment.length / n] * n + [disc.height]
             masses += [segment.mass / n] * n + [disc.mass]
-            least = min(segment.stiffness_x, segment.stiffness_y)
-            finite = [min(k, RIGID * least) for k in (
-                segment.stiffness_x, segment.stiffness_y, segment.torsional_stiffness)]
-            parts = joint_lengths_of(segment.length, n, arm.discretisation)
-            stiffness += [np.array(finite) / part for part in parts]
-            friction += [segment.friction] * (n + 1)
-            holds += [segment.friction / (segment.presliding * part) for part in parts]
         self.lengths, self.masses = np.array(lengths), np.array(masses)
-        self.stiffness = np.array(stiffness)
-        self.friction, self.friction_stiffness = np.array(friction), np.array(holds)
+        self.laws = SpatialLaws(arm)
         self.forces, self.moments = self._loads()
         self.guides = [self._guides(t) for t in range(len(arm.tendons))]
         self._spans()
@@ -235,9 +222,17 @@ class SpatialChain:
         self.entry_spans = np.array(of_span, dtype=np.int64)
         self.entry_bodies = np.array(bodies, dtype=np.int64)
         self.entry_vectors = np.array(vectors, dtype=float).reshape(-1, 3)
+        self._routing = (
+            self.span_fixed, self.span_tendons,
+            np.searchsorted(self.entry_spans, np.arange(len(tendons) + 1)).astype(np.int64),
+            self.entry_bodies, self.entry_vectors)  # as _path has it
 
     def straight(self) -> SpatialEquilibrium:
         """Return the straight arm with all tendons just taut, nothing pulled."""
+        return self._straight
+
+    @cached_property
+    def _straight(self) -> SpatialEquilibrium:
         return self.state(np.zeros((self.bodies, 3)))
 
     def state(self, joints: Array) -> SpatialEquilibrium:
@@ -256,6 +251,14 @@ class SpatialChain:
             np.zeros(tendons), 0.0, 0, (True,) * self.segments, joints, chain=self)
 
     @property
+    def straight_ropes(self) -> Array:
+        """Length of each tendon of the straight arm from its motor to its end, (tendons,), m."""
+        heights = np.cumsum([disc.height for disc in self.arm.discs])
+        more = [tendon.free_length + heights[tendon.end] for tendon in self.arm.tendons]
+        ropes: Array = self.straight_paths + more
+        return ropes
+
+    @property
     def coordinate_count(self) -> int:
         """How many coordinates a state has."""
         return 3 * self.bodies
@@ -271,10 +274,10 @@ class SpatialChain:
         """
         Return a state without tension: coordinates, what stiff segments hold, which are stiff.
 
-        vacuum: not used; a jam in space is always full.
+        vacuum: as in SpatialEquilibrium.
         """
         return replace(self.state(coordinates.reshape(-1, 3)), held=held.reshape(-1, 3),
-                       stiff=tuple(stiff))
+                       stiff=tuple(stiff), vacuum=tuple(vacuum))
 
     def at(self, joint_positions: Array) -> SpatialEquilibrium:
         """Return the held state of joint_positions (3 * bodies,), rad, as joint_states have it."""
@@ -289,17 +292,6 @@ class SpatialChain:
     def joints(self, rotations: Array) -> Array:
         """Return the rotation vector of every joint, (bodies, 3), rad."""
         return rotation_vectors(_turns(rotations))
-
-    def slid(self, held: Array, rotations: Array, soft: Sequence[bool]) -> Array:
-        """Return what joints hold (bodies, 3), rad, after friction slid to these rotations."""
-        if not self.friction.any():
-            return held
-        bent = (self.joints(rotations) - held) * ACROSS
-        moment = self.friction_stiffness * np.linalg.norm(bent, axis=1)
-        slides = np.repeat(soft, self.joints_per_segment) & (moment > self.friction)
-        part = np.where(slides, 1.0 - self.friction / np.where(slides, moment, 1.0), 0.0)
-        found: Array = held + part[:, None] * bent
-        return found
 
     def ends(self, rotations: Array) -> Array:
         """Return the upper end of every body, the base disc first, (bodies + 1, 3), m."""
@@ -330,56 +322,27 @@ class SpatialChain:
             'eij,ej->ei', rotations[self.entry_bodies], self.entry_vectors))
         return sums(self.span_tendons, np.linalg.norm(spans, axis=1), len(self.arm.tendons))
 
-    def system(self, start: SpatialEquilibrium, soft: Sequence[bool]
-               ) -> tuple[Integers, System, Array]:
-        """
-        Return the arrays of _newton for soft segments, and what of each path nothing changes.
+    def rigid(self, stiff: Sequence[bool]) -> NDArray[np.bool_]:
+        """Return which joints are locked, (bodies,)."""
+        return np.repeat([is_stiff and s.jam.rigid for s, is_stiff in zip(
+            self.arm.segments, stiff, strict=True)], self.joints_per_segment)
 
-        Bodies whose joints are rigid are one link.  First comes the link of every body (-1: fixed
-        to the base), last (tendons,) m.
+    def system(self, rotations: Array, rigid: NDArray[np.bool_], joints: Array,
+               ratios: Array | None = None) -> tuple[Integers, System, Array]:
         """
-        rigid = np.repeat([not is_soft and s.jam.rigid for s, is_soft in zip(
-            self.arm.segments, soft, strict=True)], self.joints_per_segment)
+        Return the arrays of _newton, and what of each path nothing changes.
+
+        rotations: (bodies, 3, 3).  rigid: (bodies,), joints that are locked: such bodies are one
+        link.  joints: (bodies, 4, 3), of all.  ratios: (spans,), tension over that at the base;
+        1 by default.  First comes the link of every body (-1: fixed to the base), last
+        (tendons,) m.
+        """
         link = np.cumsum(~rigid) - 1
-        first = np.flatnonzero(~rigid)
-        links = len(first)
-        own = np.concatenate([start.rotations[first], np.eye(3)[None]])[link]
-        inside = np.einsum('kji,kjl->kil', own, start.rotations)  # of each body in its link
-        loads, moments = np.zeros((links + 1, 3, 3)), np.zeros((links + 1, 3))
-        np.add.at(loads, link, self.lengths[:, None, None]
-                  * inside[:, :, 2, None] * self.forces[:, None, :])
-        np.add.at(moments, link, self.moments)
-        joints = np.zeros((links, 4, 3))
-        joints[:, STIFFNESS] = self.stiffness[first]
-        jams = np.array([0.0 if is_soft else s.jam.ratio - 1.0 for s, is_soft in zip(
-            self.arm.segments, soft, strict=True)])[first // self.joints_per_segment]
-        joints[:, JAM] = jams[:, None] * joints[:, STIFFNESS]
-        joints[:, HELD] = start.held[first]
-        joints[:, SLIDING] = np.inf
-        rubs = (np.repeat(soft, self.joints_per_segment) & (self.friction > 0.0))[first]
-        joints[rubs, JAM] = self.friction_stiffness[first][rubs, None] * ACROSS
-        joints[rubs, SLIDING] = self.friction[first][rubs, None]
-        before = np.concatenate([np.eye(3)[None], inside])  # a joint is on the body before
-        turns = before[first]
-        # Spans: what moves with one link is one vector.
-        vectors = np.einsum('eij,ej->ei', inside[self.entry_bodies], self.entry_vectors)
-        links_of = link[self.entry_bodies]
-        constants = self.span_fixed.copy()
-        fixed = links_of < 0
-        np.add.at(constants, self.entry_spans[fixed], vectors[fixed])
-        keys, of_entry = np.unique(
-            self.entry_spans[~fixed] * (links + 1) + links_of[~fixed], return_inverse=True)
-        moved = np.zeros((len(keys), 3))
-        np.add.at(moved, of_entry, vectors[~fixed])
-        spans_of, entries = np.divmod(keys, links + 1)
-        ends = np.searchsorted(spans_of, np.arange(len(constants) + 1))
-        moving = np.flatnonzero(np.diff(ends))
-        spans = np.column_stack([self.span_tendons[moving], ends[moving], ends[moving + 1]])
-        still = np.diff(ends) == 0
-        unchanged = sums(self.span_tendons[still], np.linalg.norm(constants[still], axis=1),
-                          len(self.arm.tendons))
-        return link, (joints, turns, loads[:links], moments[:links], entries, moved, spans,
-                      constants[moving]), unchanged
+        *parts, moving, unchanged = _kernel.functions().spatial_lay_out(
+            rotations, link, self.lengths, self.forces, self.moments, self._routing,
+            len(self.arm.tendons))
+        carried = np.ones(len(moving)) if ratios is None else ratios[moving]
+        return link, (joints[~rigid], *parts, self.laws.tables, carried), unchanged
 
 
 def _turns(rotations: Array) -> Array:

@@ -172,13 +172,12 @@ class _Search:
                  soft: tuple[bool, ...], pretension: float) -> None:
         self.statics, self.wanted, self.chosen, self.soft = statics, wanted, chosen, soft
         self.pretension = pretension
-        self.compliance = np.array([t.compliance for t in statics.chain.arm.tendons])
 
     def run(self, start: SpatialEquilibrium) -> SpatialEquilibrium:
         """Return where the bendings are those wanted, or as near as the tendons bring them."""
         # Tendons that all are just taut hold each other: a little slack shows which carry.
         state = self.statics.solve(
-            start, self.motors(start) - start.slack - SLACK_ALLOWANCE, self.soft)
+            start, self.statics.commanded_pulls(start) - start.slack - SLACK_ALLOWANCE, self.soft)
         part = 1.0
         for _ in range(MAX_STEPS):
             left = (self.wanted - state.bending)[self.chosen]
@@ -200,14 +199,9 @@ class _Search:
                 break
         return state
 
-    def motors(self, state: SpatialEquilibrium) -> Array:
-        """Return the pulls at the motors, (tendons,), m: those of the paths, and the stretch."""
-        found: Array = state.pulls + self.compliance * state.tensions
-        return found
-
     def pulls(self, state: SpatialEquilibrium) -> Array:
         """Return the pulls at the motors, (tendons,), m, SLACK where nothing is carried."""
-        return np.where(state.tensions > NO_TENSION, self.motors(state), SLACK)
+        return np.where(state.tensions > NO_TENSION, self.statics.commanded_pulls(state), SLACK)
 
     def by_tensions(self, state: SpatialEquilibrium) -> tuple[Array, Array]:
         """Return how bendings chosen (k, tendons) and paths (tendons, tendons) change by them."""
@@ -223,8 +217,8 @@ class _Search:
         slopes, paths = self.by_tensions(state)
         needed = change + slopes @ state.tensions
         tensions: Array = lsq_linear(
-            np.vstack([WEIGHT * slopes, np.eye(len(self.compliance))]),
-            np.concatenate([WEIGHT * needed, np.zeros(len(self.compliance))]),
+            np.vstack([WEIGHT * slopes, np.eye(len(self.statics.compliance))]),
+            np.concatenate([WEIGHT * needed, np.zeros(len(self.statics.compliance))]),
             (self.pretension, np.inf), method='bvls').x
         # Exactly, with the tendons that carry: those at the pretension stay there.
         carries = tensions > self.pretension + NO_TENSION
@@ -233,8 +227,8 @@ class _Search:
             slopes[:, carries], needed - slopes[:, ~carries] @ tensions[~carries])[0]
         more = tensions - state.tensions
         missed = np.abs(slopes @ tensions - needed).max()
-        return (tensions, self.motors(state) - paths @ more + self.compliance * more,
-                bool(missed <= ENOUGH * np.abs(change).max()))
+        pulls = self.statics.commanded_pulls(state) - paths @ more + self.statics.compliance * more
+        return (tensions, pulls, bool(missed <= ENOUGH * np.abs(change).max()))
 
     def solve(self, state: SpatialEquilibrium, tensions: Array, pulls: Array
               ) -> SpatialEquilibrium:

@@ -1,21 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rotation matrices: kept what they are, and as others write them, by quaternions and angles."""
+"""Rotation matrices as others write them: by quaternions and angles."""
 
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array
-
-
-def orthonormal(rotations: Array) -> Array:
-    """
-    Return the rotations (k, 3, 3) next to matrices that are off by rounding.
-
-    One step of Newton's method for the polar decomposition (Higham 1986), which squares the error.
-    """
-    squares = rotations.transpose(0, 2, 1) @ rotations
-    found: Array = rotations @ (1.5 * np.eye(3) - 0.5 * squares)
-    return found
 
 
 def bending_between(orientations: Array) -> Array:

@@ -8,7 +8,6 @@ As in the plane, F(orientations, tensions; p) = 0 is differentiated: the derivat
 borders them (taut tendons, and what holds spans across) as a small dense system.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,9 +17,18 @@ from scipy.linalg.lapack import dgbtrf, dgbtrs
 
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial._assembly import HELD, JAM, STIFFNESS
+from soft_continuum.mechanics.spatial._laws import (
+    HELD,
+    JAM,
+    JAM_TABLE,
+    LAW,
+    SPRING_TABLE,
+    STIFFNESS,
+    YIELD,
+)
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.statics import Booleans, SpatialStatics
+from soft_continuum.mechanics.spatial.joints import parts_of_laws
+from soft_continuum.mechanics.spatial.statics import SpatialStatics
 
 BAND = 5  # entries beside the diagonal in a block tridiagonal matrix with blocks (3, 3)
 
@@ -56,17 +64,18 @@ class SpatialLinearisation:
     The linearised statics at one equilibrium, for the stiff segments that it was found with.
 
     A slack tendon stays slack and a taut one taut: where that changes, the derivatives are
-    one-sided.
+    one-sided.  So they are where a jam yields.  Tendons do not rub here.
     """
 
     def __init__(self, statics: SpatialStatics, state: SpatialEquilibrium, *,
-                 tensions: ArrayLike | None = None) -> None:
+                 tensions: ArrayLike | None = None, loading: bool = True) -> None:
         """
         Factor the matrix.
 
         tensions: as in SpatialStatics.solve: a number for each tendon whose tension is given and
-        not its length, else nan (default: all lengths).  Raises ValueError for a state of another
-        arm, tensions of the wrong size, and an arm with friction.
+        not its length, else nan (default: all lengths).  loading: whether joints whose jam bears
+        just its yield moment go on to yield, or all turn back and are elastic.  Raises ValueError
+        for a state of another arm, tensions of the wrong size, and segments with friction.
         """
         chain = statics.chain
         if state.chain.arm != chain.arm:
@@ -79,16 +88,26 @@ class SpatialLinearisation:
         if given.shape != (count,):
             raise ValueError(f'tensions must be {count} numbers (N), or nan')
         self._chain, self._state, self._by_force = chain, state, ~np.isnan(given)
-        self._link, self._system, _ = chain.system(state, [not stiff for stiff in state.stiff])
-        first = np.flatnonzero(np.diff(self._link, prepend=-1))
+        carried = np.nan_to_num(state.tensions)
+        rigid = chain.rigid(state.stiff)
+        self._link, self._system, _ = chain.system(
+            state.rotations, rigid, chain.laws.joints(state.stiff, state.vacuum, state.held))
+        first = np.flatnonzero(~rigid)
         self._segment = first // chain.joints_per_segment  # of each link's joint
-        self._soft = ~np.array(state.stiff)[self._segment]
         self._rotations = np.ascontiguousarray(state.rotations[first])
+        self._angles = chain.joints(state.rotations)[first]
+        joints = self._system[0]
+        self._away = self._angles - joints[:, HELD]
+        # Rounding must not decide which joints yield: they go a little beyond, or back.
+        most = joints[:, LAW, YIELD] * (1.0 - 1e-9)
+        at_yield = self._jam_parts(most)[1] == 0.0
+        joints[at_yield, HELD] -= (1e-7 if loading else -1e-7) * self._away[at_yield]
+        self._away = self._angles - joints[:, HELD]
         diagonal, lower, across, forces, self._slopes = _kernel.functions().spatial_linearise(
-            self._rotations, state.tensions, self._system)
-        compliance = np.array([tendon.compliance for tendon in chain.arm.tendons])
+            self._rotations, carried, self._system)
+        compliance = statics.compliance
         self._taut = np.flatnonzero(
-            (state.tensions > 0.0) & ~self._by_force
+            (carried > 0.0) & ~self._by_force
             & ((compliance > 0.0) | self._slopes.any(axis=0)))
         self._columns = np.hstack([self._slopes[:, self._taut], across])
         self._band, self._pivots = _factored_band(diagonal, lower)
@@ -121,19 +140,20 @@ class SpatialLinearisation:
         """
         Return the derivatives by a factor, now 1, of every stiffness of each segment.
 
-        Those are its bending, torsional and jam stiffness.
+        Those are its bending, torsional and jam stiffness, not what a jam bears that yields.
         """
-        def weigh(joints: Array, here: Booleans) -> None:
-            joints[~here] = 0.0
-        return self._solve(-self._by_springs(weigh))
+        joints = self._system[0]
+        secant, _ = parts_of_laws(joints[:, STIFFNESS], self._angles, joints[:, LAW, SPRING_TABLE],
+                                  self._system[8], np.full(len(joints), np.inf))
+        moments = _bent(secant) * joints[:, STIFFNESS] * self._angles
+        return self._solve(-self._by_springs(self._of_segments(moments + self._jam_moments())))
 
     def stiffness_ratio(self) -> SpatialSensitivity:
         """Return the derivatives by the ratio K of every stiff segment; 0 if soft or rigid."""
-        def weigh(joints: Array, here: Booleans) -> None:
-            jammed = here & ~self._soft
-            joints[:, JAM] = np.where(jammed[:, None], joints[:, STIFFNESS], 0.0)
-            joints[:, STIFFNESS] = 0.0
-        return self._solve(-self._by_springs(weigh))
+        more = np.array([segment.jam.ratio - 1.0 for segment in self._chain.arm.segments])
+        stiff = np.array(self._state.stiff)[self._segment]
+        each = np.where(stiff, 1.0 / more[self._segment], 0.0)[:, None] * self._jam_moments()
+        return self._solve(-self._by_springs(self._of_segments(each)))
 
     def held_shape(self) -> SpatialSensitivity:
         """
@@ -142,15 +162,18 @@ class SpatialLinearisation:
         Per rad of its bending about x, then y, of each segment in turn, spread evenly over its
         joints; 0 for one that is soft, or rigid.
         """
-        def weigh(axis: int, more: float) -> Callable[[Array, Booleans], None]:
-            def weigh(joints: Array, here: Booleans) -> None:
-                joints[:, STIFFNESS] = 0.0
-                joints[here, HELD, axis] += more / self._chain.joints_per_segment
-            return weigh
-        # What springs do is linear in the shape that they hold: a difference is exact.
-        each = [self._by_springs(weigh(axis, 0.0)) - self._by_springs(weigh(axis, 1.0))
-                for axis in (0, 1)]
-        return self._solve(np.stack(each, axis=2).reshape(len(each[0]), -1))
+        stiffness = self._system[0][:, JAM]
+        secant, tangent = self._jam_parts(self._system[0][:, LAW, YIELD])
+        pull = stiffness[:, :2] * self._away[:, :2]
+        along = np.maximum((pull * self._away[:, :2]).sum(axis=1), 1e-300)
+        slopes = np.zeros((len(pull), 3, 2))
+        slopes[:, :2] = (secant[:, None] * stiffness[:, :2])[:, :, None] * np.eye(2)
+        slopes[:, :2] += ((tangent - secant) / along)[:, None, None] * (
+            pull[:, :, None] * pull[:, None, :])
+        slopes[tangent == 0.0] = 0.0
+        each = self._of_segments(slopes.reshape(len(pull), -1) / self._chain.joints_per_segment)
+        each = each.reshape(len(pull), 3, 2, -1).transpose(0, 1, 3, 2)
+        return self._solve(self._by_springs(each.reshape(len(pull), 3, -1)))
 
     def payload(self) -> SpatialSensitivity:
         """Return the derivatives by a mass at the tip, per kg."""
@@ -181,22 +204,37 @@ class SpatialLinearisation:
         found: Array = self._chain.lengths[:, None] * self._state.rotations[:, :, 2]
         return found
 
-    def _by_springs(self, weigh: Callable[[Array, Booleans], None]) -> Array:
-        """
-        Return the moments of springs that ``weigh`` makes of those there are, (3 links, segments).
+    def _jam_parts(self, most: Array) -> tuple[Array, Array]:
+        """Return secant and tangent of the jams over their first stiffness, yielding at most."""
+        joints = self._system[0]
+        return parts_of_laws(joints[:, JAM], self._away, joints[:, LAW, JAM_TABLE],
+                             self._system[8], most)
 
-        It gets joints, to be changed, and which of them are in the segment.
-        """
-        joints, turns, loads, moments, *spans = self._system
-        found = np.zeros((3 * len(joints), self._chain.segments))
-        slack = np.zeros(len(self._by_force))
-        nothing = np.zeros_like(loads), np.zeros_like(moments)
-        for segment in range(self._chain.segments):
-            weighed = joints.copy()
-            weighed[self._soft, JAM] = 0.0
-            weigh(weighed, self._segment == segment)
-            found[:, segment] = _kernel.functions().spatial_balance(self._rotations, slack, (
-                weighed, turns, *nothing, *spans)).ravel()
+    def _jam_moments(self) -> Array:
+        """Return what elastic jams bear, (links, 3), N m; in one that yields its twist alone."""
+        secant, tangent = self._jam_parts(self._system[0][:, LAW, YIELD])
+        bent = _bent(np.where(tangent > 0.0, secant, 0.0))
+        moments: Array = bent * self._system[0][:, JAM] * self._away
+        return moments
+
+    def _of_segments(self, each: Array) -> Array:
+        """Return what joints have (links, k) as that of each segment, (links, k, segments)."""
+        mine = self._segment[:, None] == np.arange(self._chain.segments)
+        found: Array = each[:, :, None] * mine[:, None, :]
+        return found
+
+    def _by_springs(self, moments: Array) -> Array:
+        """Return what moments (links, 3, k) in the joints do to the links, (3 links, k)."""
+        _, turns, loads, dead, *routing, _, ratios = self._system
+        found = np.zeros((3 * len(moments), moments.shape[2]))
+        alone = np.zeros_like(self._system[0])
+        alone[:, JAM], alone[:, LAW] = 1.0, (np.inf, -1.0, -1.0)
+        for k in range(moments.shape[2]):
+            alone[:, HELD] = self._angles - moments[:, :, k]  # springs of 1 N m/rad
+            found[:, k] = _kernel.functions().spatial_balance(
+                self._rotations, np.zeros(len(self._by_force)),
+                (alone, turns, np.zeros_like(loads), np.zeros_like(dead), *routing,
+                 self._system[8], ratios)).ravel()
         return found
 
     def _by_torques(self, torques: Array) -> Array:
@@ -240,6 +278,11 @@ class SpatialLinearisation:
             np.zeros((1, 3, parameters)), rotations[chain.last_body]])
         return SpatialSensitivity(rotations, change, self._slopes.T @ turned, points, orientations,
                                   _bending(self._state.orientations, orientations))
+
+
+def _bent(parts: Array) -> Array:
+    """Return parts (links,) of the stiffness about x, y and, of twist, 1 where not 0."""
+    return np.column_stack([parts, parts, np.ones(len(parts))])
 
 
 def _factored_band(diagonal: Array, lower: Array) -> tuple[Array, NDArray[np.int32]]:

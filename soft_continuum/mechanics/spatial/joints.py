@@ -1,0 +1,151 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The moments in the joints of a spatial arm: springs, jams, friction, and the shapes that are held.
+
+A measured law is that of bending about the softer axis; about the other it is as much stiffer as
+described.  Twist is linear: by the torsional stiffness, and a jam makes it as much stiffer as it
+makes the first bending.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array, joint_lengths_of
+from soft_continuum.mechanics.laws import extended, linear, MomentCurvature
+from soft_continuum.mechanics.spatial._laws import (
+    bend,
+    HELD,
+    JAM,
+    JAM_TABLE,
+    LAW,
+    parts_of_law,
+    SPRING_TABLE,
+    STIFFNESS,
+    YIELD,
+)
+from soft_continuum.mechanics.spatial.arm import SpatialArm, SpatialSegment
+
+RIGID = 1e6
+"""Times the smallest bending stiffness of a joint: of what is described as infinitely stiff."""
+
+
+class SpatialLaws:
+    """The laws of all joints of a spatial arm, for any set of stiff segments and vacuum."""
+
+    def __init__(self, arm: SpatialArm) -> None:
+        """Collect stiffness and tables of every segment, soft and jammed."""
+        self._segments, self._per_segment = arm.segments, arm.bodies_per_segment + 1
+        self._tables: list[tuple[Array, Array]] = []
+        bodies = len(arm.segments) * self._per_segment
+        self._soft, self._jam = np.zeros((bodies, 4, 3)), np.zeros((bodies, 4, 3))
+        for laws in (self._soft, self._jam):
+            laws[:, LAW] = np.inf, -1.0, -1.0
+        for s, segment in enumerate(arm.segments):
+            parts = joint_lengths_of(segment.length, arm.bodies_per_segment, arm.discretisation)
+            for i, part in enumerate(parts, start=s * self._per_segment):
+                self._lay_out(segment, part, self._soft[i], self._jam[i])
+        most = max([len(table[0]) for table in self._tables], default=2)
+        self.tables = np.array([
+            [_continued(column, most) for column in table] for table in self._tables
+        ]).reshape(-1, 2, most)
+        """(k, 2, rows), as _assembly has them."""
+        self.stiffness = self._soft[:, STIFFNESS]
+        """Of the springs about x, y and z, (bodies, 3), N m/rad; of measured laws the first."""
+
+    def _lay_out(self, segment: SpatialSegment, part: float, soft: Array, jam: Array) -> None:
+        """Write the joint of a ``part`` of the spring, m, soft and what a jam adds to that."""
+        least = min(segment.stiffness_x, segment.stiffness_y)
+        law = segment.soft_law
+        first = least if law is None else _first_slope(law)
+        soft[STIFFNESS] = np.array([
+            first * min(segment.stiffness_x / least, RIGID),
+            first * min(segment.stiffness_y / least, RIGID),
+            min(segment.torsional_stiffness, RIGID * first)]) / part
+        if law is not None:
+            soft[LAW, SPRING_TABLE] = self._table(law, part)
+        if segment.friction:
+            soft[JAM] = segment.friction / (segment.presliding * part) * np.array([1.0, 1.0, 0.0])
+            soft[LAW, YIELD] = segment.friction
+        jam[STIFFNESS], jam[LAW, SPRING_TABLE] = soft[STIFFNESS], soft[LAW, SPRING_TABLE]
+        if segment.jam.rigid:
+            return
+        more = segment.jam.ratio - 1.0
+        jam[LAW, JAM_TABLE] = soft[LAW, SPRING_TABLE]
+        if segment.jam.law is not None:
+            added = segment.jam.law.minus(law or linear(least))
+            more = _first_slope(added) / first
+            jam[LAW, JAM_TABLE] = self._table(added, part)
+        jam[JAM] = more * soft[STIFFNESS]
+        jam[LAW, YIELD] = segment.jam.yield_moment
+
+    def _table(self, law: MomentCurvature, part: float) -> float:
+        """Note the law of a part of the spring, m; return its number."""
+        self._tables.append((np.array(law.curvatures) * part,
+                             np.array(law.moments) * part / _first_slope(law)))
+        return len(self._tables) - 1.0
+
+    def joints(self, stiff: Sequence[bool], vacuum: Sequence[float], held: Array) -> Array:
+        """
+        Return the joints of all bodies, (bodies, 4, 3), as _laws has them; rigid ones as soft.
+
+        stiff: per segment.  vacuum: per segment, 0 to 1, or none for full.  held: (bodies, 3) rad.
+        """
+        joints = self._soft.copy()
+        for s, segment in enumerate(self._segments):
+            if not stiff[s] or segment.jam.rigid:
+                continue
+            rows = slice(s * self._per_segment, (s + 1) * self._per_segment)
+            joints[rows] = self._jam[rows]
+            if vacuum and vacuum[s] < 1.0:
+                joints[rows, JAM] *= vacuum[s]**segment.jam.stiffness_exponent
+                joints[rows, LAW, YIELD] *= vacuum[s]
+        joints[:, HELD] = held
+        return joints
+
+    def rescaled(self, segment: int, away: Array, share: float) -> Array:
+        """
+        Return how far from the shape held, (joints, 3) rad, jams bear a share of their moment.
+
+        away: the same where they bear all of it.
+        """
+        rows = slice(segment * self._per_segment, (segment + 1) * self._per_segment)
+        found: Array = share * away
+        for joint, far, near in zip(self._jam[rows], away, found, strict=True):
+            least = float(min(joint[JAM, :2]))
+            angle = bend(joint[JAM], far, least)
+            if (table := int(joint[LAW, JAM_TABLE])) < 0 or angle == 0.0:
+                continue
+            moment = angle * parts_of_law(angle, least, float(table), self.tables, np.inf)[0]
+            angles, moments = self.tables[table]
+            near[:2] = far[:2] * extended(share * moment, moments, angles) / angle
+        return found
+
+
+def parts_of_laws(stiffness: Array, angles: Array, table: Array, tables: Array, most: Array
+                  ) -> tuple[Array, Array]:
+    """
+    Return secant and tangent stiffness of joints, each over the first one, (joints,).
+
+    stiffness, angles: (joints, 3), N m/rad and rad.  table, most: (joints,), as of _assembly.
+    """
+    parts = np.ones((2, len(angles)))
+    for i in np.flatnonzero((table >= 0.0) | np.isfinite(most)):
+        least = float(min(stiffness[i, :2]))
+        parts[:, i] = parts_of_law(
+            bend(stiffness[i], angles[i], least), least, table[i], tables, most[i])
+    return parts[0], parts[1]
+
+
+def _first_slope(law: MomentCurvature) -> float:
+    """Return the bending stiffness of the straight spring, N m^2."""
+    return law.moments[1] / law.curvatures[1]
+
+
+def _continued(column: Array, rows: int) -> list[float]:
+    """Return a column of a table with more rows: it goes on with its last slope."""
+    found: list[float] = column.tolist()
+    while len(found) < rows:
+        found.append(2.0 * found[-1] - found[-2])
+    return found

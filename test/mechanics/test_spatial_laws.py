@@ -1,0 +1,305 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Measured laws, jams that yield, vacuum and tendons that rub, of arms in space."""
+
+from dataclasses import replace
+from math import inf
+
+from energy_reference import density
+from general_arms import paper_like
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from spatial_arms import three_segments
+from test_spatial_sensitivities import assert_is_difference, changed, command
+
+from soft_continuum.mechanics import SLACK, Statics
+from soft_continuum.mechanics.arm import Tendon
+from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
+from soft_continuum.mechanics.spatial import (
+    spatial,
+    SpatialLinearisation,
+    SpatialSegment,
+    SpatialStatics,
+)
+
+SOFTENING = MomentCurvature((0.0, 2.0, 6.0, 9.0), (0.0, 0.05, 0.10, 0.12))
+STIFFENING = MomentCurvature((0.0, 1.5, 4.0), (0.0, 0.02, 0.12))
+JAMMED = MomentCurvature((0.0, 0.5, 3.0), (0.0, 0.10, 0.35))
+SOFT, STIFF = (True,) * 3, (False,) * 3
+PULLS = np.array([0.008, -0.005, -0.006])
+
+
+# In one plane: soft and bent, stiffened and pulled on, reversed, with some vacuum, and let go.
+
+WAY = ((SOFT, (0.012, -0.02), None), (STIFF, (0.018, -0.03), (1.0, 1.0, 1.0)),
+       ((False, True, False), (0.004, -0.012), (1.0, 1.0, 0.5)),
+       (STIFF, (-0.006, 0.002), (0.4, 0.7, 1.0)), (STIFF, (SLACK, SLACK), (1.0, 1.0, 0.2)))
+
+
+def steps(way):
+    """Yield soft, pulls and vacuum in steps so small that jams yield on one way only."""
+    before = np.zeros(2)
+    for soft, pulls, vacuum in way:
+        parts = np.linspace(0.0, 1.0, 9) if np.isfinite(pulls[0]) else [1.0]
+        for part in parts:
+            yield soft, before + part * np.subtract(pulls, before), vacuum
+        before = np.array(pulls)
+
+
+@pytest.mark.parametrize(('soft_law', 'jam', 'tendon'), [
+    (SOFTENING, Jam(6.0), Tendon()), (STIFFENING, Jam(law=JAMMED), Tendon(2e3, 0.2)),
+    (None, Jam(6.0, yield_moment=0.03), Tendon()),
+    (None, Jam(6.0, stiffness_exponent=0.5), Tendon(5e3)),
+    (STIFFENING, Jam(law=JAMMED, yield_moment=0.06, stiffness_exponent=0.7), Tendon()),
+    (None, Jam(6.0), Tendon(friction=0.2)), (SOFTENING, Jam(6.0), Tendon(3e3, 0.1, 0.2)),
+], ids=['soft table', 'both tables, stretch', 'yield', 'vacuum', 'table that yields', 'friction',
+        'friction, stretch, table'])
+@pytest.mark.parametrize('discretisation', ['paper', 'second_order'])
+def test_in_one_plane_every_law_does_what_it_does_in_the_plane(
+        soft_law, jam, tendon, discretisation):
+    flat = paper_like(3, jam, soft_law, bodies=4, gravity=9.80665, mounting_angle=2.6,
+                      tendon=tendon, discretisation=discretisation)
+    planar, solid = Statics(flat), SpatialStatics(spatial(flat))
+    one, other = planar.chain.straight(), solid.chain.straight()
+    for soft, pulls, vacuum in steps(WAY):
+        ways = {'vacuum': vacuum, 'sliding': np.sign(np.subtract(pulls, one.pulls)).astype(int)}
+        one, other = (statics.solve(state, pulls, soft, **ways)
+                      for statics, state in ((planar, one), (solid, other)))
+        assert not one.jumped
+        assert other.points[:, [0, 2]] == pytest.approx(one.points[:, :2], abs=1e-9)
+        assert other.points[:, 1] == pytest.approx(0.0, abs=1e-12)
+        assert other.tensions == pytest.approx(one.tensions, abs=1e-6)
+        assert (other.stiff, other.vacuum) == (one.stiff, one.vacuum)
+        stiff = np.repeat(one.stiff, 5)
+        assert other.held[stiff, 1] == pytest.approx(one.held_angles[stiff], abs=1e-8)
+
+
+# In space, from the poses alone.
+
+
+def laws(soft_law=SOFTENING, jam=None, friction=0.0, turn=0.0, **changes):
+    """Return an arm whose segments have laws, all but one round, and tendons that may rub."""
+    an_arm = three_segments(turn, jam or Jam(law=JAMMED, yield_moment=0.05), **changes)
+    return replace(
+        an_arm, segments=tuple(replace(s, soft_law=soft_law) for s in an_arm.segments),
+        tendons=tuple(replace(t, friction=friction) for t in an_arm.tendons))
+
+
+def oval(an_arm):
+    """Return the arm with a last segment that is thrice as stiff about x."""
+    *others, last = an_arm.segments
+    return replace(an_arm, segments=(*others, replace(last, stiffness_x=3.0 * last.stiffness_y)))
+
+
+def moved(an_arm, **more):
+    """Return the states of an arm that is bent, stiffened, pulled on and to another side."""
+    statics = SpatialStatics(an_arm)
+    states = [statics.chain.straight()]
+    for soft, pulls in ((SOFT, PULLS), (STIFF, 2.0 * PULLS), ((False, True, False), PULLS),
+                        (STIFF, 1.5 * PULLS[[2, 0, 1]])):
+        states.append(statics.solve(states[-1], pulls, soft, **more))
+    return states[1:]
+
+
+def bent(segment, angles, held=0.0):
+    """Return how far joints (joints, 3) are bent, counted as about the softer axis, rad."""
+    weights = np.array([segment.stiffness_x, segment.stiffness_y])
+    return np.sqrt((weights / weights.min() * (angles - held)[..., :2]**2).sum(axis=-1))
+
+
+def turns(rotations):
+    """Return the rotation vectors of the joints, (joints, 3)."""
+    before = np.concatenate([np.eye(3)[None], rotations[:-1]])
+    return Rotation.from_matrix(before.transpose(0, 2, 1) @ rotations).as_rotvec()
+
+
+def energy(state, rotations, held):
+    """Return the energy of springs, jams and weights, J."""
+    arm, per = state.chain.arm, state.chain.joints_per_segment
+    angles, total = turns(rotations), 0.0
+    for s, segment in enumerate(arm.segments):
+        rows, part = slice(s * per, (s + 1) * per), segment.length / per
+        least = min(segment.stiffness_x, segment.stiffness_y)
+        first = least if segment.soft_law is None else (
+            segment.soft_law.moments[1] / segment.soft_law.curvatures[1])
+
+        def stored(bend, segment=segment, least=least):
+            return (density(segment.soft_law, bend) if segment.soft_law is not None
+                    else 0.5 * least * bend**2)
+
+        twist = segment.torsional_stiffness
+        total += (part * stored(bent(segment, angles[rows]) / part)).sum()
+        total += (0.5 * twist / part * angles[rows, 2]**2).sum()
+        if state.stiff[s]:
+            away = bent(segment, angles[rows], held[rows]) / part
+            if segment.jam.law is not None:
+                law = segment.jam.law
+                total += (part * (density(law, away) - stored(away))).sum()
+                more = law.moments[1] / law.curvatures[1] / first - 1.0
+            else:
+                more = segment.jam.ratio - 1.0
+                total += (part * more * stored(away)).sum()
+            total += (0.5 * more * twist / part * (angles[rows] - held[rows])[:, 2]**2).sum()
+    ends = state.chain.ends(rotations)
+    middles = 0.5 * (ends[:-1] + ends[1:])
+    return total - state.chain.masses @ middles @ np.array(arm.gravity)
+
+
+def spans(state, rotations):
+    """Return the lengths of every tendon's spans between two discs, m."""
+    return [np.linalg.norm(np.diff(points, axis=0), axis=1)[::2]
+            for points in replace(state, rotations=rotations).tendon_points]
+
+
+def kept(state, friction, sliding):
+    """Return the part of the tension at the base in each span, from where the guides are."""
+    found = []
+    for points, way in zip(state.tendon_points, sliding, strict=True):
+        runs = np.concatenate([[[0.0, 0.0, 1.0]], np.diff(points, axis=0)])
+        runs /= np.linalg.norm(runs, axis=1)[:, None]
+        angles = np.arccos(np.clip((runs[1:] * runs[:-1]).sum(axis=1), -1.0, 1.0))
+        found.append(np.exp(-friction * way * np.cumsum(angles))[::2])
+    return found
+
+
+def unbalanced(state, held, ratios, step=1e-5):
+    """Return the largest moment that is left over on a body, N m, by differences of energies."""
+    largest = 0.0
+    for body in range(state.chain.bodies):
+        for axis in np.eye(3):
+            values = []
+            for turn in (step, -step):
+                rotations = state.rotations.copy()
+                rotations[body] = rotations[body] @ Rotation.from_rotvec(turn * axis).as_matrix()
+                values.append(energy(state, rotations, held) + sum(
+                    tension * (part * lengths).sum() for tension, part, lengths in zip(
+                        state.tensions, ratios, spans(state, rotations), strict=True)))
+            largest = max(largest, abs(values[0] - values[1]) / (2.0 * step))
+    return largest
+
+
+@pytest.mark.parametrize('make', [
+    lambda: laws(), lambda: laws(STIFFENING, Jam(9.0, yield_moment=0.05)),
+    lambda: laws(None, Jam(9.0, yield_moment=0.05)), lambda: oval(laws()),
+    lambda: laws(None, Jam(law=JAMMED), 0.2)],
+    ids=['softening', 'stiffening', 'linear', 'oval', 'friction'])
+def test_springs_jams_weights_and_tendons_balance_and_no_jam_bears_more_than_it_can(make):
+    an_arm = make()
+    friction, sliding = an_arm.tendons[0].friction, (1, -1, 1)
+    yielded = 0
+    for state in moved(an_arm, sliding=sliding):
+        ratios = kept(state, friction, sliding)
+        assert unbalanced(state, state.held, ratios) < 2e-8
+        assert np.all(state.tensions >= 0.0)
+        assert np.all(state.slack * state.tensions == 0.0)
+        per = state.chain.joints_per_segment
+        for s, segment in enumerate(an_arm.segments):
+            if not (state.stiff[s] and segment.jam.yield_moment < inf):
+                continue
+            rows, part = slice(s * per, (s + 1) * per), segment.length / per
+            least, soft = min(segment.stiffness_x, segment.stiffness_y), segment.soft_law
+            away = bent(segment, turns(state.rotations)[rows], state.held[rows]) / part
+            spring = [soft.moment(k) if soft else least * k for k in away]
+            whole = [segment.jam.law.moment(k) if segment.jam.law else segment.jam.ratio * m
+                     for k, m in zip(away, spring, strict=True)]
+            borne = np.subtract(whole, spring)
+            assert np.all(borne <= segment.jam.yield_moment * (1.0 + 1e-9))
+            yielded += (borne > segment.jam.yield_moment * (1.0 - 1e-9)).sum()
+    assert yielded > 5 or an_arm.segments[0].jam.yield_moment == inf
+
+
+def test_an_arm_with_every_law_that_is_turned_about_its_axis_is_turned():
+    one, other = (moved(laws(friction=0.2, turn=turn, gravity=(0.0, 0.0, 9.8)),
+                        sliding=(1, -1, 1))[-1] for turn in (0.0, 0.7))
+    assert other.points == pytest.approx(
+        Rotation.from_euler('z', 0.7).apply(one.points), abs=1e-9)
+    assert other.tensions == pytest.approx(one.tensions, abs=1e-7)
+
+
+def test_a_tendon_that_rubs_bends_the_segments_near_its_motor_more():
+    arms = (laws(None, Jam(9.0), friction, gravity=(0.0,) * 3) for friction in (0.0, 0.4))
+    bends = [np.linalg.norm(moved(an_arm, sliding=(1, 0, 0))[0].bending, axis=1)
+             for an_arm in arms]
+    assert bends[1][0] > bends[0][0]
+    assert bends[1][2] < bends[0][2]
+
+
+def test_more_vacuum_on_a_bent_segment_moves_nothing():
+    statics = SpatialStatics(laws(jam=Jam(law=JAMMED, stiffness_exponent=0.5)))
+    bent_ = statics.solve(statics.chain.straight(), PULLS, SOFT)
+    half = statics.solve(bent_, 1.5 * PULLS, STIFF, vacuum=(0.5,) * 3)
+    more = statics.solve(half, np.zeros(3), STIFF, vacuum=(1.0, 0.8, 0.5), tensions=half.tensions)
+    assert more.points == pytest.approx(half.points, abs=1e-9)
+    assert not np.array_equal(more.held, half.held)
+
+
+# Derivatives, and what is refused.
+
+
+@pytest.mark.parametrize('make', [
+    lambda: laws(), lambda: oval(laws(STIFFENING, Jam(9.0, yield_moment=0.05))),
+    lambda: laws(jam=Jam(law=JAMMED))], ids=['softening', 'oval', 'elastic'])
+def test_derivatives_are_those_of_solves_that_load_on(make):
+    statics, state = yielded(make())
+    found = SpatialLinearisation(statics, state).pulls().points @ PULLS
+    more = statics.solve(state, (3.0 + 1e-4) * PULLS, STIFF)
+    wanted = (more.points - state.points) / 1e-4
+    assert found == pytest.approx(wanted, abs=1e-3 * np.abs(wanted).max())
+
+
+def yielded(an_arm):
+    """Return statics, and a state to which all joints were loaded on one way."""
+    statics = SpatialStatics(replace(an_arm, gravity=(0.0,) * 3))
+    return statics, statics.solve(statics.chain.straight(), 3.0 * PULLS, STIFF)
+
+
+def test_derivatives_of_jams_that_turn_back_are_elastic():
+    statics, state = yielded(laws())
+    found = SpatialLinearisation(statics, state, loading=False).pulls().points @ PULLS
+    less = statics.solve(state, (3.0 - 1e-4) * PULLS, STIFF)
+    wanted = (state.points - less.points) / 1e-4
+    assert found == pytest.approx(wanted, abs=1e-3 * np.abs(wanted).max())
+    slopes = [(SpatialLinearisation(statics, state, loading=on).pulls().tensions @ PULLS)[0]
+              for on in (True, False)]
+    assert slopes[0] < 0.8 * slopes[1]
+
+
+def test_derivatives_by_stiffness_and_held_shape_know_the_laws():
+    state = moved(laws(jam=Jam(law=JAMMED)))[1]
+    statics, arm = SpatialStatics(state.chain.arm), state.chain.arm
+    linear, step = SpatialLinearisation(statics, state), 1e-5
+    factors, held = linear.stiffness_factors(), linear.held_shape()
+
+    def times(law, factor):
+        return MomentCurvature(law.curvatures, tuple(factor * m for m in law.moments))
+
+    def stiffer(factor):
+        first, *others = arm.segments
+        return replace(arm, segments=(replace(
+            first, soft_law=times(first.soft_law, factor), jam=Jam(law=times(JAMMED, factor)),
+            torsional_stiffness=factor * first.torsional_stiffness), *others))
+
+    more, less = (start[0].solve(start[1], command(state), STIFF) for start in (
+        changed(state, stiffer(1.0 + d)) for d in (step, -step)))
+    assert_is_difference(factors, 0, more, less, step)
+    turn = np.zeros_like(state.held)
+    per = state.chain.joints_per_segment
+    turn[:per, 1] = 1.0 / per
+    more, less = (statics.solve(replace(state, held=state.held + d * turn), command(state), STIFF)
+                  for d in (step, -step))
+    assert_is_difference(held, 1, more, less, step)
+
+
+def test_a_stiff_law_that_is_softer_than_the_soft_one_is_refused():
+    with pytest.raises(LawError, match='row 2 of the stiff law'):
+        SpatialSegment(0.07, 0.5, 0.3, jam=Jam(law=JAMMED))
+
+
+def test_a_rigid_jam_knows_no_part_of_vacuum():
+    statics = SpatialStatics(three_segments())
+    with pytest.raises(ValueError, match='vacuum of segment 2 is 0.5; its jam is rigid'):
+        statics.solve(statics.chain.straight(), np.zeros(3), (True, False, True),
+                      vacuum=(0.5, 0.5, 0.5))
+    with pytest.raises(ValueError, match='sliding must be 1, 0 or -1 for each of the 3 tendons'):
+        statics.solve(statics.chain.straight(), np.zeros(3), SOFT, sliding=(1, 0))
