@@ -4,8 +4,7 @@
 A simulated rig without ROS: the twin's plant, driven in simulated time as the nodes drive a rig.
 
 The jams follow the suite's own control of valves and pump; the discs are measured in pictures of
-the twin's camera, or those of a spatial arm with such errors as a camera has; the truth is what
-the plant knows.
+the twin's cameras; the truth is what the plant knows.
 """
 
 from collections.abc import Mapping
@@ -16,17 +15,20 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.spatial_sight import bending_of, SpatialSight
+from benchmarks.ring_sight import RingSight
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 from soft_continuum.mechanics import Arm
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import jamming_settings
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.rigid import mean_pose
+from soft_continuum.sensing.any_camera import AnyLayout, layout_of
+from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.sensing.sight import DiscPose
 from soft_continuum.sensing.tag_camera import TagCamera
 from soft_continuum.sensing.tag_mounts import mounted, tag_mount
@@ -58,14 +60,14 @@ class Description:
     """
     What the nodes know of arm and rig, from the description file.
 
-    arm: planar or spatial.  layout: of the tags of a planar one.  jams: whether segments can
+    arm: planar or spatial.  layout: of its tags.  jams: whether segments can
     become stiff.  settings: of plans.  jamming: thresholds.  speed_limit: of a tendon, m/s.
     soft_vacuum: Pa up to which a segment is soft.  timeout: s in which a segment becomes soft or
     stiff.  period: s between two readings of the pressures.
     """
 
     arm: Any
-    layout: TagLayout | None
+    layout: AnyLayout
     jams: bool
     settings: PlanSettings
     jamming: JammingSettings
@@ -79,8 +81,7 @@ class Description:
         """Return that of description files: without one, of that of the paper's arm."""
         values: dict[str, Any] = dict(load_description(*paths or [description_file()]))
         arm = any_arm_from_parameters(values)
-        layout = TagLayout.of(values) if isinstance(arm, Arm) else None
-        return cls(arm, layout, values['arm.jamming'], PlanSettings.of(values),
+        return cls(arm, layout_of(values), values['arm.jamming'], PlanSettings.of(values),
                    jamming_settings(values), values['speed_limit'], values['soft_vacuum'],
                    values['jamming_timeout'], 1.0 / values['jamming_rate'])
 
@@ -113,8 +114,8 @@ class Lab:
         """
         Put up the rig.
 
-        sensor: CAMERA, TRUTH or NOTHING.  tared: whether the camera takes the arm as it is in the
-        beginning as straight.
+        sensor: CAMERA, TWO_CAMERAS, TRUTH or NOTHING.  tared: whether the camera takes the arm as
+        it is in the beginning as straight; those of a spatial one always do.
         """
         if sensor not in (CAMERA, TWO_CAMERAS, TRUTH, NOTHING):
             raise ValueError(f'sensor is {sensor!r}; allowed: {CAMERA}, {TWO_CAMERAS}, {TRUTH}, '
@@ -144,12 +145,10 @@ class Lab:
         self._straight: list[tuple[Array, float]] = []  # discs, and when, to be tared on
         self._read()
         self.wait(START)
-        self._in_space = description.layout is None and sensor in (CAMERA, TWO_CAMERAS)
-        self._sight_in_space: RingSight | None = None
+        self._rings: RingSight | None = None
         self._first = self.truth[::2]
-        if self._in_space:
-            pass
-        elif tared and sensor == CAMERA:
+        in_space = isinstance(description.layout, RingLayout)
+        if tared and sensor == CAMERA and not in_space:
             for _ in range(TARE_PICTURES):
                 self.wait(PICTURE_PERIOD)
                 self._straight.append((self.truth[::2], self.time))
@@ -189,7 +188,7 @@ class Lab:
     @property
     def bending(self) -> Array:
         """The true bending of a spatial arm, about x and y of the disc below, (segments, 2)."""
-        return bending_of(self.truth[::2])
+        return bending_between(matrices(self.truth[::2, 3:]))
 
     @property
     def tensions(self) -> Array:
@@ -315,16 +314,14 @@ class Lab:
             numbers = 3 if discs.shape[1] == 3 else 6
             return {n: Pose(pose, TRUTH_DEVIATION**2 * np.eye(numbers))
                     for n, pose in enumerate(discs)}
-        if self._in_space:
-            if self._sight_in_space is None:  # drawn only now: not every contender looks
-                from benchmarks.ring_sight import RingSight
-                self._sight_in_space = RingSight(
-                    description_file().with_name('spatial_jamming.yaml'), self.differences,
-                    self._first, 1 + (self._sensor == TWO_CAMERAS))
-            self.pictures += 1
-            return {n: Pose(*seen) for n, seen in self._sight_in_space.discs(discs).items()}
         layout = self.description.layout
-        if self._drawn is None and layout is not None:
+        if isinstance(layout, RingLayout):
+            if self._rings is None:  # drawn only now: not every contender looks
+                self._rings = RingSight(layout, self.differences, self._first,
+                                        2 if self._sensor == TWO_CAMERAS else 1)
+            self.pictures += 1
+            return {n: Pose(*seen) for n, seen in self._rings.discs(discs).items()}
+        if self._drawn is None:
             self._drawn = TwinCamera(layout, self.differences)
             self._camera = TagCamera(layout, self._drawn.lens)
             self._tare()

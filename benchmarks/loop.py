@@ -114,8 +114,9 @@ def judged_in(lab: Lab, goal: Goal, contender: Contender) -> Result:
             lab.switch(segment, True)
     lab.wait(HOLDING)
     return Result(
-        float(np.linalg.norm(lab.tip[:len(goal.tip)] - goal.tip)), _angle_error(lab, goal), outcome,
-        duration, lab.largest_tension, lab.softenings, tuple(lab.violations), time.process_time() - begin)
+        float(np.linalg.norm(lab.tip[:len(goal.tip)] - goal.tip)), _angle_error(lab, goal),
+        outcome, duration, lab.largest_tension, lab.softenings, tuple(lab.violations),
+        time.process_time() - begin)
 
 
 def _angle_error(lab: Lab, goal: Goal) -> float:
@@ -128,6 +129,7 @@ def _angle_error(lab: Lab, goal: Goal) -> float:
 
 
 def line(result: Result) -> str:
+    """Return a result for the screen."""
     more = ' '.join(['', result.outcome.failed, *result.violations]).rstrip()
     return (f'tip {result.tip_error * 1e3:.2f} mm, angles {np.degrees(result.angle_error):.2f} '
             f'degrees, corrections {result.outcome.corrections}, {result.duration:.0f} s, '
@@ -135,6 +137,7 @@ def line(result: Result) -> str:
 
 
 def row(name: str, results: list[Result]) -> tuple[str, ...]:
+    """Return the results of a contender as a row under HEAD."""
     tips = np.array([r.tip_error for r in results]) * 1e3
     angles = np.degrees([r.angle_error for r in results])
     spread = [number(float(value)) for errors in (tips, angles) for value in (

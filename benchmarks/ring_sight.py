@@ -4,15 +4,11 @@
 
 from collections.abc import Mapping, Sequence
 from math import pi
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial.arm import SpatialArm
-from soft_continuum.parameters.arm import any_arm_from_parameters
-from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.rigid import compose, displacement, inverse, mean_pose
 from soft_continuum.sensing.ring_camera import RingCamera
 from soft_continuum.sensing.ring_layout import RingLayout
@@ -27,16 +23,9 @@ TARE_PICTURES = 6
 class RingSight:
     """Cameras around a spatial arm, each tared on the straight arm."""
 
-    def __init__(self, path: Path, given: Differences, straight: Array, cameras: int) -> None:
-        """
-        Place cameras.
-
-        path: of the description.  straight: (discs, 7), poses of the discs in the beginning.
-        """
-        values = load_description(path, node='camera')
-        arm = any_arm_from_parameters(values)
-        assert isinstance(arm, SpatialArm)
-        layout = RingLayout.of(values, arm)
+    def __init__(self, layout: RingLayout, given: Differences, straight: Array, cameras: int
+                 ) -> None:
+        """Place cameras; straight: (discs, 7), poses of the discs in the beginning."""
         self._drawn = [SpatialTwinCamera(layout, given, way) for way in DIRECTIONS[:cameras]]
         self._cameras = [RingCamera(layout, drawn.lens) for drawn in self._drawn]
         self._mounts: list[dict[int, Array]] = [{} for _ in self._drawn]

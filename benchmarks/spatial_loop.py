@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the simulated arm in space ends up when it is set to random shapes, in open and closed loop."""
+"""Where the simulated arm in space ends up that is set to random shapes, open and closed loop."""
 
 from dataclasses import replace
 from math import pi

@@ -86,9 +86,6 @@ class Dimensions(Protocol):
     def stiffer(self, segment: Any, factor: float) -> Any:
         """Return a segment of that many times the stiffness."""
 
-    def has_law(self, segment: Any) -> bool:
-        """Whether its stiffness is a measured law, and not estimated."""
-
     def giving(self, arm: Any, stretch: float) -> Any:
         """Return an arm whose tendons give: by ``stretch`` m/N where they are inextensible."""
 
@@ -159,10 +156,6 @@ class Plane:
     def stiffer(self, segment: Any, factor: float) -> Any:
         """Return it with another E I."""
         return replace(segment, bending_stiffness=segment.bending_stiffness * factor)
-
-    def has_law(self, segment: Any) -> bool:
-        """Whether it has a moment-curvature law."""
-        return segment.soft_law is not None
 
     def giving(self, arm: Any, stretch: float) -> Any:
         """Return it with another axial stiffness of the tendons, if it is infinite."""
@@ -237,10 +230,6 @@ class Space:
         return replace(segment, stiffness_x=segment.stiffness_x * factor,
                        stiffness_y=segment.stiffness_y * factor,
                        torsional_stiffness=segment.torsional_stiffness * factor, friction=0.0)
-
-    def has_law(self, segment: Any) -> bool:
-        """Whether it has a law: none has in space."""
-        return False
 
     def giving(self, arm: Any, stretch: float) -> Any:
         """Return it with another compliance of the tendons that have none."""

@@ -180,7 +180,7 @@ def first_covariance(arm: AnyArm, layout: Layout, prior: Prior) -> Array:
     variances = np.zeros(layout.size)
     variances[layout.held] = prior.straight**2
     variances[layout.stiffness] = [
-        0.0 if layout.dimensions.has_law(s) else prior.stiffness**2 for s in arm.segments]
+        0.0 if s.soft_law is not None else prior.stiffness**2 for s in arm.segments]
     variances[layout.ratio] = [
         0.0 if s.jam.law is not None else prior.ratio**2 for s in arm.segments]
     variances[layout.offset] = prior.offset**2

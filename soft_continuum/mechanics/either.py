@@ -154,9 +154,10 @@ def bent(statics: Any, state: Any, soft: Sequence[bool], goal: Array) -> Any:
     if isinstance(statics.chain.arm, Arm):
         segment = list(soft).index(True)
         return statics.bend(state, segment, float(goal[segment]))
-    from soft_continuum.mechanics.spatial.inverse import pulls_for_bending
+    from soft_continuum.mechanics.spatial.inverse import PRETENSION, pulls_that_hold
     wanted = np.where(np.array(soft)[:, None], goal, np.nan)
-    return pulls_for_bending(statics, state, wanted, soft).state
+    # With it first: it hardly changes the shape, and what falls over costs a second to find out.
+    return pulls_that_hold(statics, state, wanted, soft, (PRETENSION, 0.0)).state
 
 
 def statics_of(arm: AnyArm) -> 'Statics | SpatialStatics':

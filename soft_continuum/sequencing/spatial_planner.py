@@ -18,7 +18,7 @@ from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
 from soft_continuum.mechanics.spatial.directions import bending_axes, bending_vectors
-from soft_continuum.mechanics.spatial.inverse import BendingFit, pulls_for_bending
+from soft_continuum.mechanics.spatial.inverse import BendingFit, pulls_for_bending, pulls_that_hold
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 from soft_continuum.sequencing.planner import (
@@ -76,7 +76,7 @@ class SpatialPlanner(ShapePlanner):
         points = [start]
         for part in np.arange(1, steps + 1) / steps:
             self._check_wanted()
-            fit = pulls_for_bending(self.statics, bent, present + part * change, soft)
+            fit = pulls_that_hold(self.statics, bent, present + part * change, soft)
             bent = fit.state
             tension = max(tension, float(bent.tensions.max()))
             points.append(self._with_slack(fit))

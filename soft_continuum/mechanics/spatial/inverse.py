@@ -36,6 +36,7 @@ MAX_STEPS = 100
 MAX_PASSES = 100  # over all segments, before elastic ones are taken not to fit together
 WEIGHT = 1e6  # N/rad of an error of bending against the tensions, in the choice of tensions
 NO_TENSION = 1e-6  # N above the pretension: a tendon this close does not carry
+PRETENSION = 0.3  # N
 SETTLED = 1e-7  # of the tensions: they change no more
 
 
@@ -75,6 +76,24 @@ def pulls_for_bending(statics: SpatialStatics, start: SpatialEquilibrium, bendin
     if np.nanmax(np.abs(error)) > HELD:
         raise StaticsError(search.why_not(state), state)
     return BendingFit(state, search.pulls(state), error)
+
+
+def pulls_that_hold(statics: SpatialStatics, start: SpatialEquilibrium, bending: ArrayLike,
+                    soft: Sequence[bool], pretensions: Sequence[float] = (0.0, PRETENSION)
+                    ) -> BendingFit:
+    """
+    Return pulls_for_bending with the first of some pretensions (N) that holds the arm.
+
+    A segment that would fall over by its load needs tendons to all sides.  Raises what
+    pulls_for_bending raised first.
+    """
+    errors = []
+    for pretension in pretensions:
+        try:
+            return pulls_for_bending(statics, start, bending, soft, pretension=pretension)
+        except StaticsError as error:
+            errors.append(error)
+    raise errors[0]
 
 
 def set_shape(statics: SpatialStatics, bending: ArrayLike,
