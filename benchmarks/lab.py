@@ -25,9 +25,8 @@ from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import jamming_settings
-from soft_continuum.sensing.layout import TagLayout
-from soft_continuum.sensing.rigid import mean_pose
 from soft_continuum.sensing.any_camera import AnyLayout, layout_of
+from soft_continuum.sensing.rigid import mean_pose
 from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.sensing.sight import DiscPose
 from soft_continuum.sensing.tag_camera import TagCamera

@@ -18,7 +18,7 @@ from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
 from soft_continuum.mechanics.spatial.directions import bending_axes, bending_vectors
-from soft_continuum.mechanics.spatial.inverse import BendingFit, pulls_for_bending, pulls_that_hold
+from soft_continuum.mechanics.spatial.inverse import BendingFit, pulls_that_hold
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 from soft_continuum.sequencing.planner import (
