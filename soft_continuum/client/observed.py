@@ -119,11 +119,10 @@ class ObservedArm:
         for name in (topic, source):
             self._ages.setdefault(name, Age()).refresh()
         if topic in (JAMMING_STATE, 'segment_poses'):
-            jams = topic == JAMMING_STATE
-            known = len(self.disc_topics)
-            self._segments = max(self._segments, min(
-                len(message.stiffness if jams else message.poses), MAX_SEGMENTS))
-            while self._jams < (self._segments if jams else 0):
+            known, jams = len(self.disc_topics), topic == JAMMING_STATE
+            count = min(len(message.stiffness if jams else message.poses), MAX_SEGMENTS)
+            self._segments = max(self._segments, count)
+            while jams and self._jams < count:
                 self._jams += 1
                 self._subscribe(f'segment_{self._jams}/pressure', FluidPressure, SENSOR,
                                 JAMMING_VALVES)

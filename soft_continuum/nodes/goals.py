@@ -18,7 +18,7 @@ from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape as ShapeMessage
 
 MAX_SHAPES = 100
-"""Shapes of one goal; to plan one takes some tens of milliseconds, in space some hundred."""
+"""Shapes of one goal; to plan one takes some tens of milliseconds, in space some hundreds."""
 
 
 def shape_library(parameters: Mapping[str, Any], arm: AnyArm) -> dict[str, Shape]:

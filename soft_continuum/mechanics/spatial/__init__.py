@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     )
     from soft_continuum.mechanics.spatial.batch import solve_batch, solve_path, SpatialBatch
     from soft_continuum.mechanics.spatial.chain import SpatialChain, SpatialEquilibrium
+    from soft_continuum.mechanics.spatial.directions import bending_directions, bending_vectors
     from soft_continuum.mechanics.spatial.grid import set_on_grid, workspace
     from soft_continuum.mechanics.spatial.inverse import (
         BendingFit,
@@ -39,13 +40,14 @@ if TYPE_CHECKING:
 __all__ = [
     'BendingFit', 'SpatialArm', 'SpatialBatch', 'SpatialChain', 'SpatialDisc',
     'SpatialEquilibrium', 'SpatialLinearisation', 'SpatialSegment', 'SpatialSensitivity',
-    'SpatialStatics', 'SpatialTendon', 'SpatialTipFit', 'Wrench', 'bending_for_tip',
-    'constant_curvature', 'pulls_for_bending', 'self_intersections', 'set_on_grid', 'set_shape',
-    'solve_batch', 'solve_path', 'spatial', 'workspace', 'wound_up',
+    'SpatialStatics', 'SpatialTendon', 'SpatialTipFit', 'Wrench', 'bending_directions',
+    'bending_for_tip', 'bending_vectors', 'constant_curvature', 'pulls_for_bending',
+    'self_intersections', 'set_on_grid', 'set_shape', 'solve_batch', 'solve_path', 'spatial',
+    'workspace', 'wound_up',
 ]
 
 # Cheap ones first, as in the plane: who solves does not load SciPy.
-_MODULES = ('arm', 'chain', 'statics', 'batch', 'self_contact', 'sensitivity',
+_MODULES = ('arm', 'directions', 'chain', 'statics', 'batch', 'self_contact', 'sensitivity',
             'constant_curvature', 'inverse', 'grid', 'tip')
 
 
