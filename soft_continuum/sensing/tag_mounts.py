@@ -18,6 +18,8 @@ from soft_continuum.sensing.tracker import given_pose
 
 MAX_SHIFT, MAX_TURN = 0.01, 0.2
 """m and rad by which a tag may be off; more is an arm that is not straight."""
+RING_NOISE = 0.003
+"""m by which a ring at rest may move: along the view of one camera its noise is up to 1 mm."""
 
 
 def ring_mounts(values: Mapping[str, Any], discs: int) -> tuple[Array, ...]:
@@ -34,7 +36,7 @@ def ring_mounts(values: Mapping[str, Any], discs: int) -> tuple[Array, ...]:
 
 def ring_mount(poses: Sequence[Array], height: float) -> Array:
     """Return the pose (7,) of a disc in that of its ring, as tag_mount, from poses (k, 7)."""
-    mount = mount_of(poses, height)
+    mount = mount_of(poses, height, RING_NOISE)
     _refuse_bent(float(np.linalg.norm(mount[:3])),
                  angle_between(np.array(IDENTITY), mount), 'tags.fixed_poses')
     return mount
