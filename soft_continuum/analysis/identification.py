@@ -8,6 +8,7 @@ The pulls are taken as they are, the points as measured with independent errors 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Generic, Protocol
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -15,7 +16,12 @@ from scipy.stats import t as student
 
 from soft_continuum.analysis.measured_shapes import loaded, MeasuredShape, simulate_steps
 from soft_continuum.analysis.path_sensitivity import points_and_derivatives
-from soft_continuum.analysis.unknowns import IdentificationError, Unknown, with_values
+from soft_continuum.analysis.unknowns import (
+    Described,
+    IdentificationError,
+    Unknown,
+    with_values,
+)
 from soft_continuum.mechanics.arm import Arm, SECOND_ORDER
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.statics import Statics, StaticsError
@@ -26,26 +32,37 @@ MIN_SHARE = 0.3  # of an unknown in what cannot be told, for it to be named
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(Generic[Described]):
     """
     What a fit found.
 
     values, deviations: (k,) of the unknowns and their standard deviations.  half_widths: (k,) of
     the 95 % confidence intervals.  correlations: (k, k).  noise: standard deviation of one
-    coordinate, m, from the residuals.  arm: with the values put in.
+    coordinate, m, from the residuals.  arm: with the values put in; in space the parameters that
+    describe it.
     """
 
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[Unknown[Described], ...]
     values: Array
     deviations: Array
     half_widths: Array
     correlations: Array
     noise: float
-    arm: Arm
+    arm: Described
 
 
-def identify(arm: Arm, unknowns: Sequence[Unknown], shapes: Sequence[MeasuredShape]
-             ) -> Identification:
+class ShapeFit(Protocol):
+    """One measured shape, and what the arm with values for its unknowns makes of it."""
+
+    def residuals(self, values: Array) -> Array:
+        """Return predicted less measured coordinates, m; raises StaticsError."""
+
+    def jacobian(self, values: Array, scales: Array) -> Array:
+        """Return derivatives of the residuals by values (k,), (coordinates, k)."""
+
+
+def identify(arm: Arm, unknowns: Sequence[Unknown[Arm]], shapes: Sequence[MeasuredShape]
+             ) -> Identification[Arm]:
     """
     Fit the unknowns to the points of the shapes.
 
@@ -54,12 +71,6 @@ def identify(arm: Arm, unknowns: Sequence[Unknown], shapes: Sequence[MeasuredSha
     unknowns, the model cannot follow the shapes, or the data do not determine every unknown.
     """
     arm = replace(arm, discretisation=SECOND_ORDER)
-    fits = [_Fit(arm, unknowns, shape) for shape in shapes]
-    coordinates = sum(2 * len(shape.moving) for shape in shapes)
-    if coordinates <= len(unknowns):
-        raise IdentificationError(
-            f'{coordinates} measured coordinates are too few for {len(unknowns)} unknowns; '
-            'measure more points or shapes, or name fewer unknowns')
     if np.isfinite(arm.tendon.axial_stiffness) and (
             arm.tendon.friction or any(u.name == 'friction' for u in unknowns)):
         raise IdentificationError(
@@ -68,6 +79,17 @@ def identify(arm: Arm, unknowns: Sequence[Unknown], shapes: Sequence[MeasuredSha
     if any(np.isfinite(segment.jam.yield_moment) for segment in arm.segments):
         raise IdentificationError('jams that yield cannot be identified from shapes; set '
                                   'arm.yield_moments to 0 and measure where nothing yields')
+    return fit_shapes(arm, unknowns, [_Fit(arm, unknowns, shape) for shape in shapes],
+                      sum(shape.coordinates for shape in shapes))
+
+
+def fit_shapes(described: Described, unknowns: Sequence[Unknown[Described]],
+               fits: Sequence[ShapeFit], coordinates: int) -> Identification[Described]:
+    """Fit unknowns to shapes with so many measured coordinates in all; raises as identify."""
+    if coordinates <= len(unknowns):
+        raise IdentificationError(
+            f'{coordinates} measured coordinates are too few for {len(unknowns)} unknowns; '
+            'measure more points or shapes, or name fewer unknowns')
     scales = np.array([u.scale for u in unknowns])
     start = np.array([u.start for u in unknowns])
 
@@ -94,13 +116,13 @@ def identify(arm: Arm, unknowns: Sequence[Unknown], shapes: Sequence[MeasuredSha
     found = least_squares(residuals, start / scales, jac=jacobian, bounds=bounds,
                           xtol=1e-10, ftol=1e-10, gtol=1e-12)
     values = found.x * scales
-    return _judged(arm, tuple(unknowns), values, found.fun, jacobian(found.x), scales)
+    return _judged(described, tuple(unknowns), values, found.fun, jacobian(found.x), scales)
 
 
 class _Fit:
     """Residuals of one shape and their derivatives."""
 
-    def __init__(self, arm: Arm, unknowns: Sequence[Unknown], shape: MeasuredShape) -> None:
+    def __init__(self, arm: Arm, unknowns: Sequence[Unknown[Arm]], shape: MeasuredShape) -> None:
         self._arm, self._unknowns, self._shape = loaded(arm, shape), unknowns, shape
         self._rows = [shape.numbers[row] for row in shape.moving]
 
@@ -111,9 +133,7 @@ class _Fit:
         """Return predicted less measured coordinates, m."""
         statics = Statics(self._arm_at(values))
         state = simulate_steps(statics, self._shape.steps, self._shape.name)[-1]
-        points = state.points[self._rows, :2]
-        rest: Array = (points - self._shape.positions[self._shape.moving]).ravel()
-        return rest
+        return self._shape.misses(state).ravel()
 
     def jacobian(self, values: Array, scales: Array) -> Array:
         """Return derivatives of the residuals, (coordinates, k)."""
@@ -122,8 +142,8 @@ class _Fit:
         return derivatives[self._rows].reshape(-1, len(values))
 
 
-def _judged(arm: Arm, unknowns: tuple[Unknown, ...], values: Array, residuals: Array,
-            jacobian: Array, scales: Array) -> Identification:
+def _judged(described: Described, unknowns: tuple[Unknown[Described], ...], values: Array,
+            residuals: Array, jacobian: Array, scales: Array) -> Identification[Described]:
     """Return the fit with its uncertainties; raises IdentificationError for what is not known."""
     spare = residuals.size - values.size
     noise = float(np.sqrt(residuals @ residuals / spare))
@@ -144,10 +164,10 @@ def _judged(arm: Arm, unknowns: tuple[Unknown, ...], values: Array, residuals: A
     return Identification(
         unknowns, values, deviations * scales,
         student.ppf(0.975, spare) * deviations * scales, correlations, noise,
-        with_values(arm, unknowns, values))
+        with_values(described, unknowns, values))
 
 
-def _refuse(unknowns: tuple[Unknown, ...], direction: Array, spread: float) -> None:
+def _refuse(unknowns: tuple[Unknown[Described], ...], direction: Array, spread: float) -> None:
     involved = [u for u, share in zip(unknowns, direction, strict=True) if abs(share) > MIN_SHARE]
     names = ', '.join(u.name for u in involved)
     remedies = '; or '.join(dict.fromkeys(u.remedy for u in involved))
@@ -166,9 +186,7 @@ def shape_error(arm: Arm, shape: MeasuredShape) -> Array:
     """Return the distances (m) of the moving points of a shape from where the model has them."""
     statics = Statics(replace(loaded(arm, shape), discretisation=SECOND_ORDER))
     state = simulate_steps(statics, shape.steps, shape.name)[-1]
-    there = state.points[
-        [shape.numbers[row] for row in shape.moving], :2]
-    distances: Array = np.linalg.norm(there - shape.positions[shape.moving], axis=1)
+    distances: Array = np.linalg.norm(shape.misses(state), axis=1)
     return distances
 
 

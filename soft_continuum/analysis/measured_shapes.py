@@ -8,11 +8,15 @@ the straight arm, x to the right tendon): shape, point (1 is the bottom of the b
 bottom and top of each disc), x, z.  Pulls: shape, segment that was soft, pull of the right and the
 left tendon against the straight arm, or the word slack; and where known the bending angle that was
 set and the payload that hung at the tip.
+
+In space points have a y too, and pulls a column for each tendon of the description; without
+jamming there is no segment that was soft: all were.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, overload, Protocol, TypeVar
 
 import numpy as np
 
@@ -28,24 +32,22 @@ from soft_continuum.analysis.delimited import (
 )
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.either import AnyArm, Solver, State
 from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
 
 BASE_TOLERANCE = 0.005  # m: the base disc cannot be further from where the frame has it
 BENT_LENGTH = 0.75  # of a segment, straight from end to end when it is bent by about 150 degrees
 MAX_SHAPES = 100
 MAX_STEPS = 100  # of one shape
+Loaded = TypeVar('Loaded', bound=AnyArm)
 
-POINT_QUANTITIES = (
-    Quantity('shape', ('shape', 'form')),
-    Quantity('point', ('point', 'punkt')),
-    Quantity('x', ('x',), LENGTH_UNITS),
-    Quantity('z', ('z',), LENGTH_UNITS),
-)
-PULL_QUANTITIES = (
-    Quantity('shape', ('shape', 'form')),
-    Quantity('segment', ('segment',)),
+SHAPE = Quantity('shape', ('shape', 'form'))
+SEGMENT = Quantity('segment', ('segment',))
+RIGHT_AND_LEFT = (
     Quantity('right', ('right', 'rechts'), LENGTH_UNITS),
     Quantity('left', ('left', 'links'), LENGTH_UNITS),
+)
+OPTIONAL = (
     Quantity('angle', ('angle', 'winkel'), ANGLE_UNITS, required=False),
     Quantity('payload', ('payload', 'nutzlast'), MASS_UNITS, required=False),
 )
@@ -54,14 +56,26 @@ PULL_QUANTITIES = (
 @dataclass(frozen=True)
 class Step:
     """
-    One segment (0-based) is soft while the tendons go to pulls (right, left), m, or SLACK.
+    One segment (0-based) is soft while the tendons go to pulls (tendons,), m, or SLACK.
 
-    angle: bending angle that was set, rad; nan where none was.
+    segment: None if all are soft.  angle: bending angle that was set, rad; nan where none was.
     """
 
-    segment: int
-    pulls: tuple[float, float]
+    segment: int | None
+    pulls: tuple[float, ...]
     angle: float = np.nan
+
+    def soft(self, segments: int) -> tuple[bool, ...]:
+        """Return which segments are soft."""
+        return tuple(self.segment in (None, i) for i in range(segments))
+
+
+class HasPoints(Protocol):
+    """A state, or what a model predicts."""
+
+    @property
+    def points(self) -> Array:
+        """Bottom and top centre of every disc, base first, m; x and z, or x, y, z, come first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +83,8 @@ class MeasuredShape:
     """
     One shape: its steps, and the calculation points that were measured.
 
-    numbers: (m,) of the points, 0 for the bottom of the base disc.  positions: (m, 2), x and z, m.
-    payload: kg.
+    numbers: (m,) of the points, 0 for the bottom of the base disc.  positions: (m, 2), x and z, or
+    (m, 3) in space, m.  payload: kg.
     """
 
     name: str
@@ -84,15 +98,38 @@ class MeasuredShape:
         """Which rows of positions are not of the base disc, which cannot move."""
         return [row for row, number in enumerate(self.numbers) if number > 1]
 
+    @property
+    def coordinates(self) -> int:
+        """How many coordinates of moving points were measured."""
+        return len(self.moving) * int(self.positions.shape[1])
 
-def read_shapes(points: str | Path, pulls: str | Path, arm: Arm) -> tuple[MeasuredShape, ...]:
+    def misses(self, state: HasPoints) -> Array:
+        """Return by how much the moving points of a state miss those measured, (m, 2 or 3), m."""
+        there = state.points[[self.numbers[row] for row in self.moving]]
+        found: Array = there[:, :self.positions.shape[1]] - self.positions[self.moving]
+        return found
+
+
+def read_shapes(points: str | Path, pulls: str | Path, arm: AnyArm, jamming: bool = True
+                ) -> tuple[MeasuredShape, ...]:
     """
     Read the shapes of a points file and a pulls file, in the order of the points file.
 
-    Raises MeasurementError naming file, line and remedy.
+    jamming: of an arm in space, whether one segment was soft at a time.  Raises MeasurementError
+    naming file, line and remedy.
     """
-    measured = _read_points(read_table(points, POINT_QUANTITIES), arm)
-    pulled = _read_pulls(read_table(pulls, PULL_QUANTITIES), arm)
+    axes = 'xz' if isinstance(arm, Arm) else 'xyz'
+    measured = _read_points(read_table(points, (
+        SHAPE, Quantity('point', ('point', 'punkt')),
+        *(Quantity(axis, (axis,), LENGTH_UNITS) for axis in axes))), axes, arm)
+    tendons: tuple[Quantity, ...] = RIGHT_AND_LEFT
+    named: dict[str, str] = {}
+    if not isinstance(arm, Arm):
+        tendons = tuple(Quantity(name, (name,), LENGTH_UNITS) for name in arm.tendon_names)
+        named = {name: name for name in arm.tendon_names}
+    pulled = _read_pulls(
+        read_table(pulls, (SHAPE, *((SEGMENT,) if jamming else ()), *tendons, *OPTIONAL), named),
+        [tendon.name for tendon in tendons], arm, jamming)
     for name in measured:
         if name not in pulled:
             raise MeasurementError(f'{pulls}: has no rows for shape {name!r} of {points}; it has '
@@ -106,13 +143,14 @@ def read_shapes(points: str | Path, pulls: str | Path, arm: Arm) -> tuple[Measur
         for name, rows in measured.items())
 
 
-def _read_points(table: Table, arm: Arm) -> dict[str, dict[int, tuple[float, float]]]:
+def _read_points(table: Table, axes: str, arm: AnyArm
+                 ) -> dict[str, dict[int, tuple[float, ...]]]:
     names, numbers = table.column('shape'), table.column('point')
     most = 2 * len(arm.discs)
-    shapes: dict[str, dict[int, tuple[float, float]]] = {}
-    for name, number, x, z, line in zip(
-            names.cells, numbers.whole_numbers(), table.column('x').numbers().tolist(),
-            table.column('z').numbers().tolist(), names.lines, strict=True):
+    shapes: dict[str, dict[int, tuple[float, ...]]] = {}
+    places = np.column_stack([table.column(axis).numbers() for axis in axes])
+    for name, number, place, line in zip(
+            names.cells, numbers.whole_numbers(), places, names.lines, strict=True):
         where = f'{table.path}, line {line}'
         if not 1 <= number <= most:
             raise MeasurementError(f'{where}: there is no point {number}; this arm has 1 to '
@@ -121,16 +159,18 @@ def _read_points(table: Table, arm: Arm) -> dict[str, dict[int, tuple[float, flo
         if number - 1 in rows:
             raise MeasurementError(f'{where}: point {number} of shape {name!r} is there already; '
                                    'give repeated measurements names of their own')
-        if np.hypot(x, z) > 2.0 * arm.length:
+        shown = ', '.join(f'{value:.4g}' for value in place)
+        if np.linalg.norm(place) > 2.0 * arm.length:
             raise MeasurementError(
-                f'{where}: ({x:.4g}, {z:.4g}) m is further away than the arm is long '
+                f'{where}: ({shown}) m is further away than the arm is long '
                 f'({arm.length:.4g} m); is the unit in the header right')
-        at_base = 0.0 if number == 1 else arm.discs[0].height
-        if number <= 2 and np.hypot(x, z - at_base) > BASE_TOLERANCE:
+        at_base = np.append(np.zeros(len(axes) - 1), 0.0 if number == 1 else arm.discs[0].height)
+        if number <= 2 and np.linalg.norm(place - at_base) > BASE_TOLERANCE:
             raise MeasurementError(
-                f'{where}: point {number} of the base disc is at ({x:.4g}, {z:.4g}) m; it must be '
-                f'at (0, {at_base:g}): transform the points to the frame of the base disc')
-        rows[number - 1] = (x, z)
+                f'{where}: point {number} of the base disc is at ({shown}) m; it must be at '
+                f'({", ".join(f"{value:g}" for value in at_base)}): transform the points to the '
+                'frame of the base disc')
+        rows[number - 1] = tuple(place.tolist())
     for name, rows in shapes.items():
         if max(rows) <= 1:
             raise MeasurementError(f'{table.path}: shape {name!r} has points of the base disc '
@@ -145,12 +185,12 @@ def _read_points(table: Table, arm: Arm) -> dict[str, dict[int, tuple[float, flo
     return shapes
 
 
-def _check_lengths(where: str, rows: Mapping[int, tuple[float, float]], arm: Arm) -> None:
+def _check_lengths(where: str, rows: Mapping[int, tuple[float, ...]], arm: AnyArm) -> None:
     """Raise MeasurementError when discs or segments are not as long as those of the arm."""
     for one in sorted(rows):
         if one + 1 not in rows:
             continue
-        length = float(np.hypot(*np.subtract(rows[one + 1], rows[one])))
+        length = float(np.linalg.norm(np.subtract(rows[one + 1], rows[one])))
         if one % 2:
             part = f'segment {one // 2 + 1}'
             most = arm.segments[one // 2].length
@@ -165,20 +205,22 @@ def _check_lengths(where: str, rows: Mapping[int, tuple[float, float]], arm: Arm
                 'as --params-file, or correct the points')
 
 
-def _read_pulls(table: Table, arm: Arm) -> dict[str, tuple[tuple[Step, ...], float]]:
-    names, segments = table.column('shape'), table.column('segment')
+def _read_pulls(table: Table, tendons: Sequence[str], arm: AnyArm, jamming: bool
+                ) -> dict[str, tuple[tuple[Step, ...], float]]:
+    names = table.column('shape')
+    segments = (table.column('segment').whole_numbers() if jamming else [None] * len(names.cells))
     angles = (table.column('angle').numbers().tolist() if table.has('angle')
               else [np.nan] * len(names.cells))
     payloads = (table.column('payload').numbers().tolist() if table.has('payload')
                 else [0.0] * len(names.cells))
-    right, left = _pulls(table.column('right')), _pulls(table.column('left'))
     steps: dict[str, list[Step]] = {}
     payload: dict[str, float] = {}
     for name, segment, angle, mass, pulls, line in zip(
-            names.cells, segments.whole_numbers(), angles, payloads,
-            zip(right, left, strict=True), names.lines, strict=True):
+            names.cells, segments, angles, payloads,
+            zip(*(_pulls(table.column(t)) for t in tendons), strict=True), names.lines,
+            strict=True):
         where = f'{table.path}, line {line}'
-        if not 1 <= segment <= len(arm.segments):
+        if segment is not None and not 1 <= segment <= len(arm.segments):
             raise MeasurementError(f'{where}: there is no segment {segment}; this arm has 1 to '
                                    f'{len(arm.segments)}')
         if any(pull > arm.length for pull in pulls):
@@ -191,7 +233,7 @@ def _read_pulls(table: Table, arm: Arm) -> dict[str, tuple[tuple[Step, ...], flo
         if len(steps.setdefault(name, [])) == MAX_STEPS:
             raise MeasurementError(f'{where}: shape {name!r} has more than {MAX_STEPS} steps; '
                                    'give repeated measurements names of their own')
-        steps[name].append(Step(segment - 1, pulls, angle))
+        steps[name].append(Step(None if segment is None else segment - 1, pulls, angle))
     return {name: (tuple(rows), payload[name]) for name, rows in steps.items()}
 
 
@@ -203,31 +245,48 @@ def _pulls(column: Column) -> list[float]:
     return [SLACK if s else value for s, value in zip(slack, values, strict=True)]
 
 
-def loaded(arm: Arm, shape: MeasuredShape) -> Arm:
+def seen_from_the_side(points: Array) -> Array:
+    """Return x and z (2, m) of points (m, 2) of a plane or (m, 3) in space."""
+    return points[:, [0, -1]].T
+
+
+def loaded(arm: Loaded, shape: MeasuredShape) -> Loaded:
     """Return the arm with the payload of a shape besides its own."""
     return replace(arm, payload=arm.payload + shape.payload)
 
 
-def sliding(start: Equilibrium, step: Step) -> tuple[int, int]:
+def sliding(start: State, step: Step) -> tuple[int, ...]:
     """Return where the tendons slide in a step: 1 to the base, -1 to the tip, 0 slack."""
-    right, left = (0 if pull == SLACK else 1 if pull > before else -1
-                   for pull, before in zip(step.pulls, start.pulls.tolist(), strict=True))
-    return right, left
+    return tuple(0 if pull == SLACK else 1 if pull > before else -1
+                 for pull, before in zip(step.pulls, start.pulls.tolist(), strict=True))
 
 
-def simulate_steps(statics: Statics, steps: Sequence[Step], name: str = '') -> list[Equilibrium]:
+@overload
+def simulate_steps(statics: Statics, steps: Sequence[Step], name: str = ''
+                   ) -> list[Equilibrium]:
+    ...
+
+
+@overload
+def simulate_steps(statics: Solver, steps: Sequence[Step], name: str = '') -> list[State]:
+    ...
+
+
+def simulate_steps(statics: Solver, steps: Sequence[Step], name: str = '') -> Any:
     """
     Return the equilibrium after each step, from the straight arm.
 
     Raises StaticsError naming shape and step.
     """
-    state, states = statics.chain.straight(), []
+    state: State = statics.chain.straight()
+    states: list[State] = []
     for number, step in enumerate(steps, start=1):
-        soft = [i == step.segment for i in range(statics.chain.segments)]
         try:
-            state = statics.solve(state, step.pulls, soft, sliding=sliding(state, step))
+            state = statics.solve(state, step.pulls, step.soft(statics.chain.segments),
+                                  sliding=sliding(state, step))
         except StaticsError as error:
-            raise StaticsError(f'shape {name}, step {number} (segment {step.segment + 1} soft): '
-                               f'{error}', error.state) from None
+            what = ('all segments' if step.segment is None else f'segment {step.segment + 1}')
+            raise StaticsError(f'shape {name}, step {number} ({what} soft): {error}', error.state
+                               ) from None
         states.append(state)
     return states

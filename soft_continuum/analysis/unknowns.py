@@ -10,6 +10,7 @@ lowest; the disc is the one above it), mass for all masses by one factor, fricti
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
+from typing import Generic, TypeVar
 
 from soft_continuum.mechanics.arm import Arm, Disc, Segment
 from soft_continuum.mechanics.chain import Array
@@ -23,8 +24,12 @@ class IdentificationError(ValueError):
     """Unknowns cannot be identified from the data; the message says why and what to do."""
 
 
+Described = TypeVar('Described')
+"""An arm, or in space the parameters that describe it."""
+
+
 @dataclass(frozen=True)
-class Unknown:
+class Unknown(Generic[Described]):
     """
     One unknown of an arm.
 
@@ -39,24 +44,29 @@ class Unknown:
     low: float
     high: float
     scale: float
-    put: Callable[[Arm, float], Arm]
+    put: Callable[[Described, float], Described]
     remedy: str
 
 
-def find_unknowns(names: Sequence[str], arm: Arm) -> tuple[Unknown, ...]:
+def find_unknowns(names: Sequence[str], arm: Arm) -> tuple[Unknown[Arm], ...]:
     """Return the unknowns of these names; raises IdentificationError listing what there is."""
     allowed = [f'{kind}_{n}' for kind in ('stiffness', 'ratio', 'segment_mass', 'disc_mass',
                                           'offset') for n in range(1, len(arm.segments) + 1)]
     allowed += ['mass', 'friction', 'tilt']
+    check_names(names, allowed)
+    return tuple(_unknown(name, arm) for name in names)
+
+
+def check_names(names: Sequence[str], allowed: Sequence[str]) -> None:
+    """Raise IdentificationError for a name that is none of those allowed, or there twice."""
     for k, name in enumerate(names):
         if name not in allowed:
             raise IdentificationError(f'there is no unknown {name!r}; known: {", ".join(allowed)}')
         if name in names[:k]:
             raise IdentificationError(f'{name} is named twice; name every unknown once')
-    return tuple(_unknown(name, arm) for name in names)
 
 
-def _unknown(name: str, arm: Arm) -> Unknown:
+def _unknown(name: str, arm: Arm) -> Unknown[Arm]:
     if name == 'mass':
         return Unknown(name, 'of the masses described', 1.0, 0.1, 10.0, 1.0, _all_masses,
                        'weigh segments and discs, and leave mass out')
@@ -124,14 +134,15 @@ def _all_masses(arm: Arm, factor: float) -> Arm:
                    discs=tuple(replace(d, mass=factor * d.mass) for d in arm.discs))
 
 
-def with_values(arm: Arm, unknowns: Sequence[Unknown], values: Array) -> Arm:
+def with_values(described: Described, unknowns: Sequence[Unknown[Described]], values: Array
+                ) -> Described:
     """Return the arm with values for its unknowns."""
     for unknown, value in zip(unknowns, values.tolist(), strict=True):
-        arm = unknown.put(arm, value)
-    return arm
+        described = unknown.put(described, value)
+    return described
 
 
-def parameters_of(arm: Arm, unknowns: Sequence[Unknown]) -> dict[str, Value]:
+def parameters_of(arm: Arm, unknowns: Sequence[Unknown[Arm]]) -> dict[str, Value]:
     """Return the parameters of the description that the unknowns change."""
     names = ' '.join(u.name for u in unknowns)
     parameters: dict[str, Value] = {'arm.discretisation': arm.discretisation}

@@ -8,15 +8,25 @@ base disc, which cannot move, does not count.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from soft_continuum.analysis.measured_shapes import loaded, MeasuredShape, simulate_steps, Step
+from soft_continuum.analysis.measured_shapes import (
+    loaded,
+    MeasuredShape,
+    seen_from_the_side,
+    simulate_steps,
+    Step,
+)
 from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics import constant_curvature, LEFT, RIGHT
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.spatial import constant_curvature as in_space
+from soft_continuum.mechanics.spatial import SpatialArm
 from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
 
 CONSTANT_CURVATURE = 'constant curvature'
@@ -30,10 +40,10 @@ class Prediction:
     """
     One shape by one model.
 
-    points: (2 * discs, 3), x, z in m and tangent in rad.  slack: of each step, whether no tendon
-    was taut at its end.  jumped: whether the arm went over to another equilibrium on the way.
-    needed: of each step, tendon and its pull (m) that bend the segment to the angle that was set;
-    None where no angle was given or no tendon can.
+    points: (2 * discs, 3), x, z in m and tangent in rad, or in space x, y, z in m.  slack: of each
+    step, whether no tendon was taut at its end.  jumped: whether the arm went over to another
+    equilibrium on the way.  needed: of each step, tendon and its pull (m) that bend the segment to
+    the angle that was set; None where no angle was given or no tendon can, and in space.
     """
 
     model: str
@@ -46,10 +56,13 @@ class Prediction:
     @property
     def errors(self) -> Array:
         """Distance (m) of the measured points, without those of the base disc."""
-        rows = self.shape.moving
-        there = self.points[[self.shape.numbers[row] for row in rows], :2]
-        distances: Array = np.linalg.norm(there - self.shape.positions[rows], axis=1)
+        distances: Array = np.linalg.norm(self.shape.misses(self), axis=1)
         return distances
+
+    @property
+    def side(self) -> Array:
+        """All points as seen from the side, x and z, (2, 2 * discs), m."""
+        return seen_from_the_side(self.points[:, :self.shape.positions.shape[1]])
 
     @property
     def relative_errors(self) -> Array:
@@ -63,7 +76,7 @@ class Prediction:
         return [self.shape.numbers[row] // 2 - 1 for row in self.shape.moving]
 
 
-def predict(shapes: Sequence[MeasuredShape], arm: Arm, corrected: Arm | None = None
+def predict(shapes: Sequence[MeasuredShape], arm: AnyArm, corrected: AnyArm | None = None
             ) -> tuple[Prediction, ...]:
     """
     Return what each model says for each shape, shape by shape.
@@ -72,7 +85,8 @@ def predict(shapes: Sequence[MeasuredShape], arm: Arm, corrected: Arm | None = N
     """
     predictions = []
     for shape in progress(shapes, 'shapes'):
-        predictions.append(_constant_curvature(shape, arm))
+        predictions.append(_constant_curvature(shape, arm) if isinstance(arm, Arm)
+                           else _arcs_in_space(shape, arm))
         predictions.append(_chain(WITHOUT_GRAVITY, shape, arm.without_gravity()))
         predictions.append(_chain(WITH_GRAVITY, shape, arm))
         if corrected is not None:
@@ -83,6 +97,7 @@ def predict(shapes: Sequence[MeasuredShape], arm: Arm, corrected: Arm | None = N
 def _constant_curvature(shape: MeasuredShape, arm: Arm) -> Prediction:
     angles, aimed, needed = np.zeros(len(arm.segments)), np.zeros(len(arm.segments)), []
     for step in shape.steps:
+        assert step.segment is not None  # in the plane
         angles[step.segment] = 0.0
         others = constant_curvature.pulls(arm, angles.tolist())
         angles[step.segment] = _arc_angle(arm, step, others)
@@ -95,8 +110,23 @@ def _constant_curvature(shape: MeasuredShape, arm: Arm) -> Prediction:
                       constant_curvature.poses(arm, angles.tolist()), slack, False, tuple(needed))
 
 
+def _arcs_in_space(shape: MeasuredShape, arm: SpatialArm) -> Prediction:
+    """Return arcs with the pulls of the tendons; straight ones where these say too little."""
+    bending = np.zeros((len(arm.segments), 2))
+    for step in shape.steps:
+        soft = step.soft(len(arm.segments))
+        bending[list(soft)] = 0.0
+        with suppress(ArmError):
+            bending = in_space.bending(
+                arm, [pull if pull > SLACK else np.nan for pull in step.pulls], bending, soft)
+    slack = tuple(set(step.pulls) == {SLACK} for step in shape.steps)
+    return Prediction(CONSTANT_CURVATURE, shape, in_space.poses(arm, bending)[0], slack, False,
+                      (None,) * len(shape.steps))
+
+
 def _arc_angle(arm: Arm, step: Step, others: tuple[float, float]) -> float:
     """Return the smallest bending angle (rad) that the tendons of a step allow."""
+    assert step.segment is not None  # in the plane
     segment = arm.segments[step.segment]
     limit = segment.bending_angle_limit
     bounds = []
@@ -111,23 +141,24 @@ def _arc_angle(arm: Arm, step: Step, others: tuple[float, float]) -> float:
     return float(np.clip(0.0, least, most)) if least <= most else 0.5 * (least + most)
 
 
-def _chain(model: str, shape: MeasuredShape, arm: Arm) -> Prediction:
-    statics = Statics(loaded(arm, shape))
+def _chain(model: str, shape: MeasuredShape, arm: AnyArm) -> Prediction:
+    statics = statics_of(loaded(arm, shape))
     try:
         states = simulate_steps(statics, shape.steps, shape.name)
     except StaticsError as error:
         raise StaticsError(f'{model}: {error}', error.state) from None
     return Prediction(
         model, shape, states[-1].points,
-        tuple(not any(state.taut) for state in states), any(state.jumped for state in states),
-        _needed(statics, shape))
+        tuple(not np.any(np.nan_to_num(state.tensions) > 0.0) for state in states),
+        any(state.jumped for state in states),
+        _needed(statics, shape) if isinstance(statics, Statics) else (None,) * len(states))
 
 
 def _needed(statics: Statics, shape: MeasuredShape) -> tuple[tuple[int, float] | None, ...]:
     """Return tendon and pull for the angle of each step, as far as a tendon holds it there."""
     state, needed = statics.chain.straight(), []
     for step in shape.steps:
-        if not np.isfinite(step.angle):
+        if step.segment is None or not np.isfinite(step.angle):
             break
         try:
             state = statics.bend(state, step.segment, step.angle)

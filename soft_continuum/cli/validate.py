@@ -13,9 +13,10 @@ from soft_continuum.analysis.measured_shapes import read_shapes
 from soft_continuum.analysis.result_figures import validation_figure
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.analysis.validation import predict, Prediction
-from soft_continuum.cli.common import described_arm, run_verb, shapes_parser
+from soft_continuum.cli.common import any_described_arm, run_verb, shapes_parser
 from soft_continuum.mechanics.arm import Arm, ArmError
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description
 
 NAME = 'validate'
@@ -32,10 +33,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    _, arm = described_arm(options)
+    values, arm = any_described_arm(options)
     corrected = None
     if options.corrected:
-        corrected = arm_from_parameters(
+        corrected = any_arm_from_parameters(
             load_description(*options.params_file, *options.corrected))
         sizes = [([s.length for s in a.segments], [d.height for d in a.discs])
                  for a in (arm, corrected)]
@@ -43,7 +44,7 @@ def _run(options: argparse.Namespace) -> None:
             raise ArmError(f'--corrected has an arm with segments of {sizes[1][0]} m and discs of '
                            f'{sizes[1][1]} m, --params-file one with {sizes[0][0]} and '
                            f'{sizes[0][1]}; they must be the same arm')
-    shapes = read_shapes(options.points, options.pulls, arm)
+    shapes = read_shapes(options.points, options.pulls, arm, bool(values['arm.jamming']))
     figure, listing = reserve_outputs(
         options.output, [f'{NAME}.png', f'{NAME}.csv'], options.force)
     predictions = predict(shapes, arm, corrected)
@@ -54,15 +55,17 @@ def _run(options: argparse.Namespace) -> None:
     for prediction in predictions:
         if prediction.jumped:
             print(f'{prediction.shape.name}, {prediction.model}: the arm snaps over on the way')
-    print('\nPulls at the end of each step in mm, of the tendon that carries: as measured, and as '
-          'needed for\nthe angle that was set. "-": no angle was given, or no tendon holds it.\n')
-    print(_pulls(predictions))
+    if isinstance(arm, Arm):
+        print('\nPulls at the end of each step in mm, of the tendon that carries: as measured, '
+              'and as needed for\nthe angle that was set. "-": no angle was given, or no tendon '
+              'holds it.\n')
+        print(_pulls(predictions))
     validation_figure(figure, predictions)
     _write_errors(listing, predictions, arm)
     print(f'\nFigure: {figure}\nError of each point: {listing}')
 
 
-def _summary(predictions: Sequence[Prediction], arm: Arm) -> str:
+def _summary(predictions: Sequence[Prediction], arm: AnyArm) -> str:
     segments = range(len(arm.segments))
     head = ['shape', 'model', 'mean mm', 'max mm', '% of distance', '% of length',
             *(f'segment {s + 1} mm' for s in segments), 'no tendon taut']
@@ -91,7 +94,8 @@ def _pulls(predictions: Sequence[Prediction]) -> str:
             for model in models:
                 found = needed[model][k]
                 cells.append('-' if found is None else _pull(*found))
-            rows.append([shape.name if k == 0 else '', str(step.segment + 1), actual or 'slack',
+            segment = '' if step.segment is None else str(step.segment + 1)
+            rows.append([shape.name if k == 0 else '', segment, actual or 'slack',
                          *cells])
     return text_table(['shape', 'segment', 'measured', *models], rows)
 
@@ -100,17 +104,19 @@ def _pull(tendon: int, pull: float) -> str:
     return f'{("right", "left")[tendon]} {1e3 * pull:.2f}'
 
 
-def _write_errors(path: Path, predictions: Sequence[Prediction], arm: Arm) -> None:
+def _write_errors(path: Path, predictions: Sequence[Prediction], arm: AnyArm) -> None:
     with path.open('w', newline='', encoding='utf-8') as file:
         writer = csv.writer(file, lineterminator='\n')
-        writer.writerow(['shape', 'model', 'segment', 'point', 'x [mm]', 'z [mm]', 'error [mm]',
-                         'error over distance from base [%]', 'error over arm length [%]'])
+        axes = 'xz' if isinstance(arm, Arm) else 'xyz'
+        writer.writerow(['shape', 'model', 'segment', 'point', *(f'{axis} [mm]' for axis in axes),
+                         'error [mm]', 'error over distance from base [%]',
+                         'error over arm length [%]'])
         for p in predictions:
             for row, segment, error, relative in zip(
                     p.shape.moving, p.segments, p.errors, p.relative_errors, strict=True):
                 number = p.shape.numbers[row]
                 writer.writerow([
                     p.shape.name, p.model, segment + 1, number + 1,
-                    *(f'{1e3 * value:.3f}' for value in p.points[number, :2]),
+                    *(f'{1e3 * value:.3f}' for value in p.points[number, :len(axes)]),
                     f'{1e3 * error:.3f}', f'{100 * relative:.3f}',
                     f'{100 * error / arm.length:.3f}'])

@@ -35,6 +35,10 @@ class State(Protocol):
         """The arm."""
 
     @property
+    def points(self) -> Array:
+        """Bottom and top centre of every disc: x, y, z in m; in the plane x, z, angle in rad."""
+
+    @property
     def poses(self) -> Array:
         """Bottom and top of every disc: x, y, z (m), quaternion x, y, z, w, (2 * discs, 7)."""
 

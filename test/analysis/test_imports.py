@@ -9,7 +9,7 @@ import sys
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / 'soft_continuum'
-DRAWING = {'figures.py', 'result_figures.py', 'report.py'}
+DRAWING = {'figures.py', 'preview.py', 'result_figures.py', 'report.py'}
 BAG = PACKAGE / 'recordings' / 'bag.py'  # the one module there that needs no ROS
 MODULES = sorted([BAG, *(path for room in ('mechanics', 'analysis')
                          for path in (PACKAGE / room).rglob('*.py'))])
