@@ -3,7 +3,7 @@
 """
 Many equilibria of spatial arms in one call: independent ones, or one after the other on a path.
 
-They are solved one by one: more than half of a solve is Python, which threads do not share.
+They are solved one by one: much of a solve is Python, which threads do not share.
 """
 
 from collections.abc import Callable, Sequence

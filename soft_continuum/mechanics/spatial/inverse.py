@@ -62,6 +62,7 @@ def pulls_for_bending(statics: SpatialStatics, start: SpatialEquilibrium, bendin
     bending: (segments, 2) rad about x and y, as SpatialEquilibrium.bending; nan for what may be
     anything.  pretension: N that every tendon carries at least; with 0 a tendon may be slack.
     Where several tensions do, the sum of their squares is least.  Followed from ``start``.
+    Tendons do not rub here.
 
     Raises StaticsError that names what cannot be held: a segment that no tendon passes, a
     direction to which none bends it, more bendings than tendons; ValueError for other sizes.
