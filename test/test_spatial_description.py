@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One description file describes a planar arm, a spatial one and a tendon arm without jamming."""
 
-from math import inf, pi
+from argparse import ArgumentTypeError
+from math import inf, nan, pi, radians
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -10,15 +11,29 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.client.state import Pose
+from soft_continuum.cli.operate import _bendings
+from soft_continuum.client.sequence import goal
+from soft_continuum.client.state import Pose, Reached
+from soft_continuum.client.state_text import reached_text
 from soft_continuum.mechanics import Arm, RigidChain
 from soft_continuum.mechanics.either import chain_of, statics_of
 from soft_continuum.mechanics.spatial import spatial, SpatialArm, SpatialChain
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.prediction import TensionPrediction
 from soft_continuum.nodes.up import nodes_of
 from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
-from soft_continuum.parameters.files import load_any_arm, load_arm, load_description
+from soft_continuum.parameters.files import (
+    load_any_arm,
+    load_arm,
+    load_description,
+    load_shapes,
+)
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.shapes import (
+    angles_problem,
+    PAPER_SHAPES,
+    shapes_from_parameters,
+)
 from soft_continuum.urdf import arm_urdf, joint_names
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
@@ -138,8 +153,76 @@ def test_tools_for_planar_arms_say_what_works_instead():
         load_arm(TENDON_ARM)
 
 
-def test_a_description_of_an_arm_in_space_needs_no_planar_shapes():
-    assert load_description(TENDON_ARM)['arm.jamming'] is False
+def test_the_shapes_of_the_paper_are_left_out_where_an_arm_in_space_does_not_bend_so():
+    arm = described(arm__bending_angle_limits=(0.5,))
+    assert shapes_from_parameters({}, arm) == {}
+    assert list(shapes_from_parameters({}, described())) == list(PAPER_SHAPES)
+
+
+# Shapes have directions.
+
+
+@pytest.mark.parametrize('path', [JAMMING, TENDON_ARM], ids=lambda path: path.stem)
+def test_the_shipped_arms_in_space_bend_to_all_sides(path):
+    values = load_description(path)
+    assert list(load_shapes(path)) == ['c_form', 's_form', 'helix']
+    assert len({tuple(values[f'shape_directions.{name}']) for name in load_shapes(path)}) == 3
+    helix = np.diff(values['shape_directions.helix'])
+    assert np.all((helix > 1.0) & (helix < 2.0))
+
+
+@pytest.mark.parametrize('given, words', [
+    ({'shape_directions.c_form': [0.0, 1.0]}, 'parameter shape_directions.c_form: 2 bending dir'),
+    ({'shape_directions.c_form': [0.0, 1.0, nan]}, 'shape_directions.c_form is'),
+    ({'shape_directions.c_from': [0.0] * 3}, 'did you mean c_form?')], ids=str)
+def test_directions_that_do_not_fit_the_arm_are_refused(given, words):
+    with pytest.raises(ParameterError) as refused:
+        shapes_from_parameters(given, described())
+    assert words in str(refused.value)
+
+
+def test_a_planar_arm_has_no_directions():
+    with pytest.raises(ParameterError, match=r'shape_directions.c_form: .* is 1 rad; allowed: 0'):
+        shapes_from_parameters({'shape_directions.c_form': [0.0, 1.0, 0.0]}, load_arm(PLANAR))
+    assert angles_problem((0.1,) * 3, load_arm(PLANAR), (0.0,) * 3) == ''
+
+
+@pytest.mark.parametrize('changes, direction, words', [
+    ({'arm__lateral_bending_stiffnesses': (1e3, 0.03, 0.03)}, 1.0, ''),
+    ({'arm__tendon_angles': (0.5, 0.5 + pi, 0.5)}, 1.0,
+     'direction 57.3 degrees: the tendons that pass it lie in one plane; allowed: 28.65 and '
+     '208.6 degrees'),
+    ({'arm__tendon_angles': (0.5, 0.5 + pi, 0.5)}, 0.5 - pi, ''),
+    ({'arm__tendon_angles': (0.5, 0.5 + pi, 0.5), 'arm__tendon_twists': (10.0,)}, 1.0, ''),
+    ({'arm__tendon_ends': (1,)}, 1.0, 'no tendon passes segment 2')], ids=str)
+def test_a_direction_to_which_a_segment_cannot_bend_is_refused(changes, direction, words):
+    problem = angles_problem((0.1, 0.1, 0.1), described(**changes), (direction,) * 3)
+    assert words in problem and bool(words) == bool(problem)
+
+
+@pytest.mark.parametrize('direction, allowed', [(0.0, True), (pi, True), (pi / 2, False)])
+def test_a_hinge_bends_in_its_plane(direction, allowed):
+    arm = spatial(load_arm(PLANAR))
+    problem = angles_problem((0.1, 0.0, 0.0), arm, (direction,) * 3)
+    assert problem == '' if allowed else 'it is a hinge; allowed: 0 and 180 degrees' in problem
+    bent = bending_vectors(arm, (0.1, 0.2, 0.3), (pi,) * 3)
+    assert bent == pytest.approx(np.array([[0.0, -0.1], [0.0, -0.2], [0.0, -0.3]]))
+    assert not bent[:, 0].any()  # exactly
+
+
+def test_bendings_have_the_angle_and_direction_they_were_made_of():
+    chain = chain_of(described())
+    angles, directions = np.array([0.3, 0.5, 0.2]), np.array([1.0, -2.0, 3.0])
+    state = chain.uniform(bending_vectors(chain.arm, angles, directions))
+    assert state.bending_angles == pytest.approx(angles)
+    assert state.bending_directions == pytest.approx(directions)
+    # The segment leans towards its direction, as seen from the disc below.
+    x, y, _ = state.points[3]
+    assert np.arctan2(y, x) == pytest.approx(1.0)
+    assert not chain.straight().bending_directions.any()
+    turned = Rotation.from_rotvec(state.tip_pose[3:]).as_matrix()
+    assert turned == pytest.approx(state.orientations[-1])
+    assert chain.at(state.joint_positions).poses == pytest.approx(state.poses, abs=1e-9)
 
 
 # Both kinds of arms say the same of a planar one.
@@ -241,7 +324,37 @@ def test_orientations_of_every_size_are_quaternions(turn):
     assert quaternions(Rotation.from_rotvec(turn).as_matrix()[None])[0] == pytest.approx(wanted)
 
 
-# What people are told.
+# What people say, and are told.
+
+
+@pytest.mark.parametrize('shape, angles, directions', [
+    ((0.1, 0.2), [0.1, 0.2], []), (np.array([0.1, 0.2]), [0.1, 0.2], []),
+    ([(0.1, 1.0), 0.2], [0.1, 0.2], [1.0, 0.0]), ([(0.1, 0.0), (0.2, -2.0)], [0.1, 0.2],
+                                                  [0.0, -2.0])], ids=str)
+def test_a_segment_bends_by_an_angle_or_by_angle_and_direction(shape, angles, directions):
+    message = goal([shape], 0.0).shapes[0]
+    assert list(message.bending_angles) == angles
+    assert list(message.bending_directions) == directions
+
+
+@pytest.mark.parametrize('bend', [(0.1, 1.0, 2.0), None, ()], ids=str)
+def test_what_is_no_bending_is_refused(bend):
+    with pytest.raises(ValueError, match='its bending angle, or its angle and direction'):
+        goal([[0.1, bend]], 0.0)
+
+
+def test_degrees_on_the_command_line_have_directions_behind_an_at():
+    assert _bendings('10,20@120,-30@-60') == (
+        radians(10.0), (radians(20.0), radians(120.0)), (radians(-30.0), radians(-60.0)))
+    for text in '10@', '@20', '10@20@30', '10@nan', '10;20':
+        with pytest.raises(ArgumentTypeError, match='such as 10@0,20@120,30@-60'):
+            _bendings(text)
+
+
+def test_what_was_reached_in_space_has_directions():
+    reached = Reached(False, (0.5, 0.25), (0.0,) * 6, (), (), nan, 0, (1.0, -2.0))
+    assert reached_text(reached) == (
+        'predicted: nothing was measured; angles +28.6@57.3 +14.3@-114.6 deg')
 
 
 def test_a_pose_out_of_the_plane_is_told_in_space():

@@ -100,9 +100,12 @@ def draw_in_space(axes: Any, state: SpatialEquilibrium) -> None:
     for k, place in enumerate(state.points):
         ring = place + state.chain.disc_radii[k // 2] * rim @ state.orientations[k // 2].T
         axes.plot(*(ring * 1e3).T, color='0.3', linewidth=0.8)
-    axes.set_aspect('equal')
-    for name in 'xyz':
-        getattr(axes, f'set_{name}label')(f'{name} in mm')
+    # A cube: a shape that is nearly flat would be drawn in axes as thin as itself.
+    middle, half = (backbone.max(axis=0) + backbone.min(axis=0)) / 2, np.ptp(backbone, axis=0) / 2
+    for name, centre in zip('xyz', middle, strict=True):
+        axes.set(**{f'{name}lim': (centre - half.max(), centre + half.max()),
+                    f'{name}label': f'{name} in mm'})
+    axes.set_box_aspect((1.0, 1.0, 1.0))
 
 
 def spatial_shapes_figure(path: str | Path,
@@ -118,6 +121,5 @@ def spatial_shapes_figure(path: str | Path,
         draw_in_space(axes, state)
         axes.plot(*(arcs * 1e3).T, 's', markersize=6, markerfacecolor='none',
                   markeredgecolor='tab:orange', label='constant curvature')
-        axes.set_aspect('equal')
         axes.set_title(name, parse_math=False)
     finish_panels(path, figure, 5)

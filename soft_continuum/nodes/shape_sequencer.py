@@ -42,6 +42,8 @@ from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import ShapeSequencerState, TendonActuationState
 
 TICK_PERIOD = 0.05  # s
+SPATIAL_PIECE_PERIOD = 0.15
+"""s between pieces of a motion in space: to judge one of nine tendons takes 10 ms of a core."""
 FIRST_MESSAGE_TIMEOUT = 5.0  # s that a goal waits for nodes that have just been started
 
 
@@ -258,9 +260,11 @@ class ShapeSequencer(Node):
         self._handle, self._failed = handle, False
         self._commander.begin()
         shapes = self._shapes = shapes_of(handle.request, self._library, self._arm)
-        settings = RunnerSettings(jamming=self.parameters['arm.jamming'], **{
-            name: self.parameters[name] for name in (
-                'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum')})
+        settings = RunnerSettings(
+            jamming=self.parameters['arm.jamming'],
+            piece_period=0.0 if isinstance(self._arm, Arm) else SPATIAL_PIECE_PERIOD, **{
+                name: self.parameters[name] for name in (
+                    'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum')})
         if self.parameters['closed_loop']:
             self._runner = ClosedLoopRunner(
                 shapes, self._planning.plan, self._planning.loop(handle.request.aim),

@@ -79,7 +79,8 @@ class RunnerSettings:
     jamming_timeout, settle_timeout: s.  settle_tolerance: m.  soft_vacuum: Pa below ambient up to
     which a segment is soft.  horizon: s of motion sent ahead; the tendons stop
     by themselves that soon after the sequencer ended.  retry: s between repeated requests.
-    jamming: whether segments are switched.
+    jamming: whether segments are switched.  piece_period: s between two pieces of a motion, each
+    of which tendon_actuation has to judge.
     """
 
     jamming_timeout: float = 10.0
@@ -89,6 +90,7 @@ class RunnerSettings:
     horizon: float = 0.5
     retry: float = 2.0
     jamming: bool = True
+    piece_period: float = 0.0
 
 
 Result = TypeVar('Result')
@@ -303,6 +305,7 @@ class Runner:
         """Send the motion piece by piece, so that it ends soon when this process does."""
         self._motions += 1
         start, end, sent, settings = self._now, 0.0, 0.0, self._settings
+        due = self._now
         while True:
             # After a pause longer than the horizon, go on from where the last piece ended.
             elapsed = min(self._now - start, end)
@@ -310,14 +313,14 @@ class Runner:
             if elapsed >= move.duration:
                 break
             self._check_motion(move.segment)
-            end = min(elapsed + settings.horizon, move.duration)
-            inside = (move.times > elapsed) & (move.times < end)
-            if sent < move.duration:  # the last piece is sent once
+            if sent < move.duration and self._now >= due:  # the last piece is sent once
+                end = min(elapsed + settings.horizon, move.duration)
+                inside = (move.times > elapsed) & (move.times < end)
                 times = np.append(move.times[inside], end)
                 pulls = np.stack(
                     [np.interp(times, move.times, tendon) for tendon in move.pulls.T], axis=1)
                 self._port.follow(self._motions, start, times, pulls)
-            sent = end
+                sent, due = end, self._now + settings.piece_period
             self._report(index, done + part * elapsed / move.duration, Phase.MOVING)
             yield
         deadline = self._now + settings.settle_timeout

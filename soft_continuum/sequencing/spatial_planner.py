@@ -17,9 +17,10 @@ import numpy as np
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.spatial.directions import bending_axes, bending_vectors
 from soft_continuum.mechanics.spatial.inverse import BendingFit, pulls_that_hold
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 from soft_continuum.sequencing.planner import (
     Move,
     PlanError,
@@ -66,8 +67,10 @@ class SpatialPlanner(ShapePlanner):
             raise PlanError('when it becomes soft, the arm goes over to another shape: its '
                             'tendons do not hold it; pull them in or straighten the arm first')
         present, tension = bent.bending, float(bent.tensions.max())
-        change = np.where(np.array(soft)[:, None], goal - present, np.nan)
-        steps = max(1, ceil(np.nanmax(np.linalg.norm(change, axis=1)) / self.settings.angle_step))
+        chosen = bending_axes(self.statics.chain.arm) & np.array(soft)[:, None]
+        change = np.where(chosen, goal - present, np.nan)
+        most = np.linalg.norm(np.nan_to_num(change), axis=1).max()
+        steps = max(1, ceil(most / self.settings.angle_step))
         points = [start]
         for part in np.arange(1, steps + 1) / steps:
             self._check_wanted()
@@ -85,7 +88,7 @@ class SpatialPlanner(ShapePlanner):
     def _with_slack(self, fit: BendingFit) -> Array:
         """Return the pulls of the motors, with slack in the tendons that do not carry."""
         carries = fit.pulls != SLACK
-        # Where none carries, all hold the arm.
-        slack = self.settings.antagonist_slack if carries.any() else 0.0
+        # Where none carries, all hold the arm, but as just taut as motors are they fight.
+        slack = self.settings.antagonist_slack if carries.any() else SLACK_ALLOWANCE
         pulls: Array = np.where(carries, fit.pulls, fit.state.pulls - slack) - self._offsets
         return pulls

@@ -9,8 +9,9 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from soft_continuum.analysis.figures import draw_arm, shapes_figure
+from soft_continuum.analysis.figures import draw_arm, shapes_figure, spatial_shapes_figure
 from soft_continuum.mechanics import RigidChain
+from soft_continuum.mechanics.spatial import constant_curvature, spatial, SpatialChain
 from soft_continuum.parameters.files import load_arm, load_shapes
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
@@ -71,3 +72,12 @@ def test_a_straight_arm_stands_from_the_origin_to_its_length():
         'rigid chain, calculation points']
     assert points[0] == pytest.approx((0.0, 0.0))
     assert points[-1] == pytest.approx((0.0, 330.0))
+
+
+def test_a_picture_of_shapes_in_space_is_a_readable_png(tmp_path):
+    chain = SpatialChain(spatial(CHAIN.arm))
+    bending = [[0.0, 0.4], [0.3, 0.3], [-0.5, 0.1]]
+    path = tmp_path / 'in_space.png'
+    spatial_shapes_figure(path, {'bow': (
+        chain.uniform(bending), constant_curvature.poses(chain.arm, bending)[0])})
+    assert imread(path).std() > 0.05  # something is drawn

@@ -41,7 +41,7 @@ from soft_continuum.nodes.runtime import node_class
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.shapes import SHAPE_PREFIX
+from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX
 from soft_continuum.ros.executor import BestExecutor
 from soft_continuum.ros.names import NODES
 from soft_continuum_interfaces.action import RunShapeSequence
@@ -94,7 +94,7 @@ def parameter_values(node: str, **changes: Any) -> list[Parameter]:
     return [
         Parameter(name, value=list(value) if isinstance(value, tuple) else value)
         for name, value in values.items()
-        if name in known or (shapes and name.startswith(SHAPE_PREFIX))]
+        if name in known or (shapes and name.startswith((SHAPE_PREFIX, DIRECTION_PREFIX)))]
 
 
 def trajectory(points: Sequence[tuple[float, Sequence[float]]],

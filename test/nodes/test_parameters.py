@@ -21,7 +21,13 @@ from soft_continuum.nodes.runtime import run
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter
-from soft_continuum.parameters.shapes import PAPER_SHAPES, shape_parameter, SHAPE_PREFIX
+from soft_continuum.parameters.shapes import (
+    direction_parameter,
+    DIRECTION_PREFIX,
+    PAPER_SHAPES,
+    shape_parameter,
+    SHAPE_PREFIX,
+)
 
 GOOD = description_file().read_text(encoding='utf-8')
 
@@ -286,7 +292,8 @@ def test_the_parameters_of_a_node_are_those_of_its_table(rig: Rig, node: str) ->
         'qos_overrides.', 'use_sim_time', 'start_type_description_service'))}
     table = {p.name: p for p in NODE_PARAMETERS[node]}
     if node == 'shape_sequencer':
-        table |= {p.name: p for p in map(shape_parameter, PAPER_SHAPES)}
+        table |= {parameter(name).name: parameter(name) for name in PAPER_SHAPES
+                  for parameter in (shape_parameter, direction_parameter)}
     assert own == set(table)
     answer = rig.call(DescribeParameters, f'{node}/describe_parameters', names=list(table))
     for parameter, descriptor in zip(table.values(), answer.descriptors, strict=True):
@@ -310,7 +317,7 @@ def assert_described(parameter: Parameter, descriptor: ParameterDescriptor) -> N
         bounds, = descriptor.integer_range
         assert (bounds.from_value, bounds.to_value) == (parameter.low, parameter.high)
     elif (descriptor.type == ParameterType.PARAMETER_DOUBLE_ARRAY
-          and not parameter.name.startswith(SHAPE_PREFIX)):
+          and not parameter.name.startswith((SHAPE_PREFIX, DIRECTION_PREFIX))):
         assert f'{parameter.low:g} to {parameter.high:g}' in descriptor.additional_constraints
     for choice in parameter.choices:
         assert choice in descriptor.additional_constraints

@@ -47,6 +47,18 @@ BAD_GOALS = {
     'a name that writes to the terminal':
         ([Shape(name='\x1b[2J\n')], ['shape 1', r'\x1b[2J', 'allowed: 100']),
     'angles without an end': ([shape_message((0.1,) * 10_000)], ['10000 bending angles']),
+    'a direction out of the bending plane':
+        ([Shape(bending_angles=[0.1] * 3, bending_directions=[0.0, 1.57, 0.0])],
+         ['direction of segment 2 is 1.57 rad', 'allowed: 0', 'negative angle']),
+    'a direction that is not a number':
+        ([Shape(bending_angles=[0.1] * 3, bending_directions=[0.0, float('nan'), 0.0])],
+         ['direction of segment 2', 'nan', 'allowed: 0']),
+    'too few directions':
+        ([Shape(bending_angles=[0.1] * 3, bending_directions=[0.0])],
+         ['1 bending directions', '3 segments', 'none for 0 of all']),
+    'directions without angles':
+        ([Shape(name='c_form', bending_directions=[0.0] * 3)],
+         ['bending_directions without bending_angles', '3 each']),
     'negative hold time':
         ([Shape(name='c_form', hold_time=Duration(sec=-1))], ['c_form', 'hold_time', '-1 s']),
     'negative hold time of nanoseconds':

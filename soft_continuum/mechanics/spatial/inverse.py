@@ -31,6 +31,7 @@ HELD = 1e-5  # rad: a bending this close is held; tendons without tension may le
 STEP = 0.3  # rad of bending at first
 ENOUGH = 0.01  # of a change: tensions that miss it by less bring it about
 LEAST_STEP = 1e-3  # of the way of Newton's method
+CAUGHT, MAX_JUMPS = 0.05, 3  # rad of a jump at which another tendon holds the arm; how many
 MAX_STEPS = 100
 MAX_PASSES = 100  # over all segments, before elastic ones are taken not to fit together
 WEIGHT = 1e6  # N/rad of an error of bending against the tensions, in the choice of tensions
@@ -171,7 +172,7 @@ class _Search:
     def __init__(self, statics: SpatialStatics, wanted: Array, chosen: Booleans,
                  soft: tuple[bool, ...], pretension: float) -> None:
         self.statics, self.wanted, self.chosen, self.soft = statics, wanted, chosen, soft
-        self.pretension = pretension
+        self.pretension, self.jumps = pretension, MAX_JUMPS
 
     def run(self, start: SpatialEquilibrium) -> SpatialEquilibrium:
         """Return where the bendings are those wanted, or as near as the tendons bring them."""
@@ -237,8 +238,11 @@ class _Search:
         there = self.statics.solve(state, pulls, self.soft,
                                    tensions=np.where(carries, np.nan, self.pretension))
         if there.jumped:
-            raise StaticsError('the tendons can bend the arm so, but not hold it: the '
-                               'equilibrium is not stable', state)
+            # Where one tendon takes over from another, the arm may lean from one to the other.
+            if np.abs(there.bending - state.bending).max() > CAUGHT or not self.jumps:
+                raise StaticsError('the tendons can bend the arm so, but not hold it: the '
+                                   'equilibrium is not stable', state)
+            self.jumps -= 1
         return there
 
     def why_not(self, state: SpatialEquilibrium) -> str:

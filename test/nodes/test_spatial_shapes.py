@@ -1,0 +1,126 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Shapes of arms in space over DDS: reached by name and by direction, canceled, refused."""
+
+from collections.abc import Callable, Iterator
+from math import radians
+
+import numpy as np
+import pytest
+from ros_rig import Rig
+from scipy.spatial.transform import Rotation
+from test_spatial_arm import given
+from test_spatial_description import JAMMING, TENDON_ARM
+
+from soft_continuum.client.observed import ObservedArm
+from soft_continuum.parameters.files import load_description
+from soft_continuum_interfaces.msg import Shape
+
+HELIX = load_description(JAMMING)['shapes.helix'], load_description(
+    JAMMING)['shape_directions.helix']
+ANGLE_ERROR = radians(0.3)  # of motors that step, and of the model between them
+
+
+def bent(angles: list[float], directions: list[float]) -> Shape:
+    """Return a shape by angles and directions, rad."""
+    return Shape(bending_angles=angles, bending_directions=directions)
+
+
+def check_orientations(rig: Rig, angles: list[float], directions: list[float]) -> None:
+    """Claim that each disc is turned from the one below as the shape says."""
+    rig.wait_for_more(rig.tendons, 3)
+    poses = list(rig.wait_for_more(rig.disc_poses, 2))[-1].poses[::2]
+    turns = [Rotation.from_quat([p.orientation.x, p.orientation.y, p.orientation.z,
+                                 p.orientation.w]) for p in poses]
+    for n, (angle, towards) in enumerate(zip(angles, directions, strict=True)):
+        axis = (turns[n].inv() * turns[n + 1]).apply([0.0, 0.0, 1.0])  # of the disc above
+        leans = np.sin(angle) * np.array([np.cos(towards), np.sin(towards)])
+        assert axis[:2] == pytest.approx(leans, abs=ANGLE_ERROR)
+
+
+def test_an_arm_with_jamming_reaches_shapes_in_space_one_soft_segment_at_a_time(
+        make_rig: Callable[..., Rig]) -> None:
+    rig = make_rig()
+    rig.start_arm(**given(JAMMING))
+    goal = rig.goal('helix')
+    status, result = goal.result()
+    assert (status, result.error_string) == ('SUCCEEDED', '')
+    check_orientations(rig, *HELIX)
+    assert result.bending_angles == pytest.approx(HELIX[0], abs=ANGLE_ERROR)
+    assert result.bending_directions == pytest.approx(HELIX[1], abs=2.0 * ANGLE_ERROR)
+    tip = rig.disc_poses.last.poses[-1]
+    turn = Rotation.from_quat([tip.orientation.x, tip.orientation.y, tip.orientation.z,
+                               tip.orientation.w]).as_rotvec()
+    assert result.tip == pytest.approx(
+        [tip.position.x, tip.position.y, tip.position.z, *turn], abs=2e-3)
+    assert result.source == result.PREDICTED
+    assert [phase for phase in goal.phases if phase[2] == 'moving'] == [
+        ('helix', n, 'moving') for n in (1, 2, 3)]
+    rig.assert_rests_stiff()
+    rig.assert_only_one_was_soft()
+    rig.assert_never_moved_all_stiff()
+    # And one canceled on the way ends at rest, all stiff.
+    goal = rig.goal(bent([0.3, 0.5, 0.2], [2.0, -1.0, 0.0]))
+    goal.wait_for_phase('moving')
+    goal.cancel()
+    assert goal.result()[0] == 'CANCELED'
+    rig.assert_rests_stiff()
+
+
+@pytest.fixture(scope='module')
+def tendon_arm(module_domain: int) -> Iterator[Rig]:
+    """Return the tendon arm and its sequencer; there are no valves."""
+    rig = Rig(module_domain)
+    rig.start('kinematics', 'tendon_actuation', 'shape_sequencer', **given(TENDON_ARM))
+    rig.wait_for(lambda: len(rig.segment_poses), 'poses')
+    yield rig
+    rig.close()
+
+
+def test_an_arm_without_jamming_is_moved_as_a_whole(tendon_arm: Rig) -> None:
+    angles, directions = [0.5, 0.4, 0.6], [1.0, -2.0, 0.3]
+    goal = tendon_arm.goal_when_heard(bent(angles, directions), 's_form')
+    goal.wait_for_phase('moving')
+    status, result = goal.result()
+    assert (status, result.error_string, result.shapes_completed) == ('SUCCEEDED', '', 2)
+    assert {(segment, phase) for _, segment, phase in goal.phases} <= {
+        (0, 'preparing'), (0, 'moving'), (0, 'holding')}
+    values = load_description(TENDON_ARM)
+    check_orientations(tendon_arm, values['shapes.s_form'], values['shape_directions.s_form'])
+
+
+def test_a_client_has_all_of_an_arm_without_jamming_though_no_valves_report(
+        tendon_arm: Rig) -> None:
+    observed = tendon_arm.on_ros_thread(ObservedArm, tendon_arm.observer)
+    tendon_arm.wait_for(lambda: observed.complete, 'everything that such an arm publishes')
+    lines = str(observed.snapshot()).splitlines()
+    assert [line.partition('  ')[0] for line in lines if 'end at' in line] == [
+        'segment 1', 'segment 2', 'segment 3']
+    assert observed.snapshot().stiff == ()
+
+
+def test_a_stop_ends_a_motion_of_all_tendons_and_a_resumed_arm_goes_on(tendon_arm: Rig) -> None:
+    goal = tendon_arm.goal('helix')
+    goal.wait_for_phase('moving')
+    assert tendon_arm.trigger('tendon_actuation/stop').success
+    status, result = goal.result()
+    assert (status, result.error_code) == ('ABORTED', result.STOPPED)
+    assert not tendon_arm.goal('helix').accepted
+    assert tendon_arm.trigger('tendon_actuation/resume').success
+    assert tendon_arm.goal_when_heard(bent([0.1] * 3, [0.0] * 3)).result()[0] == 'SUCCEEDED'
+    check_orientations(tendon_arm, [0.1] * 3, [0.0] * 3)
+
+
+@pytest.mark.parametrize('shape, words', [
+    (bent([0.1] * 3, [0.0]), '1 bending directions given, the arm has 3 segments'),
+    (bent([0.1] * 3, [0.0, float('nan'), 0.0]), 'direction of segment 2 is nan'),
+    (bent([0.1] * 3, [0.0, 0.0, 120.0]), 'degrees? 120 degrees are 2.094 rad'),
+    (bent([0.1, 1.6, 0.1], [0.0] * 3), 'allowed: -1.571 to 1.571 rad'),
+    (bent([1.5] * 3, [1.05] * 3), 'pull_limits: -0.03 to 0.03 m'),
+    (Shape(name='upright_c_form'), 'known: c_form, s_form, helix')], ids=str)
+def test_a_goal_that_the_arm_cannot_do_is_rejected_with_the_reason(
+        tendon_arm: Rig, shape: Shape, words: str) -> None:
+    goal = tendon_arm.goal(shape)
+    assert not goal.accepted
+    assert words in tendon_arm.rejection(goal)
