@@ -29,14 +29,13 @@ from soft_continuum.estimation.measuring import (
     rates,
     relative_distance,
 )
+from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.unknowns import (
     arm_with,
-    Drift,
     first_covariance,
     first_values,
     layout_of,
     limited,
-    Prior,
 )
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, statics_of
@@ -63,8 +62,7 @@ class Estimator:
 
     def __init__(self, arm: AnyArm, state: Any, prior: Prior, drift: Drift) -> None:
         """Begin with a shape of which the prior says how well it is known."""
-        self.layout = layout_of(arm)
-        self.prior = prior
+        self.layout, self.prior = layout_of(arm), prior
         self._described, self._drift = arm, drift
         self.values = first_values(arm, self.layout, prior)
         self._first = first_covariance(arm, self.layout, prior)
@@ -78,8 +76,8 @@ class Estimator:
         self._speeds = np.zeros(self.layout.tendons)  # m/s, that the shape has not settled from
         self._switched = -np.inf  # when the stiffness changed
         self._change = np.zeros((len(arm.discs), self.layout.dimensions.pose))  # of it, then
-        self._bias_variances = np.zeros(self.layout.size - self.layout.model)
-        self._displaced = np.zeros(self.layout.size - self.layout.model)  # variances, for good
+        biases = self.layout.size - self.layout.model
+        self._bias_variances, self._displaced = np.zeros((2, biases))  # the latter for good
         self._beyond = 0  # measurements of discs in turn beyond the gate
         self.updated: float | None = None
         """When a measurement was last used, s."""
@@ -99,8 +97,7 @@ class Estimator:
     @property
     def offsets(self) -> Array:
         """By how much each tendon is pulled in beyond what its motor says, (tendons,), m."""
-        offsets: Array = self.values[self.layout.offset]
-        return offsets
+        return np.asarray(self.values[self.layout.offset])
 
     def copy(self) -> 'Estimator':
         """Return another one that knows the same."""
@@ -387,19 +384,17 @@ class Estimator:
 
     def deviations(self) -> Array:
         """Return the standard deviations of the unknowns, (size,)."""
-        found: Array = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        return found
+        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
     def determined(self) -> Array:
         """Whether the data tell more than the prior of each of ``layout.parameters``."""
-        where = self.layout.parameters
-        return np.asarray(np.diag(self.covariance)[where] < 0.5 * np.diag(self._first)[where])
+        known = np.diag(self.covariance) < 0.5 * np.diag(self._first)
+        return np.asarray(known[self.layout.parameters])
 
     def pose_covariances(self) -> Array:
         """Return the covariances of the poses of all discs, base first, (discs, pose, pose)."""
         dimensions, rows = self.layout.dimensions, self._rates().poses
-        found: Array = (rows @ self.covariance @ rows.transpose(0, 2, 1)
-                        + model_error(dimensions))
+        found: Array = rows @ self.covariance @ rows.transpose(0, 2, 1) + model_error(dimensions)
         if self._past and self.switching(self._past[-1].time):
             found += self._change[:, :, None] * self._change[:, None, :]
         return found

@@ -17,7 +17,8 @@ from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.dimensions import dimensions_of, SPACE
 from soft_continuum.estimation.estimator import Estimator, HISTORY
 from soft_continuum.estimation.measuring import DiscMeasurement, Innovation, Measurement
-from soft_continuum.estimation.unknowns import DEFAULT_ESTIMATION, EstimationSettings, MAX_OFFSET
+from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSettings
+from soft_continuum.estimation.unknowns import MAX_OFFSET
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, statics_of
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError

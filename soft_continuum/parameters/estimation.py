@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from soft_continuum.estimation.unknowns import Drift, EstimationSettings, Prior
+from soft_continuum.estimation.settings import Drift, EstimationSettings, Prior
 from soft_continuum.parameters.parameter import Parameter
 
 _PRIOR = {

@@ -9,7 +9,8 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of, limited, Prior
+from soft_continuum.estimation.settings import Prior
+from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of, limited
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, chain_of
 from soft_continuum.ros.ros_time import stamp_of

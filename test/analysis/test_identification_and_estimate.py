@@ -14,7 +14,7 @@ from soft_continuum.analysis.unknowns import find_unknowns
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement
-from soft_continuum.estimation.unknowns import Drift, Prior
+from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import SECOND_ORDER
 from soft_continuum.mechanics.laws import Jam

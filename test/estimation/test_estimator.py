@@ -12,7 +12,7 @@ from true_arm import ARM, commands, COVARIANCE, DEVIATIONS, only, Session, STIFF
 
 from soft_continuum.estimation.dimensions import model_error, PLANE
 from soft_continuum.estimation.estimator import HISTORY, OWN_SHARE, PERSISTENT
-from soft_continuum.estimation.unknowns import Drift, Prior
+from soft_continuum.estimation.settings import Drift, Prior
 
 HANGING = replace(ARM, mounting_angle=pi)
 NO_DRIFT = Drift(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

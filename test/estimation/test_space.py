@@ -18,14 +18,9 @@ from soft_continuum.estimation.dimensions import dimensions_of, SPACE
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
 from soft_continuum.estimation.hypotheses import Cause
 from soft_continuum.estimation.measuring import DiscMeasurement, predicted
+from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, UnknownShapeError
-from soft_continuum.estimation.unknowns import (
-    arm_with,
-    Drift,
-    first_values,
-    layout_of,
-    Prior,
-)
+from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of
 from soft_continuum.mechanics.chain import full_poses
 from soft_continuum.mechanics.spatial import spatial, SpatialStatics
 from soft_continuum.nodes.up import description_file

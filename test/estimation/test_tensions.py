@@ -11,8 +11,9 @@ from true_arm import ARM, only, Session, STIFF, TrueArm
 
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.measuring import predicted
+from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, ShapeError
-from soft_continuum.estimation.unknowns import arm_with, Drift, first_values, Layout, Prior
+from soft_continuum.estimation.unknowns import arm_with, first_values, Layout
 from soft_continuum.mechanics import Statics
 from soft_continuum.nodes.measured_tensions import MeasuredTensions, PERIOD
 

@@ -9,7 +9,7 @@ import numpy as np
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement, TensionMeasurement
-from soft_continuum.estimation.unknowns import Drift, Prior
+from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.nodes.up import description_file

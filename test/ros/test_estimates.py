@@ -12,7 +12,7 @@ import pytest
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement
-from soft_continuum.estimation.unknowns import Drift, Prior
+from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.spatial import SpatialChain
 from soft_continuum.nodes.up import description_file
