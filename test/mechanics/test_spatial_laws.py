@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from spatial_arms import three_segments
 from test_spatial_sensitivities import assert_is_difference, changed, command
 
-from soft_continuum.mechanics import SLACK, Statics
+from soft_continuum.mechanics import _kernel, SLACK, Statics
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
 from soft_continuum.mechanics.spatial import (
@@ -232,6 +232,14 @@ def test_more_vacuum_on_a_bent_segment_moves_nothing():
     more = statics.solve(half, np.zeros(3), STIFF, vacuum=(1.0, 0.8, 0.5), tensions=half.tensions)
     assert more.points == pytest.approx(half.points, abs=1e-9)
     assert not np.array_equal(more.held, half.held)
+
+
+def test_without_compiled_functions_it_is_the_same(monkeypatch):
+    # Truth values of numpy do not add up: an arm with two negative directions was lost.
+    compiled = moved(laws(bodies_per_segment=2))[-1]
+    monkeypatch.setattr(_kernel, 'functions', lambda: _kernel.SOURCE)
+    assert moved(laws(bodies_per_segment=2))[-1].points == pytest.approx(
+        compiled.points, abs=1e-10)
 
 
 # Derivatives, and what is refused.

@@ -76,7 +76,8 @@ def eliminate(diagonal, lower, columns, used):  # type: ignore[no-untyped-def]
         if determinant == 0.0:
             determinant = 1e-300
         minor = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
-        negatives += (m[0, 0] < 0.0) + (m[0, 0] * minor < 0.0) + (minor * determinant < 0.0)
+        for sign in (m[0, 0], m[0, 0] * minor, minor * determinant):
+            negatives += 1 if sign < 0.0 else 0
         for i in range(3):
             for j in range(3):
                 m[i, j] = inverse[i, j] / determinant
