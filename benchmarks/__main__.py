@@ -10,7 +10,7 @@ from benchmarks.tables import Section, write
 from benchmarks.timing import progress
 
 NAMES = ('startup', 'solve', 'batch', 'joints', 'accuracy', 'nodes', 'loops', 'camera', 'twin',
-         'estimate', 'loop', 'servo', 'faults', 'spatial', 'ftdcr')
+         'estimate', 'loop', 'servo', 'faults', 'spatial', 'spatial_loop', 'ftdcr')
 
 
 def main() -> None:
