@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.closed import closed_loop, on_angles
 from benchmarks.contenders import Contender, Goal, open_loop
-from benchmarks.lab import Description
+from benchmarks.lab import CAMERA, Description, NOTHING
 from benchmarks.loop import HEAD, judged, line, Result, row
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
@@ -21,9 +21,10 @@ ARM = 'spatial_jamming.yaml'
 PRESET = 'bad'
 SEEDS = 12
 ANGLE = 0.6  # rad, largest bending angle of a goal
-CONTENDERS: dict[str, Contender] = {
-    'open loop': open_loop, 'closed loop on the bending': on_angles,
-    'closed loop on the tip': closed_loop}
+CONTENDERS: dict[str, tuple[Contender, str]] = {
+    'open loop': (open_loop, NOTHING),
+    'closed loop on the bending, one camera': (on_angles, CAMERA),
+    'closed loop on the tip, one camera': (closed_loop, CAMERA)}
 
 
 def run(quick: bool) -> Section:
@@ -34,14 +35,15 @@ def run(quick: bool) -> Section:
     results: dict[str, list[Result]] = {name: [] for name in CONTENDERS}
     for seed in seeds:
         goal = random_goal(description, seed)
-        for name, contender in CONTENDERS.items():
-            results[name].append(judged(description, replace(given, seed=seed), goal, contender))
+        for name, (contender, sensor) in CONTENDERS.items():
+            results[name].append(judged(
+                description, replace(given, seed=seed), goal, contender, sensor))
             progress(f'spatial_loop: seed {seed}, {name}: {line(results[name][-1])}')
     body = '\n\n'.join([
         f'Simulated: {len(seeds)} rigs of `config/{ARM}`, preset `{PRESET}`, each with other '
         f'random errors and another random shape of up to {np.degrees(ANGLE):.0f}° per segment in '
         'any direction, the same for all contenders. Errors are against the truth of the plant. '
-        'Measured poses have the errors of one tared camera of the preset, without its pictures. '
+        'Discs are measured in drawn pictures, by a camera that was tared on the straight arm. '
         + machine(), table(HEAD, [row(name, each) for name, each in results.items()])])
     return Section('../how_to/close_the_loop.md', 'spatial_loop', body)
 
