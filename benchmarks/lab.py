@@ -38,7 +38,7 @@ from soft_continuum.twin.differences import Differences
 from soft_continuum.twin.plant import Plant, plant_of, TIME_STEP
 from soft_continuum.twin.sensors import Sensors
 
-CAMERA, TRUTH, NOTHING = 'camera', 'truth', 'none'
+CAMERA, TWO_CAMERAS, TRUTH, NOTHING = 'camera', 'two cameras', 'truth', 'none'
 """What measures the discs."""
 PICTURE_PERIOD = 0.2  # s
 TRIES = 10  # pictures until all discs that move were seen in one
@@ -113,11 +113,12 @@ class Lab:
         """
         Put up the rig.
 
-        sensor: CAMERA, TRUTH or NOTHING.  tared: whether the camera takes the arm as
-        it is in the beginning as straight; that of a spatial one always does.
+        sensor: CAMERA, TWO_CAMERAS of a spatial arm, TRUTH or NOTHING.  tared: whether the camera
+        takes the arm as it is in the beginning as straight; that of a spatial one always does.
         """
-        if sensor not in (CAMERA, TRUTH, NOTHING):
-            raise ValueError(f'sensor is {sensor!r}; allowed: {CAMERA}, {TRUTH}, {NOTHING}')
+        if sensor not in (CAMERA, TWO_CAMERAS, TRUTH, NOTHING):
+            raise ValueError(f'sensor is {sensor!r}; allowed: {CAMERA}, {TWO_CAMERAS}, {TRUTH}, '
+                             f'{NOTHING}')
         self.description, self.differences = description, differences
         self.plant = plant_of(description.arm, differences)
         tendons = len(description.arm.tendon_names)
@@ -315,7 +316,8 @@ class Lab:
         layout = self.description.layout
         if isinstance(layout, RingLayout):
             if self._rings is None:  # drawn only now: not every contender looks
-                self._rings = RingSight(layout, self.differences, self._first)
+                self._rings = RingSight(layout, self.differences, self._first,
+                                        1 + (self._sensor == TWO_CAMERAS))
             self.pictures += 1
             return {n: Pose(*seen) for n, seen in self._rings.discs(discs).items()}
         if self._drawn is None:

@@ -1,34 +1,67 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a camera sees the discs of an arm in space: in drawn pictures of the rings of tags."""
+"""Where cameras see the discs of an arm in space: in drawn pictures of the rings of tags."""
+
+from collections.abc import Sequence
+from math import pi
+
+import numpy as np
+from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.sensing.rigid import compose, inverse, mean_pose
+from soft_continuum.sensing.rigid import compose, displacement, inverse, mean_pose
 from soft_continuum.sensing.ring_camera import RingCamera
 from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.twin.differences import Differences
-from soft_continuum.twin.spatial_camera import SpatialTwinCamera
+from soft_continuum.twin.spatial_camera import FRONT, SpatialTwinCamera
 
 TARE_PICTURES = 6
+DIRECTIONS = (FRONT, FRONT - pi / 3.0)  # from where the first and the second camera look
+Seen = tuple[Array, Array]
+"""Pose (7,) and covariance (6, 6)."""
 
 
 class RingSight:
-    """A camera before a spatial arm, tared on the straight arm."""
+    """Cameras before a spatial arm, tared on the straight arm."""
 
-    def __init__(self, layout: RingLayout, given: Differences, straight: Array) -> None:
-        """Place the camera; straight: (discs, 7), poses of the discs in the beginning."""
-        self._drawn = SpatialTwinCamera(layout, given)
-        self._camera = RingCamera(layout, self._drawn.lens)
-        self._mounts: dict[int, Array] = {}
-        seen: dict[int, list[Array]] = {}
-        for _ in range(TARE_PICTURES):
-            for n, (pose, _) in self.discs(straight).items():
-                seen.setdefault(n, []).append(pose)
-        self._mounts = {n: compose(inverse(mean_pose(poses)), straight[n])
-                        for n, poses in seen.items()}
+    def __init__(self, layout: RingLayout, given: Differences, straight: Array,
+                 cameras: int = 1) -> None:
+        """Place 1 or 2; straight: (discs, 7), poses of the discs in the beginning."""
+        self._drawn = [SpatialTwinCamera(layout, given, direction)
+                       for direction in DIRECTIONS[:cameras]]
+        self._cameras = [RingCamera(layout, drawn.lens) for drawn in self._drawn]
+        self._mounts: list[dict[int, Array]] = [{} for _ in self._cameras]
+        for k, mounts in enumerate(self._mounts):
+            seen: dict[int, list[Array]] = {}
+            for _ in range(TARE_PICTURES):
+                for n, (pose, _) in self._seen_by(k, straight).items():
+                    seen.setdefault(n, []).append(pose)
+            mounts.update({n: compose(inverse(mean_pose(poses)), straight[n])
+                           for n, poses in seen.items()})
 
-    def discs(self, truth: Array) -> dict[int, tuple[Array, Array]]:
-        """Return pose (7,) and covariance (6, 6) of the discs (discs, 7) that are seen."""
-        sight = self._camera.measure(self._drawn.picture(truth))
-        return {n: (compose(disc.pose, self._mounts[n]) if n in self._mounts else disc.pose,
-                    disc.covariance) for n, disc in sight.discs.items()}
+    def discs(self, truth: Array) -> dict[int, Seen]:
+        """Return the discs that are seen; truth: (discs, 7)."""
+        found: dict[int, list[Seen]] = {}
+        for k in range(len(self._cameras)):
+            for n, seen in self._seen_by(k, truth).items():
+                found.setdefault(n, []).append(seen)
+        return {n: _together(each) for n, each in found.items()}
+
+    def _seen_by(self, k: int, truth: Array) -> dict[int, Seen]:
+        sight = self._cameras[k].measure(self._drawn[k].picture(truth))
+        mounts = self._mounts[k]
+        return {n: (compose(disc.pose, mounts[n]) if n in mounts else disc.pose, disc.covariance)
+                for n, disc in sight.discs.items()}
+
+
+def _together(seen: Sequence[Seen]) -> Seen:
+    """Return what several cameras say of one disc, weighted by their covariances."""
+    if len(seen) == 1:
+        return seen[0]
+    first = seen[0][0]
+    weights = [np.linalg.inv(covariance) for _, covariance in seen]
+    covariance = np.linalg.inv(sum(weights))
+    away = covariance @ sum(weight @ displacement(pose, first)
+                            for weight, (pose, _) in zip(weights, seen, strict=True))
+    turned = Rotation.from_rotvec(away[3:]) * Rotation.from_quat(first[3:])
+    return np.concatenate([first[:3] + away[:3], turned.as_quat()]), covariance

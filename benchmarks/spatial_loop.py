@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.closed import closed_loop, on_angles
 from benchmarks.contenders import Contender, Goal, open_loop
-from benchmarks.lab import CAMERA, Description, NOTHING
+from benchmarks.lab import CAMERA, Description, NOTHING, TWO_CAMERAS
 from benchmarks.loop import HEAD, judged, line, Result, row
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
@@ -24,7 +24,8 @@ ANGLE = 0.6  # rad, largest bending angle of a goal
 CONTENDERS: dict[str, tuple[Contender, str]] = {
     'open loop': (open_loop, NOTHING),
     'closed loop on the bending, one camera': (on_angles, CAMERA),
-    'closed loop on the tip, one camera': (closed_loop, CAMERA)}
+    'closed loop on the tip, one camera': (closed_loop, CAMERA),
+    'closed loop on the tip, two cameras': (closed_loop, TWO_CAMERAS)}
 
 
 def run(quick: bool) -> Section:
@@ -43,7 +44,8 @@ def run(quick: bool) -> Section:
         f'Simulated: {len(seeds)} rigs of `config/{ARM}`, preset `{PRESET}`, each with other '
         f'random errors and another random shape of up to {np.degrees(ANGLE):.0f}° per segment in '
         'any direction, the same for all contenders. Errors are against the truth of the plant. '
-        'Discs are measured in drawn pictures, by a camera that was tared on the straight arm. '
+        'Discs are measured in drawn pictures, by cameras that were tared on the straight arm, '
+        'the second 60° beside the first. '
         + machine(), table(HEAD, [row(name, each) for name, each in results.items()])])
     return Section('../how_to/close_the_loop.md', 'spatial_loop', body)
 
