@@ -173,7 +173,7 @@ def test_two_cameras_of_an_arm_in_space(rig: Rig) -> None:
     drawn = {'camera': space_views.camera(),
              'camera_2': space_views.camera(direction=FRONT - pi / 3)}
     pictures = [one.picture(truth) for one in drawn.values()]
-    given = given_parameters(space_views.PATH, ALL_PARAMETERS, 'camera')
+    given = given_parameters(space_views.PATH, ALL_PARAMETERS, 'camera', ('shape',))
     drivers = [Driver(rig, one, name=name, **given) for name, one in drawn.items()]
     for driver, picture in zip(drivers, pictures, strict=True):
         tip = driver.poses[2]

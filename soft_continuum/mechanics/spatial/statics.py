@@ -29,8 +29,8 @@ Booleans = NDArray[np.bool_]
 ITERATIONS = 40  # of Newton's method in one step
 STEP = 0.003  # m of pull in one step at first
 LEAST_STEP = 1.0 / 4096.0  # of the way to the target
-OIL, OIL_STEPS = 5e-3, 500  # of the stiffness of a joint, at first; steps until it rests
-OIL_ITERATIONS = 20  # without oil, to see whether it is near its rest: then a few will do
+OIL, OIL_STEPS = 5e-3, 800  # of the stiffness of a joint, at first; steps until it rests
+OIL_TRIED, OIL_ITERATIONS = 10, 20  # steps after which it is tried without: near its rest a few do
 NUDGE = 1e-5  # rad
 AT_REST = 1e-7  # N m that may be out of balance at a start whose tensions are kept
 MAX_FRICTION_ITERATIONS = 100
@@ -95,7 +95,7 @@ class _Links:
         for rotation in self.rotations[0]:  # off an unstable balance
             rotate(rotation, np.array([NUDGE, NUDGE, 0.0]))
         damping = OIL * float(self.system[0][:, STIFFNESS].min(axis=1).mean())
-        for _ in range(OIL_STEPS):
+        for step in range(OIL_STEPS):
             *_, downhill = self.lead(target, target, 1.0, 1.0, damping, 1)
             if not downhill:
                 damping *= 4.0
@@ -105,7 +105,8 @@ class _Links:
             np.maximum(self.tension[1], 0.0, out=self.tension[0])
             self.taut[0] = (self.tension[0] > 0.0) | (
                 (self.kind == LENGTH) & (self.targets[3] > target))
-            if self.lead(target, target, 1.0, 1.0, most=OIL_ITERATIONS)[0] == 1.0:
+            if step % OIL_TRIED == 0 and self.lead(
+                    target, target, 1.0, 1.0, most=OIL_ITERATIONS)[0] == 1.0:
                 return True
         return False
 
