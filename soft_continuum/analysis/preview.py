@@ -13,17 +13,18 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.analysis.figures import finish_panels, new_panels
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, State
+from soft_continuum.mechanics.either import AnyArm, bending_of, State
 
 LABELS = 1.45  # times the distance of a tendon from the backbone: where its name is
 
 
-def bent(arm: AnyArm, bending_angles: Sequence[float], jamming: bool) -> State:
+def bent(arm: AnyArm, bending_angles: Sequence[float], directions: Sequence[float],
+         jamming: bool) -> State:
     """
     Return the arm in a shape, by the statics.
 
-    bending_angles: (segments,) rad; in space all towards x.  jamming: whether segments are set
-    one after the other, or all at once.  Raises StaticsError where no tendons hold it.
+    bending_angles, directions: (segments,) rad; no directions: all 0.  jamming: whether segments
+    are set one after the other, or all at once.  Raises StaticsError where no tendons hold it.
     """
     if isinstance(arm, Arm):
         from soft_continuum.mechanics.inverse import set_shape
@@ -31,7 +32,7 @@ def bent(arm: AnyArm, bending_angles: Sequence[float], jamming: bool) -> State:
         return set_shape(Statics(arm), bending_angles)
     from soft_continuum.mechanics.spatial import inverse, SpatialStatics
     statics = SpatialStatics(arm)
-    bending = np.column_stack([np.zeros(len(bending_angles)), bending_angles])
+    bending = bending_of(arm, bending_angles, directions)
     if jamming:
         return inverse.set_shape(statics, bending)
     return inverse.pulls_for_bending(

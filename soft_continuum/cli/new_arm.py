@@ -205,7 +205,7 @@ def _preview(picture: Path, description: Description) -> None:
     jamming = bool(description.values.get('arm.jamming', True))
     angles = ', '.join(f'{angle:.0f}' for angle in np.degrees(description.shape))
     try:
-        state = bent(arm, description.shape, jamming)
+        state = bent(arm, description.shape, description.directions, jamming)
     except StaticsError as error:
         print(f'The statics do not find the shape {SHAPE} ({angles} degrees): {error}')
     else:

@@ -5,6 +5,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import ceil, tau
+from typing import Any
 
 from soft_continuum.mechanics.arm import SECOND_ORDER
 from soft_continuum.mechanics.either import AnyArm
@@ -35,12 +36,14 @@ class Description:
     """
     Parameters by their dotted names, and a note to each.
 
-    shape: bending angle of each segment in the shape SHAPE, rad.
+    shape, directions: bending angle and direction of each segment in the shape SHAPE, rad; no
+    directions: all 0.
     """
 
     values: Mapping[str, Value]
     notes: Mapping[str, str]
     shape: tuple[float, ...]
+    directions: tuple[float, ...]
 
     @property
     def arm(self) -> AnyArm:
@@ -122,8 +125,20 @@ def describe(found: Mapping[str, Answer]) -> Description:
     notes['pull_limits'] = 'smallest and largest tendon pull; negative: paid out [m]' + (
         f'. {ASSUMED}: {found["pull_limit"].assumed}' if found['pull_limit'].assumed else '')
     notes[f'shapes.{SHAPE}'] = 'A first shape: bending angle of each segment [rad]'
-    return Description(
-        in_arm | rig | {'shape_names': (SHAPE,), f'shapes.{SHAPE}': shape}, notes, shape)
+    library: dict[str, Value] = {'shape_names': (SHAPE,), f'shapes.{SHAPE}': shape}
+    directions: tuple[float, ...] = ()
+    if answers.kind != PLANAR and (towards := _last_tendon(values)):
+        directions = library[f'shape_directions.{SHAPE}'] = (towards,) * len(shape)
+        notes[f'shape_directions.{SHAPE}'] = (
+            'Where each segment bends to, about z from x: to a tendon that passes all [rad]')
+    return Description(in_arm | rig | library, notes, shape, directions)
+
+
+def _last_tendon(values: Mapping[str, Value]) -> float:
+    """Return the angle of a tendon that ends at the tip, rad: if all lie in one plane, it does."""
+    ends: Any = values['arm.tendon_ends']
+    angles: Any = values['arm.tendon_angles']
+    return float(angles[ends.index(max(ends))])
 
 
 def _tendons(answers: Answers, values: dict[str, Value]) -> None:

@@ -27,7 +27,7 @@ from std_msgs.msg import Bool
 
 from soft_continuum.analysis.bag_tables import read_recording
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import given_parameters
+from soft_continuum.parameters.files import given_parameters, UNCHECKED
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.ros.qos import LATCHED, STREAM
 
@@ -263,7 +263,8 @@ def test_another_arm_is_followed_into_space_where_a_bending_has_a_direction(
         page: Page, rig: Rig) -> None:
     rig.end(rig._groups[0].nodes[0])
     rig.start_arm(**given_parameters(
-        description_file().with_name('spatial_jamming.yaml'), ALL_PARAMETERS), **SLOW)
+        description_file().with_name('spatial_jamming.yaml'), ALL_PARAMETERS,
+        prefixes=UNCHECKED), **SLOW)
     page.wait_for_text('tendon_3')
     expect(page.button('three-quarter')).to_be_visible()
     page.wait_for_pixels(dark, 180, MANY, 'dark, as stiff skins are')

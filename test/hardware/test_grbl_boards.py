@@ -84,7 +84,8 @@ def test_boards_are_opened_all_or_none():
 def test_ports_with_spaces_between_share_the_tendons_evenly():
     values = {p.name: p.default for p in GrblTendons.PARAMETERS} | {
         'speed_limit': SPEED, 'acceleration_limit': ACCELERATION, 'pull_limits': (-0.06, 0.06),
-        'arm.tendon_names': tuple('abcdefghi'), 'arm.tendon_angles': tuple(0.6 * k for k in range(9)),
+        'arm.tendon_names': tuple('abcdefghi'),
+        'arm.tendon_angles': tuple(0.6 * k for k in range(9)),
         'grbl.steps_per_mm': (200.0,) * 9, 'grbl.signs': (1.0,) * 8 + (-1.0,)}
     values['grbl.port'] = '/dev/one /dev/two /dev/three'
     assert isinstance(GrblTendons.from_parameters(values, STEADY), GrblBoards)

@@ -20,7 +20,7 @@ from ros_rig import Rig, STREAM
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
-from soft_continuum.parameters.files import given_parameters
+from soft_continuum.parameters.files import given_parameters, UNCHECKED
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import measured_pose_from_ros, pose_from_ros
@@ -173,7 +173,7 @@ def test_two_cameras_of_an_arm_in_space(rig: Rig) -> None:
     drawn = {'camera': space_views.camera(),
              'camera_2': space_views.camera(direction=FRONT - pi / 3)}
     pictures = [one.picture(truth) for one in drawn.values()]
-    given = given_parameters(space_views.PATH, ALL_PARAMETERS, 'camera', ('shape',))
+    given = given_parameters(space_views.PATH, ALL_PARAMETERS, 'camera', UNCHECKED)
     drivers = [Driver(rig, one, name=name, **given) for name, one in drawn.items()]
     for driver, picture in zip(drivers, pictures, strict=True):
         tip = driver.poses[2]

@@ -19,7 +19,7 @@ import yaml
 
 from soft_continuum.nodes.disc_sensors import _Feed, MAX_COUNT
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import given_parameters
+from soft_continuum.parameters.files import given_parameters, UNCHECKED
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_from_ros
@@ -132,7 +132,7 @@ def test_a_tracker_of_all_discs_in_its_own_frame_is_turned_into_the_base(rig: Ri
 
 def test_a_tracker_measures_discs_in_space_and_imus_do_not_yet(rig: Rig) -> None:
     """The disc is turned by 90 degrees about x: far out of any plane."""
-    given = given_parameters(SPATIAL, ALL_PARAMETERS, 'disc_sensors', ('shape',))
+    given = given_parameters(SPATIAL, ALL_PARAMETERS, 'disc_sensors', UNCHECKED)
     sensors, message = Sensors(rig, **given), PoseStamped()
     row = (0.02, -0.15, 0.1, sin(pi / 4), 0.0, 0.0, cos(pi / 4))
 

@@ -20,9 +20,8 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.mechanics.spatial import SpatialChain
-from soft_continuum.parameters.files import given_parameters, load_any_arm
+from soft_continuum.parameters.files import given_parameters, load_any_arm, UNCHECKED
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
-from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX
 from soft_continuum.ros.conversions import tracked_pose_from_ros, tracked_pose_to_ros
 from soft_continuum.ros.estimates import parameter_names
 from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState, MotionRequest
@@ -35,7 +34,7 @@ SLACK = -0.02  # m: of the tendons that are not to do anything
 
 def given(path: Path, **changes: Any) -> Mapping[str, Any]:
     """Return what a description gives, and changes, as Rig.start takes them."""
-    values = given_parameters(path, ALL_PARAMETERS, prefixes=(SHAPE_PREFIX, DIRECTION_PREFIX))
+    values = given_parameters(path, ALL_PARAMETERS, prefixes=UNCHECKED)
     return {name.replace('.', '__'): value for name, value in values.items()} | changes
 
 
