@@ -105,7 +105,7 @@ def draw_in_space(axes: Any, state: SpatialEquilibrium) -> None:
     for name, centre in zip('xyz', middle, strict=True):
         axes.set(**{f'{name}lim': (centre - half.max(), centre + half.max()),
                     f'{name}label': f'{name} in mm'})
-    axes.set_box_aspect((1.0, 1.0, 1.0))
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.88)  # with room for the labels
 
 
 def spatial_shapes_figure(path: str | Path,
@@ -121,5 +121,5 @@ def spatial_shapes_figure(path: str | Path,
         draw_in_space(axes, state)
         axes.plot(*(arcs * 1e3).T, 's', markersize=6, markerfacecolor='none',
                   markeredgecolor='tab:orange', label='constant curvature')
-        axes.set_title(name, parse_math=False)
+        axes.set_title(name, y=0.96, parse_math=False)
     finish_panels(path, figure, 5)
