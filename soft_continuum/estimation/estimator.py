@@ -113,13 +113,13 @@ class Estimator:
         """Follow the tendons and valves; raises StaticsError, and then keeps what it was."""
         before = self._past[-1] if self._past else commands
         switched, start = commands.stiff != self.state.stiff, self.state
-        if switched:
-            self._switch(commands.stiff, commands.time)
-        self.state = self._statics.solve(
+        state = self._statics.solve(
             start, commands.pulls + self.offsets, commands.soft, vacuum=commands.vacuum,
             sliding=commands.sliding)
         if switched:
-            self._change = self._moved_from(start)
+            self._switch(commands.stiff, commands.time)
+        self.state = state
+        self._change = self._moved_from(start) if switched else self._change
         self._note(commands, before)
         self._drift_by(max(0.0, commands.time - before.time),
                        np.abs(commands.pulls - before.pulls))

@@ -96,6 +96,8 @@ class GrblBoards:
                 act(board)
             except HardwareError as error:
                 failed[board] = self._named(board, error)
+            except Exception as error:  # it must not pass for done because its thread ended
+                failed[board] = self._named(board, f'{type(error).__name__}: {error}')
 
         threads = [threading.Thread(target=run, args=(board,), daemon=True)
                    for board in self._boards]

@@ -85,8 +85,12 @@ class Motors:
                 f'give the ports of {ceil(count / len(AXES))} as grbl.port, with spaces between')
         if share * (len(ports) - 1) >= count:
             raise ParameterError(f'grbl.port has {len(ports)} ports: too many for {count} tendons')
-        return [(port, every._part(slice(share * k, share * (k + 1))))
-                for k, port in enumerate(ports)]
+        parts = [every._part(slice(share * k, share * (k + 1))) for k in range(len(ports))]
+        if len({part.homes for part in parts}) > 1:  # one tendon on a board, and 0 alone
+            raise ParameterError(
+                f'parameter grbl.homed_pulls is {list(every.homed_pulls)}; a tendon that is alone '
+                'on its board needs a value below 0: 0.0 alone means that there are no switches')
+        return list(zip(ports, parts, strict=True))
 
     def _part(self, of: slice) -> Self:
         """Return some of the motors."""

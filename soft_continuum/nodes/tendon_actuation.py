@@ -13,7 +13,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
-from soft_continuum.hardware.protocols import TendonDriver, TendonReading
+from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
     Reason,
@@ -120,7 +120,11 @@ class TendonActuation(ManagedNode):
         driver.open()
         low, high = self.parameters['pull_limits']
         limits = TendonLimits(self._tendons, (low, high), self.parameters['speed_limit'])
-        return driver, TendonController(driver, limits, self._load_cells.tensions)
+        try:
+            return driver, TendonController(driver, limits, self._load_cells.tensions)
+        except HardwareError:  # at the first reading: its ports must be free for the next attempt
+            driver.close()
+            raise
 
     def close_device(self, device: Device) -> None:
         """Hold and disconnect."""

@@ -9,7 +9,7 @@ whole sequence is predicted, and the angles are those whose prediction ends wher
 from the paper, whose stiff segments are rigid.  In space a bending is two numbers, about x and y.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
@@ -94,14 +94,15 @@ def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Sequen
     return state
 
 
-def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim
-                  ) -> tuple[Array, Any]:
+def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
+                  check_wanted: Callable[[], None] = lambda: None) -> tuple[Array, Any]:
     """
     Return the bendings at which segments are to be locked, and the state that is predicted.
 
     segments: 0-based, or WHOLE_ARM, in the order in which they are set; the first may be soft
-    already.  The bendings are (k,) rad, in space (k, 2).  Raises StaticsError when the wanted ones
-    cannot be set.
+    already.  The bendings are (k,) rad, in space (k, 2).  check_wanted: is called now and then, to
+    end by raising: in space it takes seconds.  Raises StaticsError when the wanted ones cannot be
+    set.
     """
     from scipy.optimize import least_squares  # 0.3 s that a start need not wait for
     arm = statics.chain.arm
@@ -122,6 +123,7 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim
         return bending
 
     def residuals(values: Array) -> Array:
+        check_wanted()
         return aim.residuals(predicted(statics, state, segments, locked(values)))
 
     def slopes(values: Array) -> Array:
@@ -177,7 +179,8 @@ def next_step(planner: ShapePlanner, state: Any, pulls: Sequence[float],
     """
     first = segments[0]
     try:
-        bending, after = angles_to_set(planner.statics, state, segments, aim)
+        bending, after = angles_to_set(
+            planner.statics, state, segments, aim, planner.check_wanted)
         goal = np.array(state.bending)
         goal[_rows(segments, len(goal))] = bending
         change = _change(goal, state.bending, first)
@@ -216,7 +219,8 @@ def worth_setting_again(planner: ShapePlanner, state: Any, pulls: Sequence[float
     """
     statics = planner.statics
     if not aim.on_tip and any(
-            statics.chain.arm.segments[s].jam.ratio < LEAST_RATIO for s in segments):
+            s != WHOLE_ARM and statics.chain.arm.segments[s].jam.ratio < LEAST_RATIO
+            for s in segments):
         return ()
     now = aim.error(state)
     best: tuple[int, ...] = ()
@@ -226,7 +230,7 @@ def worth_setting_again(planner: ShapePlanner, state: Any, pulls: Sequence[float
         if release_limit < inf and _released(planner, state, pulls, again[0]) > release_limit:
             break
         try:
-            _, after = angles_to_set(statics, state, again, aim)
+            _, after = angles_to_set(statics, state, again, aim, planner.check_wanted)
         except StaticsError:
             continue
         left = float(np.hypot(aim.error(after), lock_in * _lever(state, again, aim)))

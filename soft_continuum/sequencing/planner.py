@@ -197,7 +197,8 @@ class ShapePlanner(ABC):
         """Return which segments are soft while one is set."""
         return soft_flags(segment, self.statics.chain.segments)
 
-    def _check_wanted(self) -> None:
+    def check_wanted(self) -> None:
+        """Raise PlanError once the plan is abandoned."""
         if self._abandoned():
             raise PlanError('the plan was abandoned')
 
@@ -249,7 +250,7 @@ class Planner(ShapePlanner):
         points, tension = [start], float(softened.tensions.max())
         bent = softened
         for target in np.linspace(present, goal, steps + 1)[1:]:
-            self._check_wanted()
+            self.check_wanted()
             bent = self.statics.bend(
                 bent, segment, float(target), vacuum=vacuum, sliding=sliding)
             tension = max(tension, float(bent.tensions.max()))

@@ -75,14 +75,15 @@ class SpatialPlanner(ShapePlanner):
         steps = max(1, ceil(most / self.settings.angle_step))
         points = [start]
         for part in np.arange(1, steps + 1) / steps:
-            self._check_wanted()
+            self.check_wanted()
             fit = pulls_that_hold(self.statics, bent, present + part * change, soft)
             bent = fit.state
             tension = max(tension, float(bent.tensions.max()))
             points.append(self._with_slack(fit))
         pulls = np.array(points)
         self._check_limits(pulls, tension)
-        end = self.statics.solve(bent, pulls[-1] + self._offsets, soft)
+        end = self.statics.solve(bent, pulls[-1] + self._offsets, soft,
+                                 vacuum=bent.vacuum or None)
         times, pulls = self._timed(pulls)
         angle = float(np.linalg.norm(goal, axis=1)[soft].max())
         return Move(segment, angle, times, pulls, tension), end

@@ -13,6 +13,7 @@ from true_arm import ARM, commands, COVARIANCE, DEVIATIONS, only, Session, STIFF
 from soft_continuum.estimation.dimensions import model_error, PLANE
 from soft_continuum.estimation.estimator import HISTORY, OWN_SHARE, PERSISTENT
 from soft_continuum.estimation.settings import Drift, Prior
+from soft_continuum.mechanics.errors import StaticsError
 
 HANGING = replace(ARM, mounting_angle=pi)
 NO_DRIFT = Drift(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -171,6 +172,15 @@ def test_measurements_of_another_time_are_not_used():
         assert reason in estimator.ready(time)
         assert unchanged(estimator, before)
     assert estimator.measure(session.time, discs).used  # it would have been
+
+
+def test_what_the_statics_cannot_follow_changes_nothing():
+    session = bent()
+    before = remembered(session.estimator)
+    with pytest.raises(StaticsError):
+        session.estimator.follow(commands(session.time + 1.0, np.array([0.3, 0.3]), only(0)))
+    assert unchanged(session.estimator, before)
+    assert session.measure().used
 
 
 def test_nothing_is_measured_while_a_segment_changes_its_stiffness():

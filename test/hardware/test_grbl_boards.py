@@ -81,6 +81,14 @@ def test_boards_are_opened_all_or_none():
         assert len(tendons.read().pulls) == 5
 
 
+def test_a_board_that_cannot_be_opened_for_any_reason_is_not_taken_to_be_open(monkeypatch):
+    with boards() as (emulators, tendons):
+        monkeypatch.setattr(tendons._boards[1], 'open', lambda: [][0])
+        with pytest.raises(HardwareError, match='IndexError.*of d, e'):
+            tendons.open()
+        GrblTendons.open(tendons._boards[0])  # its port is free again
+
+
 def test_ports_with_spaces_between_share_the_tendons_evenly():
     values = {p.name: p.default for p in GrblTendons.PARAMETERS} | {
         'speed_limit': SPEED, 'acceleration_limit': ACCELERATION, 'pull_limits': (-0.06, 0.06),
@@ -97,3 +105,8 @@ def test_ports_with_spaces_between_share_the_tendons_evenly():
                          (' '.join(map(str, range(10))), '10 ports: too many for 9 tendons')):
         with pytest.raises(ParameterError, match=words):
             GrblTendons.from_parameters(values | {'grbl.port': ports}, STEADY)
+    homed = values | {'grbl.port': ' '.join(f'/dev/{k}' for k in range(9))}
+    for pulls in ((0.0,), (-0.01,) * 9):
+        assert len(Motors.of_boards(homed | {'grbl.homed_pulls': pulls})) == 9
+    with pytest.raises(ParameterError, match='homed_pulls .* alone on its board .* below 0'):
+        Motors.of_boards(homed | {'grbl.homed_pulls': (-0.01,) * 8 + (0.0,)})

@@ -14,8 +14,14 @@ from soft_continuum.mechanics.spatial import pulls_for_bending, SpatialStatics
 from soft_continuum.mechanics.spatial.inverse import PRETENSION, pulls_that_hold
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_any_arm
-from soft_continuum.sequencing.aiming import Aim, angles_to_set, next_step, predicted
-from soft_continuum.sequencing.planner import planner_of, PlanSettings, WHOLE_ARM
+from soft_continuum.sequencing.aiming import (
+    Aim,
+    angles_to_set,
+    next_step,
+    predicted,
+    worth_setting_again,
+)
+from soft_continuum.sequencing.planner import PlanError, planner_of, PlanSettings, WHOLE_ARM
 
 ALL = (0, 1, 2)
 FALLS = -0.109, -0.178  # rad: where the least tensions leave segment 2 free to fall
@@ -59,6 +65,13 @@ def test_the_shape_or_the_tip_is_right_after_the_last_segment_was_set(statics, b
     assert aim.error(there) < (1e-4 if on_tip else np.radians(0.1))
     assert aim.error(naive) > (1e-3 if on_tip else np.radians(0.5))
     assert np.linalg.norm(there.bending - bending, axis=1).max() < np.radians(5.0)
+
+
+def test_what_is_not_wanted_any_more_ends(statics, bending):
+    planner = planner_of(statics.chain.arm, PlanSettings(), lambda: True)
+    with pytest.raises(PlanError, match='abandoned'):
+        worth_setting_again(planner, statics.chain.straight(), [0.0] * 3, ALL,
+                            Aim(bending, np.zeros(3)), 0.006)
 
 
 def test_the_error_of_a_bending_counts_in_every_direction(statics, bending):

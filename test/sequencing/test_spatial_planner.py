@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from soft_continuum.mechanics import Jam
 from soft_continuum.mechanics.either import bending_of
 from soft_continuum.mechanics.spatial import solve_path, spatial, SpatialStatics
 from soft_continuum.nodes.goals import shape_library
@@ -187,6 +188,20 @@ def test_an_upright_arm_may_lean_within_the_slack_of_its_tendons():
 def test_an_arm_that_nothing_bends_has_tendons_that_are_just_slack():
     bow = Shape('bow', (0.0, 0.4, 0.0), 0.0, (2.0,) * 3)
     assert planned(coarse(), bow, STRAIGHT)[1].moves[-1].pulls[-1] == pytest.approx(-1e-4)
+
+
+def test_the_jams_of_a_plan_have_the_vacuum_that_they_have():
+    arm = coarse()
+    arm = replace(arm, segments=tuple(replace(s, jam=Jam(8.0)) for s in arm.segments))
+    planner, part = planner_of(arm, SETTINGS), (0.5,) * 3
+    start = replace(planner.statics.chain.straight(), vacuum=part)
+    goal = bending_of(arm, (0.0, 0.5, 0.0), (1.0,) * 3)
+    move, end = planner.move(start, np.zeros(3), 1, goal)
+    state = start
+    for pulls in move.pulls:
+        state = planner.statics.solve(state, pulls, (False, True, False), vacuum=part)
+    assert state.bending == pytest.approx(end.bending, abs=1e-4)
+    assert state.bending_angles[1] == pytest.approx(0.5, abs=ANGLE_ERROR)
 
 
 def test_softening_what_nothing_holds_is_refused():

@@ -61,8 +61,8 @@ def pulls_for_bending(statics: SpatialStatics, start: SpatialEquilibrium, bendin
 
     bending: (segments, 2) rad about x and y, as SpatialEquilibrium.bending; nan for what may be
     anything.  pretension: N that every tendon carries at least; with 0 a tendon may be slack.
-    Where several tensions do, the sum of their squares is least.  Followed from ``start``.
-    Tendons do not rub here.
+    Where several tensions do, the sum of their squares is least.  Followed from ``start``, with
+    its vacuum.  Tendons do not rub here.
 
     Raises StaticsError that names what cannot be held: a segment that no tendon passes, a
     direction to which none bends it, more bendings than tendons; ValueError for other sizes.
@@ -181,7 +181,8 @@ class _Search:
         """Return where the bendings are those wanted, or as near as the tendons bring them."""
         # Tendons that all are just taut hold each other: a little slack shows which carry.
         state = self.statics.solve(
-            start, self.statics.commanded_pulls(start) - start.slack - SLACK_ALLOWANCE, self.soft)
+            start, self.statics.commanded_pulls(start) - start.slack - SLACK_ALLOWANCE, self.soft,
+            vacuum=start.vacuum or None)
         part = 1.0
         for _ in range(MAX_STEPS):
             left = (self.wanted - state.bending)[self.chosen]
@@ -238,7 +239,7 @@ class _Search:
               ) -> SpatialEquilibrium:
         """Solve by the lengths of the tendons that carry: by tensions less is stable."""
         carries = tensions > self.pretension + NO_TENSION
-        there = self.statics.solve(state, pulls, self.soft,
+        there = self.statics.solve(state, pulls, self.soft, vacuum=state.vacuum or None,
                                    tensions=np.where(carries, np.nan, self.pretension))
         if there.jumped:
             # Where one tendon takes over from another, the arm may lean from one to the other.
