@@ -24,7 +24,7 @@ def files(*patterns: str) -> list[str]:
 distribution = setup(
     name=PACKAGE,
     version='0.1.0',
-    description='A planar tendon-driven continuum arm with jamming segments, on ROS 2',
+    description='Tendon-driven continuum arms with jamming segments, on ROS 2',
     license='Apache-2.0',
     maintainer='The soft_continuum authors',
     maintainer_email='soft-continuum@example.org',

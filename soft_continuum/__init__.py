@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Model, actuate and sequence a planar variable-stiffness continuum arm."""
+"""Model, actuate and sequence variable-stiffness continuum arms, in a plane or in space."""
 
 
 def version() -> str:

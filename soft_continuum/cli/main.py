@@ -60,8 +60,8 @@ def _parser() -> Parser:
         '\n'.join([f'{group}:', *(f'  {verb.name:<{width}}  {verb.help}' for verb in verbs)])
         for group, verbs in GROUPS.items())
     parser = Parser(
-        '', 'A planar tendon-driven continuum arm with jamming segments: operate it, analyse it, '
-        f'set it up.\nVERB --help shows the options of a verb.\n\n{listing}',
+        '', 'Tendon-driven continuum arms with jamming segments: operate them, analyse them, '
+        f'set them up.\nVERB --help shows the options of a verb.\n\n{listing}',
         *FOR_NODES, usage='%(prog)s VERB [OPTION]...',
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--version', action='store_true', help='print the version and end')

@@ -181,13 +181,15 @@ class Arm:
         """
         Return where sensors see the discs, by number from the base disc, 0.
 
-        Means over ``duration`` s.  Raises ClientError when no disc is measured.
+        Means over ``duration`` s.  Raises ClientError when no disc is measured, and for a spatial
+        arm.
         """
         return self._do(self._measure(duration))
 
     async def _measure(self, duration: float) -> 'dict[int, MeasuredDisc]':
         from soft_continuum.client.measured import MeasuredArm
         observed = await self._requests.observe()
+        await self._requests.planar_description()  # or an error: it knows no others
         if self._measured is None:
             self._measured = MeasuredArm(observed, self._connection.node.get_clock())
         return await self._measured.measure(duration)

@@ -35,6 +35,7 @@ from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.twin_process import add_twin_options, twin_process
 from soft_continuum.nodes.up import chosen_nodes, description_file
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.sequencing.progress import Phase
 
 ARMS = ('manipulator', 'spatial_jamming', 'tendon_arm')
@@ -76,7 +77,7 @@ def main() -> int:
               NodeProcesses(nodes, arguments + driving),
               Arm(namespace, timeout=STARTING_TIMEOUT) as arm):
             if driving:
-                _take_as_straight(arm)
+                _take_as_straight(arm, jamming=JAMMING_VALVES in nodes)
             _run(arm, options.picture, camera=options.camera)
     except KeyboardInterrupt:
         print('\ninterrupted; everything that was started has ended')
@@ -89,10 +90,11 @@ def main() -> int:
     return 0
 
 
-def _take_as_straight(arm: Arm) -> None:
-    """Do what comes first on a rig: stiffen the arm, and say that it is straight."""
+def _take_as_straight(arm: Arm, *, jamming: bool) -> None:
+    """Do what comes first on a rig: stiffen the arm if it can be, and say that it is straight."""
     arm.wait_for(lambda state: state.pulls and None not in state.stiff)
-    arm.stiffen()
+    if jamming:
+        arm.stiffen()
     arm.reference()
 
 
@@ -100,6 +102,7 @@ def _run(arm: Arm, picture: Path, *, camera: bool) -> None:
     """Run the shapes, print a table for each and write the picture."""
     arm.wait_for(lambda state: state.pulls and state.tip and None not in state.stiff)
     description, shapes = arm.description, arm.shapes
+    camera = camera and isinstance(description, PlanarArm)  # Arm.measure knows no other
     hold = HOLD + SETTLING + MEASURING if camera else HOLD
     reached, measured = _follow(arm, arm.start(*shapes, hold=hold), camera=camera)
     if isinstance(description, PlanarArm):

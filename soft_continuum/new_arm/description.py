@@ -121,7 +121,7 @@ def describe(found: Mapping[str, Answer]) -> Description:
         'tension_limit': values['tension_limit']}
     if answers.kind != TENDONS:
         rig['jamming_driver'] = 'simulated'
-    notes['tendon_driver'] = 'grbl: a controller of up to 4 steppers (docs/how_to/set_up_a_rig.md)'
+    notes['tendon_driver'] = 'grbl: boards of up to 4 steppers (docs/how_to/set_up_a_rig.md)'
     notes['pull_limits'] = 'smallest and largest tendon pull; negative: paid out [m]' + (
         f'. {ASSUMED}: {found["pull_limit"].assumed}' if found['pull_limit'].assumed else '')
     notes[f'shapes.{SHAPE}'] = 'A first shape: bending angle of each segment [rad]'

@@ -111,8 +111,7 @@ def planar(arm: AnyArm) -> Arm:
     if not isinstance(arm, Arm):
         raise ParameterError(
             'the description is of a spatial arm (arm.tendon_names), and this works with planar '
-            'arms only so far; with spatial ones `soft_continuum up` works, which starts '
-            'tendon_actuation, kinematics, shape_sequencer and, with arm.jamming, jamming_valves')
+            'arms only so far; docs/how_to/use_a_spatial_arm.md says what works in space')
     return arm
 
 
