@@ -31,14 +31,14 @@ from soft_continuum.estimation.measuring import (
 )
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.unknowns import (
-    arm_with,
     first_covariance,
     first_values,
     layout_of,
     limited,
+    statics_with,
 )
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.errors import StaticsError
 
 HISTORY = 2.0  # s for which pulls are kept: a measurement may be that late
@@ -67,7 +67,7 @@ class Estimator:
         self.values = first_values(arm, self.layout, prior)
         self._first = first_covariance(arm, self.layout, prior)
         self.covariance = self._first.copy()
-        self._statics: Any = statics_of(arm_with(arm, self.layout, self.values))
+        self._statics: Any = statics_with(arm, self.layout, self.values, state)
         self.state: Any = replace(state, chain=self._statics.chain)
         for s, stiff in enumerate(state.stiff):
             if not stiff:
@@ -345,7 +345,7 @@ class Estimator:
         statics, start, there = self._statics, state, state
         changed = bool(change.any())
         if changed:
-            statics = statics_of(arm_with(self._described, layout, unknowns))
+            statics = statics_with(self._described, layout, unknowns, state)
             start = layout.dimensions.held(
                 state, statics.chain, change[layout.held] * self._stiff())
         if changed or past is not self._past[-1]:

@@ -15,8 +15,9 @@ import numpy as np
 from soft_continuum.estimation.dimensions import Dimensions, dimensions_of, PLANE
 from soft_continuum.estimation.settings import Prior
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm
-from soft_continuum.mechanics.laws import Jam
+from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.laws import Jam, LawError
 
 MIN_RATIO = 2.0  # K of a stiff segment that is estimated
 MAX_RATIO = 1e4
@@ -162,3 +163,16 @@ def arm_with(arm: AnyArm, layout: Layout, values: Array) -> Any:
                                     values[layout.ratio], strict=True))
     return replace(dimensions.giving(arm, STRETCH), segments=segments,
                    payload=float(values[layout.payload]))
+
+
+def statics_with(arm: AnyArm, layout: Layout, values: Array, state: Any) -> Any:
+    """
+    Return the statics of arm_with.
+
+    Raises StaticsError, with ``state``, where a soft segment would be stiffer than its measured
+    law says of it when it is stiff: there is no such arm.
+    """
+    try:
+        return statics_of(arm_with(arm, layout, values))
+    except LawError as error:
+        raise StaticsError(str(error), state) from None

@@ -14,6 +14,7 @@ from soft_continuum.estimation.dimensions import model_error, PLANE
 from soft_continuum.estimation.estimator import HISTORY, OWN_SHARE, PERSISTENT
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.laws import Jam, MomentCurvature
 
 HANGING = replace(ARM, mounting_angle=pi)
 NO_DRIFT = Drift(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -160,6 +161,21 @@ def test_a_late_measurement_corrects_the_present_shape():
             session.follow(pulls=session.pulls + [1.5e-4, -2e-4])
         assert session.estimator.measure(session.time - 0.15, late).used
     assert np.abs(session.estimator.state.tip - session.truth.state.tip)[2] < 0.3 * before
+
+
+def test_a_segment_is_not_estimated_to_be_stiffer_than_its_law_says_of_it_when_it_is_stiff():
+    arm = replace(ARM, segments=tuple(replace(s, jam=Jam(law=MomentCurvature(
+        (0.0, 1.0, 10.0), (0.0, 20.0 * s.bending_stiffness, 29.9 * s.bending_stiffness))))
+        for s in ARM.segments))
+    session = Session(TrueArm(factors=(1.6,) * 3), arm=arm)
+    session.switch(only(2))
+    session.move((0.012, -0.016), steps=3)
+    session.wait(3.0)
+    for _ in range(6):
+        session.wait(0.3)
+        session.estimator.measure(session.time, session.truth.seen() + session.truth.pulled())
+    factors = np.exp(session.estimator.values[session.estimator.layout.stiffness])
+    assert 1.05 < factors[2] < 1.1  # beyond, a row of the law would not grow
 
 
 def test_measurements_of_another_time_are_not_used():
