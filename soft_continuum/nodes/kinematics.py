@@ -325,9 +325,10 @@ class Kinematics(Node):
                 tuple(self._vacuum.tolist()) if self._elastic else None,
                 tuple(self._sliding.tolist())))
         except UnknownShapeError as error:
+            known = ('straighten the arm and call tendon_actuation/reference, or soften every '
+                     'segment; then ' if self.parameters['arm.jamming'] else '')
             self.status.set(
-                WARN, f'{error}; straighten the arm and call tendon_actuation/reference, or '
-                'soften every segment; then call ~/reset; or let sensors measure every disc')
+                WARN, f'{error}; {known}call ~/reset; or let sensors measure every disc')
             return False
         except ShapeError as error:
             self.status.set(ERROR, str(error), **{
