@@ -11,6 +11,7 @@ import tty
 
 from soft_continuum.hardware.clock import Clock
 
+ARRIVAL_TIME = 1e-4  # s of real time for written bytes to reach the other end, after others have
 CHECK_INTERVAL = 0.01  # s of real time between two looks for threads that have ended
 
 
@@ -65,7 +66,7 @@ class VirtualClock(Clock):
         self._threads = {thread for thread in self._threads if thread.is_alive()}
         if self._threads - self._waiters.keys():
             return
-        ready = self._ready() or (self._let_bytes_arrive() or self._ready())
+        ready = self._ready(0.0) or (self._let_bytes_arrive() or self._ready(ARRIVAL_TIME))
         if not ready:
             self._now = max(self._now, min(w.until for w in self._waiters.values()))
             ready = [t for t, w in self._waiters.items() if w.until <= self._now]
@@ -77,11 +78,11 @@ class VirtualClock(Clock):
         os.write(self._near, b'.')
         os.read(self._far, 1)
 
-    def _ready(self):
+    def _ready(self, patience):
         """Return the threads whose files can be read, or are not open any more."""
         try:
             found = set(select(
-                {file for w in self._waiters.values() for file in w.files}, [], [], 0.0)[0])
+                {file for w in self._waiters.values() for file in w.files}, [], [], patience)[0])
         except (OSError, ValueError):
             return [thread for thread, w in self._waiters.items() if self._fails(w.files)]
         return [thread for thread, w in self._waiters.items() if found.intersection(w.files)]
