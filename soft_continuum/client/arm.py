@@ -150,6 +150,11 @@ class Arm:
         return self._description
 
     @property
+    def has_jamming(self) -> bool:
+        """Whether segments can be stiffened; without jamming they are always soft."""
+        return self._do(self._requests.has_jamming())
+
+    @property
     def planar_description(self) -> 'Description':
         """The same for what works with planar arms only; raises ClientError for a spatial one."""
         return self._do(self._requests.planar_description())
