@@ -3,7 +3,7 @@
 """``learn``: what kinematics has learned of the running arm, as a parameter file."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
@@ -16,13 +16,14 @@ from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FAILED, NO_NODES, Parser
 from soft_continuum.cli.common import run_verb
 from soft_continuum.client.estimate import LearnedParameter, parameter_text, ParameterText
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.parameter import ParameterError, Value
 
 if TYPE_CHECKING:
     from soft_continuum.client.estimate import Estimate
-    from soft_continuum.mechanics.arm import Arm as Description
+    from soft_continuum.mechanics.either import AnyArm
 
 NAME = 'learn'
 FILE = 'learned.yaml'
@@ -30,6 +31,7 @@ HOW_TO_SEE = 'does the node camera or disc_sensors run, and what does `soft_cont
 HOW_TO_LEARN = ('a segment tells its stiffness while it is soft and hangs on its own spring, and '
                 'its K when a load on it changes while it is stiff: set other shapes')
 OF_HOMING = 'it belongs to the zero of the tendons: home them, or straighten the arm and reference'
+BENDING = 'arm.bending_stiffnesses'
 CHECKS = {p.name: p.check for p in ARM_PARAMETERS}
 
 
@@ -63,12 +65,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    from soft_continuum.client.arm import Arm
+    from soft_continuum.client.arm import Arm as RunningArm
     from soft_continuum.client.state_text import source_text
     path, = reserve_outputs(options.output, [FILE], options.force)
-    with Arm(options.namespace, timeout=options.timeout) as arm:
+    with RunningArm(options.namespace, timeout=options.timeout) as arm:
         estimate = arm.state.estimate
-        learned = learn(_known(estimate), arm.planar_description)
+        learned = learn(_known(estimate), arm.description, arm.has_jamming)
         title = _title(arm.is_simulated)
     _say(learned)
     assert estimate is not None
@@ -118,14 +120,21 @@ def _say(learned: Learned) -> None:
         print(f'{NAME}: warning: {text}; look at the arm before you use it', file=sys.stderr)
 
 
-def learn(parameters: Sequence[LearnedParameter], arm: 'Description') -> Learned:
-    """Return what a description takes of what is estimated of an arm that was described."""
+def learn(parameters: Sequence[LearnedParameter], arm: 'AnyArm', jamming: bool = True) -> Learned:
+    """
+    Return what a description takes of what is estimated of an arm that was described.
+
+    jamming: whether it has any; without, there is no K.
+    """
     learned = Learned()
+    stiffnesses = _stiffnesses(arm)
     ratios = [0.0 if s.jam.ratio == inf else s.jam.ratio for s in arm.segments]
-    stiffness = _List('arm.bending_stiffnesses', [s.bending_stiffness for s in arm.segments])
-    ratio = _List('arm.stiffness_ratios', ratios)
+    stiffness = _Lists(stiffnesses)
+    ratio = _Lists({'arm.stiffness_ratios': ratios})
     for parameter in parameters:
         text, segment = parameter_text(parameter), parameter.segment
+        if parameter.kind == 'stiff_ratio' and not jamming:
+            continue
         if parameter.kind == 'offset':
             if parameter.determined:
                 learned.offsets.append(f'{text.label.removeprefix("offset, ")} is pulled in by '
@@ -135,11 +144,10 @@ def learn(parameters: Sequence[LearnedParameter], arm: 'Description') -> Learned
         elif segment is not None and not 1 <= segment <= len(arm.segments):
             learned.left_out.append(f'{text.label}: this arm has no such segment')
         elif parameter.kind == 'stiffness_factor' and segment is not None:
-            described = arm.segments[segment - 1]
-            if described.soft_law is not None:
+            if arm.segments[segment - 1].soft_law is not None:
                 learned.left_out.append(f'{text.label}: a measured table takes its place')
             else:
-                _take(learned, parameter, text, described.bending_stiffness, 'N m^2',
+                _take(learned, parameter, text, stiffnesses[BENDING][segment - 1], 'N m^2',
                       partial(stiffness.put, segment - 1))
         elif parameter.kind == 'stiff_ratio' and segment is not None:
             if arm.segments[segment - 1].jam.law is not None:
@@ -154,17 +162,35 @@ def learn(parameters: Sequence[LearnedParameter], arm: 'Description') -> Learned
     return learned
 
 
-class _List:
-    """A parameter with a value for each segment, as described where nothing was learned."""
+def _stiffnesses(arm: 'AnyArm') -> dict[str, Sequence[float]]:
+    """Return what a stiffness factor counts for, of each segment, E I first, by parameter."""
+    if isinstance(arm, Arm):
+        return {BENDING: [s.bending_stiffness for s in arm.segments]}
+    from soft_continuum.analysis.unknowns_in_space import spread_out, STIFFNESSES
+    described = spread_out({}, arm)
+    return {name: described[name] for name in STIFFNESSES}  # type: ignore[misc]
 
-    def __init__(self, name: str, values: Sequence[float]) -> None:
-        self._name, self._values = name, list(values)
+
+class _Lists:
+    """Parameters with a value for each segment, as described where nothing was learned."""
+
+    def __init__(self, lists: Mapping[str, Sequence[float]]) -> None:
+        self._lists = lists
 
     def put(self, index: int, value: float) -> dict[str, Value]:
-        """Return the parameter with one value more that was learned; raises ParameterError."""
-        values = [value if i == index else before for i, before in enumerate(self._values)]
-        checked = {self._name: CHECKS[self._name](values)}
-        self._values = values
+        """
+        Return the parameters with one value more that was learned; raises ParameterError.
+
+        It is one of the first; the others stay in proportion to it.
+        """
+        first, *others = self._lists
+        new = {first: value} | {
+            name: self._lists[name][index] * (value / self._lists[first][index])
+            for name in others}
+        lists = {name: [new[name] if i == index else before for i, before in enumerate(values)]
+                 for name, values in self._lists.items()}
+        checked = {name: CHECKS[name](values) for name, values in lists.items()}
+        self._lists = lists
         return checked
 
 

@@ -16,12 +16,12 @@ from soft_continuum import version
 from soft_continuum.analysis.results import reserve_outputs, ResultError
 from soft_continuum.arguments import FAILED, NO_NODES, number_in, Parser
 from soft_continuum.cli.common import run_verb
-from soft_continuum.sensing.layout import directions
+from soft_continuum.mechanics.arm import Arm as PlanarArm
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
     from soft_continuum.client.measured import MeasuredDisc
-    from soft_continuum.mechanics.arm import Arm as Description
+    from soft_continuum.mechanics.either import AnyArm
 
 FILES = 'points.csv', 'pulls.csv'
 SETTLING = 1.0  # s of holding before it is measured
@@ -66,15 +66,20 @@ def _measure_all(arm: 'Arm', names: Sequence[str], options: argparse.Namespace,
                  paths: Sequence[Path]) -> None:
     """Set and measure one shape after the other; write all of them after each."""
     title = _title(arm.is_simulated)
-    tendons = [t.removesuffix('_tendon') for t in arm.planar_description.tendon_names]
-    points = [title, 'shape,point,x [mm],z [mm],deviation [mm]']
-    pulls = [title, ','.join(['shape,segment', *(f'{t} [mm]' for t in tendons)])]
+    description, jamming = arm.description, arm.has_jamming
+    planar = isinstance(description, PlanarArm)
+    axes = 'xz' if planar else 'xyz'
+    tendons = [t.removesuffix('_tendon') if planar else t for t in description.tendon_names]
+    points = [title, f'shape,point,{",".join(f"{axis} [mm]" for axis in axes)},deviation [mm]']
+    pulls = [title, ','.join(['shape', *(['segment'] if jamming else []),
+                              *(f'{t} [mm]' for t in tendons)])]
     for name in names:
         print(f'{name} ...', flush=True)
-        steps, discs = _set_and_measure(arm, name, options.duration)
-        pulls += [','.join([name, str(segment), *(f'{p * 1e3:.4f}' for p in pulled)])
+        steps, discs = _set_and_measure(arm, name, options.duration, jamming)
+        pulls += [','.join([name, *([str(segment)] if jamming else []),
+                            *(f'{p * 1e3:.4f}' for p in pulled)])
                   for segment, pulled in steps.items()]
-        points += _rows(name, discs, arm.planar_description)
+        points += _rows(name, discs, description)
         print(f'  {len(discs)} discs, each seen {min(d.samples for d in discs.values())} '
               'times or more', flush=True)
         for path, rows in zip(paths, (points, pulls), strict=True):
@@ -87,20 +92,26 @@ def _title(simulated: bool) -> str:
             f'{datetime.now().astimezone().isoformat(timespec="seconds")}')
 
 
-def _set_and_measure(arm: 'Arm', name: str, duration: float
+def _set_and_measure(arm: 'Arm', name: str, duration: float, jamming: bool
                      ) -> tuple[dict[int, Pulls], 'dict[int, MeasuredDisc]']:
-    """Return the pulls at which each segment was stiffened, in order, and the measured discs."""
+    """
+    Return the pulls at which each segment was stiffened, in order, and the measured discs.
+
+    Without jamming it is the pulls at which the arm was measured, of segment 0.
+    """
     from soft_continuum.client.errors import ClientError
     from soft_continuum.sequencing.progress import Phase
-    arm.run([0.0] * len(arm.planar_description.segments))
+    arm.run([0.0] * len(arm.description.segments))
     steps: dict[int, Pulls] = {}
     discs: dict[int, MeasuredDisc] = {}
     running = arm.start(name, hold=SETTLING + duration + 0.5)
     for now in running.updates():
-        if now.phase == Phase.STIFFENING and now.segment not in steps:
+        if jamming and now.phase == Phase.STIFFENING and now.segment not in steps:
             steps[now.segment] = arm.state.pulls or ()
         if now.phase == Phase.HOLDING and not discs:
             sleep(SETTLING)
+            if not jamming:
+                steps[0] = arm.state.pulls or ()
             discs = _with_position(arm.measure(duration))
     running.result()
     if not discs or not steps or not all(steps.values()):
@@ -118,15 +129,14 @@ def _with_position(discs: 'dict[int, MeasuredDisc]') -> 'dict[int, MeasuredDisc]
     return found
 
 
-def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'Description') -> list[str]:
-    """Return the bottom and the top of each disc as rows; without its angle the bottom only."""
+def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'AnyArm') -> list[str]:
+    """Return the bottom and the top of each disc as rows; without orientation the bottom only."""
     rows = []
+    axes, shifts = ([0, 2], 2) if isinstance(arm, PlanarArm) else ([0, 1, 2], 3)
     for n, disc in discs.items():
-        x, z, angle = disc.pose
-        up = arm.discs[n].height * directions(angle)[1]
-        deviation = float(np.hypot(*disc.deviation[:2])) * 1e3
-        for point, place in ((2 * n + 1, (x, z)), (2 * n + 2, (x + up[0], z + up[1]))):
+        deviation = float(np.linalg.norm(disc.deviation[:shifts])) * 1e3
+        for point, place in enumerate(disc.points(arm.discs[n].height)[:, axes], 2 * n + 1):
             if np.isfinite(place).all():
-                rows.append(f'{name},{point},{place[0] * 1e3:.4f},{place[1] * 1e3:.4f},'
-                            f'{deviation:.4f}')
+                rows.append(','.join([name, str(point), *(f'{p * 1e3:.4f}' for p in place),
+                                      f'{deviation:.4f}']))
     return rows

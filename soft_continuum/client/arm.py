@@ -150,6 +150,11 @@ class Arm:
         return self._description
 
     @property
+    def has_jamming(self) -> bool:
+        """Whether segments can be stiffened; without jamming they are always soft."""
+        return self._do(self._requests.has_jamming())
+
+    @property
     def planar_description(self) -> 'Description':
         """The same for what works with planar arms only; raises ClientError for a spatial one."""
         return self._do(self._requests.planar_description())
@@ -181,17 +186,18 @@ class Arm:
         """
         Return where sensors see the discs, by number from the base disc, 0.
 
-        Means over ``duration`` s.  Raises ClientError when no disc is measured, and for a spatial
-        arm.
+        Means over ``duration`` s.  Raises ClientError when no disc is measured.
         """
         return self._do(self._measure(duration))
 
     async def _measure(self, duration: float) -> 'dict[int, MeasuredDisc]':
         from soft_continuum.client.measured import MeasuredArm
+        from soft_continuum.estimation.dimensions import dimensions_of
         observed = await self._requests.observe()
-        await self._requests.planar_description()  # or an error: it knows no others
         if self._measured is None:
-            self._measured = MeasuredArm(observed, self._connection.node.get_clock())
+            dimensions = dimensions_of(await self._requests.description())
+            self._measured = MeasuredArm(
+                observed, self._connection.node.get_clock(), dimensions)
         return await self._measured.measure(duration)
 
     @property

@@ -7,26 +7,37 @@ from math import inf, nan
 
 import numpy as np
 from rclpy.clock import Clock
+from scipy.spatial.transform import Rotation
 
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
 from soft_continuum.client.tasks import until
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros, seconds
+from soft_continuum.estimation.dimensions import Dimensions, PLANE
+from soft_continuum.mechanics.chain import Array, full_poses
+from soft_continuum.mechanics.spatial.orientations import matrices
+from soft_continuum.ros.conversions import (
+    MAX_VARIANCE,
+    measured_pose_from_ros,
+    seconds,
+    tracked_pose_from_ros,
+)
 
 MIN_SAMPLES = 3
 MAX_SAMPLES = 10_000  # of one disc
+Sample = tuple[Array, Array]
+"""A pose and its covariance."""
 
 
 @dataclass(frozen=True)
 class MeasuredDisc:
     """
-    The mean of what was measured of a disc: pose (x, z, angle) of its bottom, m and rad.
+    The mean of what was measured of a disc: pose of its bottom, m and rad.
 
-    A coordinate that no sensor measures is nan; those of several sensors are weighted by their
-    variances.  deviation: (3,) of it, m and rad, inf for nan: what one measurement says of itself,
-    or how much they scatter if that is more.  Much of it is in all of them alike, so a mean has
-    no less.  samples: of the coordinate that was measured most often.
+    pose: x, z and angle, (3,), of a spatial arm position and quaternion x, y, z, w, (7,).  What no
+    sensor measures is nan; what several measure is weighted by their variances.  deviation: (3,)
+    of it, m and rad, of a spatial arm (6,), x, y, z and rotation vector; inf for nan: what one
+    measurement says of itself, or how much they scatter if that is more.  Much of it is in all of
+    them alike, so a mean has no less.  samples: of the coordinate that was measured most often.
     """
 
     pose: Array
@@ -35,18 +46,33 @@ class MeasuredDisc:
 
     @property
     def has_position(self) -> bool:
-        """Whether x and z are measured, not only the angle."""
-        return bool(np.isfinite(self.pose[:2]).all())
+        """Whether the position is measured, not only the orientation."""
+        return bool(np.isfinite(self.pose[:3 if self.in_space else 2]).all())
+
+    @property
+    def in_space(self) -> bool:
+        """Whether it is of a spatial arm."""
+        return len(self.pose) == 7
+
+    def points(self, height: float) -> Array:
+        """
+        Return where bottom and top centre of a disc of this height (m) are, (2, 3), m.
+
+        nan where that is not measured: without the orientation the bottom only.
+        """
+        pose = self.pose if self.in_space else full_poses(self.pose[None])[0]
+        return np.stack([pose[:3], pose[:3] + height * matrices(pose[None, 3:])[0, :, 2]])
 
 
 class MeasuredArm:
     """Collects the measured poses of the discs of an observed arm; on the thread of its node."""
 
-    def __init__(self, observed: ObservedArm, clock: Clock) -> None:
-        """Listen to an observed arm; clock: of the stamps."""
-        self._observed, self._clock = observed, clock
+    def __init__(self, observed: ObservedArm, clock: Clock, dimensions: Dimensions) -> None:
+        """Listen to an observed arm; clock: of the stamps; dimensions: of the arm."""
+        self._observed, self._clock, self._dimensions = observed, clock, dimensions
+        self._read = measured_pose_from_ros if dimensions is PLANE else tracked_pose_from_ros
         self._begin, self._frame, self._refused = inf, '', ''
-        self._samples: dict[str, list[tuple[Array, Array]]] = {}
+        self._samples: dict[str, list[Sample]] = {}
         observed.on_change(self._on_change)
 
     def _on_change(self, topic: str) -> None:
@@ -56,7 +82,7 @@ class MeasuredArm:
         if seconds(message.header.stamp) < self._begin or len(samples) >= MAX_SAMPLES:
             return
         try:
-            samples.append(measured_pose_from_ros(message, self._frame))
+            samples.append(self._read(message, self._frame))
         except ValueError as error:
             self._refused = f'; {topic} has {error}'
 
@@ -73,8 +99,8 @@ class MeasuredArm:
         self._samples.clear()
         await until(lambda: False, duration)
         self._begin = inf
-        means = {n: _mean(self._samples.get(topic, []))
-                 for n, topic in enumerate(self._observed.disc_topics)}
+        means = {n: mean_of(self._samples[topic], self._dimensions)
+                 for n, topic in enumerate(self._observed.disc_topics) if self._samples.get(topic)}
         found = {n: mean for n, mean in means.items() if mean.samples >= MIN_SAMPLES}
         if not found:
             raise ClientError(
@@ -84,19 +110,28 @@ class MeasuredArm:
         return found
 
 
-def _mean(samples: list[tuple[Array, Array]]) -> MeasuredDisc:
-    pose, deviation, counts = np.full(3, nan), np.full(3, inf), [0, 0, 0]
-    for i in range(3):
-        known = [(values[i], covariance[i, i]) for values, covariance in samples
-                 if covariance[i, i] < MAX_VARIANCE]
-        counts[i] = len(known)
-        if counts[i] < MIN_SAMPLES:
-            continue
-        values, variances = np.array(known).T
-        if i == 2:
-            values = np.unwrap(values)
-        weights = 1.0 / variances
-        pose[i] = np.average(values, weights=weights)
-        scatter = np.average((values - pose[i])**2, weights=weights)
+def mean_of(samples: list[Sample], dimensions: Dimensions) -> MeasuredDisc:
+    """Return the mean of measured poses that lie close together; samples: one or more."""
+    variances = np.array([np.diag(covariance) for _, covariance in samples])
+    known = variances < MAX_VARIANCE
+    turned = known[:, dimensions.shifts:].all(axis=1)
+    first, _ = samples[int(turned.argmax())]  # one of which the orientation is measured, if any is
+    away = np.array([dimensions.apart(pose, first, which)
+                     for (pose, _), which in zip(samples, known, strict=True)])
+    mean, deviation = np.full(dimensions.pose, nan), np.full(dimensions.pose, inf)
+    for i in np.flatnonzero(known.sum(axis=0) >= MIN_SAMPLES):
+        values, weights = away[known[:, i], i], 1.0 / variances[known[:, i], i]
+        mean[i] = np.average(values, weights=weights)
+        scatter = np.average((values - mean[i])**2, weights=weights)
         deviation[i] = np.sqrt(max(scatter, 1.0 / weights.mean()))
-    return MeasuredDisc(pose, deviation, max(counts))
+    return MeasuredDisc(_moved(first, mean), deviation, int(known.sum(axis=0).max()))
+
+
+def _moved(pose: Array, by: Array) -> Array:
+    """Return a pose that differs by that much from another; nan where the difference is."""
+    if len(pose) == len(by):
+        return pose + by
+    turn = np.full(4, nan)
+    if np.isfinite(by[3:]).all():
+        turn = (Rotation.from_rotvec(by[3:]) * Rotation.from_quat(pose[3:])).as_quat()
+    return np.concatenate([pose[:3] + by[:3], turn])

@@ -144,6 +144,10 @@ class Requests(Tasks):
         except ParameterError as error:
             raise ClientError(f'{KINEMATICS}: {error}') from None
 
+    async def has_jamming(self) -> bool:
+        """Return whether the arm of kinematics has segments that can be stiffened."""
+        return bool((await self.parameters(KINEMATICS, ['arm.jamming'])).get('arm.jamming', True))
+
     async def shapes(self, description: 'AnyArm') -> dict[str, tuple[float, ...]]:
         """Return the shape library: bending angles (rad) of each segment by name."""
         from soft_continuum.parameters.parameter import ParameterError

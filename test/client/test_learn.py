@@ -10,8 +10,16 @@ from estimated_arm import ARM, EstimatedArm, learned
 import pytest
 
 from soft_continuum.cli.learn import FILE
+from soft_continuum.cli.learn import learn as what_is_learned
+from soft_continuum.client.estimate import LearnedParameter
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_arm, read_parameter_file
+from soft_continuum.parameters.files import (
+    load_any_arm,
+    load_arm,
+    read_parameter_file,
+    write_parameters,
+)
+from soft_continuum.ros.estimates import model_from_ros, parameter_names
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
 
 
@@ -93,6 +101,40 @@ def test_a_value_that_is_not_plausible_is_written_with_a_warning(
     assert status == 0
     assert 'warning: K, segment 2 4.1: less than 5: is the vacuum full?' in errors
     assert '# NOT PLAUSIBLE: K, segment 2 4.1' in (tmp_path / FILE).read_text(encoding='utf-8')
+
+
+def written(arm: Any, parameters: list[EstimatedParameter], path: Path, **jamming: bool) -> None:
+    """Write what a description takes of them."""
+    known = [LearnedParameter(p.name, p.value, p.deviation, p.determined) for p in parameters]
+    write_parameters(path, what_is_learned(known, arm, **jamming).values, [])
+
+
+def test_in_space_the_file_gives_the_arm_that_is_estimated(tmp_path: Path) -> None:
+    files = description_file().with_name('spatial_jamming.yaml'), tmp_path / 'leaf_springs.yaml'
+    write_parameters(files[1], {'arm.lateral_bending_stiffnesses': (0.05, 0.0, 0.01),
+                                'arm.torsional_stiffnesses': (0.02, 0.0, 0.003)}, [])
+    arm = load_any_arm(*files)
+    estimated = dict.fromkeys(parameter_names(arm), 1e-3) | {
+        'stiffness_factor_1': 1.25, 'stiffness_factor_2': 0.9, 'stiffness_factor_3': 1.1,
+        'stiff_ratio_1': 20.0, 'stiff_ratio_2': 30.0, 'stiff_ratio_3': 40.0, 'payload': 0.02}
+    parameters = [learned(name, value, 1e-4) for name, value in estimated.items()]
+    written(arm, parameters, tmp_path / FILE)
+    loaded = load_any_arm(*files, tmp_path / FILE)
+    model = model_from_ros(parameters, arm).chain.arm
+    assert loaded.payload == pytest.approx(model.payload)
+    for one, other, described in zip(loaded.segments, model.segments, arm.segments, strict=True):
+        for name in ('stiffness_x', 'stiffness_y', 'torsional_stiffness'):
+            assert getattr(one, name) == pytest.approx(getattr(other, name))
+        assert one.jam.ratio == pytest.approx(other.jam.ratio)
+        assert one.stiffness_x != described.stiffness_x
+
+
+def test_an_arm_without_jamming_learns_no_k(tmp_path: Path) -> None:
+    arm = load_any_arm(description_file().with_name('tendon_arm.yaml'))
+    parameters = [learned('stiffness_factor_3', 1.25, 0.05), learned('stiff_ratio_1', 100.0, 50.0)]
+    written(arm, parameters, tmp_path / FILE, jamming=False)
+    assert set(read_parameter_file(tmp_path / FILE)) == {
+        'arm.bending_stiffnesses', 'arm.lateral_bending_stiffnesses', 'arm.torsional_stiffnesses'}
 
 
 def test_without_nodes_there_is_nothing_to_learn_from(

@@ -11,24 +11,44 @@ from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 import pytest
 from ros_rig import Rig, STREAM
+from scipy.spatial.transform import Rotation
+from test_spatial_arm import given
 
 from soft_continuum.analysis.measured_shapes import read_shapes
 from soft_continuum.browser.html import positions_html
 from soft_continuum.client import Arm, ClientError
-from soft_continuum.client.measured import _mean
+from soft_continuum.client.measured import mean_of
+from soft_continuum.estimation.dimensions import PLANE, SPACE
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_arm
-from soft_continuum.ros.conversions import measured_pose_to_ros, poses_from_ros
+from soft_continuum.parameters.files import load_any_arm, load_arm
+from soft_continuum.ros.conversions import (
+    measured_pose_to_ros,
+    poses_from_ros,
+    tracked_pose_to_ros,
+)
 
 OFFSET = np.array([0.001, -0.002, 0.0])  # m, m, rad: by which the tracker is off
+SHIFT = np.array([0.001, 0.003, -0.002, 0.0, 0.0, 0.0, 0.0])  # the same in space
 DEVIATION = 0.0005
+TENDON_ARM = description_file().with_name('tendon_arm.yaml')
+
+
+def _seen_in_plane(pose: Any) -> PoseWithCovarianceStamped:
+    angle = 2.0 * np.arctan2(pose[4], pose[6])
+    return measured_pose_to_ros(
+        np.array([pose[0], pose[2], angle]) + OFFSET, DEVIATION**2 * np.eye(3))
+
+
+def _seen_in_space(pose: Any) -> PoseWithCovarianceStamped:
+    return tracked_pose_to_ros(pose + SHIFT, DEVIATION**2 * np.eye(6))
 
 
 class Tracker:
     """Measures every disc where kinematics says it is, off by something known."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig, in_space: bool = False) -> None:
         self.spoil: Callable[[Any], None] | None = None  # None: it sees nothing
+        self._measured = _seen_in_space if in_space else _seen_in_plane
         self._rig = rig
         self._publishers = [rig.observer.create_publisher(
             PoseWithCovarianceStamped, f'disc_{n}/measured_pose', STREAM) for n in range(4)]
@@ -40,9 +60,7 @@ class Tracker:
             return
         # More often than the poses come, of which few may come in the time of a measurement.
         for publisher, pose in 4 * list(zip(self._publishers, poses, strict=True)):
-            angle = 2.0 * np.arctan2(pose[4], pose[6])
-            measured = measured_pose_to_ros(
-                np.array([pose[0], pose[2], angle]) + OFFSET, DEVIATION**2 * np.eye(3))
+            measured = self._measured(pose)
             measured.header.frame_id = 'base_link'
             measured.header.stamp = self._rig.observer.get_clock().now().to_msg()
             spoil(measured)
@@ -138,7 +156,7 @@ def test_several_sensors_are_weighted_by_their_variances() -> None:
     samples = [(np.array([0.010, 0.0, 0.02]), np.diag([1e-6, 1e-6, 1e-4])),
                (np.array([0.013, 0.0, 0.05]), np.diag([2e-6, 1e-6, 4e-4])),
                (np.array([9.0, 9.0, 0.05]), np.diag([unknown, unknown, 4e-4]))] * 4
-    disc = _mean(samples)
+    disc = mean_of(samples, PLANE)
     assert disc.pose == pytest.approx([0.011, 0.0, 0.03])
     assert disc.deviation[0] >= 1e-3
     assert disc.deviation[2] == pytest.approx(np.sqrt(2e-4))  # how much they scatter
@@ -174,3 +192,49 @@ def test_status_says_what_is_seen_and_how_far_from_the_model(
     assert status == 0
     assert output.count('seen at') == 4
     assert f'{1e3 * np.hypot(*OFFSET[:2]):.1f} mm from the model' in output
+
+
+# In space.
+
+
+def test_in_space_positions_and_orientations_are_averaged() -> None:
+    turn, more = Rotation.from_rotvec([0.3, 2.0, -1.0]), np.array([0.02, -0.01, 0.03])
+    place, unknown = np.array([0.01, 0.02, 0.1]), np.diag([1e-6] * 3 + [1e6] * 3)
+    tracker = np.concatenate([place + 0.002, [0.0, 0.0, 0.0, 1.0]]), unknown  # no orientation
+    samples = [tracker]
+    for sign in (1.0, -1.0, 0.0):  # about base_link, as covariances are
+        turned = (Rotation.from_rotvec(sign * more) * turn).as_quat()
+        samples += [tracker, (np.concatenate([place, turned if sign > 0.0 else -turned]),
+                              np.diag([1e-6] * 3 + [1e-4] * 3))]
+    disc = mean_of(samples, SPACE)
+    assert disc.samples == len(samples) == 7
+    assert disc.pose[:3] == pytest.approx(place + 0.002 * 4 / 7)
+    assert (Rotation.from_quat(disc.pose[3:]) * turn.inv()).magnitude() < 1e-6
+    assert disc.deviation[3:] == pytest.approx(
+        np.maximum(0.01, np.abs(more) * np.sqrt(2 / 3)))  # how much they scatter
+    up = turn.apply([0.0, 0.0, 0.03])
+    assert np.diff(disc.points(0.03), axis=0)[0] == pytest.approx(up, abs=1e-8)
+    # A tracker that measures positions only tells where the bottom is.
+    bottom, top = mean_of([tracker] * 3, SPACE).points(0.03)
+    assert bottom == pytest.approx(place + 0.002)
+    assert np.isnan(top).all()
+
+
+def test_shapes_in_space_are_read_by_identify_as_they_were(
+        rig: Rig, settling: None, call: Callable[..., Any], tmp_path: Path) -> None:
+    rig.start('kinematics', 'tendon_actuation', 'shape_sequencer',
+              **given(TENDON_ARM, tendon_rate=10.0, estimation__used=False))
+    Tracker(rig, in_space=True).spoil = lambda message: None
+    status, _, error = call('measure', 'c_form', '--output', str(tmp_path), '--duration', '0.5')
+    assert status == 0, error
+    arm = load_any_arm(TENDON_ARM)
+    shape, = read_shapes(
+        tmp_path / 'points.csv', tmp_path / 'pulls.csv', arm, jamming=False)
+    poses = poses_from_ros(rig.disc_poses.last)
+    assert shape.numbers == tuple(range(8))
+    assert shape.positions == pytest.approx(poses[:, :3] + SHIFT[:3], abs=1e-4)
+    step, = shape.steps
+    assert step.segment is None
+    pulls = dict(zip(rig.tendons.last.name, rig.tendons.last.position, strict=True))
+    assert step.pulls == pytest.approx([pulls[name] for name in arm.tendon_names], abs=1e-4)
+    assert max(step.pulls) > 0.01
