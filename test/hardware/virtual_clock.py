@@ -4,14 +4,12 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, field
-import os
 from select import select
 import threading
-import tty
 
 from soft_continuum.hardware.clock import Clock
 
-ARRIVAL_TIME = 1e-4  # s of real time for written bytes to reach the other end, after others have
+ARRIVAL_TIME = 1e-4  # s of real time for written bytes to reach the other end of a pseudo-terminal
 CHECK_INTERVAL = 0.01  # s of real time between two looks for threads that have ended
 
 
@@ -37,12 +35,6 @@ class VirtualClock(Clock):
         self._lock = threading.Lock()
         self._threads = {threading.current_thread()}
         self._waiters = {}
-        self._near, self._far = os.openpty()
-        tty.setraw(self._far)
-
-    def __del__(self):
-        for end in (self._near, self._far):
-            os.close(end)
 
     def __call__(self):
         return self._now
@@ -66,17 +58,12 @@ class VirtualClock(Clock):
         self._threads = {thread for thread in self._threads if thread.is_alive()}
         if self._threads - self._waiters.keys():
             return
-        ready = self._ready(0.0) or (self._let_bytes_arrive() or self._ready(ARRIVAL_TIME))
+        ready = self._ready(0.0) or self._ready(ARRIVAL_TIME)
         if not ready:
             self._now = max(self._now, min(w.until for w in self._waiters.values()))
             ready = [t for t, w in self._waiters.items() if w.until <= self._now]
         for thread in ready:
             self._waiters.pop(thread).woken.set()
-
-    def _let_bytes_arrive(self):
-        """Wait until what was written has reached the other ends, as a byte written last has."""
-        os.write(self._near, b'.')
-        os.read(self._far, 1)
 
     def _ready(self, patience):
         """Return the threads whose files can be read, or are not open any more."""
