@@ -112,7 +112,7 @@ def _angles_problem(angles: Sequence[float], arm: AnyArm) -> str:
     if len(angles) != len(limits):
         return f'{len(angles)} bending angles given, the arm has {len(limits)} segments'
     for segment, (angle, limit) in enumerate(zip(angles, limits, strict=True), start=1):
-        if not abs(angle) <= limit:
+        if not abs(angle) <= limit + ROUNDING:
             return (f'the bending angle of segment {segment} is {angle:g} rad; allowed: '
                     f'{-limit:.4g} to {limit:.4g} rad{degrees_hint(angle, -limit, limit)}')
     return ''
