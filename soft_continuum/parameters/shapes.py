@@ -24,6 +24,7 @@ PAPER_SHAPES = {
 }
 """Bending angles (rad) of the shapes of the paper (III-A, Fig. 1c), for three segments."""
 SHAPE_PREFIX, DIRECTION_PREFIX = 'shapes.', 'shape_directions.'
+ROUNDING = 1e-6  # rad: of a limit that was written with seven digits
 SHAPE_NAMES = Parameter(
     'shape_names', tuple(PAPER_SHAPES), 'names of the shapes in the library')
 
