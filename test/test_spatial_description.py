@@ -161,7 +161,7 @@ def test_tendons_without_an_axis_of_the_controller_are_refused():
 
 
 def test_tools_for_planar_arms_say_what_works_instead():
-    with pytest.raises(ParameterError, match='a spatial arm.*use_a_spatial_arm.md says what works'):
+    with pytest.raises(ParameterError, match='a spatial arm.*use_a_spatial_arm.md says what'):
         arm_from_parameters(THREE)
     with pytest.raises(ParameterError, match='planar arms only'):
         load_arm(TENDON_ARM)
