@@ -20,7 +20,9 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, RigidChain
 from soft_continuum.mechanics.either import AnyArm, AnyChain
 from soft_continuum.mechanics.joints import wrapped
+from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
+from soft_continuum.mechanics.spatial.sensitivity import SpatialLinearisation
 from soft_continuum.sensing.rigid import displacement, mean_pose
 
 SHIFT_ERROR, TURN_ERROR = 3e-4, 3e-3  # m, rad: of a disc's pose, of what no unknown can explain
@@ -141,8 +143,6 @@ class Plane:
     def derivatives(self, statics: Any, state: Any, sliding: Sequence[int], scales: Array
                     ) -> Derivatives:
         """Return those of Linearisation."""
-        # Here, because settings are read by those that solve nothing.
-        from soft_continuum.mechanics.sensitivity import Linearisation
         found, chain = Linearisation(statics, state, sliding).all(), statics.chain
         joints = found.joint_angles * scales
         bending = joints.reshape(chain.segments, chain.joints_per_segment, -1).sum(axis=1)
@@ -216,7 +216,6 @@ class Space:
     def derivatives(self, statics: Any, state: Any, sliding: Sequence[int], scales: Array
                     ) -> Derivatives:
         """Return those of SpatialLinearisation."""
-        from soft_continuum.mechanics.spatial.sensitivity import SpatialLinearisation
         found = SpatialLinearisation(statics, state).all()
         poses = np.concatenate([found.points[::2], found.orientations], axis=1)
         return Derivatives(poses * scales, found.bending.reshape(-1, len(scales)) * scales,
