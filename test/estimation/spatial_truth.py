@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from true_arm import Session
 
-from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Jam
@@ -20,7 +19,6 @@ ARM = replace(load_any_arm(description_file().with_name('spatial_jamming.yaml'))
               bodies_per_segment=4)
 DEVIATIONS = np.array([4e-4, 4e-4, 4e-4, 4e-3, 4e-3, 4e-3])  # m, rad: of the camera
 COVARIANCE = np.diag(DEVIATIONS**2)
-PERIOD = 0.1  # s between two pictures
 PRIOR, DRIFT = Prior(), Drift()
 
 
@@ -59,60 +57,21 @@ class SpatialTruth:
         return found
 
 
-class SpatialSession:
+class SpatialSession(Session):
     """A true arm in space and its estimator, moved together; and the prediction beside it."""
 
     def __init__(self, truth, arm=ARM, prior=PRIOR, drift=DRIFT, seed=0, jamming=True, **seen):
         """Begin with a straight arm; seen: arguments of SpatialTruth.seen."""
-        self.truth, self.seen, self._jamming = truth, seen, jamming
         self.statics = SpatialStatics(arm)
         self.predicted = self.statics.chain.straight()
-        self.estimator = Estimator(arm, self.predicted, prior, drift)
-        self.rng, self.time = np.random.default_rng(seed), 100.0
-        self.pulls = np.zeros(len(arm.tendons))
-        self.soft = (not jamming,) * len(arm.segments)
-        self.follow()
+        super().__init__(truth, arm, prior, drift, seed, (not jamming,) * len(arm.segments),
+                         **seen)
 
     def follow(self, pulls=None, soft=None):
         """Let the motors go there at once."""
-        self.pulls = self.pulls if pulls is None else np.array(pulls, dtype=float)
-        self.soft = self.soft if soft is None else tuple(soft)
-        self.truth.follow(self.pulls, self.soft)
+        super().follow(pulls, soft)
         if any(self.soft):
             self.predicted = self.statics.solve(self.predicted, self.pulls, self.soft)
-        self._tell()
-
-    def _tell(self):
-        self.estimator.follow(Commands(
-            self.time, self.pulls, tuple(not soft for soft in self.soft)))
-
-    def wait(self, seconds):
-        """Let time pass, with the motors at rest."""
-        self.time += seconds
-        self._tell()
-
-    def look(self, count=5):
-        """Measure a resting arm some times; return the last innovation."""
-        found = None
-        for _ in range(count):
-            self.wait(PERIOD)
-            found = self.estimator.measure(self.time, self.truth.seen(self.rng, **self.seen))
-        return found
-
-    def switch(self, soft, look=3):
-        """Soften or stiffen, wait until the shape counts again, and look."""
-        self.follow(soft=soft)
-        self.wait(2.0)
-        self.look(look)
-
-    def move(self, pulls, steps=4, look=1):
-        """Go to pulls slowly, and look on the way."""
-        begin = self.pulls
-        for part in np.arange(1, steps + 1) / steps:
-            self.time += 1.0
-            self.follow(begin + part * (np.asarray(pulls) - begin))
-            self.wait(0.9)
-            self.look(look)
 
     def tip_errors(self):
         """Return by how much the tips of the estimate and of the prediction are off, m."""

@@ -11,6 +11,7 @@ from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement, TensionMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.either import chain_of
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
@@ -74,20 +75,20 @@ class TrueArm:
 
 
 class Session:
-    """A true arm and its estimator, moved together."""
+    """A true arm, planar or spatial, and its estimator, moved together."""
 
-    def __init__(self, truth, arm=ARM, prior=PRIOR, drift=DRIFT, seed=0, **seen):
-        """Begin with a straight arm; seen: arguments of TrueArm.seen."""
+    def __init__(self, truth, arm=ARM, prior=PRIOR, drift=DRIFT, seed=0, soft=STIFF, **seen):
+        """Begin with a straight arm; seen: arguments of TrueArm.seen, or SpatialTruth.seen."""
         self.truth, self.seen = truth, seen
-        self.estimator = Estimator(arm, Statics(arm).chain.straight(), prior, drift)
+        self.estimator = Estimator(arm, chain_of(arm).straight(), prior, drift)
         self.rng = np.random.default_rng(seed)
-        self.time, self.pulls, self.soft = 100.0, np.zeros(2), STIFF
+        self.time, self.pulls, self.soft = 100.0, np.zeros(len(arm.tendon_names)), soft
         self.follow()
 
     def follow(self, pulls=None, soft=None):
         """Let the motors go there at once."""
         self.pulls = self.pulls if pulls is None else np.array(pulls, dtype=float)
-        self.soft = self.soft if soft is None else soft
+        self.soft = self.soft if soft is None else tuple(soft)
         self.truth.follow(self.pulls, self.soft)
         self.estimator.follow(commands(self.time, self.pulls, self.soft))
 
@@ -102,10 +103,12 @@ class Session:
             self.time, self.truth.seen(self.rng, **{**self.seen, **seen}))
 
     def look(self, count=5):
-        """Measure a resting arm some times."""
+        """Measure a resting arm some times; return the last innovation."""
+        found = None
         for _ in range(count):
             self.wait(PERIOD)
-            self.measure()
+            found = self.measure()
+        return found
 
     def switch(self, soft, look=3):
         """Soften or stiffen, wait until the shape counts again, and look."""
