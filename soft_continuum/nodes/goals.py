@@ -44,6 +44,8 @@ def shapes_of(goal: RunShapeSequence.Goal, library: Mapping[str, Shape], arm: An
 def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: AnyArm) -> Shape:
     if problem := name_problem(item.name):
         raise PlanError(f'shape {number}: its name is {problem}')
+    if item.tips:
+        raise PlanError(f'shape {number}: goals of the tip are not known yet; give angles')
     for what, values in (('angles', item.bending_angles), ('directions', item.bending_directions)):
         if len(values) > MAX_SHAPES:
             raise PlanError(f'shape {number}: {len(values)} bending {what}; needed: '

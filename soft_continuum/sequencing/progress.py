@@ -31,6 +31,7 @@ class Code(IntEnum):
     TIMEOUT = -4
     HARDWARE_FAULT = -5
     MODEL_FAILURE = -6
+    OBSTRUCTED = -7
 
 
 @dataclass(frozen=True)
