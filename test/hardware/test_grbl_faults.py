@@ -243,7 +243,7 @@ def test_a_jog_that_runs_as_a_program_can_be_stopped(delay):
     with rig() as (emulator, tendons):
         emulator.firmware.race = True
         tendons.move((0.03, -0.03), 0.5)
-        until(emulator, lambda: emulator.firmware.state == 'Run')
+        until(emulator, lambda: not emulator.firmware.race, 'a jog runs as a program')
         emulator.clock.sleep(delay)
         asked = emulator.time
         tendons.stop()

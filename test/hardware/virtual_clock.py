@@ -4,12 +4,13 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, field
+import os
 from select import select
 import threading
+import tty
 
 from soft_continuum.hardware.clock import Clock
 
-ARRIVAL_TIME = 1e-4  # s of real time for written bytes to reach the other end of a pseudo-terminal
 CHECK_INTERVAL = 0.01  # s of real time between two looks for threads that have ended
 
 
@@ -35,6 +36,12 @@ class VirtualClock(Clock):
         self._lock = threading.Lock()
         self._threads = {threading.current_thread()}
         self._waiters = {}
+        self._probe = os.openpty()
+        tty.setraw(self._probe[1])
+
+    def __del__(self):
+        for end in self._probe:
+            os.close(end)
 
     def __call__(self):
         return self._now
@@ -58,18 +65,27 @@ class VirtualClock(Clock):
         self._threads = {thread for thread in self._threads if thread.is_alive()}
         if self._threads - self._waiters.keys():
             return
-        ready = self._ready(0.0) or self._ready(ARRIVAL_TIME)
+        ready = self._ready()
+        if not ready:
+            self._let_bytes_arrive()
+            ready = self._ready()
         if not ready:
             self._now = max(self._now, min(w.until for w in self._waiters.values()))
             ready = [t for t, w in self._waiters.items() if w.until <= self._now]
         for thread in ready:
             self._waiters.pop(thread).woken.set()
 
-    def _ready(self, patience):
+    def _let_bytes_arrive(self):
+        """Wait until what was written before has reached the other end of its pseudo-terminal."""
+        for end, other in (self._probe, self._probe[::-1]):
+            os.write(end, b'.')
+            os.read(other, 1)
+
+    def _ready(self):
         """Return the threads whose files can be read, or are not open any more."""
         try:
             found = set(select(
-                {file for w in self._waiters.values() for file in w.files}, [], [], patience)[0])
+                {file for w in self._waiters.values() for file in w.files}, [], [], 0.0)[0])
         except (OSError, ValueError):
             return [thread for thread, w in self._waiters.items() if self._fails(w.files)]
         return [thread for thread, w in self._waiters.items() if found.intersection(w.files)]
