@@ -84,6 +84,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
              'cli.validate:main'),
         Verb('converge', 'how the model converges with its resolution', 'cli.converge:main'),
         Verb('workspace', 'where the tip can go', 'cli.workspace:main'),
+        Verb('study', 'compare designs of arms', 'cli.study:main'),
         Verb('report', 'one HTML page from a recording', 'cli.report:main'),
         Verb('replay', 'a recording in a browser, with a time slider', 'browser.replay:main'),
         Verb('export', 'a recording as tables: CSV, MATLAB, Parquet', 'cli.export:main'),
