@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, sqrt
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from soft_continuum.parameters.shapes import angles_problem
 from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.monotone import monotone_cubic
 
+if TYPE_CHECKING:
+    from soft_continuum.sequencing.reach.goal import TipGoal
+
 WHOLE_ARM = -1
 """In the place of a segment (0-based): all of an arm without jamming, set at once."""
 SLACK_DEVIATIONS = 2.0
@@ -35,18 +38,24 @@ class PlanError(ValueError):
     """A shape cannot be set from the present state within the limits; the message says why."""
 
 
+class ObstructedError(PlanError):
+    """An obstacle is in the way."""
+
+
 @dataclass(frozen=True)
 class Shape:
     """
     A shape: its name, the bending angle of every segment (rad), how long to hold it (s).
 
-    bending_directions: of every segment of a spatial arm, rad; empty for 0 of all.
+    bending_directions: of every segment of a spatial arm, rad; empty for 0 of all.  tips: where
+    the tip shall be, one goal or several as a path; the angles are then empty until it is planned.
     """
 
     name: str
     bending_angles: tuple[float, ...]
     hold_time: float = 0.0
     bending_directions: tuple[float, ...] = ()
+    tips: 'tuple[TipGoal, ...]' = ()
 
 
 @dataclass(frozen=True)
@@ -110,11 +119,17 @@ class Move:
 
 @dataclass(frozen=True, eq=False)
 class ShapePlan:
-    """The moves that set one shape, and the state of the model after them."""
+    """
+    The moves that set one shape, and the state of the model after them.
+
+    ways: of each move the states on its way, from soft to stiffened; empty where nobody needs
+    them.
+    """
 
     shape: Shape
     moves: tuple[Move, ...]
     state: Any
+    ways: tuple[tuple[Any, ...], ...] = ()
 
 
 class ShapePlanner(ABC):
