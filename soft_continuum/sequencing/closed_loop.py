@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 from math import inf, isnan, nan
 
 from soft_continuum.sequencing.aiming import Aim, Step
+from soft_continuum.sequencing.arm_port import ArmPort
 from soft_continuum.sequencing.loop_settings import ABORT, LoopSettings, PAUSE
 from soft_continuum.sequencing.planner import Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.progress import Code, Outcome, Phase
-from soft_continuum.sequencing.runner import ArmPort, EndError, Plan, Runner, RunnerSettings
+from soft_continuum.sequencing.runner import EndError, Plan, Runner, RunnerSettings
 
 BETTER = 0.8  # of the last change: a correction that shrinks less does not help any more
 GROWS = 1e-3  # rad: nor is a change this small expected to shrink

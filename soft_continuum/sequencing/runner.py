@@ -18,10 +18,9 @@ from typing import TypeVar
 import numpy as np
 
 from soft_continuum.sequencing.arm_port import ArmPort, Failure, Observation
+from soft_continuum.sequencing.loop_settings import ABORT, REPLAN
 from soft_continuum.sequencing.planner import Move, ObstructedError, PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome, Phase, Progress
-
-ON_OBSTACLE = REPLAN, ABORT = ('replan', 'abort')
 
 
 @dataclass(frozen=True)
