@@ -15,7 +15,7 @@ from soft_continuum.sequencing.reach.goal import (
     TipGoal,
 )
 from soft_continuum.sequencing.reach.result import PlannedStep, Reach
-from soft_continuum.sequencing.reach.search import follow, reach
+from soft_continuum.sequencing.reach.search import reach
 
 __all__ = ['Clear', 'Distance', 'NoObstacles', 'PlannedStep', 'Reach', 'ReachSettings',
-           'Surroundings', 'TipGoal', 'follow', 'reach']
+           'Surroundings', 'TipGoal', 'reach']

@@ -42,6 +42,9 @@ class Surroundings(Protocol):
     def clearance(self, state: State) -> Distance:
         """Return the smallest distance between the arm and an obstacle."""
 
+    def at(self, position: Array) -> Distance:
+        """Return how far a point (3,), m, is from the nearest obstacle."""
+
 
 @dataclass(frozen=True)
 class Clear:
@@ -55,6 +58,10 @@ class NoObstacles:
     """Surroundings without an obstacle."""
 
     def clearance(self, state: State) -> Clear:
+        """Return that nothing is near."""
+        return Clear()
+
+    def at(self, position: Array) -> Clear:
         """Return that nothing is near."""
         return Clear()
 
