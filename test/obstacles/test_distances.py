@@ -18,6 +18,7 @@ from soft_continuum.obstacles import (
     ObstacleError,
     Sphere,
     Surroundings,
+    turned_by,
 )
 from soft_continuum.parameters.files import load_any_arm
 
@@ -33,9 +34,11 @@ def chain(request):
 
 def bent(chain, random):
     """Return a state whose joints all bend at random, up to the limits of the segments."""
+    even = random.uniform(-0.07, 0.07, chain.coordinate_count // chain.joints_per_segment)
+    joints = np.repeat(even, chain.joints_per_segment)
     return chain.state_of(
-        random.uniform(-0.08, 0.08, chain.coordinate_count), np.zeros(chain.coordinate_count),
-        (False,) * chain.segments)
+        joints + random.uniform(-0.02, 0.02, chain.coordinate_count),
+        np.zeros(chain.coordinate_count), (False,) * chain.segments)
 
 
 def cloud(chain, state):
@@ -65,6 +68,9 @@ def cloud(chain, state):
                 for rim in faces:
                     points.append(start + (circle * rim + [0.0, 0.0, height])
                                   @ rotations[j + 1].T)
+    for guides in state.tendon_points:
+        for one, other in zip(guides, guides[1:], strict=False):
+            points.append(one + np.linspace(0.0, 1.0, 30)[:, None] * (other - one))
     return np.concatenate(points)
 
 
@@ -102,7 +108,7 @@ def test_the_distance_is_that_of_a_dense_cloud_of_points_and_never_larger(chain,
         place = state.backbone[-12] + random.normal(size=3) * 0.06
         if place[2] < 0.08:
             continue
-        obstacle = Obstacle('it', shape, tuple(place), tuple(random.uniform(-3.0, 3.0, 3)))
+        obstacle = Obstacle('it', shape, tuple(place), turned_by(*random.uniform(-3.0, 3.0, 3)))
         local = (points - place) @ obstacle.rotation
         true = formula(local, shape).min()
         try:
@@ -122,7 +128,7 @@ def test_the_distance_is_that_of_a_dense_cloud_of_points_and_never_larger(chain,
 def test_the_nearest_of_many_obstacles_is_the_nearest_of_each_alone(chain):
     random = np.random.default_rng(3)
     several = [Obstacle(f'{k}', shape, tuple(random.uniform(0.1, 0.3, 3)),
-                        tuple(random.uniform(-3.0, 3.0, 3)))
+                        turned_by(*random.uniform(-3.0, 3.0, 3)))
                for k, (shape, _) in enumerate(SHAPES)]
     together = Surroundings(chain.arm, several)
     alone = [Surroundings(chain.arm, [one]) for one in several]
