@@ -181,8 +181,8 @@ class ShapePlanner(ABC):
             if problem:
                 raise PlanError(f'{shape.name}: {problem}')
             moves = []
-            for segment, goal, text in self._goals(shape):
-                if self._away(state, segment, goal) <= self.settings.angle_tolerance:
+            for segment, goal, text in self.goals_of(shape):
+                if self.away(state, segment, goal) <= self.settings.angle_tolerance:
                     continue
                 try:
                     move, state = self.move(state, start, segment, goal)
@@ -194,11 +194,11 @@ class ShapePlanner(ABC):
         return plans
 
     @abstractmethod
-    def _goals(self, shape: Shape) -> Sequence[tuple[int, Any, str]]:
+    def goals_of(self, shape: Shape) -> Sequence[tuple[int, Any, str]]:
         """Return the segments to set, one after the other, where to, and how errors begin."""
 
     @abstractmethod
-    def _away(self, state: Any, segment: int, goal: Any) -> float:
+    def away(self, state: Any, segment: int, goal: Any) -> float:
         """Return how far a segment is from its goal, rad."""
 
     @abstractmethod
@@ -267,11 +267,13 @@ class Planner(ShapePlanner):
         super().__init__(arm, settings, abandoned, offsets)
         self.statics = Statics(arm)
 
-    def _goals(self, shape: Shape) -> Sequence[tuple[int, float, str]]:
+    def goals_of(self, shape: Shape) -> Sequence[tuple[int, float, str]]:
+        """As ShapePlanner."""
         return [(i, angle, f'segment {i + 1} to {np.degrees(angle):.1f} degrees: ')
                 for i, angle in enumerate(shape.bending_angles)]
 
-    def _away(self, state: Equilibrium, segment: int, goal: float) -> float:
+    def away(self, state: Equilibrium, segment: int, goal: float) -> float:
+        """As ShapePlanner."""
         return abs(float(state.bending_angles[segment]) - goal)
 
     def move(self, state: Equilibrium, start: Array, segment: int, goal: float

@@ -45,7 +45,8 @@ class SpatialPlanner(ShapePlanner):
         super().__init__(arm, settings, abandoned, offsets)
         self.statics = SpatialStatics(arm)
 
-    def _goals(self, shape: Shape) -> Sequence[tuple[int, Array, str]]:
+    def goals_of(self, shape: Shape) -> Sequence[tuple[int, Array, str]]:
+        """As ShapePlanner."""
         goal = bending_vectors(
             self.statics.chain.arm, shape.bending_angles, shape.bending_directions)
         if not self.settings.jamming:
@@ -56,7 +57,8 @@ class SpatialPlanner(ShapePlanner):
                 for i, (angle, direction) in enumerate(
                     zip(shape.bending_angles, directions, strict=True))]
 
-    def _away(self, state: SpatialEquilibrium, segment: int, goal: Array) -> float:
+    def away(self, state: SpatialEquilibrium, segment: int, goal: Array) -> float:
+        """As ShapePlanner."""
         left = np.linalg.norm(goal - state.bending, axis=1)
         return float(left[self._soft(segment)].max())
 
