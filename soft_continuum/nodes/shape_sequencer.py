@@ -23,6 +23,7 @@ from soft_continuum.nodes.goals import shape_library, shapes_of
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.obstacles import KnownObstacles
 from soft_continuum.nodes.planning import Planning
 from soft_continuum.nodes.sequence_server import GoalRequest, NOWHERE, Reached, SequenceServer
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
@@ -68,10 +69,10 @@ class ShapeSequencer(Node):
     Sets the arm to one shape after another.
 
     Serves the action run_shape_sequence (soft_continuum_interfaces/RunShapeSequence).  Subscribes
-    to tendon_states, segment_N/pressure and the ~/state of the other three; publishes
-    tendon_actuation/joint_trajectory, target_markers (visualization_msgs/MarkerArray, latched),
-    ~/state, ~/status and /diagnostics; calls
-    jamming_valves/segment_N/set_stiff.
+    to tendon_states, segment_N/pressure, obstacles (visualization_msgs/MarkerArray) and the
+    ~/state of the other three; publishes tendon_actuation/joint_trajectory, target_markers and
+    known_obstacles (visualization_msgs/MarkerArray, latched), ~/state, ~/status and /diagnostics;
+    calls jamming_valves/segment_N/set_stiff.
 
     Plans are made on a thread of their own; all else happens on the thread that spins the node.
     """
@@ -107,6 +108,7 @@ class ShapeSequencer(Node):
         self._planning = Planning(self._arm, self.parameters, self._observed)
         self._markers = self.create_publisher(MarkerArray, 'target_markers', LATCHED)
         self._states = StatePublisher(self, ShapeSequencerState)
+        self._obstacles = KnownObstacles(self, self._arm, self.parameters, self._report)
         self._server = SequenceServer(
             self, guarded(self, self._on_request), guarded(self, self._on_accepted))
         repeat(self, TICK_PERIOD, self._tick)
@@ -336,6 +338,7 @@ class ShapeSequencer(Node):
             state.shape_index, state.shape, state.segment, state.phase = 0, '', 0, ''
             if self._check is not None and self._check.plans is None:
                 text = f'waiting for {", ".join(self._observed.unheard)}'
+        values |= self._obstacles.report
         if self._rejected:
             values['rejected'] = self._rejected
         self._states.publish(copy(state))
