@@ -11,6 +11,7 @@ and the planar one; ``planner_of`` chooses.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from math import ceil, sqrt
 from typing import Any, TYPE_CHECKING
@@ -210,6 +211,20 @@ class ShapePlanner(ABC):
         StaticsError where no tendon holds the segment at its goal.
         """
 
+    @abstractmethod
+    def bent(self, state: Any, segment: int, goal: Any) -> Any:
+        """
+        Return the state at the end of a move, without the way there.
+
+        segment, goal: as of ``move``.  Raises StaticsError.
+        """
+
+    def until(self, late: Callable[[], bool]) -> 'ShapePlanner':
+        """Return the same planner, whose plans are abandoned also once it is late."""
+        hurried = copy(self)
+        hurried._abandoned = lambda: self._abandoned() or late()
+        return hurried
+
     def softened(self, state: Any, pulls: Sequence[float] | Array, segment: int) -> Any:
         """
         Return the state in which a segment (0-based) becomes soft.
@@ -299,6 +314,12 @@ class Planner(ShapePlanner):
         end = self.held(bent, pulls[-1], segment, sliding)
         times, pulls = self._timed(pulls)
         return Move(segment, goal, times, pulls, tension, sliding), end
+
+    def bent(self, state: Equilibrium, segment: int, goal: float) -> Equilibrium:
+        """Return the state at the end of a move as ShapePlanner."""
+        turn = int(np.sign(goal - state.bending_angles[segment]))
+        return self.statics.bend(state, segment, goal, vacuum=state.vacuum or None,
+                                 sliding=(turn, -turn))
 
     def _with_slack(self, bent: Equilibrium, sliding: Sequence[int]) -> Array:
         """Return the pulls of a bent state with slack in the tendons that do not carry it."""

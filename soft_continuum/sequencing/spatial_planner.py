@@ -89,6 +89,12 @@ class SpatialPlanner(ShapePlanner):
         angle = float(np.linalg.norm(goal, axis=1)[soft].max())
         return Move(segment, angle, times, pulls, tension), end
 
+    def bent(self, state: SpatialEquilibrium, segment: int, goal: Array) -> SpatialEquilibrium:
+        """Return the state at the end of a move as ShapePlanner."""
+        soft = self._soft(segment)
+        wanted = np.where(np.array(soft)[:, None], goal, np.nan)
+        return pulls_that_hold(self.statics, state, wanted, soft).state
+
     def _with_slack(self, fit: BendingFit) -> Array:
         """Return the pulls of the motors, with slack in the tendons that do not carry."""
         carries = fit.pulls != SLACK
