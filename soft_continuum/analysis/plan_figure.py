@@ -119,7 +119,7 @@ class _Picture:
         else:
             axes.add_collection3d(Poly3DCollection(
                 [part for face in self.patches for part in _hull(face)], facecolor=OBSTACLE,
-                alpha=0.25, edgecolor='none'))
+                alpha=0.15, edgecolor='none'))
         for tips in (*self.tips[:done], *([] if running is None else [running])):
             axes.plot(*tips[:, picked].T, color=PATH, linewidth=1.2)
         axes.plot(*(1e3 * self.goals[:, picked]).T, 'x', color=GOAL, markersize=8,
