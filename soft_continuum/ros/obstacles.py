@@ -36,6 +36,8 @@ from soft_continuum.text import MAX_NAME, printable
 
 Key = tuple[str, int]
 """Namespace and number of a marker."""
+REFUSED = 'obstacles refused'
+"""Of ~/status: how many messages were, and why the last one was."""
 CAPSULE, END = 'capsule', 'end of a capsule'
 MAX_MARKER_BYTES = 500_000
 """Of a message with obstacles, some 6,900 triangles: to convert it takes 0.1 s."""
