@@ -10,7 +10,7 @@ import numpy as np
 
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, State
-from soft_continuum.obstacles.body import Body, Cylinders
+from soft_continuum.obstacles.body import Body, Cylinders, MIN_HALF_LENGTH
 from soft_continuum.obstacles.geometry import distance, placed
 from soft_continuum.obstacles.mesh import Mesh
 from soft_continuum.obstacles.obstacle import Obstacle, Shape
@@ -78,7 +78,9 @@ class Surroundings:
         """
         if not self.obstacles:
             return Clearance(inf, '')
-        parts = self._body.parts(state)
+        return self._nearest(self._body.parts(state))
+
+    def _nearest(self, parts: Cylinders) -> Clearance:
         bounds = self._bounds(parts)
         order = np.argsort(bounds, axis=None)
         least, nearest = inf, 0
@@ -94,6 +96,14 @@ class Surroundings:
     def clearances(self, states: Sequence[State]) -> list[Clearance]:
         """Return the same of many states."""
         return [self.clearance(state) for state in states]
+
+    def at(self, position: Sequence[float] | Array) -> Clearance:
+        """Return how far a point (3,), m, is from the nearest obstacle."""
+        if not self.obstacles:
+            return Clearance(inf, '')
+        small = np.array([MIN_HALF_LENGTH])
+        return self._nearest(Cylinders(
+            np.array([position], dtype=float), np.array([[0.0, 0.0, 1.0]]), small, small))
 
     def _bounds(self, parts: Cylinders) -> Array:
         """
