@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # stop must not wait for any of these
 
     from soft_continuum.client.measured import MeasuredArm, MeasuredDisc
     from soft_continuum.client.observed import ObservedArm
+    from soft_continuum.client.obstacles import ArmObstacles
     from soft_continuum.client.plan import Plan
     from soft_continuum.client.sequence import RunningSequence, ShapeLike
     from soft_continuum.client.state import ArmState, Progress, SequenceResult
@@ -61,6 +62,7 @@ class Arm:
         self._sequences: list[RunningSequence] = []
         self._description: AnyArm | None = None
         self._measured: MeasuredArm | None = None
+        self._obstacles: ArmObstacles | None = None
 
     def __enter__(self) -> 'Arm':
         """Return this arm."""
@@ -201,6 +203,14 @@ class Arm:
             self._measured = MeasuredArm(
                 observed, self._connection.node.get_clock(), dimensions)
         return await self._measured.measure(duration)
+
+    @property
+    def obstacles(self) -> 'ArmObstacles':
+        """What is around the arm: ``arm.obstacles.load('obstacles.yaml')``."""
+        if self._obstacles is None:
+            from soft_continuum.client.obstacles import ArmObstacles
+            self._obstacles = ArmObstacles(self._requests)
+        return self._obstacles
 
     @property
     def is_simulated(self) -> bool:
