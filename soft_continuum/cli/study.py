@@ -20,8 +20,9 @@ from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, DeclinedError, one_of
 from soft_continuum.study.design import read_study
 from soft_continuum.study.running import cluster, Results, run, StudyError, workers_of
-from soft_continuum.study.sampling import HELD, Unit
+from soft_continuum.study.sampling import HELD
 from soft_continuum.study.summary import columns, DRAWN, figure, HEAD, Summary, summary, text_row
+from soft_continuum.study.work import QUERIES, Unit
 
 NAME = 'study'
 ASK_AFTER = 3600.0  # s: a study that takes longer needs consent
@@ -70,9 +71,13 @@ def _compute(client: Any, results: Results, todo: Sequence[Unit], yes: bool) -> 
     first = [todo[k] for k in sorted({round(k) for k in np.linspace(
         0, len(todo) - 1, min(len(todo), 4 * workers))})]
     rest = [unit for unit in todo if unit not in set(first)]
-    took = [took for _, took in run(client, results, first)]
+    took: dict[str, list[float]] = {}
+    for unit, seconds in run(client, results, first):
+        took.setdefault(unit.kind, []).append(seconds)
     if rest:
-        estimate = float(np.mean(took)) * len(rest) / workers
+        # The median, because the first unit of a process includes what it imports.
+        every = [seconds for some in took.values() for seconds in some]
+        estimate = sum(float(np.median(took.get(unit.kind, every))) for unit in rest) / workers
         print(f'{len(results.study.designs)} designs, {len(rest)} units of work left on {workers} '
               f'processes: about {_duration(estimate)}', file=sys.stderr, flush=True)
         if estimate > ASK_AFTER and not yes:
@@ -114,7 +119,8 @@ def _duration(seconds: float) -> str:
 
 
 def _report(results: Results, directory: Path) -> None:
-    found: list[Summary] = [summary(results.study.designs[number], table)
+    asked = dict(results.tables(QUERIES))
+    found: list[Summary] = [summary(results.study.designs[number], table, asked.get(number))
                             for number, table in results.tables()]
     widest = sorted(found, key=lambda one: -one.reach)
     print(text_table(HEAD, [text_row(one) for one in islice(widest, MAX_TABLE)]))
@@ -131,6 +137,6 @@ def _report(results: Results, directory: Path) -> None:
         np.array(table['outcome'].to_pylist()) == HELD]
         for number, table in results.tables() if number in drawn}
     figure(picture, found, [tips[one.design.number] for one in widest[:DRAWN]])
-    print(f'Written: {designs}, {results.join()}, {picture}')
+    print('Written: ' + ', '.join(map(str, (designs, *results.join(), picture))))
 
 

@@ -12,7 +12,9 @@ What a study varies: a YAML file, read into designs, each a complete description
         - {arm.segment_lengths: [0.105, 0.105], arm.outer_diameters: [0.05, 0.035], ...}
         - {arm.segment_lengths: [0.07, 0.07, 0.07], arm.outer_diameters: [0.05, 0.04, 0.03], ...}
     sample: 50                     # random designs instead of every combination
+    obstacles: [null, wall.yaml]   # files beside it, each taken with every design
     shapes: 500                    # random shapes of each design
+    queries: 20                    # tips to plan to, of each design
     seed: 1
 
 With ``sample``, ranges are drawn from evenly.
@@ -22,23 +24,27 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import hashlib
 from itertools import product
-import json
 from math import prod
 from pathlib import Path
+import pickle
 from typing import Any
 
 import numpy as np
 
 from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.obstacles import Obstacle, ObstacleError, Surroundings
+from soft_continuum.obstacles.files import load_obstacles
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description, read_yaml
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import name_hint, Parameter, ParameterError, Value
 from soft_continuum.text import printable
 
-KEYS = ('description', 'vary', 'sample', 'shapes', 'seed')
+KEYS = ('description', 'vary', 'sample', 'obstacles', 'shapes', 'queries', 'seed')
 RANGE = ('from', 'to', 'steps')
-MAX_DESIGNS, MAX_SHAPES, MAX_SEED = 100_000, 1_000_000, 2**31 - 1
+MAX_DESIGNS, MAX_SHAPES, MAX_QUERIES, MAX_SEED = 100_000, 1_000_000, 10_000, 2**31 - 1
+OBSTACLES = 'obstacles'
+"""Among what is varied: the file of obstacles."""
 DEFAULT_SHAPES = 500
 PARAMETERS = {p.name: p for p in ALL_PARAMETERS}
 
@@ -54,6 +60,7 @@ class Design:
     number: int
     varied: Mapping[str, Value]
     values: Mapping[str, Value]
+    obstacles: tuple[Obstacle, ...] = ()
 
     @property
     def arm(self) -> AnyArm:
@@ -63,18 +70,19 @@ class Design:
 
 @dataclass(frozen=True)
 class Study:
-    """Designs, and how many random shapes of each are looked at."""
+    """Designs, and how many random shapes and queries of each there are."""
 
     designs: tuple[Design, ...]
     shapes: int
+    queries: int
     seed: int
 
     @property
     def fingerprint(self) -> str:
         """A text that another study does not have."""
-        text = json.dumps([[dict(d.values) for d in self.designs], self.shapes, self.seed],
-                          sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()
+        what = [[(sorted(d.values.items()), d.obstacles) for d in self.designs], self.shapes,
+                self.queries, self.seed]
+        return hashlib.sha256(pickle.dumps(what, protocol=5)).hexdigest()
 
 
 def read_study(path: str | Path) -> Study:
@@ -103,11 +111,29 @@ def _study(path: Path, given: Any) -> Study:
         varied = {name: _candidates(name, how, values) for name, how in given['vary'].items()}
         choices = (_drawn(varied, _whole(path, given, 'sample', 1, MAX_DESIGNS, 1), seed)
                    if 'sample' in given else _grid(varied))
-        designs = tuple(_design(n, dict(zip(varied, choice, strict=True)), varied, values)
-                        for n, choice in enumerate(choices))
-    except ParameterError as error:
+        around = _surroundings(path.parent, given)
+        several = [dict(zip(varied, choice, strict=True)) for choice in choices]
+        if len(several) * len(around) > MAX_DESIGNS:
+            raise ParameterError(f'{len(several)} designs with each of {len(around)} sets of '
+                                 f'obstacles; allowed: {MAX_DESIGNS} in all')
+        designs = tuple(_design(n, choice, varied, values, file, around)
+                        for n, (choice, file) in enumerate(product(several, around)))
+    except (ParameterError, ObstacleError) as error:
         raise ParameterError(f'{path}: {error}') from None
-    return Study(designs, _whole(path, given, 'shapes', 1, MAX_SHAPES, DEFAULT_SHAPES), seed)
+    return Study(designs, _whole(path, given, 'shapes', 1, MAX_SHAPES, DEFAULT_SHAPES),
+                 _whole(path, given, 'queries', 0, MAX_QUERIES, 0), seed)
+
+
+def _surroundings(directory: Path, given: Mapping[str, Any]) -> dict[str, tuple[Obstacle, ...]]:
+    """Return the sets of obstacles by the names of their files; '' without the key."""
+    if OBSTACLES not in given:
+        return {'': ()}
+    files = given[OBSTACLES]
+    if not isinstance(files, list) or not files or not all(
+            file is None or isinstance(file, str) for file in files):
+        raise ParameterError(f'obstacles is {printable(repr(files))}; allowed: a list of files, '
+                             'of which null is none')
+    return {file or 'none': load_obstacles(directory / file) if file else () for file in files}
 
 
 def _whole(path: Path, given: Mapping[str, Any], key: str, low: int, high: int, usual: int
@@ -214,17 +240,20 @@ def _drawn(varied: Mapping[str, 'Sequence[Any] | _Range'], count: int, seed: int
 
 
 def _design(number: int, chosen: Mapping[str, Any], rows: Mapping[str, Any],
-            base: Mapping[str, Value]) -> Design:
+            base: Mapping[str, Value], file: str,
+            around: Mapping[str, tuple[Obstacle, ...]]) -> Design:
     given: dict[str, Any] = {}
     for name, value in chosen.items():
         given |= value if isinstance(value, Mapping) else {name: value}
     checked = {name: PARAMETERS[name].check(value) for name, value in given.items()}
     varied = {name: rows[name].index(value) + 1 if isinstance(value, Mapping) else checked[name]
               for name, value in chosen.items()}
-    design = Design(number, varied, {**base, **checked})
-    try:
-        any_arm_from_parameters(design.values)  # refused here, before any work is done
-    except ParameterError as error:
+    if file:
+        varied[OBSTACLES] = file
+    design = Design(number, varied, {**base, **checked}, around[file])
+    try:  # refused here, before any work is done
+        Surroundings(design.arm, design.obstacles)
+    except (ParameterError, ObstacleError) as error:
         raise ParameterError(f'design {number + 1} ({described(varied)}): {error}') from None
     return design
 

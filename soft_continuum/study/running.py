@@ -20,11 +20,13 @@ from typing import Any
 
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.study.design import Study
-from soft_continuum.study.sampling import compute, Unit, units
+from soft_continuum.study.work import compute, QUERIES, SHAPES, Unit, units
 
-PARTS, ABOUT, SHAPES = 'parts', 'study.json', 'shapes.parquet'
+PARTS, ABOUT = 'parts', 'study.json'
 WINDOW = 4  # units that each worker has waiting
 CONNECT_TIMEOUT = 10.0  # s
+COMPUTING = 'mechanics', 'obstacles', 'sequencing', 'study'
+"""Parts of the package that the numbers depend on."""
 MAX_LOST = 100  # times that a unit is given to another worker after one that had it died
 WORKERS_TIMEOUT = 60.0  # s for the first worker to be there
 
@@ -60,7 +62,8 @@ class Results:
             else:
                 _write(about, json.dumps({
                     'fingerprint': study.fingerprint, 'designs': len(study.designs),
-                    'shapes': study.shapes, 'seed': study.seed}, indent=2).encode())
+                    'shapes': study.shapes, 'queries': study.queries,
+                    'seed': study.seed}, indent=2).encode())
         except (OSError, ValueError) as error:
             raise ResultError(f'{about}: cannot be used: {error}; choose another directory with '
                               '--output') from None
@@ -78,34 +81,39 @@ class Results:
         pq.write_table(pa.table(rows), sink)
         _write(self._parts / f'{unit.name}.parquet', sink.getvalue().to_pybytes())
 
-    def tables(self) -> Iterator[tuple[int, Any]]:
+    def tables(self, kind: str = SHAPES) -> Iterator[tuple[int, Any]]:
         """Yield number and table (pyarrow) of each design, as far as it was computed."""
         import pyarrow as pa
         import pyarrow.parquet as pq
         missing = {unit.name for unit in self.missing()}
         by_design: dict[int, list[Any]] = {}
         for unit in units(self.study):
-            if unit.name not in missing:
+            if unit.kind == kind and unit.name not in missing:
                 by_design.setdefault(unit.design, []).append(self._parts / f'{unit.name}.parquet')
         for number, paths in by_design.items():
             yield number, pa.concat_tables([pq.read_table(path) for path in paths])
 
-    def join(self) -> Path:
-        """Write all rows, sorted by design and shape, to one file; return its path."""
+    def join(self) -> list[Path]:
+        """Write all rows, sorted by design and number, a file for each kind; return the paths."""
+        kinds = (SHAPES, QUERIES) if self.study.queries else (SHAPES,)
+        return [self._join(kind) for kind in kinds]
+
+    def _join(self, kind: str) -> Path:
         import pyarrow as pa
         import pyarrow.parquet as pq
-        path = self._directory / SHAPES
+        path = self._directory / f'{kind}.parquet'
         partial = path.with_name(f'.{path.name}.{os.getpid()}')
         names: dict[str, Any] = {}
-        for _, table in self.tables():  # arms may have different numbers of segments
+        for _, table in self.tables(kind):  # arms may have different numbers of segments
             names |= {field.name: field.type for field in table.schema}
         schema = pa.schema(list(names.items()))
         try:
             with pq.ParquetWriter(partial, schema) as writer:
-                for _, table in self.tables():
+                for _, table in self.tables(kind):
                     writer.write_table(pa.table({
                         name: table[name] if name in table.column_names
-                        else pa.nulls(len(table), kind) for name, kind in names.items()}, schema))
+                        else pa.nulls(len(table), there)
+                        for name, there in names.items()}, schema))
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
@@ -187,7 +195,7 @@ def source_fingerprint() -> str:
     import soft_continuum
     root = Path(soft_continuum.__file__).parent
     found = hashlib.sha256()
-    for path in sorted([*root.glob('mechanics/**/*.py'), *root.glob('study/*.py')]):
+    for path in sorted([path for part in COMPUTING for path in root.glob(f'{part}/**/*.py')]):
         found.update(path.read_bytes())
     return found.hexdigest()
 

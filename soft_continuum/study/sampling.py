@@ -1,15 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-One unit of work: some random shapes of one design, by the full statics.
+Random shapes of a design, by the full statics.
 
 The shapes of a unit depend on seed, design and unit alone, so that a study gives the same numbers
 wherever and in whatever order its units are computed.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -23,68 +21,43 @@ from soft_continuum.mechanics.spatial.directions import bending_axes
 from soft_continuum.mechanics.spatial.inverse import pulls_for_bending
 from soft_continuum.mechanics.spatial.inverse import set_shape as set_shape_in_space
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
-from soft_continuum.study.design import Design, Study
+from soft_continuum.obstacles import Surroundings
+from soft_continuum.study.design import Design
 
-UNIT, UNIT_IN_SPACE = 1000, 25
-"""Shapes of one unit: about half a second of work, in space more where many fall."""
-HELD, TENSION, TRAVEL, FALLS = 'held', 'tension', 'travel', 'falls'
-"""What became of a shape; beyond a limit of the rig; no tendons hold it."""
-
-
-@dataclass(frozen=True)
-class Unit:
-    """Some shapes of a design, by number."""
-
-    design: int
-    first: int
-    count: int
-
-    @property
-    def name(self) -> str:
-        """Its name, in the order of design and shape."""
-        return f'{self.design:06d}-{self.first:08d}'
+HELD, TENSION, TRAVEL, TOUCHES, FALLS = 'held', 'tension', 'travel', 'touches', 'falls'
+"""What became of a shape; beyond a limit of the rig; nearer to an obstacle than the margin; no
+tendons hold it."""
 
 
-def units(study: Study) -> list[Unit]:
-    """Return the work of a study, in order."""
-    found = []
-    for design in study.designs:
-        size = UNIT if isinstance(design.arm, Arm) else UNIT_IN_SPACE
-        found += [Unit(design.number, first, min(size, study.shapes - first))
-                  for first in range(0, study.shapes, size)]
-    return found
-
-
-def compute(design: Design, unit: Unit, seed: int) -> tuple[dict[str, list[Any]], float]:
+def shapes(design: Design, first: int, count: int, seed: int) -> list[dict[str, Any]]:
     """
-    Return the rows of a unit as columns, and how long that took (s).
+    Return the rows of some shapes of a design, from a number on.
 
-    Columns: design, shape; softenings; bent_1, ... what each segment was to be bent (rad; in space
-    its rotation about x, and turned_1, ... about y); outcome; x, y, z (m) and the direction of the
-    tip (unit vector); tension, the largest (N); pull, the largest (m); nan where there is none.
+    Columns: design, shape; softenings; solves; bent_1, ... what each segment was to be bent (rad;
+    in space its rotation about x, and turned_1, ... about y); outcome; x, y, z (m) and the
+    direction of the tip (unit vector); tension, the largest (N); pull, the largest (m); nan where
+    there is none.
     """
-    began = perf_counter()
     arm, statics = design.arm, statics_of(design.arm)
-    draw = np.random.default_rng([seed, unit.design, unit.first])
+    draw = np.random.default_rng([seed, design.number, first, 0])
     jamming = bool(design.values['arm.jamming'])
-    values: Mapping[str, Any] = design.values
-    low, high = values['pull_limits']
+    around = Surroundings(arm, design.obstacles)
     rows = []
-    for shape in range(unit.first, unit.first + unit.count):
-        bending = _drawn(arm, draw, jamming)
-        state, solves = _set(statics, bending, jamming)
-        soft = int(np.any(bending.reshape(len(arm.segments), -1) != 0.0, axis=1).sum())
-        row: dict[str, Any] = {'design': unit.design, 'shape': shape,
+    for shape in range(first, first + count):
+        bending = drawn(arm, draw, jamming)
+        state, solves = set_to(statics, bending, jamming)
+        each = bending.reshape(len(arm.segments), -1)
+        soft = int(np.any(each != 0.0, axis=1).sum())
+        row: dict[str, Any] = {'design': design.number, 'shape': shape,
                                'softenings': soft if jamming else 0, 'solves': solves}
-        columns = bending.reshape(len(arm.segments), -1)
-        for s, about in enumerate(columns, start=1):
+        for s, about in enumerate(each, start=1):
             row |= {f'{name}_{s}': float(value) for name, value in zip(
                 ('bent', 'turned'), about, strict=False)}
-        rows.append(row | _outcome(state, values['tension_limit'], low, high))
-    return {name: [row[name] for row in rows] for name in rows[0]}, perf_counter() - began
+        rows.append(row | {'outcome': outcome_of(state, design.values, around)} | _tip(state))
+    return rows
 
 
-def _drawn(arm: AnyArm, draw: np.random.Generator, jamming: bool) -> Array:
+def drawn(arm: AnyArm, draw: np.random.Generator, jamming: bool) -> Array:
     """Return random bending within the limits, of some of the segments, or of all at once."""
     count = len(arm.segments)
     limits = np.array([s.bending_angle_limit for s in arm.segments])
@@ -99,7 +72,7 @@ def _drawn(arm: AnyArm, draw: np.random.Generator, jamming: bool) -> Array:
     return np.where(bending_axes(arm) & chosen[:, None], bending, 0.0)
 
 
-def _set(statics: Any, bending: Array, jamming: bool) -> tuple[Any, int]:
+def set_to(statics: Any, bending: Array, jamming: bool) -> tuple[Any, int]:
     """Return the state with a bending, or None, and how many bendings were solved for."""
     try:
         if not isinstance(statics, SpatialStatics):
@@ -113,16 +86,23 @@ def _set(statics: Any, bending: Array, jamming: bool) -> tuple[Any, int]:
         return None, 1
 
 
-def _outcome(state: Any, tension_limit: float, low: float, high: float) -> dict[str, Any]:
-    nan = float('nan')
+def outcome_of(state: Any, values: Mapping[str, Any], around: Surroundings) -> str:
+    """Return what became of a shape; state: None where no tendons hold it."""
     if state is None:
-        return {'outcome': FALLS, 'x': nan, 'y': nan, 'z': nan, 'pointing_x': nan,
-                'pointing_y': nan, 'pointing_z': nan, 'tension': nan, 'pull': nan}
-    tension, pulls = float(np.max(state.tensions)), np.asarray(state.pulls)
-    outcome = (TENSION if tension > tension_limit
-               else TRAVEL if pulls.min() < low or pulls.max() > high else HELD)
-    pointing = state.rotations[-1][:, 2]
-    return {'outcome': outcome,
-            **{axis: float(v) for axis, v in zip('xyz', state.poses[-1, :3], strict=True)},
-            **{f'pointing_{axis}': float(v) for axis, v in zip('xyz', pointing, strict=True)},
-            'tension': tension, 'pull': float(np.abs(pulls).max())}
+        return FALLS
+    low, high = values['pull_limits']
+    if np.max(state.tensions) > values['tension_limit']:
+        return TENSION
+    if np.min(state.pulls) < low or np.max(state.pulls) > high:
+        return TRAVEL
+    near = around.clearance(state).distance
+    return TOUCHES if near < values['obstacles.margin'] else HELD
+
+
+def _tip(state: Any) -> dict[str, float]:
+    names = ('x', 'y', 'z', 'pointing_x', 'pointing_y', 'pointing_z', 'tension', 'pull')
+    if state is None:
+        return dict.fromkeys(names, float('nan'))
+    numbers = np.concatenate([state.poses[-1, :3], state.rotations[-1][:, 2],
+                              [np.max(state.tensions), np.abs(state.pulls).max()]])
+    return dict(zip(names, numbers.tolist(), strict=True))

@@ -18,6 +18,7 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.study.design import described, Design
+from soft_continuum.study.queries import FOUND, NONE
 from soft_continuum.study.sampling import FALLS, HELD
 
 CELLS = 25
@@ -38,6 +39,7 @@ class Summary:
     holds.  reach: area (m^2) or volume (m^3) of the cells with a tip.  dexterity: mean part of the
     directions that occur in such a cell.  tension, worst_tension: N, median and largest of those
     held.  softenings: mean, over the cells, of the fewest that lead there; 0 without jamming.
+    success: part of the queries that were answered; plan_softenings: mean of these; nan without.
     """
 
     design: Design
@@ -49,10 +51,12 @@ class Summary:
     tension: float
     worst_tension: float
     softenings: float
+    success: float
+    plan_softenings: float
 
 
-def summary(design: Design, table: Any) -> Summary:
-    """Return the summary of the rows (pyarrow) of a design."""
+def summary(design: Design, table: Any, asked: Any = None) -> Summary:
+    """Return the summary of the rows (pyarrow) of a design; asked: those of its queries."""
     arm = design.arm
     outcome = np.array(table['outcome'].to_pylist())
     held = outcome == HELD
@@ -73,7 +77,17 @@ def summary(design: Design, table: Any) -> Summary:
         count * cell_size(arm)**dimensions, float(seen.mean()) if count else 0.0,
         float(np.median(tension)) if len(tension) else float('nan'),
         float(tension.max()) if len(tension) else float('nan'),
-        float(fewest.mean()) if count else float('nan'))
+        float(fewest.mean()) if count else float('nan'), *_answered(asked))
+
+
+def _answered(asked: Any) -> tuple[float, float]:
+    """Return the part of the queries that were answered, and the mean of their softenings."""
+    outcome = np.array(asked['outcome'].to_pylist() if asked is not None else [])
+    found, count = outcome == FOUND, int((outcome != NONE).sum())
+    if not count:
+        return float('nan'), float('nan')
+    softenings = asked['softenings'].to_numpy()[found]
+    return float(found.sum()) / count, float(softenings.mean()) if found.any() else float('nan')
 
 
 def cell_size(arm: AnyArm) -> float:
@@ -89,7 +103,7 @@ def _sector(arm: AnyArm, pointing: Array) -> Any:
 
 
 HEAD = ('design', 'held %', 'falls %', 'reach', 'dexterity %', 'tension N', 'worst N',
-        'softenings')
+        'softenings', 'planned %', 'by')
 
 
 def text_row(one: Summary) -> list[str]:
@@ -98,7 +112,8 @@ def text_row(one: Summary) -> list[str]:
     return [f'{one.design.number + 1}: {described(one.design.varied)}',
             f'{100 * one.held:.1f}', f'{100 * one.falls:.1f}',
             f'{unit[0] * one.reach:.0f} {unit[1]}', f'{100 * one.dexterity:.1f}',
-            f'{one.tension:.1f}', f'{one.worst_tension:.1f}', f'{one.softenings:.2f}']
+            f'{one.tension:.1f}', f'{one.worst_tension:.1f}', f'{one.softenings:.2f}',
+            f'{100 * one.success:.0f}', f'{one.plan_softenings:.2f}']
 
 
 def columns(found: Sequence[Summary]) -> dict[str, list[Any]]:
@@ -109,7 +124,7 @@ def columns(found: Sequence[Summary]) -> dict[str, list[Any]]:
         values = [one.design.varied[name] for one in found]
         rows[name] = [str(list(v)) if isinstance(v, tuple) else v for v in values]
     for name in ('shapes', 'held', 'falls', 'reach', 'dexterity', 'tension', 'worst_tension',
-                 'softenings'):
+                 'softenings', 'success', 'plan_softenings'):
         rows[name] = [getattr(one, name) for one in found]
     return rows
 

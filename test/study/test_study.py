@@ -18,7 +18,7 @@ from soft_continuum.cli.main import main
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.study.design import read_study
 from soft_continuum.study.running import cluster, Results, run
-from soft_continuum.study.sampling import compute, units
+from soft_continuum.study.work import compute, units
 
 SMALL = """
 vary:
@@ -48,7 +48,7 @@ def rows_of(results):
     for unit in results.missing():
         results.keep(unit, compute(results.study.designs[unit.design], unit,
                                    results.study.seed)[0])
-    return results.join().read_bytes()
+    return [path.read_bytes() for path in results.join()]
 
 
 def test_a_killed_worker_loses_nothing_and_the_numbers_are_those_of_one_process(
@@ -61,7 +61,8 @@ def test_a_killed_worker_loses_nothing_and_the_numbers_are_those_of_one_process(
         if n == 1:
             os.kill(min(two_workers.run(os.getpid).values()), signal.SIGKILL)
     assert not results.missing()
-    assert results.join().read_bytes() == rows_of(Results(tmp_path / 'alone', study))
+    assert [path.read_bytes() for path in results.join()] == rows_of(
+        Results(tmp_path / 'alone', study))
 
 
 def test_a_study_goes_on_where_it_was_interrupted(study_file, tmp_path):
@@ -105,6 +106,23 @@ shapes: 50
         assert np.hypot(*(arc - (x, z))) < 1e-3
 
 
+def test_a_wall_takes_tips_away_and_plans_lead_around_it(study_file, tmp_path):
+    study_file('obstacles: [{name: wall, shape: box, size: [0.02, 1.0, 1.0], '
+               'position: [0.12, 0.0, 0.5]}]', 'wall.yaml')
+    study = read_study(study_file('vary: {arm.payload: [0.0]}\nobstacles: [null, wall.yaml]\n'
+                                  'shapes: 300\nqueries: 2'))
+    results = Results(tmp_path / 'walls', study)
+    rows_of(results)
+    free, walled = (table for _, table in results.tables())
+    assert 'touches' not in free['outcome'].to_pylist()
+    held = [row for row in walled.to_pylist() if row['outcome'] == 'held']
+    assert 20 < len(held) < 300
+    assert max(row['x'] for row in held if row['z'] > 0.0) < 0.11
+    for _, asked in results.tables('queries'):
+        assert asked['outcome'].to_pylist() == ['found', 'found']
+        assert max(asked['tip_error'].to_pylist()) <= 0.002
+
+
 @pytest.mark.parametrize('text, words', [
     ('', 'has the key vary'),
     ('vary: {}\nshape: 3', 'unknown key shape; did you mean shapes?'),
@@ -117,6 +135,8 @@ shapes: 50
     ('vary: {arm.payload: {from: 0, to: 1, steps: 90000}, arm.gravity: [1, 2]}', 'sample'),
     ('vary: {arm.payload: [0]}\nshapes: 0', 'shapes is 0'),
     ('vary: {arm.payload: [0]}\ndescription: no.yaml', 'no.yaml'),
+    ('vary: {}\nobstacles: [no.yaml]', 'no.yaml: cannot be read'),
+    ('vary: {}\nobstacles: wall.yaml', 'a list of files'),
     ('vary: [', 'not valid YAML'),
 ])
 def test_what_is_wrong_with_a_study_is_said(study_file, text, words):
