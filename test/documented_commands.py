@@ -34,10 +34,10 @@ NOT_OURS = {'. install/setup.bash', 'colcon build', 'ls -l /dev/serial/by-id',
             'export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET', 'sudo apt install python3-venv',
             '/usr/bin/python3 -m venv --system-site-packages ~/soft_continuum_venv'}
 """Lines that start no program of this project."""
-OTHER_PROGRAMS = ('rosdep install ', 'colcon build --base-paths ',
+OTHER_PROGRAMS = ('rosdep install ', 'dask ', 'colcon build --base-paths ',
                   '~/soft_continuum_venv/bin/pip ', 'export PYTHONPATH=')
 OF_THE_READER = {'my_arm.yaml', 'my_rig.yaml', 'my_shapes.yaml', 'left_arm.yaml',
-                 'right_arm.yaml', 'calibration.yaml'}
+                 'right_arm.yaml', 'calibration.yaml', 'my_study.yaml'}
 EXAMPLES = {'tendon_driver:=servo', 'servo.address:=can1'}
 """Parameters of the driver that a page shows how to write."""
 OUTPUTS = ('output', 'picture', 'link', 'grbl_link', 'modbus_link')

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from math import isfinite, radians
 import os
+from pathlib import Path
 import signal
 from time import sleep
 from typing import NoReturn, TYPE_CHECKING
@@ -30,7 +31,7 @@ from soft_continuum.text import MAX_NAME, printable
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
-    from soft_continuum.client.sequence import Bending
+    from soft_continuum.client.sequence import Bending, RunningSequence
     from soft_continuum.client.state import Progress
 
 WATCH_PERIOD = 0.5  # s
@@ -55,7 +56,11 @@ class Action:
 
 def main(verb: str, argv: Sequence[str] | None = None) -> int:
     """Run a verb on a running arm; return the exit status."""
-    action = ACTIONS[verb]
+    return run_action(verb, ACTIONS[verb], argv)
+
+
+def run_action(verb: str, action: Action, argv: Sequence[str] | None = None) -> int:
+    """Run what a verb does on a running arm; return the exit status."""
     parser = Parser(verb, VERBS[verb].help, *FOR_NODES)
     action.add_options(parser)
     options = parser.parse_args(argv)
@@ -86,7 +91,7 @@ def _interrupt(*_: object) -> NoReturn:
 # Shapes.
 
 
-def _bendings(text: str) -> tuple['Bending', ...]:
+def bendings(text: str) -> tuple['Bending', ...]:
     """Read ``10,20,30`` or ``10,20@120,30@-60`` in degrees; return rad."""
     try:
         values = tuple(tuple(radians(float(number)) for number in part.split('@'))
@@ -103,7 +108,7 @@ def _bendings(text: str) -> tuple['Bending', ...]:
 def _shape_name(text: str) -> str:
     """Read the name of a shape; recognise bending angles, which need an option."""
     try:
-        _bendings(text)
+        bendings(text)
     except ArgumentTypeError:
         return text
     raise ArgumentTypeError(f'{text!r} given; bending angles in degrees need --angles {text}')
@@ -113,24 +118,33 @@ def _run_options(parser: Parser) -> None:
     shapes = parser.add_argument('shapes', nargs='*', metavar='SHAPE', type=_shape_name,
                                  help='names in the shape library')
     shapes.completer = cached_shapes  # type: ignore[attr-defined]
-    parser.add_argument('--angles', action='append', type=_bendings, default=[],
+    parser.add_argument('--angles', action='append', type=bendings, default=[],
                         metavar='A,B,C', help='bending angle of each segment, base first, '
                         'degrees, to set after the named shapes; may be repeated. Of a spatial '
                         'arm, A@D bends towards the direction D, degrees about z from x')
-    parser.add_argument('--hold', type=number_in(0.0, 86400.0, 's'), default=0.0, metavar='S',
-                        help='how long each shape is held (default: 0 s)')
+    add_hold(parser)
     parser.add_argument('--aim', choices=AIMS, default=AIMS[0],
                         help='what is to be right in the end, where measurements close the loop: '
                         'the angle of every segment, or the position of the tip (default: '
                         '%(default)s)')
 
 
+def add_hold(parser: Parser) -> None:
+    """Add the option that says how long shapes are held."""
+    parser.add_argument('--hold', type=number_in(0.0, 86400.0, 's'), default=0.0, metavar='S',
+                        help='how long each shape is held (default: 0 s)')
+
+
 def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
-    """Set shapes; the first Ctrl-C cancels and waits for the arm to come to rest."""
+    """Set shapes."""
+    return watch_sequence(arm.start(*options.shapes, *options.angles, hold=options.hold,
+                                    aim=options.aim), output)
+
+
+def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
+    """Show a sequence; the first Ctrl-C cancels it and waits for the arm to come to rest."""
     from soft_continuum.client.errors import SequenceError
     from soft_continuum.client.state_text import reached_text
-    sequence = arm.start(*options.shapes, *options.angles, hold=options.hold,
-                         aim=options.aim)
     before: Progress | None = None
     interrupted = False
     try:
@@ -228,6 +242,39 @@ def _jog(arm: 'Arm', options: Namespace, output: Output) -> int:
     return output.done(f'pulls: {pulls_text(arm.state)}')
 
 
+# Obstacles.
+
+
+def _obstacles_options(parser: Parser) -> None:
+    parser.add_argument('file', nargs='?', type=Path, metavar='FILE',
+                        help='YAML file with obstacles to add, as config/obstacles_example.yaml')
+    parser.add_argument('--remove', action='append', default=[], metavar='NAME',
+                        help='obstacle to remove; may be repeated')
+    parser.add_argument('--clear', action='store_true',
+                        help='remove all, before those of FILE are added')
+    parser.add_argument('--list', action='store_true',
+                        help='only list what shape_sequencer plans with, as without options')
+    parser.add_argument('--unit', choices=('m', 'mm'), default='m',
+                        help='of the list; FILE says its own (default: %(default)s)')
+
+
+def _obstacles(arm: 'Arm', options: Namespace, output: Output) -> int:
+    """Change the obstacles, then list them."""
+    from soft_continuum.client.obstacles import obstacles_text
+    obstacles = arm.obstacles
+    if options.remove:
+        obstacles.remove(*options.remove)
+    if options.file is not None:
+        obstacles.load(options.file, replace=options.clear)
+    elif options.clear:
+        obstacles.clear()
+    known = obstacles.known
+    output.print(obstacles_text(known, options.unit), obstacles=[
+        {'name': one.name, 'shape': one.shape.kind, 'position': one.position,
+         'orientation': one.orientation, 'size': one.size} for one in known])
+    return DONE
+
+
 # The state, and what takes no options.
 
 
@@ -258,6 +305,9 @@ ACTIONS = {
     'soften': Action(_soften, _soften_options),
     'jog': Action(_jog, _jog_options, lambda options: '' if options.moves
                   or options.moves_by_option else 'give TENDON=MM, such as right=1.5 left=-1.5'),
+    'obstacles': Action(_obstacles, _obstacles_options, lambda options: (
+        '--list changes nothing; leave it out, or FILE, --remove and --clear'
+        if options.list and (options.file or options.remove or options.clear) else '')),
     'stop': Action(lambda arm, _, output: output.done(arm.stop())),
     'resume': Action(lambda arm, _, output: output.done(arm.resume())),
     'reference': Action(lambda arm, _, output: output.done(arm.reference())),

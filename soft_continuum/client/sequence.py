@@ -7,26 +7,29 @@ from concurrent.futures import Future
 import threading
 from typing import Any
 
+from geometry_msgs.msg import Point, Pose, Quaternion
+
 from soft_continuum.client.errors import NoAnswerError
 from soft_continuum.client.state import Progress, progress_of, Reached, SequenceResult
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.sequencing.progress import AIMS, Code
 from soft_continuum.text import MAX_ITEMS, printable
+from soft_continuum.tip import KINDS, Tip
 from soft_continuum_interfaces.action import RunShapeSequence
-from soft_continuum_interfaces.msg import Shape, ShapeSequencerState
+from soft_continuum_interfaces.msg import Shape, ShapeSequencerState, TipGoal
 
 MAX_HOLD = 86400.0  # s
 
 Bending = float | tuple[float, float]
 """What a segment bends by: its angle, or angle and direction, rad."""
-ShapeLike = str | Sequence[Bending]
-"""A shape: its name in the library, or what each segment bends by, base first."""
+ShapeLike = str | Sequence[Bending] | Tip | Sequence[Tip]
+"""A shape: its name in the library, what each segment bends by, or where the tip shall be."""
 
 
 def goal(shapes: Sequence[ShapeLike], hold: float, aim: str = AIMS[0]
          ) -> RunShapeSequence.Goal:
     """
-    Return the goal for names or bendings (rad), each held for ``hold`` s.
+    Return the goal for shapes, each held for ``hold`` s.
 
     aim: one of AIMS.  Raises ValueError for a hold time or an aim that is none; shapes are for the
     shape_sequencer to judge.
@@ -37,8 +40,26 @@ def goal(shapes: Sequence[ShapeLike], hold: float, aim: str = AIMS[0]
         raise ValueError(f'hold is {hold} s; allowed: 0 to {MAX_HOLD:g} s')
     time = duration_to_ros(hold)
     return RunShapeSequence.Goal(aim=AIMS.index(aim), shapes=[
-        Shape(name=shape, hold_time=time) if isinstance(shape, str) else
-        Shape(hold_time=time, **bendings(shape)) for shape in shapes])
+        Shape(hold_time=time, **fields_of(shape)) for shape in shapes])
+
+
+def fields_of(shape: ShapeLike) -> dict[str, Any]:
+    """Return what a message Shape has of a shape; raises ValueError for what is none."""
+    if isinstance(shape, str):
+        return {'name': shape}
+    tips = [shape] if isinstance(shape, Tip) else list(shape)
+    if tips and all(isinstance(tip, Tip) for tip in tips):
+        return {'tips': [tip_goal(tip) for tip in tips]}  # type: ignore[arg-type]
+    return bendings(tips)  # type: ignore[arg-type]
+
+
+def tip_goal(tip: Tip) -> TipGoal:
+    """Return a goal of the tip as the shape_sequencer takes it."""
+    (x, y, z), turn = tip.place, dict(zip('xyzw', tip.quaternion, strict=True))
+    return TipGoal(
+        kind=KINDS.index(tip.kind), position_tolerance=float(tip.tolerance),
+        angle_tolerance=float(tip.angle_tolerance),
+        pose=Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(**turn)))
 
 
 def bendings(shape: Sequence[Bending]) -> dict[str, list[float]]:
@@ -78,7 +99,8 @@ def _reached(message: RunShapeSequence.Result) -> Reached | None:
     return Reached(message.source == RunShapeSequence.Result.MEASURED, angles, tip,
                    tuple(message.angle_deviations[:MAX_ITEMS]),
                    tuple(message.tip_deviations[:6]), float(message.tip_error),
-                   message.corrections, tuple(message.bending_directions[:MAX_ITEMS]))
+                   message.corrections, tuple(message.bending_directions[:MAX_ITEMS]),
+                   message.replans)
 
 
 class RunningSequence:

@@ -16,8 +16,8 @@ from soft_continuum.ros.conversions import trajectory_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.ros_time import RosTime
+from soft_continuum.sequencing.arm_port import Failure
 from soft_continuum.sequencing.progress import Code
-from soft_continuum.sequencing.runner import Failure
 from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
 
 CODES = {
@@ -112,6 +112,11 @@ class ArmCommander(MotionCommander):
         """Begin a run: failures of earlier requests no longer count."""
         super().begin()
         self.switch_failure = ''
+
+    def hold(self) -> None:
+        """Request that the tendons brake and hold; that this ends the motion is no failure."""
+        super().hold()
+        self._motion_id, self.motion_failure = '', None
 
     def set_stiff(self, segment: int, stiff: bool) -> None:
         """Request that jamming_valves evacuates or vents a segment (0-based)."""

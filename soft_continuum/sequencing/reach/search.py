@@ -1,0 +1,309 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The search for plans to a goal of the tip: arcs propose, the statics decide.
+
+Candidates with one softening come first, then those with two, and so on.  Each is looked at by
+constant curvature, then corrected and followed by the statics; what many have in common is looked
+at once.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from math import inf
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan, ShapePlanner
+from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
+from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
+from soft_continuum.sequencing.reach.goal import Distance, ReachSettings, Surroundings, TipGoal
+from soft_continuum.sequencing.reach.passage import BlockedError, moved, Node, Passages
+from soft_continuum.sequencing.reach.result import Reach
+
+ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is
+FINE = 0.004  # m: points of arcs that move by less are not looked at in between
+CORRECTIONS = 8  # of bendings, by the statics
+AIM = 0.3  # of the tolerances: so near the correction ends
+DIVERGED = 3.0  # times what was missed at best: a correction does not come back from there
+RANK = 1e-6  # of singular values of slopes: less is nothing
+ALIKE = 0.1  # s: durations that differ by less are one, and the tension decides
+KEPT = 0.15  # of the time, to look for the nearest when there is no plan
+IMPROVEMENTS = 40  # candidates beside the best that are tried
+WIDTHS = (0.3, 0.1, 0.03)  # rad by which they are beside it
+NEAREST = 30  # shapes that are tried to come near
+NAME = 'tip goal'
+
+
+def reach(planner: ShapePlanner, state: Any, pulls: Sequence[float], goal: TipGoal,
+          surroundings: Surroundings, settings: ReachSettings | None = None) -> Iterator[Reach]:
+    """
+    Yield plans to a goal of the tip, each better than the one before it; the last is the best.
+
+    state: of the arm at rest, with all segments stiff if it has jamming.  pulls: (tendons,) m of
+    its motors.  Where no plan is found, one Reach says why, with the plan that comes nearest.
+    Raises PlanError for a start or a goal that is none, or when the plan is abandoned.
+    """
+    settings = settings or ReachSettings()
+    goal.check(planner.statics.chain.arm)
+    inside = surroundings.at(goal.position)
+    if inside.distance <= 0.0:
+        raise PlanError(f'the tip goal is in {inside.obstacle}, '
+                        f'{-inside.distance * 1e3:.1f} mm deep; move one of them')
+    start = Passages(planner, surroundings, settings).start(state, np.array(pulls, dtype=float))
+    yield from Search(planner, start, goal, surroundings, settings).run()
+
+
+class Search:
+    """A search for plans from a node to one goal; end: of the clock monotonic, s, for it."""
+
+    def __init__(self, planner: ShapePlanner, start: Node, goal: TipGoal,
+                 surroundings: Surroundings, settings: ReachSettings) -> None:
+        """Prepare."""
+        self.planner, self.start, self.goal, self.settings = planner, start, goal, settings
+        self.passages = Passages(planner.until(self._late), surroundings, settings)
+        self.miss = Miss(goal)
+        self.arcs = Arcs(planner.statics.chain.arm)
+        self.bending = np.array(start.state.bending)
+        self.candidates = Candidates(self.arcs, planner.settings, self.miss, self.bending,
+                                     np.random.default_rng(self.settings.seed))
+        self.best: Reach | None = None
+        self.best_candidate: Candidate | None = None
+        self.nearest = self.last = start
+        self.blocked: Counter[tuple[str, str]] = Counter()  # obstacle or limit, and how often
+        self.end = monotonic() + (1.0 - KEPT) * settings.time_limit
+        self._shapes: dict[bytes, tuple[Any, Distance]] = {}
+        self._lines: dict[tuple[bytes, bytes], str] = {}
+        self._nodes: dict[tuple[bytes, ...], Node | BlockedError] = {}
+
+    def run(self) -> Iterator[Reach]:
+        """Yield better and better plans."""
+        if size(self.miss.of_state(self.start.state)) <= 1.0:
+            yield self._result(self.start)
+            return
+        every = self.candidates.nearest()[:NEAREST]
+        out_of_reach = every[0].near > 1.0
+        if out_of_reach:  # of arcs; the statics may say otherwise
+            yield from self._tried(iter(every), anyway=True)
+        if self.best is not None or not out_of_reach:
+            for count in range(1, self.settings.max_softenings + 1):
+                if self._bound(count, 0.0) >= self._best_cost():
+                    break
+                yield from self._tried(c for part in self.candidates.of(count) for c in part)
+        self.end += KEPT * self.settings.time_limit
+        if self.best is None and not out_of_reach:
+            yield from self._tried(iter(every), anyway=True)
+        if self.best is None:
+            yield self._nearest(out_of_reach)
+        else:
+            yield from self._tried(
+                c for width in WIDTHS for _ in range(IMPROVEMENTS // len(WIDTHS))
+                for c in self.candidates.beside(self._known_best(), width))
+
+    def _tried(self, candidates: Iterator[Candidate], anyway: bool = False) -> Iterator[Reach]:
+        """Yield what is better than all before it, until it is late."""
+        while not self._late() and (candidate := next(candidates, None)) is not None:
+            self.planner.check_wanted()
+            if self._bound(len(candidate.movers), candidate.seconds) >= self._best_cost():
+                continue
+            try:
+                node = self.planned(candidate, anyway)
+                found = self._result(node)
+                if size(self.miss.of_state(node.state)) > 1.0:
+                    raise BlockedError('the tip does not get there', limit='tip')
+            except BlockedError as error:
+                self.blocked[error.obstacle, error.limit] += 1
+                continue
+            except PlanError:
+                self.planner.check_wanted()
+                return  # it was late
+            if self._cost(found) < self._best_cost():
+                self.best, self.best_candidate, self.last = found, candidate, node
+                yield found
+
+    def _late(self) -> bool:
+        return monotonic() > self.end
+
+    def _known_best(self) -> Candidate:
+        assert self.best_candidate is not None
+        return self.best_candidate
+
+    # What a plan costs.
+
+    def _cost(self, found: Reach) -> tuple[float, ...]:
+        return self._weighed(found.softenings, found.duration, found.tension)
+
+    def _best_cost(self) -> tuple[float, ...]:
+        return (inf,) if self.best is None else self._cost(self.best)
+
+    def _bound(self, softenings: int, seconds: float) -> tuple[float, ...]:
+        pause = self.settings.softening_time if self.planner.settings.jamming else 0.0
+        return self._weighed(softenings, softenings * pause + seconds, 0.0)
+
+    def _weighed(self, softenings: int, seconds: float, tension: float) -> tuple[float, ...]:
+        if self.settings.weights is None:
+            return (softenings, round(seconds / ALIKE), tension)
+        one, second, newton = self.settings.weights
+        return (one * softenings + second * seconds + newton * tension,)
+
+    # One candidate.
+
+    def planned(self, candidate: Candidate, anyway: bool = False) -> Node:
+        """Return where the settings of a candidate lead; anyway: also if that is not the goal."""
+        if not anyway:
+            self._look(candidate)
+        movers, first = candidate.movers, len(candidate.movers) - candidate.fitted
+        node, path = self.start, tuple[bytes, ...]()
+        for mover, shape in zip(movers[:first], candidate.shapes[1:first + 1], strict=True):
+            node, path = self._gone(node, path, mover, shape)
+        bending = self._corrected(node, movers[first:], candidate.shapes[-1], anyway)
+        for mover in movers[first:]:
+            node, path = self._gone(node, path, mover, bending)
+        return node
+
+    def _gone(self, node: Node, path: tuple[bytes, ...], mover: int, bending: Array
+              ) -> tuple[Node, tuple[bytes, ...]]:
+        """Go on from a node, unless it is known where that leads."""
+        key = (*path, bytes([mover % 256]) + bending.reshape(-1)[
+            self.arcs.columns([mover])].tobytes())
+        known = self._nodes.get(key)
+        if known is None:
+            try:
+                known = self.passages.go(node, mover, bending)
+                self._note(known)
+            except BlockedError as error:
+                known = error
+            self._nodes[key] = known
+        if isinstance(known, BlockedError):
+            raise known
+        return known, key
+
+    def _corrected(self, node: Node, movers: Sequence[int], bending: Array, anyway: bool) -> Array:
+        """
+        Return the bending that the statics need so that the tip is at the goal.
+
+        Broyden's method, which begins with the derivatives of arcs.
+        """
+        columns = self.arcs.columns(movers)
+        slopes = self.arcs.slopes(bending[None], columns, self.miss)[0]
+        states = self._predicted(node, movers, bending)
+        left = self.miss.of_state(states[-1])
+        best = bending, states, left
+        for _ in range(CORRECTIONS):
+            if size(left) <= AIM:
+                break
+            there = bending.copy().reshape(-1)
+            there[columns] -= np.linalg.lstsq(slopes, left, rcond=RANK)[0]
+            there = self.arcs.within(there.reshape(bending.shape))
+            change = (there - bending).reshape(-1)[columns]
+            if not change.any():
+                break
+            before, bending = left, there
+            states = self._predicted(node, movers, bending)
+            left = self.miss.of_state(states[-1])
+            slopes = slopes + np.outer(
+                left - before - slopes @ change, change) / (change @ change)
+            if size(left) < size(best[2]):
+                best = bending, states, left
+            elif size(left) > DIVERGED * size(best[2]):
+                break
+        bending, states, left = best
+        if size(left) > 1.0 and not anyway:
+            raise BlockedError('the tip does not get there', limit='tip')
+        least = min(self.settings.margin, self.start.near.distance)
+        for state in states:
+            self.passages.free(state, least)
+        return bending
+
+    def _predicted(self, node: Node, movers: Sequence[int], bending: Array) -> list[Any]:
+        """Return the states after settings, without the way there."""
+        states = [node.state]
+        for mover in movers:
+            states.append(self.passages.bent(states[-1], mover, bending))
+        return states[1:]
+
+    # A look at arcs.
+
+    def _look(self, candidate: Candidate) -> None:
+        """Raise BlockedError where an obstacle is far in the way of arcs."""
+        if self.start.near.distance == inf:
+            return
+        shapes = candidate.shapes
+        for shape in shapes[:0:-1]:
+            self._free(self._shape(shape)[1])
+        for one, other in zip(shapes, shapes[1:], strict=False):
+            key = one.tobytes(), other.tobytes()
+            if key not in self._lines:
+                self._lines[key] = self._line(one, other)
+            if self._lines[key]:
+                raise BlockedError('an obstacle is in the way', self._lines[key])
+
+    def _shape(self, bending: Array) -> tuple[Any, Distance]:
+        key = bending.tobytes()
+        if key not in self._shapes:
+            state = self.arcs.chain.uniform(bending)
+            self._shapes[key] = state, self.passages.surroundings.clearance(state)
+        return self._shapes[key]
+
+    def _free(self, near: Distance) -> None:
+        if near.distance < min(self.settings.margin, self.start.near.distance) - ARC_ERROR:
+            raise BlockedError('an obstacle is in the way', near.obstacle)
+
+    def _line(self, one: Array, other: Array) -> str:
+        """Return which obstacle is in the way between two shapes; empty for none."""
+        (state, near), (there, near_there) = self._shape(one), self._shape(other)
+        way = moved(state, there, self.passages.radius)
+        least = min(self.settings.margin, self.start.near.distance) - ARC_ERROR
+        if way < FINE or near.distance + near_there.distance - way > 2.0 * least:
+            return ''
+        middle = 0.5 * (one + other)
+        near = self._shape(middle)[1]
+        if near.distance < least:
+            return near.obstacle
+        return self._line(one, middle) or self._line(middle, other)
+
+    # What comes of it.
+
+    def _result(self, node: Node, why: str = '') -> Reach:
+        state = node.state
+        plan = ShapePlan(as_shape(state), node.moves, state) if node.moves or not why else None
+        return Reach(plan, why, node.steps, *self.miss.errors(state))
+
+    def _note(self, node: Node) -> None:
+        """Keep the node whose tip is nearest to the goal."""
+        if size(self.miss.of_state(node.state)) < size(self.miss.of_state(self.nearest.state)):
+            self.nearest = node
+
+    def _nearest(self, out_of_reach: bool) -> Reach:
+        """Return the plan that comes nearest, and why none arrives."""
+        away, turn = self.miss.errors(self.nearest.state)
+        left = f'{away * 1e3:.1f} mm' + (
+            '' if self.goal.kind == 'position' else f' and {np.degrees(turn):.1f} degrees')
+        why = f'the goal is out of reach: the nearest that was found is {left} from it'
+        if not out_of_reach:
+            why = (f'no plan was found: {self._in_the_way()}; the nearest that was found is '
+                   f'{left} from the goal')
+        return self._result(self.nearest, why)
+
+    def _in_the_way(self) -> str:
+        """Say what stopped the candidates, the most frequent first."""
+        said = []
+        for (obstacle, limit), _ in self.blocked.most_common(3):
+            if obstacle:
+                said.append(f'{obstacle} is in the way')
+            elif limit in ('tension_limit', 'pull_limits', 'bending_angle_limits'):
+                said.append(f'{limit} would be passed')
+            elif limit == 'jump':
+                said.append('the arm would go over to another shape by itself')
+            elif limit == 'held':
+                said.append('the tendons do not hold the arm on the way')
+        return ', '.join(dict.fromkeys(said)) or 'the time was too short'
+
+
+def as_shape(state: Any) -> Shape:
+    """Return the shape of a state."""
+    return Shape(NAME, tuple(state.bending_angles.tolist()), 0.0,
+                 tuple(state.bending_directions.tolist()))

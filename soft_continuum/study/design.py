@@ -1,0 +1,271 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a study varies: a YAML file, read into designs, each a complete description of an arm.
+
+    description: my_arm.yaml       # beside the file; without it the paper's arm
+    vary:                          # parameters of the description
+      arm.mounting_angle: [0.0, 3.14159265]                # these values
+      arm.segment_masses: {from: [0.05], to: [0.15], steps: 3}
+      arm.bending_stiffnesses: {times: [0.5, 1.0, 2.0]}    # of what the description has
+      segments:                    # a name of one's own: several parameters at a time
+        - {arm.segment_lengths: [0.105, 0.105], arm.outer_diameters: [0.05, 0.035], ...}
+        - {arm.segment_lengths: [0.07, 0.07, 0.07], arm.outer_diameters: [0.05, 0.04, 0.03], ...}
+    sample: 50                     # random designs instead of every combination
+    obstacles: [null, wall.yaml]   # files beside it, each taken with every design
+    shapes: 500                    # random shapes of each design
+    queries: 20                    # tips to plan to, of each design
+    seed: 1
+
+With ``sample``, ranges are drawn from evenly.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+import hashlib
+from itertools import product
+from math import prod
+from pathlib import Path
+import pickle
+from typing import Any
+
+import numpy as np
+
+from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.obstacles import Obstacle, ObstacleError, Surroundings
+from soft_continuum.obstacles.files import load_obstacles
+from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.files import load_description, read_yaml
+from soft_continuum.parameters.nodes import ALL_PARAMETERS
+from soft_continuum.parameters.parameter import name_hint, Parameter, ParameterError, Value
+from soft_continuum.text import printable
+
+KEYS = ('description', 'vary', 'sample', 'obstacles', 'shapes', 'queries', 'seed')
+RANGE = ('from', 'to', 'steps')
+MAX_DESIGNS, MAX_SHAPES, MAX_QUERIES, MAX_SEED = 100_000, 1_000_000, 10_000, 2**31 - 1
+OBSTACLES = 'obstacles'
+"""Among what is varied: the file of obstacles."""
+DEFAULT_SHAPES = 500
+PARAMETERS = {p.name: p for p in ALL_PARAMETERS}
+
+
+@dataclass(frozen=True)
+class Design:
+    """
+    One arm of a study: its number from 0, what was varied, and the whole description.
+
+    Of several parameters at a time ``varied`` has the number of the row, from 1.
+    """
+
+    number: int
+    varied: Mapping[str, Value]
+    values: Mapping[str, Value]
+    obstacles: tuple[Obstacle, ...] = ()
+
+    @property
+    def arm(self) -> AnyArm:
+        """The arm."""
+        return any_arm_from_parameters(self.values)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Designs, and how many random shapes and queries of each there are."""
+
+    designs: tuple[Design, ...]
+    shapes: int
+    queries: int
+    seed: int
+
+    @property
+    def fingerprint(self) -> str:
+        """A text that another study does not have."""
+        what = [[(sorted(d.values.items()), d.obstacles) for d in self.designs], self.shapes,
+                self.queries, self.seed]
+        return hashlib.sha256(pickle.dumps(what, protocol=5)).hexdigest()
+
+
+def read_study(path: str | Path) -> Study:
+    """Return the study of a file; raises ParameterError that names file and key."""
+    path = Path(path)
+    try:
+        return _study(path, read_yaml(path))
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be read: {error.strerror}') from None
+
+
+def _study(path: Path, given: Any) -> Study:
+    if not isinstance(given, Mapping) or not isinstance(given.get('vary'), Mapping):
+        raise ParameterError(f'{path}: a study has the key vary with parameters below it; keys: '
+                             + ', '.join(KEYS))
+    for key in given:
+        if key not in KEYS:
+            raise ParameterError(f'{path}: unknown key {printable(str(key))}'
+                                 f'{name_hint(str(key), KEYS)}; known: {", ".join(KEYS)}')
+    base = given.get('description')
+    if base is not None and not isinstance(base, str):
+        raise ParameterError(f'{path}: description is {base!r}; the path of a file is needed')
+    values = load_description(*([path.parent / base] if base else []))
+    seed = _whole(path, given, 'seed', 0, MAX_SEED, 1)
+    try:
+        varied = {name: _candidates(name, how, values) for name, how in given['vary'].items()}
+        choices = (_drawn(varied, _whole(path, given, 'sample', 1, MAX_DESIGNS, 1), seed)
+                   if 'sample' in given else _grid(varied))
+        around = _surroundings(path.parent, given)
+        several = [dict(zip(varied, choice, strict=True)) for choice in choices]
+        if len(several) * len(around) > MAX_DESIGNS:
+            raise ParameterError(f'{len(several)} designs with each of {len(around)} sets of '
+                                 f'obstacles; allowed: {MAX_DESIGNS} in all')
+        designs = tuple(_design(n, choice, varied, values, file, around)
+                        for n, (choice, file) in enumerate(product(several, around)))
+    except (ParameterError, ObstacleError) as error:
+        raise ParameterError(f'{path}: {error}') from None
+    return Study(designs, _whole(path, given, 'shapes', 1, MAX_SHAPES, DEFAULT_SHAPES),
+                 _whole(path, given, 'queries', 0, MAX_QUERIES, 0), seed)
+
+
+def _surroundings(directory: Path, given: Mapping[str, Any]) -> dict[str, tuple[Obstacle, ...]]:
+    """Return the sets of obstacles by the names of their files; '' without the key."""
+    if OBSTACLES not in given:
+        return {'': ()}
+    files = given[OBSTACLES]
+    if not isinstance(files, list) or not files or not all(
+            file is None or isinstance(file, str) for file in files):
+        raise ParameterError(f'obstacles is {printable(repr(files))}; allowed: a list of files, '
+                             'of which null is none')
+    return {file or 'none': load_obstacles(directory / file) if file else () for file in files}
+
+
+def _whole(path: Path, given: Mapping[str, Any], key: str, low: int, high: int, usual: int
+           ) -> int:
+    value = given.get(key, usual)
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        raise ParameterError(f'{path}: {key} is {printable(repr(value))}; allowed: a whole number '
+                             f'from {low} to {high}')
+    return value
+
+
+def _known(name: Any) -> Parameter:
+    if name not in PARAMETERS:
+        raise ParameterError(f'vary: unknown parameter {printable(str(name))}'
+                             f'{name_hint(str(name), PARAMETERS)}')
+    return PARAMETERS[name]
+
+
+@dataclass(frozen=True, eq=False)
+class _Range:
+    """Values from one number, or list of numbers, to another."""
+
+    low: Any
+    high: Any
+    steps: int
+
+    def at(self, part: float) -> Any:
+        mixed = (1.0 - part) * np.asarray(self.low) + part * np.asarray(self.high)
+        return mixed.tolist()
+
+
+def _candidates(name: Any, how: Any, values: Mapping[str, Value]) -> 'Sequence[Any] | _Range':
+    """
+    Return the values that a parameter has in the grid, or the range to draw from.
+
+    Of a name of the user's own they are mappings, each of several parameters.
+    """
+    if isinstance(how, list) and how and all(isinstance(item, Mapping) for item in how):
+        for item in how:
+            for inner in item:
+                _known(inner)
+        return how
+    base = values[_known(name).name]
+    if isinstance(how, Mapping) and set(how) == {'times'}:
+        inner = how['times']
+        factors = _range(name, inner) if isinstance(inner, Mapping) else inner
+        numbers = np.asarray(base)
+        if numbers.dtype.kind not in 'if' or not numbers.any():
+            raise ParameterError(f'vary: {name} is {base!r} in the description, which no factor '
+                                 'changes; list the values themselves')
+        if isinstance(factors, _Range):
+            return _Range((factors.low * numbers).tolist(), (factors.high * numbers).tolist(),
+                          factors.steps)
+        return [_times(name, factor, numbers) for factor in _listed(name, factors)]
+    if isinstance(how, Mapping):
+        return _range(name, how)
+    return _listed(name, how)
+
+
+def _times(name: str, factor: Any, numbers: Any) -> Any:
+    if isinstance(factor, bool) or not isinstance(factor, int | float):
+        raise ParameterError(f'vary: {name}: times has {factor!r}; numbers are needed')
+    return (factor * numbers).tolist()
+
+
+def _listed(name: str, values: Any) -> Sequence[Any]:
+    if not isinstance(values, list) or not values:
+        raise ParameterError(f'vary: {name} is {printable(repr(values))}; allowed: a list of the '
+                             'values to take, {from, to, steps}, or {times: either of these}')
+    return values
+
+
+def _range(name: str, how: Mapping[Any, Any]) -> _Range:
+    steps = how.get('steps', 2)
+    low, high = how.get('from'), how.get('to')
+    try:
+        ends = [np.asarray(end, dtype=float) for end in (low, high)]
+        fits = ends[0].shape == ends[1].shape and all(np.isfinite(end).all() for end in ends)
+    except (TypeError, ValueError):
+        fits = False
+    if (not fits or set(how) - set(RANGE) or isinstance(steps, bool)
+            or not isinstance(steps, int) or not 2 <= steps <= MAX_DESIGNS):
+        raise ParameterError(f'vary: {name} is {printable(repr(dict(how)))}; allowed: from and '
+                             'to, numbers or lists of as many numbers, and steps, 2 or more')
+    return _Range(np.asarray(low, dtype=float), np.asarray(high, dtype=float), steps)
+
+
+def _grid(varied: Mapping[str, 'Sequence[Any] | _Range']) -> Iterator[tuple[Any, ...]]:
+    columns = [[one.at(part) for part in np.linspace(0.0, 1.0, one.steps)]
+               if isinstance(one, _Range) else one for one in varied.values()]
+    count = prod(len(column) for column in columns)
+    if count > MAX_DESIGNS:
+        raise ParameterError(f'{count} combinations; allowed: {MAX_DESIGNS}; vary fewer values, '
+                             'or draw some with the key sample')
+    return product(*columns)
+
+
+def _drawn(varied: Mapping[str, 'Sequence[Any] | _Range'], count: int, seed: int
+           ) -> Iterator[tuple[Any, ...]]:
+    draw = np.random.default_rng(seed)
+    for _ in range(count):
+        yield tuple(one.at(draw.random()) if isinstance(one, _Range)
+                    else one[int(draw.integers(len(one)))] for one in varied.values())
+
+
+def _design(number: int, chosen: Mapping[str, Any], rows: Mapping[str, Any],
+            base: Mapping[str, Value], file: str,
+            around: Mapping[str, tuple[Obstacle, ...]]) -> Design:
+    given: dict[str, Any] = {}
+    for name, value in chosen.items():
+        given |= value if isinstance(value, Mapping) else {name: value}
+    checked = {name: PARAMETERS[name].check(value) for name, value in given.items()}
+    varied = {name: rows[name].index(value) + 1 if isinstance(value, Mapping) else checked[name]
+              for name, value in chosen.items()}
+    if file:
+        varied[OBSTACLES] = file
+    design = Design(number, varied, {**base, **checked}, around[file])
+    try:  # refused here, before any work is done
+        Surroundings(design.arm, design.obstacles)
+    except (ParameterError, ObstacleError) as error:
+        raise ParameterError(f'design {number + 1} ({described(varied)}): {error}') from None
+    return design
+
+
+def described(varied: Mapping[str, Value]) -> str:
+    """Return what was varied, in a line."""
+    return ', '.join(f'{name.removeprefix("arm.")} {_short(value)}'
+                     for name, value in varied.items())
+
+
+def _short(value: Value) -> str:
+    if isinstance(value, tuple):
+        every = value[:1] if len(set(value)) == 1 else value
+        return ' '.join(_short(one) for one in every)
+    return f'{value:.4g}' if isinstance(value, float) else str(value)

@@ -1,0 +1,243 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Has the units of a study computed by Dask, on this machine or a cluster; keeps each as it comes.
+
+Every unit is a Parquet file of its own below ``parts``, written whole or not at all: a study that
+is interrupted goes on where it was, and a worker that dies costs the unit that it had.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from itertools import islice
+import json
+import logging
+import os
+from pathlib import Path
+import signal
+from typing import Any
+
+from soft_continuum.analysis.results import ResultError
+from soft_continuum.study.design import Study
+from soft_continuum.study.work import compute, QUERIES, SHAPES, Unit, units
+
+PARTS, ABOUT = 'parts', 'study.json'
+WINDOW = 4  # units that each worker has waiting
+CONNECT_TIMEOUT = 10.0  # s
+COMPUTING = 'mechanics', 'obstacles', 'sequencing', 'study'
+"""Parts of the package that the numbers depend on."""
+MAX_LOST = 100  # times that a unit is given to another worker after one that had it died
+WORKERS_TIMEOUT = 60.0  # s for the first worker to be there
+
+
+class StudyError(RuntimeError):
+    """A study cannot be computed; the message says why and what to do."""
+
+
+def _dask() -> Any:
+    try:
+        return import_module('distributed')
+    except ImportError as error:
+        raise StudyError(f'{error.name} is not there; studies need: '
+                         "pip install 'soft_continuum[study]'") from None
+
+
+class Results:
+    """The directory of one study: what was computed of it, and what it was."""
+
+    def __init__(self, directory: Path, study: Study) -> None:
+        """Go on in a directory, or begin in it; raises ResultError if it has another study."""
+        self._directory, self.study = directory, study
+        self._parts = directory / PARTS
+        about = directory / ABOUT
+        try:
+            self._parts.mkdir(parents=True, exist_ok=True)
+            if about.exists():
+                known = json.loads(about.read_text(encoding='utf-8')).get('fingerprint')
+                if known != study.fingerprint:
+                    raise ResultError(
+                        f'{about} is of another study, or of this one before it was changed; '
+                        'choose another directory with --output, or remove that one')
+            else:
+                _write(about, json.dumps({
+                    'fingerprint': study.fingerprint, 'designs': len(study.designs),
+                    'shapes': study.shapes, 'queries': study.queries,
+                    'seed': study.seed}, indent=2).encode())
+        except (OSError, ValueError) as error:
+            raise ResultError(f'{about}: cannot be used: {error}; choose another directory with '
+                              '--output') from None
+
+    def missing(self) -> list[Unit]:
+        """Return the units that are still to be computed, in order."""
+        there = {path.stem for path in self._parts.glob('*.parquet')}
+        return [unit for unit in units(self.study) if unit.name not in there]
+
+    def keep(self, unit: Unit, rows: dict[str, list[Any]]) -> None:
+        """Write what a unit gave."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+        sink = pa.BufferOutputStream()
+        pq.write_table(pa.table(rows), sink)
+        _write(self._parts / f'{unit.name}.parquet', sink.getvalue().to_pybytes())
+
+    def tables(self, kind: str = SHAPES) -> Iterator[tuple[int, Any]]:
+        """Yield number and table (pyarrow) of each design, as far as it was computed."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+        missing = {unit.name for unit in self.missing()}
+        by_design: dict[int, list[Any]] = {}
+        for unit in units(self.study):
+            if unit.kind == kind and unit.name not in missing:
+                by_design.setdefault(unit.design, []).append(self._parts / f'{unit.name}.parquet')
+        for number, paths in by_design.items():
+            yield number, pa.concat_tables([pq.read_table(path) for path in paths])
+
+    def join(self) -> list[Path]:
+        """Write all rows, sorted by design and number, a file for each kind; return the paths."""
+        kinds = (SHAPES, QUERIES) if self.study.queries else (SHAPES,)
+        return [self._join(kind) for kind in kinds]
+
+    def _join(self, kind: str) -> Path:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+        path = self._directory / f'{kind}.parquet'
+        partial = path.with_name(f'.{path.name}.{os.getpid()}')
+        names: dict[str, Any] = {}
+        for _, table in self.tables(kind):  # arms may have different numbers of segments
+            names |= {field.name: field.type for field in table.schema}
+        schema = pa.schema(list(names.items()))
+        try:
+            with pq.ParquetWriter(partial, schema) as writer:
+                for _, table in self.tables(kind):
+                    writer.write_table(pa.table({
+                        name: table[name] if name in table.column_names
+                        else pa.nulls(len(table), there)
+                        for name, there in names.items()}, schema))
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+        return path
+
+
+def _write(path: Path, data: bytes) -> None:
+    partial = path.with_name(f'.{path.name}.{os.getpid()}')
+    try:
+        partial.write_bytes(data)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def cluster(processes: int, address: str = '') -> Iterator[Any]:
+    """
+    Yield a client of Dask: of a scheduler at an address, or with processes of this machine.
+
+    Raises StudyError when nothing is there, or its workers have another version of this package.
+    """
+    distributed = _dask()
+    import dask
+    with dask.config.set({'distributed.scheduler.allowed-failures': MAX_LOST,
+                          'distributed.comm.timeouts.connect': f'{CONNECT_TIMEOUT}s',
+                          'distributed.logging.distributed': 'critical'}):
+        if not address:
+            with (distributed.LocalCluster(
+                    n_workers=processes, threads_per_worker=1, dashboard_address='127.0.0.1:0',
+                    host='127.0.0.1', silence_logs=logging.CRITICAL) as local,
+                  distributed.Client(local) as client):
+                client.register_plugin(_deaf_to_interrupts())
+                yield client
+            return
+        try:
+            client = distributed.Client(address, timeout=CONNECT_TIMEOUT)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise StudyError(f'no scheduler answers at {address}: {error}; start one with '
+                             '`dask scheduler`, and workers with `dask worker ADDRESS`') from None
+        with client:
+            try:
+                client.wait_for_workers(1, timeout=WORKERS_TIMEOUT)
+            except TimeoutError:
+                raise StudyError(f'the scheduler at {address} has no workers; start some with '
+                                 f'`dask worker {address}`') from None
+            _check_workers(client)
+            yield client
+
+
+def _deaf_to_interrupts() -> Any:
+    """Return what lets workers of a terminal leave Ctrl-C to the process that started them."""
+    class Deaf(_dask().WorkerPlugin):  # type: ignore[misc]
+        name = 'deaf to interrupts'
+
+        def setup(self, worker: Any) -> None:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    return Deaf()
+
+
+def _check_workers(client: Any) -> None:
+    mine = source_fingerprint()
+    try:
+        theirs = client.run(source_fingerprint)
+    except ImportError as error:
+        raise StudyError(f'the workers have no {error.name}; install soft_continuum[study] where '
+                         'they run') from None
+    other = sorted(worker for worker, found in theirs.items() if found != mine)
+    if other:
+        raise StudyError(f'another version of soft_continuum runs on {", ".join(other)}; install '
+                         'the same everywhere: else the numbers depend on who computes them')
+
+
+def source_fingerprint() -> str:
+    """Return a text that differs where mechanics or sampling differ."""
+    import hashlib
+
+    import soft_continuum
+    root = Path(soft_continuum.__file__).parent
+    found = hashlib.sha256()
+    for path in sorted([path for part in COMPUTING for path in root.glob(f'{part}/**/*.py')]):
+        found.update(path.read_bytes())
+    return found.hexdigest()
+
+
+def workers_of(client: Any) -> int:
+    """Return how many units are computed at a time."""
+    return max(1, sum(int(threads) for threads in client.nthreads().values()))
+
+
+def run(client: Any, results: Results, todo: Sequence[Unit]) -> Iterator[tuple[Unit, float]]:
+    """
+    Have units computed and kept; yield each with the time (s) that it took.
+
+    A unit whose worker died is given to another one.  Raises StudyError when units kill workers
+    again and again.
+    """
+    distributed = _dask()
+    left, lost = iter(todo), dict[Unit, int]()
+    waiting = distributed.as_completed()
+    running: dict[Any, Unit] = {}
+
+    def submit(unit: Unit) -> None:
+        future = client.submit(compute, results.study.designs[unit.design], unit,
+                               results.study.seed, pure=False)
+        running[future] = unit
+        waiting.add(future)
+
+    for unit in islice(left, WINDOW * workers_of(client)):
+        submit(unit)
+    for future in waiting:
+        unit = running.pop(future)
+        try:
+            rows, took = future.result()
+        except distributed.KilledWorker:
+            lost[unit] = lost.get(unit, 0) + 1
+            if lost[unit] > MAX_LOST:
+                raise StudyError(f'every worker that computed unit {unit.name} died; have they '
+                                 'enough memory?') from None
+            submit(unit)
+            continue
+        results.keep(unit, rows)
+        yield unit, took
+        following = next(left, None)
+        if following is not None:
+            submit(following)

@@ -1,0 +1,165 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the rows of a design say about it, and pictures of that.
+
+Sets of tips are counted in cells of a grid, so that figures grow with the number of shapes until
+every cell that can be reached has been met: compare designs with as many shapes.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.study.design import described, Design
+from soft_continuum.study.queries import FOUND, NONE
+from soft_continuum.study.sampling import FALLS, HELD
+
+CELLS = 25
+"""Cells along the length of the arm."""
+SECTORS = 12
+"""Directions of a planar tip that are told apart; in space the corners of an icosahedron."""
+GOLDEN = (1.0 + 5.0**0.5) / 2.0
+CORNERS = np.array([v for a in (-1.0, 1.0) for b in (-GOLDEN, GOLDEN)
+                    for v in ((0.0, a, b), (a, b, 0.0), (b, 0.0, a))])
+
+
+@dataclass(frozen=True)
+class Summary:
+    """
+    What one design reaches and what that takes.
+
+    shapes: tried.  held: part of them that tendons hold within all limits.  falls: part that none
+    holds.  reach: area (m^2) or volume (m^3) of the cells with a tip.  dexterity: mean part of the
+    directions that occur in such a cell.  tension, worst_tension: N, median and largest of those
+    held.  softenings: mean, over the cells, of the fewest that lead there; 0 without jamming.
+    success: part of the queries that were answered; plan_softenings: mean of these; nan without.
+    """
+
+    design: Design
+    shapes: int
+    held: float
+    falls: float
+    reach: float
+    dexterity: float
+    tension: float
+    worst_tension: float
+    softenings: float
+    success: float
+    plan_softenings: float
+
+
+def summary(design: Design, table: Any, asked: Any = None) -> Summary:
+    """Return the summary of the rows (pyarrow) of a design; asked: those of its queries."""
+    arm = design.arm
+    outcome = np.array(table['outcome'].to_pylist())
+    held = outcome == HELD
+    tips, pointing = (np.column_stack([table[f'{name}{axis}'].to_numpy() for axis in 'xyz'])[held]
+                      for name in ('', 'pointing_'))
+    tension = table['tension'].to_numpy()[held]
+    cells = np.floor(tips / cell_size(arm)).astype(int)
+    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    cell = cell.ravel()
+    count = int(cell.max(initial=-1)) + 1
+    seen = np.zeros((count, SECTORS), dtype=bool)
+    seen[cell, _sector(arm, pointing)] = True
+    fewest = np.full(count, np.inf)
+    np.minimum.at(fewest, cell, table['softenings'].to_numpy()[held])
+    dimensions = 2 if isinstance(arm, Arm) else 3
+    return Summary(
+        design, len(outcome), float(held.mean()), float((outcome == FALLS).mean()),
+        count * cell_size(arm)**dimensions, float(seen.mean()) if count else 0.0,
+        float(np.median(tension)) if len(tension) else float('nan'),
+        float(tension.max()) if len(tension) else float('nan'),
+        float(fewest.mean()) if count else float('nan'), *_answered(asked))
+
+
+def _answered(asked: Any) -> tuple[float, float]:
+    """Return the part of the queries that were answered, and the mean of their softenings."""
+    outcome = np.array(asked['outcome'].to_pylist() if asked is not None else [])
+    found, count = outcome == FOUND, int((outcome != NONE).sum())
+    if not count:
+        return float('nan'), float('nan')
+    softenings = asked['softenings'].to_numpy()[found]
+    return float(found.sum()) / count, float(softenings.mean()) if found.any() else float('nan')
+
+
+def cell_size(arm: AnyArm) -> float:
+    """Return the side (m) of the cells in which tips are counted."""
+    return float(arm.length) / CELLS
+
+
+def _sector(arm: AnyArm, pointing: Array) -> Any:
+    if isinstance(arm, Arm):
+        turn = np.arctan2(pointing[:, 0], pointing[:, 2]) / (2.0 * np.pi)
+        return np.floor((turn % 1.0) * SECTORS).astype(int) % SECTORS
+    return np.argmax(pointing @ CORNERS.T, axis=1)
+
+
+HEAD = ('design', 'held %', 'falls %', 'reach', 'dexterity %', 'tension N', 'worst N',
+        'softenings', 'planned %', 'by')
+
+
+def text_row(one: Summary) -> list[str]:
+    """Return the row of a design for the table on the screen."""
+    unit = (1e4, 'cm2') if isinstance(one.design.arm, Arm) else (1e6, 'cm3')
+    return [f'{one.design.number + 1}: {described(one.design.varied)}',
+            f'{100 * one.held:.1f}', f'{100 * one.falls:.1f}',
+            f'{unit[0] * one.reach:.0f} {unit[1]}', f'{100 * one.dexterity:.1f}',
+            f'{one.tension:.1f}', f'{one.worst_tension:.1f}', f'{one.softenings:.2f}',
+            f'{100 * one.success:.0f}', f'{one.plan_softenings:.2f}']
+
+
+def columns(found: Sequence[Summary]) -> dict[str, list[Any]]:
+    """Return all summaries as a table, SI: what was varied, as text where it is a list."""
+    names = list(dict.fromkeys(name for one in found for name in one.design.varied))
+    rows: dict[str, list[Any]] = {'design': [one.design.number for one in found]}
+    for name in names:
+        values = [one.design.varied[name] for one in found]
+        rows[name] = [str(list(v)) if isinstance(v, tuple) else v for v in values]
+    for name in ('shapes', 'held', 'falls', 'reach', 'dexterity', 'tension', 'worst_tension',
+                 'softenings', 'success', 'plan_softenings'):
+        rows[name] = [getattr(one, name) for one in found]
+    return rows
+
+
+def figure(path: Path, found: Sequence[Summary], tips: Iterable[Array]) -> None:
+    """
+    Write a picture: the tips of the widest designs, and reach, dexterity and tension of all.
+
+    tips: (m, 3) of the designs that are drawn, m, in the order of ``found`` by falling reach.
+    """
+    from matplotlib.figure import Figure
+    widest = sorted(found, key=lambda one: -one.reach)[:DRAWN]
+    picture = Figure(figsize=(11.0, 7.0), layout='constrained')
+    above, below = np.ravel(picture.subfigures(2, 1))  # type: ignore[arg-type]
+    for axes, one, points in zip(np.atleast_1d(above.subplots(
+            1, len(widest), sharex=True, sharey=True)), widest, tips, strict=False):
+        axes.plot(1e3 * points[:, 0], 1e3 * points[:, 2], '.', color='0.2', markersize=2.0)
+        axes.set_aspect('equal')
+        axes.set_title(f'design {one.design.number + 1}')
+        axes.set_xlabel('x in mm')
+        axes.grid(alpha=0.3)
+    numbers = [one.design.number + 1 for one in found]
+    planar = all(isinstance(one.design.arm, Arm) for one in found)
+    for axes, (values, label) in zip(below.subplots(1, 4), (
+            ([(1e4 if planar else 1e6) * one.reach for one in found],
+             f'reach in {"cm2" if planar else "cm3 (or cm2)"}'),
+            ([100.0 * one.dexterity for one in found], 'dexterity in %'),
+            ([one.worst_tension for one in found], 'largest tension in N'),
+            ([100.0 * one.held for one in found], 'shapes held in %')), strict=True):
+        axes.plot(numbers, values, 'o-', color='0.2', markersize=3.0)
+        axes.set_xlabel('design')
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.3)
+    picture.savefig(path, dpi=120)
+
+
+DRAWN = 4
+"""Designs whose tips are drawn: those of the widest reach."""
