@@ -16,7 +16,7 @@ from soft_continuum.obstacles import Box, Capsule, Mesh, Obstacle, Sphere
 
 ROUND = 24  # corners of a circle
 COLOUR = tuple(channel / 255 for channel in OBSTACLE)
-FLAT_OPACITY, OPACITY = 0.5, 0.35
+FLAT_OPACITY, OPACITY = 0.5, 0.2
 
 
 def patches(obstacles: Iterable[Obstacle], planar: bool) -> list[Array]:

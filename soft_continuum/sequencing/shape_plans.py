@@ -22,7 +22,13 @@ from soft_continuum.sequencing.planner import (
     ShapePlan,
     ShapePlanner,
 )
-from soft_continuum.sequencing.reach import PlannedStep, Reach, reach, ReachSettings
+from soft_continuum.sequencing.reach import (
+    follow,
+    PlannedStep,
+    Reach,
+    reach,
+    ReachSettings,
+)
 from soft_continuum.sequencing.reach.passage import BlockedError, Passages
 
 STATES = 20
@@ -71,7 +77,9 @@ def plan_of(found: Reach, shape: Shape, surroundings: Surroundings) -> ShapePlan
 def _by_tip(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
             surroundings: Surroundings, settings: ReachSettings, first: bool) -> Reach:
     """Return the best plan to a goal of the tip, or along a path."""
-    for found in reach(planner, state, pulls, shape.tips[0], surroundings, settings):
+    for found in (reach(planner, state, pulls, shape.tips[0], surroundings, settings)
+                  if len(shape.tips) == 1 else
+                  follow(planner, state, pulls, shape.tips, surroundings, settings)):
         if first and not found.why:
             break
     if found.plan is None:
