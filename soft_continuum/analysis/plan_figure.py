@@ -3,16 +3,14 @@
 """Pictures of a plan: one panel for each step, or a moving picture."""
 
 from collections.abc import Sequence
-from io import BytesIO
 from math import ceil
 from pathlib import Path
 from typing import Any
 
+from matplotlib.animation import PillowWriter
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 import numpy as np
-from PIL import Image
 from scipy.spatial import ConvexHull
 
 from soft_continuum.analysis.figures import DPI, draw_arm, draw_in_space, SOFT
@@ -25,7 +23,7 @@ from soft_continuum.sequencing.reach import Reach
 SUFFIXES = '.png', '.svg', '.pdf', '.gif'
 COLUMNS = 4
 FRAMES = 24  # of each step of a moving picture
-FRAME, LAST_FRAME = 60, 1500  # ms
+RATE, REST = 12, 8  # frames per second, and that many at the end of each step
 ROUND = 24  # corners of a circle
 PATH, GOAL, OBSTACLE = 'tab:blue', 'tab:green', 'tab:red'
 MARGIN = 0.03  # m around all that is drawn
@@ -84,20 +82,17 @@ class _Picture:
     def move(self, path: Path) -> None:
         """Write a moving picture."""
         figure = Figure(figsize=(5.0, 5.0))
-        frames, times = [], []
-        for number, step in enumerate(self.steps):
-            chosen = np.unique(np.linspace(0, len(step.states) - 1, FRAMES).round().astype(int))
-            for i in chosen.tolist():
-                figure.clear()
-                self._draw(self._axes(figure, 1, 1, 1), step.states[i], self.titles[number],
-                           self.soft[number], number, self.tips[number][:i + 1])
-                drawn = BytesIO()
-                figure.savefig(drawn, format='png', dpi=DPI)
-                frames.append(Image.open(drawn).convert('RGB').quantize(48))
-                times.append(FRAME)
-        times[-1] = LAST_FRAME
-        frames[0].save(path, save_all=True, append_images=frames[1:], loop=0, duration=times,
-                       optimize=True)
+        writer = PillowWriter(fps=RATE)
+        with writer.saving(figure, path, DPI):
+            for number, step in enumerate(self.steps):
+                chosen = np.unique(np.linspace(0, len(step.states) - 1, FRAMES).round())
+                for i in chosen.astype(int).tolist():
+                    figure.clear()
+                    self._draw(self._axes(figure, 1, 1, 1), step.states[i], self.titles[number],
+                               self.soft[number], number, self.tips[number][:i + 1])
+                    writer.grab_frame()
+                for _ in range(REST):
+                    writer.grab_frame()
 
     def _axes(self, figure: Figure, rows: int, columns: int, number: int) -> Any:
         return figure.add_subplot(
@@ -117,9 +112,8 @@ class _Picture:
                 [_outline(face[:, ::2]) for face in self.patches], facecolor=OBSTACLE, alpha=0.35,
                 edgecolor='none', zorder=0.5))
         else:
-            axes.add_collection3d(Poly3DCollection(
-                [part for face in self.patches for part in _hull(face)], facecolor=OBSTACLE,
-                alpha=0.15, edgecolor='none'))
+            for face in self.patches:
+                axes.plot_trisurf(*face.T, triangles=_triangles(face), color=OBSTACLE, alpha=0.15)
         for tips in (*self.tips[:done], *([] if running is None else [running])):
             axes.plot(*tips[:, picked].T, color=PATH, linewidth=1.2)
         axes.plot(*(1e3 * self.goals[:, picked]).T, 'x', color=GOAL, markersize=8,
@@ -161,6 +155,9 @@ def _outline(points: Array) -> Array:
     return outline
 
 
-def _hull(points: Array) -> list[Array]:
-    """Return the triangles of the convex hull of points in space."""
-    return [points] if len(points) == 3 else [points[s] for s in ConvexHull(points).simplices]
+def _triangles(points: Array) -> Array:
+    """Return the triangles of the convex hull of points in space, (k, 3) numbers of points."""
+    if len(points) == 3:
+        return np.array([[0, 1, 2]])
+    triangles: Array = ConvexHull(points).simplices
+    return triangles
