@@ -3,14 +3,13 @@
 """Pictures of a plan: one panel for each step, or a moving picture."""
 
 from collections.abc import Sequence
-from io import BytesIO
 from math import ceil
 from pathlib import Path
 from typing import Any
 
+from matplotlib.animation import PillowWriter
 from matplotlib.figure import Figure
 import numpy as np
-from PIL import Image
 
 from soft_continuum.analysis.figures import DPI, draw_arm, draw_in_space, SOFT
 from soft_continuum.analysis.obstacle_figures import draw_patches, patches
@@ -23,7 +22,7 @@ from soft_continuum.sequencing.reach import Reach
 SUFFIXES = '.png', '.svg', '.pdf', '.gif'
 COLUMNS = 4
 FRAMES = 24  # of each step of a moving picture
-FRAME, LAST_FRAME = 60, 1500  # ms
+RATE, REST = 12, 8  # frames per second, and that many at the end of each step
 PATH, GOAL = 'tab:blue', 'tab:green'
 MARGIN = 0.03  # m around all that is drawn
 
@@ -81,20 +80,17 @@ class _Picture:
     def move(self, path: Path) -> None:
         """Write a moving picture."""
         figure = Figure(figsize=(5.0, 5.0))
-        frames, times = [], []
-        for number, step in enumerate(self.steps):
-            chosen = np.unique(np.linspace(0, len(step.states) - 1, FRAMES).round().astype(int))
-            for i in chosen.tolist():
-                figure.clear()
-                self._draw(self._axes(figure, 1, 1, 1), step.states[i], self.titles[number],
-                           self.soft[number], number, self.tips[number][:i + 1])
-                drawn = BytesIO()
-                figure.savefig(drawn, format='png', dpi=DPI)
-                frames.append(Image.open(drawn).convert('RGB').quantize(48))
-                times.append(FRAME)
-        times[-1] = LAST_FRAME
-        frames[0].save(path, save_all=True, append_images=frames[1:], loop=0, duration=times,
-                       optimize=True)
+        writer = PillowWriter(fps=RATE)
+        with writer.saving(figure, path, DPI):
+            for number, step in enumerate(self.steps):
+                chosen = np.unique(np.linspace(0, len(step.states) - 1, FRAMES).round())
+                for i in chosen.astype(int).tolist():
+                    figure.clear()
+                    self._draw(self._axes(figure, 1, 1, 1), step.states[i], self.titles[number],
+                               self.soft[number], number, self.tips[number][:i + 1])
+                    writer.grab_frame()
+                for _ in range(REST):
+                    writer.grab_frame()
 
     def _axes(self, figure: Figure, rows: int, columns: int, number: int) -> Any:
         return figure.add_subplot(
