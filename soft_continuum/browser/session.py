@@ -13,6 +13,7 @@ from typing import Any, TYPE_CHECKING, TypeVar
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.browser.picture import CameraPicture
+from soft_continuum.browser.saved import SavedShapes
 from soft_continuum.browser.words import plain
 from soft_continuum.client.errors import (
     ClientError,
@@ -123,6 +124,8 @@ class Session:
         self._description_problem = ''
         self._describing: Future[None] | None = None
         self._motion: MotionRequest | None = None  # the last that was reported
+        self.saved = SavedShapes(self)
+        self._sequences = 0  # counts what ends the rounds of a sequence, and begins another
         self.closed_loop: bool | None = None  # None: not known, or shape_sequencer has none
         self._anomalies: frozenset[tuple[str, int, int, str]] = frozenset()  # that were reported
         self.observed.on_change(self._on_change)
@@ -220,7 +223,8 @@ class Session:
     # Requests.
 
     def stop(self) -> None:
-        """Stop the tendons."""
+        """Stop the tendons; no round of a sequence begins any more."""
+        self._sequences += 1
         self._trigger(STOP, self.requests.stop())
 
     def resume(self) -> None:
@@ -248,14 +252,29 @@ class Session:
         """Pull a tendon by ``change`` m further, negative: pay out."""
         self._start('Jog', self.requests.jog({tendon: change}))
 
-    def run(self, shapes: 'Sequence[ShapeLike]', aim: str = AIMS[0]) -> None:
-        """Set one shape after the other; aim: one of AIMS."""
+    def run(self, shapes: 'Sequence[ShapeLike]', aim: str = AIMS[0],
+            hold: 'float | Sequence[float]' = SEQUENCE_HOLD, rounds: int = 1) -> None:
+        """
+        Set one shape after the other; aim: one of AIMS.
+
+        hold: s, of all or of each.  rounds: how often, 0: until somebody cancels or stops it.
+        """
         def done(result: SequenceResult) -> None:
             self.notify('Sequence done', f'shapes reached: {result.shapes_completed}'
                         if result.reached is None else
                         reached_text(result.reached).replace('+-', '±'))
 
-        self._start('Sequence', self.requests.run(shapes, SEQUENCE_HOLD, aim), done)
+        self._sequences += 1
+        number = self._sequences
+        self._start('Sequence', self.requests.run(
+            shapes, hold, aim, rounds, lambda: self._sequences == number), done)
+
+    def refuse(self, title: str, reason: str) -> None:
+        """Say that a request cannot be carried out, and why."""
+        async def refused() -> None:
+            raise RefusedError(reason)
+
+        self._start(title, refused())
 
     def set_closed_loop(self, closed: bool) -> None:
         """Let sequences be corrected by measurements, or not."""
@@ -272,7 +291,8 @@ class Session:
         self._trigger('Recording', self.requests.record(state is None or not state.recording))
 
     def cancel(self) -> None:
-        """Cancel every running sequence, whoever started it."""
+        """Cancel every running sequence, whoever started it, and the rounds that are left."""
+        self._sequences += 1
         self._start('Cancel', self.requests.cancel_all())
 
     def _trigger(self, title: str, work: Coroutine[Any, None, str]) -> None:

@@ -23,22 +23,24 @@ ShapeLike = str | Sequence[Bending]
 """A shape: its name in the library, or what each segment bends by, base first."""
 
 
-def goal(shapes: Sequence[ShapeLike], hold: float, aim: str = AIMS[0]
+def goal(shapes: Sequence[ShapeLike], hold: float | Sequence[float], aim: str = AIMS[0]
          ) -> RunShapeSequence.Goal:
     """
-    Return the goal for names or bendings (rad), each held for ``hold`` s.
+    Return the goal for names or bendings (rad), each held for ``hold`` s, or each for its own.
 
     aim: one of AIMS.  Raises ValueError for a hold time or an aim that is none; shapes are for the
     shape_sequencer to judge.
     """
     if aim not in AIMS:
         raise ValueError(f'aim is {aim!r}; allowed: {" or ".join(map(repr, AIMS))}')
-    if not 0.0 <= hold <= MAX_HOLD:
-        raise ValueError(f'hold is {hold} s; allowed: 0 to {MAX_HOLD:g} s')
-    time = duration_to_ros(hold)
+    holds = [hold] * len(shapes) if isinstance(hold, int | float) else hold
+    for time in holds:
+        if not 0.0 <= time <= MAX_HOLD:
+            raise ValueError(f'hold is {time} s; allowed: 0 to {MAX_HOLD:g} s')
     return RunShapeSequence.Goal(aim=AIMS.index(aim), shapes=[
-        Shape(name=shape, hold_time=time) if isinstance(shape, str) else
-        Shape(hold_time=time, **bendings(shape)) for shape in shapes])
+        Shape(name=shape, hold_time=duration_to_ros(time)) if isinstance(shape, str) else
+        Shape(hold_time=duration_to_ros(time), **bendings(shape))
+        for shape, time in zip(shapes, holds, strict=True)])
 
 
 def bendings(shape: Sequence[Bending]) -> dict[str, list[float]]:
