@@ -18,11 +18,12 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, bending_of, State
 from soft_continuum.parameters.loop import DEAD_BAND, LOCK_IN_DEVIATION
 from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
+from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
 from soft_continuum.sequencing.loop_settings import LoopSettings
 from soft_continuum.sequencing.planner import planner_of, Shape, ShapePlan, ShapePlanner
 from soft_continuum.sequencing.progress import Phase
-from soft_continuum.sequencing.runner import Observation, RunnerSettings
+from soft_continuum.sequencing.runner import RunnerSettings
 from soft_continuum.twin.plant import TIME_STEP
 
 TICK = 0.02  # s

@@ -15,7 +15,7 @@ from soft_continuum.browser.session import Description, Points
 from soft_continuum.mechanics.either import AnyChain, bending_of, chain_of
 
 if TYPE_CHECKING:
-    from soft_continuum.client.sequence import ShapeLike
+    from soft_continuum.client.sequence import Bending
 
 ROUNDING = 1e-3  # degrees: limits are written with so many digits
 
@@ -44,7 +44,7 @@ class OwnShape:
         gui.add_html(own_shape_html(description))
 
     @property
-    def shape(self) -> 'ShapeLike':
+    def shape(self) -> 'tuple[Bending, ...]':
         """What each segment bends by: its angle or, in space, angle and direction, rad."""
         angles, directions = self._values()
         return tuple(zip(angles, directions, strict=True)) if directions else angles

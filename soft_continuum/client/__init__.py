@@ -18,6 +18,7 @@ from soft_continuum.client.errors import (
     SequenceError,
 )
 from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
+from soft_continuum.client.plan import Plan, PlanStep
 from soft_continuum.client.sequence import RunningSequence
 from soft_continuum.client.state import (
     ArmState,
@@ -27,6 +28,7 @@ from soft_continuum.client.state import (
     Reached,
     SequenceResult,
 )
+from soft_continuum.client.tip import Tip
 
 __all__ = [
     'Anomaly',
@@ -40,6 +42,8 @@ __all__ = [
     'NoAnswerError',
     'NodeReport',
     'NodesMissingError',
+    'Plan',
+    'PlanStep',
     'Pose',
     'Progress',
     'Reached',
@@ -47,4 +51,5 @@ __all__ = [
     'RunningSequence',
     'SequenceError',
     'SequenceResult',
+    'Tip',
 ]

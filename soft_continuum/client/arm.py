@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm, as a client sees it."""
 
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from contextlib import suppress
 from html import escape
 from io import StringIO
@@ -22,8 +22,10 @@ if TYPE_CHECKING:  # stop must not wait for any of these
 
     from soft_continuum.client.measured import MeasuredArm, MeasuredDisc
     from soft_continuum.client.observed import ObservedArm
+    from soft_continuum.client.plan import Plan
     from soft_continuum.client.sequence import RunningSequence, ShapeLike
     from soft_continuum.client.state import ArmState, Progress, SequenceResult
+    from soft_continuum.client.tip import Tip
     from soft_continuum.mechanics.arm import Arm as Description
     from soft_continuum.mechanics.either import AnyArm
 
@@ -212,8 +214,8 @@ class Arm:
         """
         Set one shape after the other, hold each for ``hold`` s; return when all is done.
 
-        shapes: names in the library, or what each segment bends by, base first: its bending angle
-        or, of a spatial arm, (angle, direction), rad.
+        shapes: names in the library; what each segment bends by, base first: its bending angle
+        or, of a spatial arm, (angle, direction), rad; a Tip; or several as a path.
         aim: what is to be right in the end where measurements close the loop: 'angles' of every
         segment, or the position of the 'tip', at other angles if need be.
         progress: called whenever it has changed.
@@ -232,6 +234,43 @@ class Arm:
         except BaseException:
             self._end(sequence)
             raise
+
+    def reach(self, *position: float, angle: float | None = None,
+              direction: tuple[float, float, float] | None = None, tolerance: float = 0.0,
+              angle_tolerance: float = 0.0, hold: float = 0.0,
+              progress: 'Callable[[Progress], object] | None' = None) -> 'SequenceResult':
+        """
+        Bring the tip to a position; return when it is there.
+
+        position: x, z in the plane of a planar arm, or x, y, z, m.  angle: of the tip about +y
+        from +z, rad.  direction: in which it points, x, y, z.  tolerance, angle_tolerance: m, rad;
+        0: those of the shape_sequencer.  The others, and what is raised, are as of ``run``.
+        """
+        from soft_continuum.client.tip import Tip
+        return self.run(Tip(position, angle, direction, None, tolerance, angle_tolerance),
+                        hold=hold, progress=progress)
+
+    def follow(self, points: 'Iterable[Tip | Sequence[float]]', *, tolerance: float = 0.0,
+               hold: float = 0.0, progress: 'Callable[[Progress], object] | None' = None
+               ) -> 'SequenceResult':
+        """
+        Bring the tip through points in their order, as near as it can be; as ``reach``.
+
+        points: positions, m, or Tips.  tolerance: m, of the positions.
+        """
+        from soft_continuum.client.tip import Tip
+        return self.run([point if isinstance(point, Tip) else Tip(
+            tuple(point), tolerance=tolerance) for point in points], hold=hold, progress=progress)
+
+    def plan(self, *shapes: 'ShapeLike', time_limit: float = 0.0) -> 'Plan':
+        """
+        Return how ``run`` would set shapes from where the arm is; nothing moves.
+
+        time_limit: s to look for a better plan to each goal of the tip; 0: as long as ``run``
+        would.  The Plan says whether all can be set, and why not.
+        """
+        from soft_continuum.client.plan import plan_shapes
+        return self._do(plan_shapes(self._requests, shapes, time_limit))
 
     def start(self, *shapes: 'ShapeLike', hold: float = 0.0, aim: str = AIMS[0]
               ) -> 'RunningSequence':

@@ -40,7 +40,7 @@ from soft_continuum.client.own_shapes import (
     shape_of,
     Step,
 )
-from soft_continuum.client.sequence import bendings, ShapeLike
+from soft_continuum.client.sequence import Bending, bendings
 from soft_continuum.parameters.files import MAX_SIZE, read_yaml
 from soft_continuum.parameters.parameter import name_hint, ParameterError
 from soft_continuum.text import MAX_NAME, printable, write_whole
@@ -98,14 +98,14 @@ async def look_up_saved(goal: RunShapeSequence.Goal, requests: 'Requests') -> No
 # Changes.  Each returns what was done, for the user to read.
 
 
-def save_shape(name: str, shape: ShapeLike, library: Collection[str] = ()) -> str:
+def save_shape(name: str, shape: Sequence[Bending], library: Collection[str] = ()) -> str:
     """
-    Save a shape; one of the same name is replaced.
+    Save what each segment bends by, as Arm.run has it; a shape of the same name is replaced.
 
     library: names that the arm's own library has.  Raises OwnShapesError, as all of these do.
     """
     try:
-        kept = shape_of({} if isinstance(shape, str) else bendings(shape))
+        kept = shape_of(bendings(shape))
     except ValueError as error:
         raise OwnShapesError(f'{name}: {error}') from None
     return _save('shapes', name, kept, library)

@@ -9,6 +9,7 @@ from typing import Any
 
 from soft_continuum.client.errors import NoAnswerError
 from soft_continuum.client.state import Progress, progress_of, Reached, SequenceResult
+from soft_continuum.client.tip import Tip
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.sequencing.progress import AIMS, Code
 from soft_continuum.text import MAX_ITEMS, printable
@@ -19,14 +20,14 @@ MAX_HOLD = 86400.0  # s
 
 Bending = float | tuple[float, float]
 """What a segment bends by: its angle, or angle and direction, rad."""
-ShapeLike = str | Sequence[Bending]
-"""A shape: its name in the library, or what each segment bends by, base first."""
+ShapeLike = str | Sequence[Bending] | Tip | Sequence[Tip]
+"""A shape: its name in the library, what each segment bends by, or where the tip shall be."""
 
 
 def goal(shapes: Sequence[ShapeLike], hold: float | Sequence[float], aim: str = AIMS[0]
          ) -> RunShapeSequence.Goal:
     """
-    Return the goal for names or bendings (rad), each held for ``hold`` s, or each for its own.
+    Return the goal for shapes, each held for ``hold`` s, or each for its own.
 
     aim: one of AIMS.  Raises ValueError for a hold time or an aim that is none; shapes are for the
     shape_sequencer to judge.
@@ -38,9 +39,18 @@ def goal(shapes: Sequence[ShapeLike], hold: float | Sequence[float], aim: str = 
         if not 0.0 <= time <= MAX_HOLD:
             raise ValueError(f'hold is {time} s; allowed: 0 to {MAX_HOLD:g} s')
     return RunShapeSequence.Goal(aim=AIMS.index(aim), shapes=[
-        Shape(name=shape, hold_time=duration_to_ros(time)) if isinstance(shape, str) else
-        Shape(hold_time=duration_to_ros(time), **bendings(shape))
+        Shape(hold_time=duration_to_ros(time), **fields_of(shape))
         for shape, time in zip(shapes, holds, strict=True)])
+
+
+def fields_of(shape: ShapeLike) -> dict[str, Any]:
+    """Return what a message Shape has of a shape; raises ValueError for what is none."""
+    if isinstance(shape, str):
+        return {'name': shape}
+    tips = [shape] if isinstance(shape, Tip) else list(shape)
+    if tips and all(isinstance(tip, Tip) for tip in tips):
+        return {'tips': [tip.message() for tip in tips]}  # type: ignore[union-attr]
+    return bendings(tips)  # type: ignore[arg-type]
 
 
 def bendings(shape: Sequence[Bending]) -> dict[str, list[float]]:
@@ -80,7 +90,8 @@ def _reached(message: RunShapeSequence.Result) -> Reached | None:
     return Reached(message.source == RunShapeSequence.Result.MEASURED, angles, tip,
                    tuple(message.angle_deviations[:MAX_ITEMS]),
                    tuple(message.tip_deviations[:6]), float(message.tip_error),
-                   message.corrections, tuple(message.bending_directions[:MAX_ITEMS]))
+                   message.corrections, tuple(message.bending_directions[:MAX_ITEMS]),
+                   message.replans)
 
 
 class RunningSequence:

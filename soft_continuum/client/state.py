@@ -196,7 +196,8 @@ class Reached:
     bending_angles: rad, one per segment.  tip: x, z (m) and angle (rad), of a spatial arm x, y, z
     and the rotation vector.  angle_deviations, tip_deviations: standard deviations of these, empty
     unless measured.  tip_error: m from where the aim has the tip.  corrections: of all segments of
-    all shapes.  bending_directions: rad, one per segment of a spatial arm, else empty.
+    all shapes.  bending_directions: rad, one per segment of a spatial arm, else empty.  replans:
+    plans that were made again on the way.
     """
 
     measured: bool
@@ -207,6 +208,7 @@ class Reached:
     tip_error: float
     corrections: int
     bending_directions: tuple[float, ...] = ()
+    replans: int = 0
 
 
 @dataclass(frozen=True)

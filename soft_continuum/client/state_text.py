@@ -138,15 +138,16 @@ def reached_text(reached: Reached) -> str:
     error = f'tip {millimetres(reached.tip_error)} mm from its aim'
     directions = reached.bending_directions
     angles = angles_text(reached.bending_angles, directions)
+    again = f', planned again {reached.replans} times' if reached.replans else ''
     if not reached.measured:
         return ('predicted: nothing was measured; '
                 + (f'angles{angles}'.replace('  ', ' ') if directions
-                   else f'{error} by the model'))
+                   else f'{error} by the model') + again)
     deviation = position_deviation(reached.tip_deviations)
     within = '' if deviation is None else f', +-{millimetres(deviation)} mm'
     many = 'correction' if reached.corrections == 1 else 'corrections'
     return (f'reached: {error} (measured{within}), angles{angles}, {reached.corrections} {many}'
-            .replace('  ', ' '))
+            .replace('  ', ' ') + again)
 
 
 def error_text(error: float, aim: str) -> str:

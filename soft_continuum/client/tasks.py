@@ -123,12 +123,13 @@ class Tasks:
             raise self.not_found(what, [node], self.discovery_timeout)
         return value
 
-    async def call(self, kind: Any, name: str, *, attempts: int = 1, **request: Any) -> Any:
+    async def call(self, kind: Any, name: str, *, attempts: int = 1, within: float | None = None,
+                   **request: Any) -> Any:
         """
         Call a service of one of the nodes; return its response.
 
         attempts: how often it is asked in all, where that may be: an answer can get lost when a
-        node has just been started.
+        node has just been started.  within: s for an answer that takes longer than others.
 
         Raises NodesMissingError or NoAnswerError.
         """
@@ -137,12 +138,13 @@ class Tasks:
         client = self._clients[name]
         node = next((n for n in (*NODES, RECORDER) if name.startswith(f'{n}/')), NODES[-1])
         await self.found(client.service_is_ready, name, node)
+        timeout = self.timeout if within is None else within
         for _ in range(attempts):
             future = client.call_async(kind.Request(**request))
-            if await self.done(future, self.timeout / attempts):
+            if await self.done(future, timeout / attempts):
                 return future.result()
             client.remove_pending_request(future)
-        raise self.not_found(f'an answer of {name}', [node], self.timeout)
+        raise self.not_found(f'an answer of {name}', [node], timeout)
 
     async def done(self, future: Any, timeout: float) -> bool:
         """Wait for a future of rclpy; return whether it is done."""

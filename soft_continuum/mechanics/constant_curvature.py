@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from math import sin
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from soft_continuum.mechanics.arm import Arm, ArmError, Segment
@@ -69,31 +70,37 @@ def bending_angle(segment: Segment, pull: float) -> float:
                         xtol=1e-15, rtol=1e-14))
 
 
-def poses(arm: Arm, angles: Sequence[float]) -> Array:
+def poses(arm: Arm, angles: ArrayLike) -> Array:
     """
     Return (x, z, tangent angle) of every calculation point, shape (2 * discs, 3), m and rad.
 
-    The points are the bottom and top centre of every disc, base first.
+    The points are the bottom and top centre of every disc, base first.  For many shapes (...,
+    segments) at once there are as many.
     """
     _check_angles(arm, angles)
-    x, z, theta = 0.0, 0.0, 0.0
+    bent = np.moveaxis(np.asarray(angles, dtype=float), -1, 0)
+    place = np.zeros((3, *bent.shape[1:]))  # x, z, angle
     points = []
+
+    def along(length: Array | float, angle: Array) -> Array:
+        return length * np.stack([np.sin(angle), np.cos(angle), np.zeros_like(angle)])
+
     for k, disc in enumerate(arm.discs):
-        points.append((x, z, theta))
-        x += disc.height * np.sin(theta)
-        z += disc.height * np.cos(theta)
-        points.append((x, z, theta))
+        points.append(place)
+        place = place + along(disc.height, place[2])
+        points.append(place)
         if k < len(arm.segments):
-            arc = chord(arm.segments[k].length, angles[k])
-            x += arc * np.sin(theta + angles[k] / 2.0)
-            z += arc * np.cos(theta + angles[k] / 2.0)
-            theta += angles[k]
-    return np.array(points)
+            half = 0.5 * bent[k]
+            chords = arm.segments[k].length * np.sinc(half / np.pi)
+            place = place + along(chords, place[2] + half)
+            place[2] += bent[k]
+    return np.moveaxis(np.array(points), (0, 1), (-2, -1))
 
 
-def _check_angles(arm: Arm, angles: Sequence[float]) -> None:
-    if len(angles) != len(arm.segments):
+def _check_angles(arm: Arm, angles: ArrayLike) -> None:
+    count = np.shape(angles)[-1] if np.shape(angles) else 0
+    if count != len(arm.segments):
         raise ArmError(
-            f'{len(angles)} bending angles given, the arm has {len(arm.segments)} segments')
+            f'{count} bending angles given, the arm has {len(arm.segments)} segments')
     if not np.all(np.isfinite(angles)):
-        raise ArmError(f'bending angles must be finite numbers; given: {list(angles)}')
+        raise ArmError(f'bending angles must be finite numbers; given: {angles}')

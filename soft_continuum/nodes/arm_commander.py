@@ -16,8 +16,8 @@ from soft_continuum.ros.conversions import trajectory_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.ros_time import RosTime
+from soft_continuum.sequencing.arm_port import Failure
 from soft_continuum.sequencing.progress import Code
-from soft_continuum.sequencing.runner import Failure
 from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
 
 CODES = {

@@ -15,6 +15,8 @@ from rclpy.timer import Timer
 from soft_continuum.ros import entry
 from soft_continuum.ros.entry import LOG_PERIOD
 
+FAILED = 'this request made the node fail; see its log'
+
 
 def guarded(node: Any, function: Callable[..., Any]) -> Callable[..., Any]:
     """
@@ -46,11 +48,31 @@ def serve(node: Any, kind: Any, name: str, callback: Callable[[Any, Any], Any]) 
     def on_request(request: Any, response: Any) -> Any:
         answer = guarded(node, callback)(request, response)
         if answer is None:
-            response.success = False
-            response.message = 'this request made the node fail; see its log'
+            response.success, response.message = False, FAILED
         return answer or response
 
     node.create_service(kind, name, on_request)
+
+
+def serve_later(node: Any, kind: Any, name: str,
+                callback: Callable[[Any, Callable[[Any], None]], None]) -> None:
+    """
+    Create a service that may answer later: ``callback`` gets the request, and what sends it.
+
+    rclpy wants the answer when its callback returns, and sends it by a method of the service.
+    """
+    service = node.create_service(kind, name, lambda request, _: request)
+    send = service.send_response
+
+    def on_request(request: Any, header: Any) -> None:
+        def begin() -> bool:
+            callback(request, lambda response: send(response, header))
+            return True
+
+        if guarded(node, begin)() is None:
+            send(kind.Response(success=False, message=FAILED), header)
+
+    service.send_response = on_request
 
 
 def repeat(node: Node, period: float, callback: Callable[[], None]) -> Timer:

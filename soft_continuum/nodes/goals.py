@@ -2,23 +2,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shapes that a goal of run_shape_sequence asks for, and why one is refused."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.parameters.shapes import (
     angles_problem,
     directions_from_parameters,
     shapes_from_parameters,
 )
-from soft_continuum.ros.conversions import seconds
+from soft_continuum.ros.conversions import MAX_QUATERNION_ERROR, pose_from_ros, seconds
 from soft_continuum.ros.text import name_problem
 from soft_continuum.sequencing.planner import PlanError, Shape
+from soft_continuum.sequencing.reach import TipGoal
+from soft_continuum.sequencing.reach.goal import KINDS
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape as ShapeMessage
+from soft_continuum_interfaces.msg import TipGoal as TipGoalMessage
 
 MAX_SHAPES = 100
 """Shapes of one goal; to plan one takes some tens of milliseconds, in space some hundreds."""
+MAX_TIPS = 200
+"""Goals of the tip on one path."""
 
 
 def shape_library(parameters: Mapping[str, Any], arm: AnyArm) -> dict[str, Shape]:
@@ -28,24 +36,38 @@ def shape_library(parameters: Mapping[str, Any], arm: AnyArm) -> dict[str, Shape
             for name, angles in shapes_from_parameters(parameters, arm).items()}
 
 
-def shapes_of(goal: RunShapeSequence.Goal, library: Mapping[str, Shape], arm: AnyArm
-              ) -> list[Shape]:
-    """Return the shapes of a goal; raises PlanError for what is not allowed."""
-    if not goal.shapes:
+def check_aim(aim: int) -> None:
+    """Raise PlanError for an aim of RunShapeSequence that there is not."""
+    angles, tip = RunShapeSequence.Goal.ANGLES, RunShapeSequence.Goal.TIP
+    if aim not in (angles, tip):
+        raise PlanError(f'aim is {aim}; allowed: {angles} (angles), {tip} (tip)')
+
+
+def shapes_of(items: Sequence[ShapeMessage], library: Mapping[str, Shape], arm: AnyArm,
+              parameters: Mapping[str, Any]) -> list[Shape]:
+    """
+    Return the shapes of a request; raises PlanError for what is not allowed.
+
+    parameters: with the tolerances of goals of the tip that tell none.
+    """
+    if not items:
         raise PlanError('the sequence is empty; give at least one shape: ' + ', '.join(library))
-    if len(goal.shapes) > MAX_SHAPES:
-        raise PlanError(f'{len(goal.shapes)} shapes; allowed: {MAX_SHAPES}; send them in '
-                        'several goals')
-    if goal.aim not in (goal.ANGLES, goal.TIP):
-        raise PlanError(f'aim is {goal.aim}; allowed: {goal.ANGLES} (angles), {goal.TIP} (tip)')
-    return [_shape(number, item, library, arm) for number, item in enumerate(goal.shapes, start=1)]
+    if len(items) > MAX_SHAPES:
+        raise PlanError(f'{len(items)} shapes; allowed: {MAX_SHAPES}; send them in several goals')
+    return [_shape(number, item, library, arm, parameters)
+            for number, item in enumerate(items, start=1)]
 
 
-def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: AnyArm) -> Shape:
+def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: AnyArm,
+           parameters: Mapping[str, Any]) -> Shape:
     if problem := name_problem(item.name):
         raise PlanError(f'shape {number}: its name is {problem}')
+    label, hold = f'shape {number} ({item.name or "unnamed"})', seconds(item.hold_time)
+    if hold < 0.0:
+        raise PlanError(f'{label}: hold_time is {hold:g} s; it must not be negative')
     if item.tips:
-        raise PlanError(f'shape {number}: goals of the tip are not known yet; give angles')
+        tips = _tips(label, item, arm, parameters)
+        return Shape(item.name or _tips_name(tips, arm), (), hold, tips=tips)
     for what, values in (('angles', item.bending_angles), ('directions', item.bending_directions)):
         if len(values) > MAX_SHAPES:
             raise PlanError(f'shape {number}: {len(values)} bending {what}; needed: '
@@ -60,10 +82,53 @@ def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: A
                             + ', '.join(library))
         known = library[item.name]
         angles, directions = known.bending_angles, known.bending_directions
-    problem = angles_problem(angles, arm, directions)
-    hold = seconds(item.hold_time)
-    if hold < 0.0:
-        problem = f'hold_time is {hold:g} s; it must not be negative'
-    if problem:
-        raise PlanError(f'shape {number} ({item.name or "unnamed"}): {problem}')
+    if problem := angles_problem(angles, arm, directions):
+        raise PlanError(f'{label}: {problem}')
     return Shape(item.name or f'shape {number}', angles, hold, directions)
+
+
+def _tips(label: str, item: ShapeMessage, arm: AnyArm, parameters: Mapping[str, Any]
+          ) -> tuple[TipGoal, ...]:
+    """Return the goals of the tip of a shape; raises PlanError."""
+    if len(item.bending_angles) or len(item.bending_directions):
+        raise PlanError(f'{label}: tips and bending angles or directions; give one of both')
+    if len(item.tips) > MAX_TIPS:
+        raise PlanError(f'{label}: {len(item.tips)} tips; allowed: {MAX_TIPS}')
+    goals = []
+    for number, tip in enumerate(item.tips, start=1):
+        try:
+            goals.append(_tip_goal(tip, parameters))
+            goals[-1].check(arm)
+        except PlanError as error:
+            of = f'tip {number}: ' if len(item.tips) > 1 else ''
+            raise PlanError(f'{label}: {of}{error}') from None
+    return tuple(goals)
+
+
+def _tips_name(tips: Sequence[TipGoal], arm: AnyArm) -> str:
+    """Return what people know goals of the tip by."""
+    if len(tips) > 1:
+        return f'path through {len(tips)} points'
+    place = 1e3 * tips[0].position[::2 if isinstance(arm, Arm) else 1]
+    return f'tip at ({", ".join(f"{value:.0f}" for value in place)}) mm'
+
+
+def _tip_goal(tip: TipGoalMessage, parameters: Mapping[str, Any]) -> TipGoal:
+    if tip.kind >= len(KINDS):
+        raise PlanError(f'the kind of the tip goal is {tip.kind}; allowed: '
+                        + ', '.join(f'{n} ({kind})' for n, kind in enumerate(KINDS)))
+    pose = np.array(pose_from_ros(tip.pose))
+    rotation = None
+    if tip.kind != TipGoalMessage.POSITION:
+        quaternion = pose[3:]
+        length = float(np.linalg.norm(quaternion))
+        if not abs(length - 1.0) < MAX_QUATERNION_ERROR:
+            raise PlanError(f'the orientation of the tip goal is a quaternion of length '
+                            f'{length:.3g}; needed: 1')
+        from scipy.spatial.transform import Rotation  # 0.1 s that a start need not wait for
+        rotation = Rotation.from_quat(quaternion).as_matrix()
+    tolerances = {}
+    for name, given in (('position_tolerance', tip.position_tolerance),
+                        ('angle_tolerance', tip.angle_tolerance)):
+        tolerances[name] = given if given != 0.0 else parameters[f'reach.{name}']
+    return TipGoal(pose[:3], rotation, KINDS[tip.kind], **tolerances)

@@ -4,12 +4,16 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 from functools import partial
+from math import inf
 from typing import Any, TypeVar
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.either import AnyArm, bending_of, chain_of, State
 from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.obstacles import Surroundings
+from soft_continuum.parameters.reach import reach_from_parameters
 from soft_continuum.sequencing.aiming import Aim, next_step, Step, worth_setting_again
 from soft_continuum.sequencing.background import PlanningThread
 from soft_continuum.sequencing.closed_loop import Loop
@@ -20,6 +24,8 @@ from soft_continuum.sequencing.planner import (
     Shape,
     ShapePlan,
 )
+from soft_continuum.sequencing.reach import Reach
+from soft_continuum.sequencing.shape_plans import plan_of, plan_shapes
 from soft_continuum_interfaces.action import RunShapeSequence
 
 Result = TypeVar('Result')
@@ -28,15 +34,35 @@ Result = TypeVar('Result')
 class Planning:
     """Begins to plan; only the newest plan is made."""
 
-    def __init__(self, arm: AnyArm, parameters: Mapping[str, Any], observed: ArmObserver) -> None:
+    def __init__(self, arm: AnyArm, parameters: Mapping[str, Any], observed: ArmObserver,
+                 surroundings: Callable[[], Surroundings]) -> None:
         """Plan for what is ``observed`` of ``arm``, within the limits of the parameters."""
         self._arm, self._parameters, self._observed = arm, parameters, observed
+        self._surroundings = surroundings
         self._thread = PlanningThread()
         self.abandon, self.close = self._thread.abandon, self._thread.close
 
-    def plan(self, shapes: Sequence[Shape]) -> 'Future[list[ShapePlan]]':
-        """Begin to plan shapes one after the other."""
-        return self._start(lambda planner, state, pulls: planner.plan(state, pulls, shapes))
+    def plan(self, shapes: Sequence[Shape], first: bool = False) -> 'Future[list[ShapePlan]]':
+        """
+        Begin to plan shapes one after the other; the future raises PlanError if one has none.
+
+        first: take the first plan to a goal of the tip, and look for no better one.
+        """
+        around = self._surroundings()
+        if not around.obstacles and not any(shape.tips for shape in shapes):
+            return self._start(lambda planner, state, pulls: planner.plan(state, pulls, shapes))
+        settings = reach_from_parameters(self._parameters)
+        return self._start(lambda planner, state, pulls: [
+            plan_of(found, shape, around) for shape, found in zip(shapes, plan_shapes(
+                planner, state, pulls, shapes, around, settings, first), strict=False)])
+
+    def explain(self, shapes: Sequence[Shape], time_limit: float) -> 'Future[list[Reach]]':
+        """Begin to plan shapes, up to the first that fails; time_limit: s, 0: as ``plan``."""
+        settings, around = reach_from_parameters(self._parameters), self._surroundings()
+        if time_limit > 0.0:
+            settings = replace(settings, time_limit=time_limit)
+        return self._start(lambda planner, state, pulls: list(
+            plan_shapes(planner, state, pulls, shapes, around, settings)))
 
     def loop(self, aim: int) -> Loop:
         """Return what a run by measurements asks for; aim: of RunShapeSequence."""
@@ -55,8 +81,10 @@ class Planning:
                ) -> 'Future[tuple[int, ...]]':
         jamming = self._parameters['arm.jamming']
         lock_in = self._parameters['loop.lock_in_deviation'] if jamming else 0.0
+        # What is set again was not planned among obstacles: it must hardly move the arm.
+        near = self._parameters['obstacles.margin'] if self._surroundings().obstacles else inf
         return self._start(lambda planner, state, pulls: worth_setting_again(
-            planner, state, pulls, segments, aim, lock_in, release_limit))
+            planner, state, pulls, segments, aim, lock_in, min(release_limit, near)))
 
     def _error(self, aim: Aim) -> float | None:
         shape = self._observed.shape
@@ -76,10 +104,13 @@ class Planning:
 
 def aim_of(shape: Shape, kind: int, arm: AnyArm, settings: PlanSettings) -> Aim:
     """
-    Return what a shape aims at; kind: of RunShapeSequence.
+    Return what a planned shape aims at; kind: of RunShapeSequence.
 
-    Its tip is where its angles bring that of the described ``arm``, set from straight.
+    Its tip is that of its last goal; of angles, where they bring that of the described ``arm``,
+    set from straight.
     """
+    if shape.tips:
+        return tip_aim(shape, arm)
     bending = bending_of(arm, shape.bending_angles, shape.bending_directions)
     chain = chain_of(arm)
     state: State
@@ -90,3 +121,10 @@ def aim_of(shape: Shape, kind: int, arm: AnyArm, settings: PlanSettings) -> Aim:
         state = chain.uniform(bending)
     tip = state.tip_pose[:2 if isinstance(arm, Arm) else 3]
     return Aim(bending, tip, kind == RunShapeSequence.Goal.TIP)
+
+
+def tip_aim(shape: Shape, arm: AnyArm) -> Aim:
+    """Return what a shape aims at that was planned to goals of the tip: the last of them."""
+    position = shape.tips[-1].position
+    return Aim(bending_of(arm, shape.bending_angles, shape.bending_directions),
+               position[::2] if isinstance(arm, Arm) else position, on_tip=True)

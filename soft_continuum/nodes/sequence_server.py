@@ -98,6 +98,7 @@ class SequenceServer(ActionServer):
             return RunShapeSequence.Result(
                 error_code=int(outcome.code), error_string=outcome.message,
                 shapes_completed=outcome.shapes_completed, corrections=outcome.corrections,
+                replans=outcome.replans,
                 source=(RunShapeSequence.Result.MEASURED if outcome.measured
                         else RunShapeSequence.Result.PREDICTED), **asdict(reached))
 

@@ -6,7 +6,7 @@
 from collections.abc import Sequence
 from concurrent.futures import Future
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
 from typing import Any
 
@@ -19,16 +19,20 @@ from soft_continuum.mechanics.either import bending_of, chain_of
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.entries import guarded, repeat
-from soft_continuum.nodes.goals import shape_library, shapes_of
+from soft_continuum.nodes.goals import check_aim, shape_library, shapes_of
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.planning import Planning
+from soft_continuum.nodes.plan_guard import PlanGuard
+from soft_continuum.nodes.plan_service import PlanService
+from soft_continuum.nodes.planning import Planning, tip_aim
 from soft_continuum.nodes.sequence_server import GoalRequest, NOWHERE, Reached, SequenceServer
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
+from soft_continuum.obstacles import Surroundings
 from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
 from soft_continuum.parameters.loop import loop_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.parameters.reach import reach_from_parameters
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.entry import LOG_PERIOD
@@ -39,7 +43,13 @@ from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome
 from soft_continuum.sequencing.runner import Runner, RunnerSettings
 from soft_continuum_interfaces.action import RunShapeSequence
-from soft_continuum_interfaces.msg import ShapeSequencerState, TendonActuationState
+from soft_continuum_interfaces.msg import (
+    Shape as ShapeMessage,
+)
+from soft_continuum_interfaces.msg import (
+    ShapeSequencerState,
+    TendonActuationState,
+)
 
 TICK_PERIOD = 0.05  # s
 SPATIAL_PIECE_PERIOD = 0.15
@@ -67,7 +77,8 @@ class ShapeSequencer(Node):
     """
     Sets the arm to one shape after another.
 
-    Serves the action run_shape_sequence (soft_continuum_interfaces/RunShapeSequence).  Subscribes
+    Serves the action run_shape_sequence (soft_continuum_interfaces/RunShapeSequence) and the
+    service ~/plan_shapes (soft_continuum_interfaces/PlanShapes).  Subscribes
     to tendon_states, segment_N/pressure and the ~/state of the other three; publishes
     tendon_actuation/joint_trajectory, target_markers (visualization_msgs/MarkerArray, latched),
     ~/state, ~/status and /diagnostics; calls
@@ -104,11 +115,16 @@ class ShapeSequencer(Node):
         jamming: bool = self.parameters['arm.jamming']
         self._commander = ArmCommander(self, self._arm, jamming)
         self._observed = ArmObserver(self, self._arm, self.parameters, self._on_tendon_state)
-        self._planning = Planning(self._arm, self.parameters, self._observed)
+        surroundings = Surroundings(self._arm)
+        reach_from_parameters(self.parameters)  # raises for what is none
+        self._planning = Planning(
+            self._arm, self.parameters, self._observed, lambda: surroundings)
+        self._guard = PlanGuard(self.parameters, lambda: surroundings)
         self._markers = self.create_publisher(MarkerArray, 'target_markers', LATCHED)
         self._states = StatePublisher(self, ShapeSequencerState)
         self._server = SequenceServer(
             self, guarded(self, self._on_request), guarded(self, self._on_accepted))
+        self._service = PlanService(self, self._planning, self._busy, self._shapes_of)
         repeat(self, TICK_PERIOD, self._tick)
         self._report()
         self._publish_target()  # an earlier process may have left one
@@ -122,6 +138,7 @@ class ShapeSequencer(Node):
         if self._runner is not None:
             self._commander.hold()
         self._planning.close()
+        self._guard.close()
         self._show_target(None)
 
     def destroy_node(self) -> None:
@@ -157,7 +174,8 @@ class ShapeSequencer(Node):
             self._reject(self._check.request, 'superseded by a newer goal before it was accepted')
             self._check = None
         try:
-            shapes = shapes_of(request.goal, self._library, self._arm)
+            check_aim(request.goal.aim)
+            shapes = self._shapes_of(request.goal.shapes)
         except PlanError as error:
             self._reject(request, str(error))
             return
@@ -177,7 +195,7 @@ class ShapeSequencer(Node):
         if not problem and observed.tendons.stops != check.stops:
             problem = 'the tendons were stopped and resumed before the goal was accepted'
         if not problem and check.plans is None and self._may_plan:
-            check.plans = self._planning.plan(check.shapes)
+            check.plans = self._planning.plan(check.shapes, first=True)
         if not problem and check.plans is not None:
             if not check.plans.done():
                 return
@@ -195,6 +213,19 @@ class ShapeSequencer(Node):
         observed = self._observed
         return bool(observed.unheard and check.age.seconds < FIRST_MESSAGE_TIMEOUT
                     and not (observed.reported_fault or observed.stopped))
+
+    def _shapes_of(self, items: Sequence[ShapeMessage]) -> list[Shape]:
+        return shapes_of(items, self._library, self._arm, self.parameters)
+
+    def _busy(self) -> str:
+        """Why plan_shapes has to wait; empty when it need not."""
+        if self._check or self._next or self._runner:
+            return 'a sequence runs, or is about to; wait for its end, or cancel it'
+        if self._observed.fault:
+            return self._observed.fault
+        if not self._observed.all_stiff:
+            return 'a segment is soft; a plan begins with every segment stiff: stiffen all first'
+        return ''
 
     @property
     def _may_plan(self) -> bool:
@@ -259,10 +290,12 @@ class ShapeSequencer(Node):
     def _begin(self, handle: Any) -> None:
         self._handle, self._failed = handle, False
         self._commander.begin()
-        shapes = self._shapes = shapes_of(handle.request, self._library, self._arm)
+        shapes = self._shapes = self._shapes_of(handle.request.shapes)
         settings = RunnerSettings(
             jamming=self.parameters['arm.jamming'],
-            piece_period=0.0 if isinstance(self._arm, Arm) else SPATIAL_PIECE_PERIOD, **{
+            piece_period=0.0 if isinstance(self._arm, Arm) else SPATIAL_PIECE_PERIOD,
+            on_obstacle=self.parameters['obstacles.on_change'],
+            max_replans=self.parameters['reach.max_replans'], **{
                 name: self.parameters[name] for name in (
                     'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum')})
         if self.parameters['closed_loop']:
@@ -281,15 +314,22 @@ class ShapeSequencer(Node):
             runner.cancel(Code.CANCELED, 'canceled by the client')
         if isinstance(runner, ClosedLoopRunner):
             runner.loop_settings = loop_from_parameters(self.parameters)
-        runner.tick(STEADY(), self._observed.observation(
-            self._commander.motion_failure, self._commander.switch_failure))
+        obstructed, departed = self._guard.problems(
+            runner.plan, runner.move, self._observed.shape)
+        runner.tick(STEADY(), replace(self._observed.observation(
+            self._commander.motion_failure, self._commander.switch_failure),
+            obstructed=obstructed, departed=departed))
         progress, outcome, self._warning = runner.progress, runner.outcome, runner.warning
+        shape = self._shapes[progress.shape_index]
+        aim = RunShapeSequence.Goal.TIP if shape.tips else self._handle.request.aim
         self._handle.publish_feedback(RunShapeSequence.Feedback(
             shape_index=progress.shape_index, shape=progress.shape,
             segment=progress.segment, phase=progress.phase, progress=progress.fraction,
-            correction=progress.correction, aim=self._handle.request.aim,
+            correction=progress.correction, aim=aim,
             error=nan if progress.error is None else progress.error))
-        self._show_target(None if outcome else self._shapes[progress.shape_index])
+        # The angles of a goal of the tip are known once it is planned.
+        target = runner.plan.shape if runner.plan else None if shape.tips else shape
+        self._show_target(None if outcome else target)
         if outcome is None:
             self._report()
             return
@@ -302,6 +342,8 @@ class ShapeSequencer(Node):
         if shape is None:
             return NOWHERE
         aim = runner.aim if isinstance(runner, ClosedLoopRunner) else None
+        if aim is None and runner.plan is not None and runner.plan.shape.tips:
+            aim = tip_aim(runner.plan.shape, self._arm)
         return Reached(
             shape.bending_angles.tolist(), known.angle_deviations,
             shape.bending_directions.tolist(), shape.tip_pose.tolist(), known.tip_deviations,

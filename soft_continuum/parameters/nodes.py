@@ -18,6 +18,7 @@ from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.estimation import ESTIMATION_PARAMETERS
 from soft_continuum.parameters.loop import LOOP_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.parameters.reach import REACH_PARAMETERS
 from soft_continuum.parameters.shapes import SHAPE_NAMES
 from soft_continuum.ros.names import (
     CAMERA,
@@ -221,7 +222,7 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('settle_tolerance', 2e-5,
                   'largest distance of an arrived tendon from its planned pull',
                   1e-7, 0.01, read_only=False, unit='m'),
-        *LOOP_PARAMETERS,
+        *LOOP_PARAMETERS, *REACH_PARAMETERS,
     ),
 }
 

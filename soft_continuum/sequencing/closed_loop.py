@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 from math import inf, isnan, nan
 
 from soft_continuum.sequencing.aiming import Aim, Step
+from soft_continuum.sequencing.arm_port import ArmPort
 from soft_continuum.sequencing.loop_settings import ABORT, LoopSettings, PAUSE
-from soft_continuum.sequencing.planner import Shape, WHOLE_ARM
+from soft_continuum.sequencing.planner import Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.progress import Code, Outcome, Phase
-from soft_continuum.sequencing.runner import ArmPort, EndError, Plan, Runner, RunnerSettings
+from soft_continuum.sequencing.runner import EndError, Plan, Runner, RunnerSettings
 
 BETTER = 0.8  # of the last change: a correction that shrinks less does not help any more
 GROWS = 1e-3  # rad: nor is a change this small expected to shrink
@@ -81,15 +82,22 @@ class ClosedLoopRunner(Runner):
 
     def _set_measured(self, index: int, shape: Shape) -> Iterator[None]:
         yield from self._measure(index, None)
-        plan = yield from self._planned(self._plan([shape]))
-        aim = self.aim = yield from self._planned(self._loop.aim(shape))
-        segments: tuple[int, ...] = tuple(move.segment for move in plan[0].moves)
+        plan = yield from self._plan_of(shape)
+        aim = self.aim = yield from self._planned(self._loop.aim(plan.shape))
+        segments: tuple[int, ...] = tuple(move.segment for move in plan.moves)
         for done, segment in enumerate(segments):
+            self.move = done
+            self._check_plan()
             self._report(index, done / (len(segments) + 1), Phase.PREPARING)
-            yield from self._set_segment(index, segments[done:], segment, aim)
+            left = segments[done:]
+            if len(set(left)) == len(left):
+                yield from self._set_segment(index, left, segment, aim)
+            else:  # on the way one is set twice: up to there it is done as planned
+                yield from self._set_segment(index, (segment,), segment, _way_point(plan, done))
+        self.move = len(segments)
         yield from self._measure(index, None)
         for _ in range(1, self.loop_settings.max_passes):
-            yield from self._set_again(index, shape, aim, inf)
+            yield from self._set_again(index, plan.shape, aim, inf)
         error = self._error(aim)
         if error > self._tolerance(aim):
             self.warning = f'{shape.name} is {aim.text(error)} off'
@@ -107,6 +115,7 @@ class ClosedLoopRunner(Runner):
         return bool(segments)
 
     def _hold(self, index: int, shape: Shape) -> Iterator[None]:
+        shape = shape if self.plan is None else self.plan.shape
         until, at_first, within = self._now + shape.hold_time, nan, self._now
         self._report(index, 1.0, Phase.HOLDING, segment=0)
         while self._now < until and self._measured and self.aim is not None:
@@ -237,3 +246,9 @@ class ClosedLoopRunner(Runner):
         self.warning = ''
         self.progress = replace(self.progress, phase=before)
         return True
+
+
+def _way_point(plan: ShapePlan, move: int) -> Aim:
+    """Return what a move of a plan (0-based) ends in."""
+    state = plan.ways[move][-1]
+    return Aim(state.bending, state.tip_pose[:2 if state.bending.ndim == 1 else 3])

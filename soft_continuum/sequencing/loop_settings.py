@@ -1,10 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""How a closed loop is run."""
+"""How a closed loop is run, and what to do about obstacles that come."""
 
 from dataclasses import dataclass
 
 ON_ANOMALY = GO_ON, PAUSE, ABORT = ('go_on', 'pause', 'abort')
+REPLAN = 'replan'
+ON_OBSTACLE = (REPLAN, ABORT)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, sqrt
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from soft_continuum.parameters.shapes import angles_problem
 from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.monotone import monotone_cubic
 
+if TYPE_CHECKING:
+    from soft_continuum.sequencing.reach.goal import TipGoal
+
 WHOLE_ARM = -1
 """In the place of a segment (0-based): all of an arm without jamming, set at once."""
 SLACK_DEVIATIONS = 2.0
@@ -32,7 +35,20 @@ SLACK_DEVIATIONS = 2.0
 
 
 class PlanError(ValueError):
-    """A shape cannot be set from the present state within the limits; the message says why."""
+    """
+    A shape cannot be set from the present state within the limits; the message says why.
+
+    limit: the parameter that stands in the way, empty for none.
+    """
+
+    def __init__(self, message: str, limit: str = '') -> None:
+        """Say why, and by which limit."""
+        super().__init__(message)
+        self.limit = limit
+
+
+class ObstructedError(PlanError):
+    """An obstacle is in the way."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +56,15 @@ class Shape:
     """
     A shape: its name, the bending angle of every segment (rad), how long to hold it (s).
 
-    bending_directions: of every segment of a spatial arm, rad; empty for 0 of all.
+    bending_directions: of every segment of a spatial arm, rad; empty for 0 of all.  tips: where
+    the tip shall be, one goal or several as a path; the angles are then empty until it is planned.
     """
 
     name: str
     bending_angles: tuple[float, ...]
     hold_time: float = 0.0
     bending_directions: tuple[float, ...] = ()
+    tips: 'tuple[TipGoal, ...]' = ()
 
 
 @dataclass(frozen=True)
@@ -93,7 +111,8 @@ class Move:
     One segment (0-based) softened, bent and stiffened, or WHOLE_ARM bent.
 
     bending_angle: rad, at the end; of WHOLE_ARM the largest.  times: (points,) s from the start of
-    the motion.  pulls: (points, tendons) m.  largest_tension: N, as the model predicts.
+    the motion.  pulls: (points, tendons) m.  largest_tension: N, as the model predicts.  sliding:
+    of each tendon through its guides, as Statics.solve takes it.
     """
 
     segment: int
@@ -101,6 +120,7 @@ class Move:
     times: Array
     pulls: Array
     largest_tension: float
+    sliding: tuple[int, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -110,11 +130,17 @@ class Move:
 
 @dataclass(frozen=True, eq=False)
 class ShapePlan:
-    """The moves that set one shape, and the state of the model after them."""
+    """
+    The moves that set one shape, and the state of the model after them.
+
+    ways: of each move the states on its way, from soft to stiffened; empty where nobody needs
+    them.
+    """
 
     shape: Shape
     moves: tuple[Move, ...]
     state: Any
+    ways: tuple[tuple[Any, ...], ...] = ()
 
 
 class ShapePlanner(ABC):
@@ -190,8 +216,19 @@ class ShapePlanner(ABC):
 
         pulls: (tendons,) of the motors, m.  Raises StaticsError.
         """
+        return self.held(state, pulls, segment)
+
+    def held(self, state: Any, pulls: Sequence[float] | Array, segment: int,
+             sliding: Sequence[int] = ()) -> Any:
+        """
+        Return the state at which pulls hold the arm while a segment (0-based) is soft.
+
+        state: that it is followed from.  pulls, sliding: of the motors, m, as of a Move.  Raises
+        StaticsError.
+        """
+        slides = {'sliding': sliding} if sliding else {}
         return self.statics.solve(state, np.asarray(pulls) + self._offsets, self._soft(segment),
-                                  vacuum=state.vacuum or None)
+                                  vacuum=state.vacuum or None, **slides)
 
     def _soft(self, segment: int) -> list[bool]:
         """Return which segments are soft while one is set."""
@@ -209,10 +246,10 @@ class ShapePlanner(ABC):
         if pulls.min() < low or pulls.max() > high:
             raise PlanError(
                 f'needs tendon pulls from {pulls.min():.4f} to {pulls.max():.4f} m; '
-                f'pull_limits: {low:g} to {high:g} m')
+                f'pull_limits: {low:g} to {high:g} m', 'pull_limits')
         if tension > settings.tension_limit:
             raise PlanError(f'needs a tendon tension of {tension:.1f} N; '
-                            f'tension_limit: {settings.tension_limit:g} N')
+                            f'tension_limit: {settings.tension_limit:g} N', 'tension_limit')
 
     def _timed(self, pulls: Array) -> tuple[Array, Array]:
         return timed(pulls, self.settings.speed, self.settings.acceleration)
@@ -257,10 +294,9 @@ class Planner(ShapePlanner):
             points.append(self._with_slack(bent, sliding))
         pulls = np.array(points)
         self._check_limits(pulls, tension)
-        end = self.statics.solve(bent, pulls[-1] + self._offsets, self._soft(segment),
-                                 vacuum=vacuum, sliding=sliding)
+        end = self.held(bent, pulls[-1], segment, sliding)
         times, pulls = self._timed(pulls)
-        return Move(segment, goal, times, pulls, tension), end
+        return Move(segment, goal, times, pulls, tension, sliding), end
 
     def _with_slack(self, bent: Equilibrium, sliding: Sequence[int]) -> Array:
         """Return the pulls of a bent state with slack in the tendons that do not carry it."""

@@ -59,7 +59,8 @@ class Outcome:
     """
     How a run ended, and how many shapes were completed.
 
-    measured: whether the last shape was set by measurements.  corrections: that were made.
+    measured: whether the last shape was set by measurements.  corrections, replans: that were
+    made.
     """
 
     code: Code
@@ -67,3 +68,4 @@ class Outcome:
     shapes_completed: int
     measured: bool = False
     corrections: int = 0
+    replans: int = 0

@@ -6,69 +6,21 @@ The state machine that runs shapes: all stiff, soften one, move, stiffen, wait, 
 A Runner is ticked with an observation of the arm and acts through an ArmPort.  At most one segment
 is softened at a time.  Whatever ends a run early, other than a stop, ends with tendons at rest and
 every segment stiff; a stop leaves everything as it is.  An arm without jamming is moved as a
-whole, and nothing of it is switched or has to be stiff.
+whole, and nothing of it is switched or has to be stiff.  A plan that must not be followed any
+further is left in the same way, and made again from there.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.sequencing.planner import Move, PlanError, Shape, ShapePlan
+from soft_continuum.sequencing.arm_port import ArmPort, Failure, Observation
+from soft_continuum.sequencing.loop_settings import ABORT, REPLAN
+from soft_continuum.sequencing.planner import Move, ObstructedError, PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome, Phase, Progress
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Why a run cannot go on."""
-
-    code: Code
-    message: str
-
-
-@dataclass(frozen=True)
-class Observation:
-    """
-    The state of the arm at one tick.
-
-    pulls: (tendons,) m.  moving: whether a tendon moves or may still move to what it was sent.
-    stiff: per segment, confirmed by pressure.  vacuum: per segment, Pa below ambient.  stopped:
-    why tendon motion is stopped.  fault: why the arm cannot be operated, such as a stale node.
-    motion_failure: why the motion that was sent last was refused or ended early.  stops: how often
-    motion was stopped, ever.  measured: when the arm was last measured, on the clock of the ticks;
-    None for never.  anomaly: what the measurements say is wrong with the arm.
-    """
-
-    pulls: tuple[float, ...]
-    moving: bool
-    stiff: tuple[bool, ...]
-    vacuum: tuple[float, ...]
-    stopped: str = ''
-    fault: str = ''
-    motion_failure: Failure | None = None
-    stops: int = 0
-    measured: float | None = None
-    anomaly: str = ''
-
-
-class ArmPort(Protocol):
-    """How a Runner acts on the arm; every call may be repeated without harm."""
-
-    def set_stiff(self, segment: int, stiff: bool) -> None:
-        """Request that a segment (0-based) is evacuated or vented."""
-
-    def follow(self, motion: int, start: float, times: Array, pulls: Array) -> None:
-        """
-        Request the pulls (k, tendons) m at ``start + times`` s, on the clock of the ticks.
-
-        A motion is sent in pieces, each replacing the one before; ``motion`` numbers the motions.
-        """
-
-    def hold(self) -> None:
-        """Request that the tendons brake and hold."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +32,8 @@ class RunnerSettings:
     which a segment is soft.  horizon: s of motion sent ahead; the tendons stop
     by themselves that soon after the sequencer ended.  retry: s between repeated requests.
     jamming: whether segments are switched.  piece_period: s between two pieces of a motion, each
-    of which tendon_actuation has to judge.
+    of which tendon_actuation has to judge.  on_obstacle: what to do about an obstacle that comes
+    into the way; one of ON_OBSTACLE.  max_replans: plans of one shape that are made again.
     """
 
     jamming_timeout: float = 10.0
@@ -91,6 +44,8 @@ class RunnerSettings:
     retry: float = 2.0
     jamming: bool = True
     piece_period: float = 0.0
+    on_obstacle: str = REPLAN
+    max_replans: int = 3
 
 
 Result = TypeVar('Result')
@@ -104,6 +59,10 @@ class EndError(Exception):
     def __init__(self, code: Code, message: str) -> None:
         super().__init__(message)
         self.code = code
+
+
+class _LeaveError(EndError):
+    """The plan must not be followed any further; ends the run unless there is another one."""
 
 
 class Runner:
@@ -120,13 +79,17 @@ class Runner:
         self.outcome: Outcome | None = None
         self.warning = ''
         """In what the shape that was set last is not as it should be; empty for nothing."""
+        self.plan: ShapePlan | None = None
+        """Of the running shape, from when it was planned on."""
+        self.move = 0
+        """The move of that plan (0-based) which is made or comes next."""
         self._shapes = shapes
         self._plan = plan
         self._port = port
         self._settings = settings
         self._tendons = tendons
         self._completed = 0
-        self._motions = 0
+        self._motions, self._replans = 0, 0
         self._now = 0.0
         self._observed = Observation((0.0,) * len(tendons), False, (), ())
         self._script = self._run()
@@ -186,21 +149,45 @@ class Runner:
             self.outcome = self._outcome(self._end.code, str(self._end))
 
     def _outcome(self, code: Code, message: str) -> Outcome:
-        return Outcome(code, message, self._completed)
+        return Outcome(code, message, self._completed, replans=self._replans)
 
     def _run(self) -> Iterator[None]:
         yield from self._all_stiff()
         for index, shape in enumerate(self._shapes):
             self._report(index, 0.0, Phase.PREPARING, segment=0)
-            yield from self._set(index, shape)
+            yield from self._set_or_plan_again(index, shape)
             yield from self._hold(index, shape)
             self._completed += 1
 
+    def _set_or_plan_again(self, index: int, shape: Shape) -> Iterator[None]:
+        """Set a shape; whenever its plan must not be followed any further, by a new one."""
+        for left in reversed(range(self._settings.max_replans + 1)):
+            try:
+                yield from self._set(index, shape)
+            except _LeaveError as reason:
+                self.plan = None
+                if not left:
+                    raise EndError(reason.code, f'{reason}; it was planned again '
+                                   f'{self._settings.max_replans} times') from None
+                self._replans += 1
+                yield from self._wind_down()
+                yield from self._all_stiff()
+                self._report(index, 0.0, Phase.PREPARING, segment=0)
+            else:
+                return
+
+    def _plan_of(self, shape: Shape) -> Generator[None, None, ShapePlan]:
+        """Plan a shape, from an arm of which every segment is stiff."""
+        self.plan, self.move = None, 0
+        plan = self.plan = (yield from self._planned(self._plan([shape])))[0]
+        return plan
+
     def _set(self, index: int, shape: Shape) -> Iterator[None]:
         """Set a shape, from an arm of which every segment is stiff."""
-        moves = (yield from self._planned(self._plan([shape])))[0].moves
-        for number, move in enumerate(moves):
-            done = number / len(moves)
+        moves = (yield from self._plan_of(shape)).moves
+        for self.move, move in enumerate(moves):
+            self._check_plan()
+            done = self.move / len(moves)
             part = 1.0 / len(moves)
             self._report(index, done, Phase.SOFTENING, segment=move.segment + 1)
             yield from self._soften(move.segment)
@@ -208,6 +195,7 @@ class Runner:
             yield from self._move(move, index, done + 0.3 * part, 0.4 * part)
             self._report(index, done + 0.7 * part, Phase.STIFFENING)
             yield from self._stiffen(move.segment)
+        self.move = len(moves)
 
     def _hold(self, index: int, shape: Shape) -> Iterator[None]:
         """Hold a shape, with every segment stiff."""
@@ -221,7 +209,7 @@ class Runner:
         self.progress = replace(
             self.progress, shape_index=index, shape=self._shapes[index].name,
             segment=self.progress.segment if segment is None else segment, phase=phase,
-            fraction=(index + part) / len(self._shapes))
+            fraction=max(self.progress.fraction, (index + part) / len(self._shapes)))
 
     def _planned(self, plan: 'Future[Result]', soft: int | None = None
                  ) -> Generator[None, None, Result]:
@@ -233,7 +221,8 @@ class Runner:
         if error is None:
             return plan.result()
         name = '' if isinstance(error, PlanError) else f'{type(error).__name__}: '
-        raise EndError(Code.MODEL_FAILURE, f'{name}{error}')
+        obstructed = isinstance(error, ObstructedError)
+        raise EndError(Code.OBSTRUCTED if obstructed else Code.MODEL_FAILURE, f'{name}{error}')
 
     def _all_stiff(self) -> Iterator[None]:
         """Stiffen what is not stiff; plans start from a stiff arm at rest."""
@@ -343,6 +332,15 @@ class Runner:
         if self._settings.jamming and self._observed.stiff[segment]:
             raise EndError(Code.HARDWARE_FAULT,
                             f'segment {segment + 1} was stiffened during its motion')
+        self._check_plan()
+
+    def _check_plan(self) -> None:
+        """Leave the plan when an obstacle is in its way or the arm is too far from it."""
+        if obstructed := self._observed.obstructed:
+            error = EndError if self._settings.on_obstacle == ABORT else _LeaveError
+            raise error(Code.OBSTRUCTED, obstructed)
+        if departed := self._observed.departed:
+            raise _LeaveError(Code.HARDWARE_FAULT, departed)
 
     def _check_stiff(self, soft: int | None) -> None:
         """Every segment but the one being set must stay stiff."""

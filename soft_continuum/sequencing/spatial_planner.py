@@ -82,8 +82,7 @@ class SpatialPlanner(ShapePlanner):
             points.append(self._with_slack(fit))
         pulls = np.array(points)
         self._check_limits(pulls, tension)
-        end = self.statics.solve(bent, pulls[-1] + self._offsets, soft,
-                                 vacuum=bent.vacuum or None)
+        end = self.held(bent, pulls[-1], segment)
         times, pulls = self._timed(pulls)
         angle = float(np.linalg.norm(goal, axis=1)[soft].max())
         return Move(segment, angle, times, pulls, tension), end

@@ -22,9 +22,9 @@ from virtual_rig import (
     VirtualRig,
 )
 
+from soft_continuum.sequencing.arm_port import Failure, Observation
 from soft_continuum.sequencing.planner import PlanSettings, Shape
 from soft_continuum.sequencing.progress import Code, Phase, Progress
-from soft_continuum.sequencing.runner import Failure, Observation
 
 SHAPES = tuple(Shape(name, angles, 0.2) for name, angles in LIBRARY.items())
 C_FORM, UPRIGHT, S_FORM = SHAPES

@@ -15,6 +15,7 @@ from soft_continuum.mechanics.spatial import solve_path, spatial, SpatialStatics
 from soft_continuum.nodes.goals import shape_library
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_any_arm, load_arm, load_description
+from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.planner import (
     PlanError,
     planner_of,
@@ -23,7 +24,7 @@ from soft_continuum.sequencing.planner import (
     WHOLE_ARM,
 )
 from soft_continuum.sequencing.progress import Code, Phase
-from soft_continuum.sequencing.runner import Observation, Runner, RunnerSettings
+from soft_continuum.sequencing.runner import Runner, RunnerSettings
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 JAMMING, TENDON_ARM = CONFIG / 'spatial_jamming.yaml', CONFIG / 'tendon_arm.yaml'

@@ -20,9 +20,10 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.mechanics import Statics
 from soft_continuum.parameters.files import load_arm, load_shapes
+from soft_continuum.sequencing.arm_port import Failure, Observation
 from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.progress import Code
-from soft_continuum.sequencing.runner import Failure, Observation, Runner, RunnerSettings
+from soft_continuum.sequencing.runner import Runner, RunnerSettings
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 ARM, LIBRARY = load_arm(DESCRIPTION), load_shapes(DESCRIPTION)

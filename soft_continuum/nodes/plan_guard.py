@@ -1,0 +1,48 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Guards the plan that runs against obstacles that come and an arm that is elsewhere."""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+from soft_continuum.obstacles import Surroundings
+from soft_continuum.sequencing.plan_watch import PlanWatch
+from soft_continuum.sequencing.planner import ShapePlan
+
+
+class PlanGuard:
+    """Watches one plan after the other; distances are found on a thread of its own."""
+
+    def __init__(self, parameters: Mapping[str, Any], surroundings: Callable[[], Surroundings]
+                 ) -> None:
+        """Start the thread; surroundings: as they are known now."""
+        self._parameters, self._surroundings = parameters, surroundings
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='plan_guard')
+        self._plan: ShapePlan | None = None
+        self._watch: PlanWatch | None = None
+        self._seen: Surroundings | None = None
+        self._look: Future[None] | None = None
+        self.close = self._thread.shutdown
+
+    def problems(self, plan: ShapePlan | None, move: int, state: Any) -> tuple[str, str]:
+        """
+        Return which obstacle is in the way of the rest of a plan, and how far the arm is from it.
+
+        Empty for none, and for near enough.  move: (0-based) that is made or comes next.  state:
+        of the arm, None where it is not known.
+        """
+        if plan is not self._plan:
+            self._plan, self._watch, self._seen, self._look = plan, None, None, None
+            if plan is not None and plan.ways:
+                self._watch = PlanWatch(plan, self._parameters['obstacles.margin'],
+                                        self._parameters['reach.departure'])
+        watch, around = self._watch, self._surroundings()
+        if watch is None:
+            return '', ''
+        if self._look is not None and self._look.done():
+            self._look.result()
+            self._look = None
+        if around is not self._seen and self._look is None:
+            self._seen, self._look = around, self._thread.submit(watch.look, around)
+        return watch.obstructed(move, state), watch.departed(move, state)

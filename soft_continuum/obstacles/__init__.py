@@ -1,0 +1,15 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the arm must not touch: obstacles in base_link, and how far the arm is from them; without ROS.
+
+``Surroundings`` needs coal, from the extra ``obstacles``, as soon as there is an obstacle.
+"""
+
+from soft_continuum.obstacles.mesh import Mesh
+from soft_continuum.obstacles.obstacle import Obstacle, turned_by
+from soft_continuum.obstacles.shapes import Box, Capsule, Cylinder, ObstacleError, Sphere
+from soft_continuum.obstacles.surroundings import Clearance, Surroundings
+
+__all__ = ['Box', 'Capsule', 'Clearance', 'Cylinder', 'Mesh', 'Obstacle', 'ObstacleError',
+           'Sphere', 'Surroundings', 'turned_by']

@@ -1,0 +1,118 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Shapes as coal has them (https://github.com/coal-library/coal), and distances between them.
+
+Coal is loaded by the first shape: it takes a moment, and only obstacles need it.
+"""
+
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.obstacles.mesh import Mesh
+from soft_continuum.obstacles.obstacle import Obstacle, Shape
+from soft_continuum.obstacles.shapes import Box, Capsule, Cylinder, ObstacleError, Sphere
+
+TOLERANCE = 2e-6
+"""m by which a distance is stated too small: coal searches until it is right to 1e-6."""
+CONVEX = 1e-5  # of its volume by which the hull of a convex mesh is larger, for its digits
+
+
+@dataclass(frozen=True)
+class Placed:
+    """
+    A geometry of coal at its place.
+
+    hull: what encloses the geometry and is soon asked, first; None where that is convex itself.
+    """
+
+    geometry: Any
+    hull: Any
+    pose: Any
+
+
+def placed(obstacle: Obstacle) -> Placed:
+    """Return an obstacle as coal has it; raises ObstacleError without coal."""
+    coal = _coal()
+    geometry, hull = _geometry(coal, obstacle.shape)
+    return Placed(geometry, hull, coal.Transform3s(
+        obstacle.rotation, np.array(obstacle.position, dtype=float)))
+
+
+def distance(centre: Array, axis: Array, length: float, radius: float, other: Placed,
+             most: float = inf) -> float:
+    """
+    Return the distance of a cylinder from an obstacle, m; negative where they overlap.
+
+    centre: (3,), m.  axis: unit vector (3,).  A distance above ``most`` may be stated too small,
+    but not below ``most``.
+    """
+    coal = _coal()
+    cylinder = coal.Cylinder(radius, length)
+    pose = coal.Transform3s(_frame(axis), centre)
+    request = coal.DistanceRequest()
+    found = inf
+    for geometry in (other.hull, other.geometry):
+        if geometry is not None:
+            found = coal.distance(cylinder, pose, geometry, other.pose, request,
+                                  coal.DistanceResult()) - TOLERANCE
+            if found >= most:
+                break
+    return found
+
+
+def _geometry(coal: Any, shape: Shape) -> tuple[Any, Any]:
+    """Return a shape, and its hull if it is not convex."""
+    if isinstance(shape, Sphere):
+        return coal.Sphere(shape.radius), None
+    if isinstance(shape, Box):
+        return coal.Box(*shape.size), None
+    if isinstance(shape, Capsule):  # before Cylinder, of which it is one
+        return coal.Capsule(shape.radius, shape.length), None
+    if isinstance(shape, Cylinder):
+        return coal.Cylinder(shape.radius, shape.length), None
+    hull, is_convex = _hull(coal, shape)
+    if is_convex:
+        return hull, None
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(len(shape.triangles), len(shape.vertices))
+    model.addVertices(np.asarray(shape.vertices, dtype=float))
+    model.addTriangles(np.asarray(shape.triangles, dtype=np.uint64))
+    model.endModel()
+    return model, hull
+
+
+def _hull(coal: Any, mesh: Mesh) -> tuple[Any, bool]:
+    """Return the convex hull of a mesh, and whether that is all of it."""
+    from scipy.spatial import ConvexHull
+    points = np.asarray(mesh.vertices, dtype=float)[np.unique(mesh.triangles)]
+    hull = ConvexHull(points)
+    corners = coal.StdVec_Vec3s()
+    for corner in points[hull.vertices]:
+        corners.append(corner)
+    return (coal.ConvexBase.convexHull(corners, True, 'Qt'),
+            hull.volume - abs(mesh.volume) < CONVEX * hull.volume)
+
+
+def _frame(axis: Array) -> Array:
+    """Return any rotation (3, 3) whose z is a unit vector (3,)."""
+    x, y, z = axis.tolist()
+    if z < 0.0:  # a cylinder has no direction
+        x, y, z = -x, -y, -z
+    a = 1.0 / (1.0 + z)  # the turn about the axis across z and the vector
+    return np.array([[1.0 - a * x * x, -a * x * y, x],
+                     [-a * x * y, 1.0 - a * y * y, y],
+                     [-x, -y, z]])
+
+
+def _coal() -> Any:
+    try:
+        import coal
+    except ImportError:
+        raise ObstacleError('distances to obstacles need coal; install it with: pip install '
+                            "'soft_continuum[obstacles]'") from None
+    return coal

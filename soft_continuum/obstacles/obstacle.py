@@ -1,0 +1,79 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""An obstacle: a named shape, placed in base_link."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from soft_continuum.mechanics._checks import real_array
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.spatial.orientations import matrices
+from soft_continuum.obstacles.mesh import Mesh
+from soft_continuum.obstacles.shapes import Box, Capsule, Cylinder, ObstacleError, Sphere
+from soft_continuum.text import MAX_NAME, printable
+
+POSITION_RANGE = 1000.0  # m from base_link
+UNIT = 1e-3  # by how much the length of a quaternion may differ from 1
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+Shape = Sphere | Box | Capsule | Cylinder | Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """
+    A shape at a place in base_link.
+
+    name: of its own among obstacles.  position: of the origin of the shape's frame, (3,), m.
+    orientation: of that frame, unit quaternion x, y, z, w; turned_by gives one.
+    """
+
+    name: str
+    shape: Shape
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orientation: tuple[float, float, float, float] = UPRIGHT
+
+    def __post_init__(self) -> None:
+        """Refuse what is nowhere, or has no name."""
+        if not (isinstance(self.name, str) and self.name.strip() and self.name.isprintable()
+                and len(self.name) <= MAX_NAME):
+            raise ObstacleError(
+                f'the name of an obstacle is {printable(repr(self.name), MAX_NAME)}; give a text '
+                f'of up to {MAX_NAME} characters')
+        if not isinstance(self.shape, Shape):
+            raise ObstacleError(f'obstacle {self.name}: the shape is {type(self.shape).__name__}; '
+                                'give a Sphere, Box, Capsule, Cylinder or Mesh')
+        check_numbers(f'obstacle {self.name}: position', self.position, 3, POSITION_RANGE, 'm')
+        check_numbers(f'obstacle {self.name}: orientation', self.orientation, 4, 1.0 + UNIT)
+        if abs(np.linalg.norm(self.orientation) - 1.0) > UNIT:
+            raise ObstacleError(f'obstacle {self.name}: orientation is {self.orientation}; '
+                                'allowed: a unit quaternion x, y, z, w, such as [0, 0, 0, 1]')
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation matrix of the shape's frame in base_link, (3, 3)."""
+        turn = np.array(self.orientation, dtype=float)
+        found: Array = matrices((turn / np.linalg.norm(turn))[None])[0]
+        return found
+
+
+def turned_by(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Return the quaternion of turns about the fixed axes x, y, z, one after another, rad."""
+    (a, b, c), (p, q, r) = np.cos([roll / 2, pitch / 2, yaw / 2]), np.sin(
+        [roll / 2, pitch / 2, yaw / 2])
+    return (float(p * b * c - a * q * r), float(a * q * c + p * b * r),
+            float(a * b * r - p * q * c), float(a * b * c + p * q * r))
+
+
+def check_numbers(name: str, values: Sequence[float], count: int, most: float, unit: str = ''
+                  ) -> None:
+    """Raise ObstacleError for what is not ``count`` numbers, none larger than ``most``."""
+    try:
+        given = real_array(values, '')
+    except ValueError:
+        given = np.empty(0)
+    if given.shape != (count,) or not np.all(np.abs(given) <= most):  # nor nan
+        raise ObstacleError(f'{name} is {printable(repr(values), MAX_NAME)}; allowed: {count} '
+                            f'numbers from {-most:g} to {most:g} {unit}'.rstrip())

@@ -1,0 +1,63 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a Runner sees of the arm, and how it acts on it."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.sequencing.progress import Code
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a run cannot go on."""
+
+    code: Code
+    message: str
+
+
+@dataclass(frozen=True)
+class Observation:
+    """
+    The state of the arm at one tick.
+
+    pulls: (tendons,) m.  moving: whether a tendon moves or may still move to what it was sent.
+    stiff: per segment, confirmed by pressure.  vacuum: per segment, Pa below ambient.  stopped:
+    why tendon motion is stopped.  fault: why the arm cannot be operated, such as a stale node.
+    motion_failure: why the motion that was sent last was refused or ended early.  stops: how often
+    motion was stopped, ever.  measured: when the arm was last measured, on the clock of the ticks;
+    None for never.  anomaly: what the measurements say is wrong with the arm.  obstructed: which
+    obstacle is now in the way of the plan that is followed.  departed: how far the arm is from
+    that plan, once it is too far.
+    """
+
+    pulls: tuple[float, ...]
+    moving: bool
+    stiff: tuple[bool, ...]
+    vacuum: tuple[float, ...]
+    stopped: str = ''
+    fault: str = ''
+    motion_failure: Failure | None = None
+    stops: int = 0
+    measured: float | None = None
+    anomaly: str = ''
+    obstructed: str = ''
+    departed: str = ''
+
+
+class ArmPort(Protocol):
+    """How a Runner acts on the arm; every call may be repeated without harm."""
+
+    def set_stiff(self, segment: int, stiff: bool) -> None:
+        """Request that a segment (0-based) is evacuated or vented."""
+
+    def follow(self, motion: int, start: float, times: Array, pulls: Array) -> None:
+        """
+        Request the pulls (k, tendons) m at ``start + times`` s, on the clock of the ticks.
+
+        A motion is sent in pieces, each replacing the one before; ``motion`` numbers the motions.
+        """
+
+    def hold(self) -> None:
+        """Request that the tendons brake and hold."""

@@ -1,0 +1,89 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the rest of a plan may still be followed: it has to be clear, and the arm on it."""
+
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.obstacles.surroundings import Clearance, Surroundings
+from soft_continuum.sequencing.planner import ShapePlan
+
+
+class PlanWatch:
+    """
+    Watches a plan with the states on its ways.
+
+    ``look`` takes some ms per state and may run on another thread; the rest costs little.
+    """
+
+    def __init__(self, plan: ShapePlan, margin: float, departure: float) -> None:
+        """
+        Watch ``plan``.
+
+        margin: m that every state has to stay away from obstacles.  departure: m by which the arm
+        may be away from the plan where nothing is near.
+        """
+        self._plan, self._margin, self._departure = plan, margin, departure
+        self._points = [np.array([state.backbone for state in way]) for way in plan.ways]
+        self._clear: list[list[Clearance]] = []  # of every state; before ``look`` of none
+
+    def look(self, surroundings: Surroundings) -> None:
+        """Find out how far the states are from obstacles."""
+        self._clear = [surroundings.clearances(way) for way in self._plan.ways]
+
+    def obstructed(self, move: int, state: Any) -> str:
+        """
+        Return which obstacle is in the way of what is left, and where; empty for none.
+
+        move: (0-based) that is made or comes next.  state: of the arm, None where it is not known.
+        """
+        if not self._clear:
+            return ''
+        if move == len(self._clear):  # all is done but to rest there
+            move, first = move - 1, len(self._clear[-1]) - 1
+        else:
+            first = self._nearest(move, state)[0]
+        left = [(number, i, clear) for number in range(move, len(self._clear))
+                for i, clear in enumerate(self._clear[number])
+                if number > move or i >= first]
+        number, i, worst = min(left, key=lambda one: one[2].distance)
+        if worst.distance >= self._margin:
+            return ''
+        tip = 1e3 * self._points[number][i][-1]
+        return (f'{worst.obstacle} is {_millimetres(worst.distance)} from the rest of the motion, '
+                f'where segment {self._plan.moves[number].segment + 1} is set and the tip is at '
+                f'({", ".join(f"{value:.0f}" for value in tip)}) mm; margin: '
+                f'{_millimetres(self._margin)}')
+
+    def departed(self, move: int, state: Any) -> str:
+        """
+        Return how far the arm is from the plan, if that is too far; else nothing.
+
+        It may always be the margin away; and more, up to ``departure``, where that leaves the
+        margin to every obstacle.
+        """
+        if move >= len(self._points):
+            return ''
+        i, away = self._nearest(move, state)
+        clear = self._clear[move][i].distance if self._clear else inf
+        allowed = max(self._margin, min(self._departure, clear - self._margin))
+        if away <= allowed:
+            return ''
+        return (f'the arm is {_millimetres(away)} from where it was planned to be; allowed: '
+                f'{_millimetres(allowed)}')
+
+    def _nearest(self, move: int, state: Any) -> tuple[int, float]:
+        """Return the number of the state of a move that the arm is nearest to, and how near, m."""
+        if state is None:
+            return 0, 0.0
+        away: Array = np.linalg.norm(
+            self._points[move] - state.backbone, axis=2).max(axis=1)
+        i = int(away.argmin())
+        return i, float(away[i])
+
+
+def _millimetres(length: float) -> str:
+    return f'{1e3 * length:.1f} mm'

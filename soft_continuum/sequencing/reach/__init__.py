@@ -1,0 +1,21 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Plans by tip: which segment to soften when, and to which angle, so that the tip gets there.
+
+``reach`` plans to one goal of the tip, ``follow`` a path through several, both among obstacles.
+"""
+
+from soft_continuum.sequencing.reach.goal import (
+    Clear,
+    Distance,
+    NoObstacles,
+    ReachSettings,
+    Surroundings,
+    TipGoal,
+)
+from soft_continuum.sequencing.reach.result import PlannedStep, Reach
+from soft_continuum.sequencing.reach.search import reach
+
+__all__ = ['Clear', 'Distance', 'NoObstacles', 'PlannedStep', 'Reach', 'ReachSettings',
+           'Surroundings', 'TipGoal', 'reach']

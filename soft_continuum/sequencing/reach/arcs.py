@@ -1,0 +1,167 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The tip of very many shapes at once, by constant curvature, and shapes for a tip.
+
+It is what a search can afford to ask thousands of times; the statics have the last word.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from soft_continuum.mechanics import constant_curvature
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm, chain_of, State
+from soft_continuum.mechanics.spatial import constant_curvature as spatial_curvature
+from soft_continuum.mechanics.spatial.directions import bending_axes
+from soft_continuum.sequencing.planner import WHOLE_ARM
+from soft_continuum.sequencing.reach.goal import TipGoal
+
+ITERATIONS = 30  # of Levenberg and Marquardt's method
+FITTED = 1e-3  # of the tolerances: nearer need no tip be
+STEP = 1e-5  # rad, for derivatives
+STUCK = 1e8  # damping at which a fit gets no nearer
+
+
+class Miss:
+    """How far tips are from a goal, in parts of its tolerances."""
+
+    def __init__(self, goal: TipGoal) -> None:
+        """Take the goal."""
+        self.goal = goal
+
+    def of(self, positions: Array, rotations: Array) -> Array:
+        """Return what is to be zero of tips (m, 3), m, and (m, 3, 3), as (m, 3 or 6)."""
+        goal = self.goal
+        away: Array = (positions - goal.position) / goal.position_tolerance
+        if goal.kind == 'position':
+            return away
+        assert goal.rotation is not None
+        if goal.kind == 'pose':
+            turned = Rotation.from_matrix(rotations @ goal.rotation.T).as_rotvec()
+        else:
+            axes, wanted = rotations[..., 2], goal.rotation[:, 2]
+            turned = np.cross(wanted, axes)
+            sines = np.linalg.norm(turned, axis=-1)
+            angles = np.arctan2(sines, axes @ wanted)
+            turned *= (angles / np.maximum(sines, 1e-12))[..., None]
+        return np.concatenate([away, turned / goal.angle_tolerance], axis=-1)
+
+    def of_state(self, state: State) -> Array:
+        """Return the same of one state, (3 or 6,)."""
+        there: Array = self.of(state.backbone[None, -1], state.rotations[None, -1])[0]
+        return there
+
+    def errors(self, state: State) -> tuple[float, float]:
+        """Return how far the tip of a state is away, m, and how far it is turned, rad."""
+        miss = self.of_state(state)
+        return (float(np.linalg.norm(miss[:3])) * self.goal.position_tolerance,
+                float(np.linalg.norm(miss[3:])) * self.goal.angle_tolerance)
+
+
+def size(miss: Array) -> Array:
+    """Return the larger part of what tips miss (..., 3 or 6): up to 1 is within tolerance."""
+    parts: Array = np.maximum(np.linalg.norm(miss[..., :3], axis=-1),
+                              np.linalg.norm(miss[..., 3:], axis=-1))
+    return parts
+
+
+class Arcs:
+    """
+    One arm of constant curvature; bending is (segments,) of a planar one, else (segments, 2), rad.
+
+    free: as bending, about which axes it bends.  limits: (segments,) rad.
+    """
+
+    def __init__(self, arm: AnyArm) -> None:
+        """Take the arm."""
+        self.arm, self.planar = arm, isinstance(arm, Arm)
+        self.chain = chain_of(arm)
+        self.limits = np.array([segment.bending_angle_limit for segment in arm.segments])
+        self.free: NDArray[np.bool_] = (
+            np.ones(len(arm.segments), dtype=bool) if isinstance(arm, Arm) else bending_axes(arm))
+
+    def tips(self, bending: Array) -> tuple[Array, Array]:
+        """Return where tips are, (m, 3) m, and their orientations (m, 3, 3), of (m, ...) rad."""
+        if not isinstance(self.arm, Arm):
+            points, turns = spatial_curvature.poses(self.arm, bending)
+            return points[..., -1, :], turns[..., -1, :, :]
+        x, z, angle = np.moveaxis(constant_curvature.poses(self.arm, bending)[..., -1, :], -1, 0)
+        turned = np.zeros((*x.shape, 3, 3))
+        turned[..., 0, 0] = turned[..., 2, 2] = np.cos(angle)
+        turned[..., 0, 2], turned[..., 2, 0] = np.sin(angle), -np.sin(angle)
+        turned[..., 1, 1] = 1.0
+        return np.stack([x, np.zeros_like(x), z], axis=-1), turned
+
+    def columns(self, movers: Sequence[int]) -> NDArray[np.intp]:
+        """Return which of the numbers of a bending some segments, or WHOLE_ARM, set."""
+        chosen = np.zeros_like(self.free)
+        for mover in movers:
+            rows = slice(None) if mover == WHOLE_ARM else mover
+            chosen[rows] = self.free[rows]
+        return np.flatnonzero(chosen)
+
+    def within(self, bending: Array) -> Array:
+        """Return bendings (m, ...) within the limits, each the nearest to the one given."""
+        if self.planar:
+            return np.clip(bending, -self.limits, self.limits)
+        sizes = np.linalg.norm(bending, axis=-1)
+        return np.asarray(bending * (self.limits / np.maximum(sizes, self.limits))[..., None])
+
+    def fit(self, bending: Array, movers: Sequence[int], miss: Miss) -> tuple[Array, Array]:
+        """
+        Bring tips to a goal by what some segments, or WHOLE_ARM, set: (m, ...) rad from where.
+
+        Returns the bendings and what is missed, as Miss.of; Levenberg and Marquardt's method, all
+        at once.
+        """
+        columns, bent = self.columns(movers), self.within(bending)
+        left = miss.of(*self.tips(bent))
+        damping = np.full(len(bent), 1e-3)
+        for _ in range(ITERATIONS):
+            going = np.flatnonzero((size(left) > FITTED) & (damping < STUCK))
+            if not going.size:
+                break
+            here, rest = bent[going], left[going]
+            there = self.within(here - self._change(here, rest, columns, damping[going], miss))
+            after = miss.of(*self.tips(there))
+            better = (after**2).sum(axis=1) < (rest**2).sum(axis=1)
+            bent[going[better]], left[going[better]] = there[better], after[better]
+            damping[going] *= np.where(better, 0.2, 8.0)
+        return bent, left
+
+    def corrected(self, bending: Array, movers: Sequence[int], miss: Miss, left: Array) -> Array:
+        """Return one bending so changed that its tip goes by as much as is ``left``, rad."""
+        some = self.columns(movers)
+        change = self._change(bending[None], left[None], some, np.full(1, 1e-6), miss)
+        return self.within(bending - change[0])
+
+    def _change(self, bending: Array, left: Array, columns: NDArray[np.intp], damping: Array,
+                miss: Miss) -> Array:
+        """Return by how much bendings (m, ...) are too large for what is left (m, k)."""
+        count = len(columns)
+        flat = np.repeat(bending.reshape(1, len(bending), -1), count + 1, axis=0)
+        flat[np.arange(count), :, columns] += STEP
+        tips = miss.of(*self.tips(flat.reshape(count + 1, *bending.shape)))
+        slopes = np.moveaxis((tips[:-1] - tips[-1]) / STEP, 0, -1)  # (m, k, count)
+        square = slopes.swapaxes(1, 2) @ slopes
+        scale = np.trace(square, axis1=1, axis2=2) / count + 1e-12
+        square += (damping * scale)[:, None, None] * np.eye(count)
+        found = np.linalg.solve(square, slopes.swapaxes(1, 2) @ left[..., None])[..., 0]
+        change = np.zeros((len(bending), flat.shape[-1]))
+        change[:, columns] = found
+        return change.reshape(bending.shape)
+
+    def drawn(self, draw: np.random.Generator, count: int) -> Array:
+        """Return bendings within the limits, drawn evenly, (count, ...) rad."""
+        parts = draw.uniform(size=(count, len(self.limits)))
+        if self.planar:
+            return np.asarray((2.0 * parts - 1.0) * self.limits)
+        ways = draw.uniform(0.0, 2.0 * np.pi, parts.shape)
+        sizes = np.sqrt(parts) * self.limits
+        drawn = np.stack([sizes * np.cos(ways), sizes * np.sin(ways)], axis=-1)
+        return np.where(self.free, drawn, 0.0)

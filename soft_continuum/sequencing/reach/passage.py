@@ -1,0 +1,213 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+One move of a plan as the statics predict it: what is in the way, and which limit.
+
+The pulls of the move are followed as the motors will follow them.  Between two states of the arm a
+point of it goes as far as ``moved`` says, so it can be nearer to an obstacle than in both of them
+by half of that at most; where that is too near, states between them are solved.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import State
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.sequencing.planner import Move, PlanError, ShapePlanner, WHOLE_ARM
+from soft_continuum.sequencing.reach.goal import Clear, Distance, ReachSettings, Surroundings
+from soft_continuum.sequencing.reach.result import PlannedStep
+
+DETOUR = 1.2
+"""A way between two neighbouring states over the straight distance: they differ by little."""
+SNAP = 0.02  # m between two states of a motion that were followed: farther, and it is no motion
+SHORT = 1e-3  # of the way between two pulls: no two states are nearer in time
+BEYOND = 2e-3  # rad by which a segment may be beyond its bending angle limit, as it gives way
+
+
+class BlockedError(Exception):
+    """
+    What stands in the way of a move.
+
+    obstacle: its name.  limit: of which parameter; both may be empty.
+    """
+
+    def __init__(self, message: str, obstacle: str = '', limit: str = '') -> None:
+        super().__init__(message)
+        self.obstacle, self.limit = obstacle, limit
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """
+    Where some moves lead: all segments stiff again, if the arm has jamming.
+
+    pulls: (tendons,) m of the motors.  near: how far obstacles are.  locked: the segments
+    (0-based) that were stiffened on the way here.
+    """
+
+    state: Any
+    pulls: Array
+    near: Distance
+    moves: tuple[Move, ...] = ()
+    steps: tuple[PlannedStep, ...] = ()
+    locked: frozenset[int] = field(default_factory=frozenset)
+
+
+def moved(one: State, other: State, radius: float) -> float:
+    """Return how far no point within ``radius`` (m) of the backbone is from itself, m."""
+    ends = np.linalg.norm(one.backbone[1:] - other.backbone[1:], axis=1)
+    turns = np.linalg.norm(one.rotations - other.rotations, axis=(1, 2)) / np.sqrt(2.0)
+    return float((ends + radius * turns).max())
+
+
+class Passages:
+    """Moves of one arm among its surroundings."""
+
+    def __init__(self, planner: ShapePlanner, surroundings: Surroundings, settings: ReachSettings
+                 ) -> None:
+        """Prepare; settings: of which margin, lock_in and softening_time count."""
+        self.planner, self.surroundings, self.settings = planner, surroundings, settings
+        chain = planner.statics.chain
+        arm = chain.arm
+        # Bodies are longer than their radius at joints: a corner is sqrt(2) of it away.
+        self.radius = float(np.sqrt(2.0) * max(
+            chain.disc_radii.max(), max(s.outer_diameter for s in arm.segments) / 2))
+        self._limits = np.array([s.bending_angle_limit for s in arm.segments]) + BEYOND
+        beyond = np.cumsum([s.length + d.height for s, d in zip(
+            arm.segments[::-1], arm.discs[:0:-1], strict=True)])[::-1]
+        halves = np.array([s.length / 2 for s in arm.segments])
+        self._levers = np.hypot(beyond - halves, chain.disc_radii.max())
+        self._jamming = planner.settings.jamming
+
+    def start(self, state: Any, pulls: Array) -> Node:
+        """Return where plans begin; raises PlanError where that is in an obstacle."""
+        near = self.surroundings.clearance(state)
+        if near.distance <= 0.0:
+            raise PlanError(f'the arm touches {near.obstacle} where it is: it overlaps by '
+                            f'{-near.distance * 1e3:.1f} mm; move one of them away first')
+        return Node(state, pulls, near)
+
+    def go(self, node: Node, mover: int, goal: Array) -> Node:
+        """
+        Return where one segment (0-based), or WHOLE_ARM, is set; goal: as State.bending, rad.
+
+        Raises BlockedError.
+        """
+        try:
+            move, _ = self.planner.move(
+                node.state, node.pulls, mover, float(goal[mover]) if goal.ndim == 1 else goal)
+            return self._followed(node, move)
+        except PlanError as error:
+            self.planner.check_wanted()  # an abandoned plan is not one that is blocked
+            raise BlockedError(str(error), limit=error.limit) from None
+        except StaticsError as error:
+            raise BlockedError(str(error)) from None
+
+    def needed(self, locked: frozenset[int], soft: int | None) -> float:
+        """
+        Return how far obstacles must be, m.
+
+        A segment that bent when it was stiffened moves all beyond it.  The tendons make up for it
+        in the one that is soft, which moves all beyond that at most as much the other way.
+        """
+        shift = 0.0
+        if self._jamming:
+            shift = sum(max(self._levers[s], 0.0 if soft is None else self._levers[soft])
+                        for s in locked if s != soft)
+        return self.settings.margin + self.settings.lock_in * shift
+
+    def _followed(self, node: Node, move: Move) -> Node:
+        """Follow the pulls of a move, from a node on."""
+        soft = None if move.segment == WHOLE_ARM else move.segment
+        state = self.planner.softened(node.state, node.pulls, move.segment)
+        way = _Way(self, move, self.needed(node.locked, soft))
+        near = way.check(state)
+        if not node.moves:  # from where the arm is nearer to something it may go away
+            clear = min(node.near.distance, near.distance) - DETOUR * moved(
+                node.state, state, self.radius)
+            way.needed = min(way.needed, max(0.0, clear))
+        way.between(node.state, node.near, state, near)
+        for before, pulls in zip(move.pulls, move.pulls[1:], strict=False):
+            state, near = way.to(state, near, before, pulls)
+        locked = node.locked | ({move.segment} if self._jamming else set())
+        needed = self.needed(locked, None)
+        if near.distance < needed:
+            raise _too_near(near, needed)
+        duration = move.duration + (self.settings.softening_time if self._jamming else 0.0)
+        step = PlannedStep(tuple(way.states), way.least.distance, way.least.obstacle,
+                           way.tension, duration)
+        return Node(state, move.pulls[-1], near, (*node.moves, move), (*node.steps, step), locked)
+
+
+class _Way:
+    """The states on the way of one move; least: the smallest clearance up to now."""
+
+    def __init__(self, passages: Passages, move: Move, needed: float) -> None:
+        self.passages, self.move, self.needed = passages, move, needed
+        self.states: list[Any] = []
+        self.least: Distance = Clear()
+        self.tension = 0.0
+
+    def check(self, state: Any) -> Distance:
+        """Note a state and return how far obstacles are; raises BlockedError beyond a limit."""
+        passages, settings = self.passages, self.passages.planner.settings
+        if state.jumped:
+            raise BlockedError('the arm would go over to another shape by itself', limit='jump')
+        tension = float(np.nanmax(state.tensions, initial=0.0))
+        if tension > settings.tension_limit:
+            raise BlockedError(f'needs a tendon tension of {tension:.1f} N; tension_limit: '
+                               f'{settings.tension_limit:g} N', limit='tension_limit')
+        over = state.bending_angles if state.bending_directions.size else np.abs(
+            state.bending_angles)
+        if np.any(over > passages._limits):
+            worst = int(np.argmax(over - passages._limits))
+            raise BlockedError(
+                f'segment {worst + 1} would bend by {np.degrees(over[worst]):.1f} degrees, beyond '
+                'its bending_angle_limits', limit='bending_angle_limits')
+        near = passages.surroundings.clearance(state)
+        if near.distance < self.needed:
+            raise _too_near(near, self.needed)
+        self.states.append(state)
+        self.tension = max(self.tension, tension)
+        return near
+
+    def between(self, one: Any, near_one: Distance, other: Any, near_other: Distance) -> float:
+        """Note how near obstacles are between two states; return how far points move, m."""
+        way = DETOUR * moved(one, other, self.passages.radius)
+        nearest = min(near_one, near_other, key=lambda near: near.distance)
+        least = Clear((near_one.distance + near_other.distance - way) / 2.0, nearest.obstacle)
+        if least.distance < self.needed:
+            raise _too_near(least, self.needed)
+        if least.distance < self.least.distance:
+            self.least = least
+        return way
+
+    def to(self, state: Any, near: Distance, before: Array, pulls: Array, part: float = 1.0
+           ) -> tuple[Any, Distance]:
+        """Go to the next pulls (tendons,) m, by states as near to each other as is needed."""
+        move = self.move
+        there = self.passages.planner.held(state, pulls, move.segment, move.sliding)
+        count = len(self.states)
+        near_there = self.check(there)
+        least, tension = self.least, self.tension
+        try:
+            if self.between(state, near, there, near_there) > SNAP:
+                raise BlockedError('the arm would snap over on the way', limit='jump')
+            return there, near_there
+        except BlockedError:
+            if part < SHORT:
+                raise
+        del self.states[count:]
+        self.least, self.tension = least, tension
+        middle = 0.5 * (before + pulls)
+        state, near = self.to(state, near, before, middle, part / 2.0)
+        return self.to(state, near, middle, pulls, part / 2.0)
+
+
+def _too_near(near: Distance, needed: float) -> BlockedError:
+    return BlockedError(
+        f'{near.obstacle} is in the way: {near.distance * 1e3:.1f} mm away, where '
+        f'{needed * 1e3:.1f} mm are needed', obstacle=near.obstacle)

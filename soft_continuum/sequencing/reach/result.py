@@ -1,0 +1,66 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of a plan by tip before it runs."""
+
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+from soft_continuum.sequencing.planner import ShapePlan
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedStep:
+    """
+    One Move of a plan, as the model predicts it.
+
+    states: from the one in which its segment becomes soft to the one that is stiffened, all in
+    equilibrium with the pulls of the move.  clearance: m, the smallest on the way and between
+    these states.  obstacle: the name of the nearest, empty for none.  tension: N, the largest.
+    duration: s, of the motion and of softening and stiffening.
+    """
+
+    states: tuple[Any, ...]
+    clearance: float
+    obstacle: str
+    tension: float
+    duration: float
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """
+    A plan by tip.
+
+    plan: its moves and the state after them; None where nothing better than to stay is known.
+    why: empty; or why the goal is not reached, and then the plan is to the nearest that is known.
+    steps: one for each move.  tip_error: m from the tip to the goal in the end, of a path the
+    largest distance of the tip from it on the way.  turn_error: rad, likewise.
+    """
+
+    plan: ShapePlan | None
+    why: str = ''
+    steps: tuple[PlannedStep, ...] = ()
+    tip_error: float = 0.0
+    turn_error: float = 0.0
+
+    @property
+    def softenings(self) -> int:
+        """How often a segment is softened; of an arm without jamming, how often it moves."""
+        return len(self.steps)
+
+    @property
+    def duration(self) -> float:
+        """How long all steps take, s."""
+        return sum(step.duration for step in self.steps)
+
+    @property
+    def tension(self) -> float:
+        """The largest tension on the way, N."""
+        return max((step.tension for step in self.steps), default=0.0)
+
+    @property
+    def clearance(self) -> tuple[float, str]:
+        """The smallest distance to an obstacle on the way, m, and its name."""
+        nearest = min(self.steps, key=lambda step: step.clearance, default=None)
+        return (inf, '') if nearest is None else (nearest.clearance, nearest.obstacle)

@@ -1,0 +1,299 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The search for plans to a goal of the tip: arcs propose, the statics decide.
+
+Candidates with one softening come first, then those with two, and so on.  Each is looked at by
+constant curvature, then corrected and followed by the statics; what many have in common is looked
+at once.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from math import inf
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import bent
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.sequencing.planner import (
+    PlanError,
+    Shape,
+    ShapePlan,
+    ShapePlanner,
+    soft_flags,
+)
+from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
+from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
+from soft_continuum.sequencing.reach.goal import Distance, ReachSettings, Surroundings, TipGoal
+from soft_continuum.sequencing.reach.passage import BlockedError, moved, Node, Passages
+from soft_continuum.sequencing.reach.result import Reach
+
+ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is
+FINE = 0.004  # m: points of arcs that move by less are not looked at in between
+CORRECTIONS = 8  # of bendings, by the statics
+AIM = 0.3  # of the tolerances: so near the correction ends
+ALIKE = 0.1  # s: durations that differ by less are one, and the tension decides
+KEPT = 0.15  # of the time, to look for the nearest when there is no plan
+IMPROVEMENTS = 40  # candidates beside the best that are tried
+WIDTHS = (0.3, 0.1, 0.03)  # rad by which they are beside it
+NEAREST = 30  # shapes that are tried to come near
+NAME = 'tip goal'
+
+
+def reach(planner: ShapePlanner, state: Any, pulls: Sequence[float], goal: TipGoal,
+          surroundings: Surroundings, settings: ReachSettings | None = None) -> Iterator[Reach]:
+    """
+    Yield plans to a goal of the tip, each better than the one before it; the last is the best.
+
+    state: of the arm at rest, with all segments stiff if it has jamming.  pulls: (tendons,) m of
+    its motors.  Where no plan is found, one Reach says why, with the plan that comes nearest.
+    Raises PlanError for a start or a goal that is none, or when the plan is abandoned.
+    """
+    settings = settings or ReachSettings()
+    goal.check(planner.statics.chain.arm)
+    inside = surroundings.at(goal.position)
+    if inside.distance <= 0.0:
+        raise PlanError(f'the tip goal is in {inside.obstacle}, '
+                        f'{-inside.distance * 1e3:.1f} mm deep; move one of them')
+    passages = Passages(planner, surroundings, settings)
+    yield from _Search(passages, passages.start(state, np.array(pulls, dtype=float)), goal).run()
+
+
+class _Search:
+    """One search."""
+
+    def __init__(self, passages: Passages, start: Node, goal: TipGoal) -> None:
+        self.passages, self.start, self.goal = passages, start, goal
+        self.settings, planner = passages.settings, passages.planner
+        self.planner, self.miss = planner, Miss(goal)
+        self.arcs = Arcs(planner.statics.chain.arm)
+        self.bending = np.array(start.state.bending)
+        self.candidates = Candidates(self.arcs, planner.settings, self.miss, self.bending,
+                                     np.random.default_rng(self.settings.seed))
+        self.best: Reach | None = None
+        self.best_candidate: Candidate | None = None
+        self.nearest = start
+        self.blocked: Counter[tuple[str, str]] = Counter()  # obstacle or limit, and how often
+        self._began = monotonic()
+        self._shapes: dict[bytes, tuple[Any, Distance]] = {}
+        self._lines: dict[tuple[bytes, bytes], str] = {}
+        self._nodes: dict[tuple[bytes, ...], Node | BlockedError] = {}
+
+    def run(self) -> Iterator[Reach]:
+        """Yield better and better plans."""
+        if size(self.miss.of_state(self.start.state)) <= 1.0:
+            yield self._result(self.start)
+            return
+        for count in range(1, self.settings.max_softenings + 1):
+            if self._bound(count, 0.0) >= self._best_cost():
+                break
+            yield from self._tried(
+                c for part in self.candidates.of(count) for c in part)
+            if self._late():
+                break
+        if self.best is None:
+            yield self._nearest()
+        else:
+            yield from self._tried(
+                c for width in WIDTHS for _ in range(IMPROVEMENTS // len(WIDTHS))
+                for c in self.candidates.beside(self._known_best(), width))
+
+    def _tried(self, candidates: Iterator[Candidate]) -> Iterator[Reach]:
+        """Yield what is better than all before it."""
+        for candidate in candidates:
+            self.planner.check_wanted()
+            if self._late():
+                return
+            if self._bound(len(candidate.movers), candidate.seconds) >= self._best_cost():
+                continue
+            try:
+                found = self._result(self._planned(candidate))
+            except BlockedError as error:
+                self.blocked[error.obstacle, error.limit] += 1
+                continue
+            if self._cost(found) < self._best_cost():
+                self.best, self.best_candidate = found, candidate
+                yield found
+
+    def _late(self) -> bool:
+        limit = self.settings.time_limit * (1.0 if self.best else 1.0 - KEPT)
+        return monotonic() - self._began > limit
+
+    def _known_best(self) -> Candidate:
+        assert self.best_candidate is not None
+        return self.best_candidate
+
+    # What a plan costs.
+
+    def _cost(self, found: Reach) -> tuple[float, ...]:
+        return self._weighed(found.softenings, found.duration, found.tension)
+
+    def _best_cost(self) -> tuple[float, ...]:
+        return (inf,) if self.best is None else self._cost(self.best)
+
+    def _bound(self, softenings: int, seconds: float) -> tuple[float, ...]:
+        pause = self.settings.softening_time if self.planner.settings.jamming else 0.0
+        return self._weighed(softenings, softenings * pause + seconds, 0.0)
+
+    def _weighed(self, softenings: int, seconds: float, tension: float) -> tuple[float, ...]:
+        if self.settings.weights is None:
+            return (softenings, round(seconds / ALIKE), tension)
+        one, second, newton = self.settings.weights
+        return (one * softenings + second * seconds + newton * tension,)
+
+    # One candidate.
+
+    def _planned(self, candidate: Candidate) -> Node:
+        """Return where the settings of a candidate lead; raises BlockedError."""
+        self._look(candidate)
+        movers, first = candidate.movers, len(candidate.movers) - candidate.fitted
+        node, path = self.start, tuple[bytes, ...]()
+        for mover, shape in zip(movers[:first], candidate.shapes[1:first + 1], strict=True):
+            node, path = self._gone(node, path, mover, shape)
+        last, bending = movers[first:], candidate.shapes[-1]
+        bending = self._corrected(node, last, bending)
+        for _ in range(2):
+            end, way = node, path
+            for mover in last:
+                end, way = self._gone(end, way, mover, bending)
+            left = self.miss.of_state(end.state)
+            if size(left) <= 1.0:
+                return end
+            bending = self.arcs.corrected(bending, last, self.miss, left)
+        raise BlockedError('the tip does not get there', limit='tip')
+
+    def _gone(self, node: Node, path: tuple[bytes, ...], mover: int, bending: Array
+              ) -> tuple[Node, tuple[bytes, ...]]:
+        """Go on from a node, unless it is known where that leads."""
+        key = (*path, bytes([mover % 256]) + bending.reshape(-1)[
+            self.arcs.columns([mover])].tobytes())
+        known = self._nodes.get(key)
+        if known is None:
+            try:
+                known = self.passages.go(node, mover, bending)
+                self._note(known)
+            except BlockedError as error:
+                known = error
+            self._nodes[key] = known
+        if isinstance(known, BlockedError):
+            raise known
+        return known, key
+
+    def _corrected(self, node: Node, movers: Sequence[int], bending: Array) -> Array:
+        """Return the bending that the statics need so that the tip is at the goal."""
+        best, least = bending, inf
+        for _ in range(CORRECTIONS):
+            left = self.miss.of_state(self._predicted(node, movers, bending))
+            off = float(size(left))
+            if off < least:
+                best, least = bending, off
+            if off <= AIM or off > 2.0 * least:
+                break
+            bending = self.arcs.corrected(bending, movers, self.miss, left)
+        return best
+
+    def _predicted(self, node: Node, movers: Sequence[int], bending: Array) -> Any:
+        """Return the state after settings, without the way there."""
+        state = node.state
+        try:
+            for mover in movers:
+                self.planner.check_wanted()
+                soft = soft_flags(mover, len(self.arcs.limits))
+                state = bent(self.planner.statics, state, soft, bending)
+        except StaticsError as error:
+            raise BlockedError(str(error), limit='held') from None
+        return state
+
+    # A look at arcs.
+
+    def _look(self, candidate: Candidate) -> None:
+        """Raise BlockedError where an obstacle is far in the way of arcs."""
+        if self.start.near.distance == inf:
+            return
+        shapes = candidate.shapes
+        for shape in shapes[:0:-1]:
+            self._free(self._shape(shape)[1])
+        for one, other in zip(shapes, shapes[1:], strict=False):
+            key = one.tobytes(), other.tobytes()
+            if key not in self._lines:
+                self._lines[key] = self._line(one, other)
+            if self._lines[key]:
+                raise BlockedError('an obstacle is in the way', self._lines[key])
+
+    def _shape(self, bending: Array) -> tuple[Any, Distance]:
+        key = bending.tobytes()
+        if key not in self._shapes:
+            state = self.arcs.chain.uniform(bending)
+            self._shapes[key] = state, self.passages.surroundings.clearance(state)
+        return self._shapes[key]
+
+    def _free(self, near: Distance) -> None:
+        if near.distance < min(self.settings.margin, self.start.near.distance) - ARC_ERROR:
+            raise BlockedError('an obstacle is in the way', near.obstacle)
+
+    def _line(self, one: Array, other: Array) -> str:
+        """Return which obstacle is in the way between two shapes; empty for none."""
+        (state, near), (there, near_there) = self._shape(one), self._shape(other)
+        way = moved(state, there, self.passages.radius)
+        least = min(self.settings.margin, self.start.near.distance) - ARC_ERROR
+        if way < FINE or near.distance + near_there.distance - way > 2.0 * least:
+            return ''
+        middle = 0.5 * (one + other)
+        near = self._shape(middle)[1]
+        if near.distance < least:
+            return near.obstacle
+        return self._line(one, middle) or self._line(middle, other)
+
+    # What comes of it.
+
+    def _result(self, node: Node, why: str = '') -> Reach:
+        state = node.state
+        shape = Shape(NAME, tuple(state.bending_angles.tolist()), 0.0,
+                      tuple(state.bending_directions.tolist()))
+        plan = ShapePlan(shape, node.moves, state) if node.moves or not why else None
+        return Reach(plan, why, node.steps, *self.miss.errors(state))
+
+    def _note(self, node: Node) -> None:
+        """Keep the node whose tip is nearest to the goal."""
+        if size(self.miss.of_state(node.state)) < size(self.miss.of_state(self.nearest.state)):
+            self.nearest = node
+
+    def _nearest(self) -> Reach:
+        """Return the plan that comes nearest, and why none arrives."""
+        tried = self.candidates.nearest()
+        out_of_reach = tried[0].near > 1.0
+        began = monotonic()
+        for candidate in tried[:NEAREST]:
+            if monotonic() - began > KEPT * self.settings.time_limit:
+                break
+            self.planner.check_wanted()
+            try:
+                self._planned(candidate)
+            except BlockedError as error:
+                self.blocked[error.obstacle, error.limit] += 1
+        away, turn = self.miss.errors(self.nearest.state)
+        left = f'{away * 1e3:.1f} mm' + (
+            '' if self.goal.kind == 'position' else f' and {np.degrees(turn):.1f} degrees')
+        if out_of_reach:
+            return self._result(self.nearest, f'the goal is out of reach: the nearest that was '
+                                f'found is {left} from it')
+        return self._result(self.nearest, f'no plan was found: {self._in_the_way()}; the nearest '
+                            f'that was found is {left} from the goal')
+
+    def _in_the_way(self) -> str:
+        """Say what stopped the candidates, the most frequent first."""
+        said = []
+        for (obstacle, limit), _ in self.blocked.most_common(3):
+            if obstacle:
+                said.append(f'{obstacle} is in the way')
+            elif limit in ('tension_limit', 'pull_limits', 'bending_angle_limits'):
+                said.append(f'{limit} would be passed')
+            elif limit == 'jump':
+                said.append('the arm would go over to another shape by itself')
+            else:
+                said.append('the tendons do not hold the arm on the way')
+        return ', '.join(dict.fromkeys(said)) or 'the time was too short'
