@@ -8,6 +8,7 @@ from math import degrees, isfinite, isnan, radians
 
 from soft_continuum.browser.charts import axis_end, chart, ERROR_ENDS, History
 from soft_continuum.browser.session import Description, Notice
+from soft_continuum.browser.tip_planning import Planned
 from soft_continuum.browser.words import plain
 from soft_continuum.client.estimate import (
     age_text,
@@ -39,7 +40,7 @@ from soft_continuum_interfaces.msg import RecorderState
 WARNING: Colour = (255, 222, 89)
 PLAIN: Colour = (255, 255, 255)
 LEVELS = {'ok': PLAIN, 'warn': WARNING, 'error': WRONG}
-DARK_TEXT = (PLAIN, WARNING, TENSIONS[0], SOFT)
+DARK_TEXT = (PLAIN, WARNING, TENSIONS[0], SOFT, GHOST)
 MAX_ROWS, MAX_ALARM_ROWS = 30, 10  # of what others publish
 TELLING_ANGLE = radians(0.5)  # from which on a bending has a direction worth a word
 FEW_TENDONS = 3  # up to so many have a curve below their numbers, more beside them
@@ -283,6 +284,32 @@ def sequence_html(state: ArmState) -> str:
                   f'{_text(last.message)}')
 
 
+def plan_html(planned: Planned | None, waits: bool) -> str:
+    """Say whether and how the tip gets to its goal; waits: the answer has yet to come."""
+    if planned is None:
+        return _status(_table([(_chip('PLANNING', UNKNOWN), '')]))
+    plan = planned.plan
+    found = plan is not None and plan.found
+    chip = _chip('PLANNING', UNKNOWN) if waits else (
+        _chip('REACHABLE', GHOST) if found else _chip('NOT REACHABLE', WRONG) if plan else
+        _chip('NO ANSWER', WARNING))
+    rows: list[tuple[str, ...]] = [(chip, _text(planned.problem))]
+    if plan is not None and plan.steps:
+        lines = [] if found else ['<b>the nearest that can be had:</b>']
+        off = plan.tip_errors[-1] if plan.tip_errors else 0.0
+        lines += [f'tip <b>{_number(1e3 * off, ".1f", " mm")}</b> from its goal',
+                  f'softenings: <b>{plan.softenings}</b>' if plan.steps[0].segment else
+                  f'motions: <b>{plan.softenings}</b>',
+                  f'tension up to <b>{_number(plan.tension, ".1f", " N")}</b>',
+                  f'<b>{_number(plan.duration, ".0f", " s")}</b> of motion']
+        nearest = min(plan.steps, key=lambda step: step.clearance)
+        if isfinite(nearest.clearance):
+            lines.append(f'<b>{_number(1e3 * nearest.clearance, ".0f", " mm")}</b> from '
+                         f'{_text(nearest.obstacle)}')
+        rows.append(('<br>'.join(lines),))
+    return _status(_table(rows))
+
+
 def notices_html(notices: Iterable[Notice]) -> str:
     """Return notices, the newest first."""
     red = f' style="color:{_css(WRONG)}"'
@@ -304,6 +331,11 @@ def _table(rows: Iterable[tuple[str, ...]]) -> str:
 
 def _number(value: float, form: str, unit: str) -> str:
     return f'{value:{form}}{unit}' if isfinite(value) and abs(value) < 1e6 else '?'
+
+
+def _status(html: str) -> str:
+    """Let a screen reader say what changes."""
+    return f'<div role="status">{html}</div>'
 
 
 def _text(text: str) -> str:

@@ -2,17 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sliders for a shape that is in no library: how far each segment bends and, in space, towards."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from math import degrees, floor, radians
 from typing import Any, TYPE_CHECKING
 
-import numpy as np
 import viser
 
 from soft_continuum.browser.controls import number_of
 from soft_continuum.browser.html import own_shape_html
-from soft_continuum.browser.session import Description, Points
-from soft_continuum.mechanics.either import AnyChain, bending_of, chain_of
+from soft_continuum.browser.points import Points, points_of
+from soft_continuum.browser.session import Description
+from soft_continuum.mechanics.either import chain_of
 
 if TYPE_CHECKING:
     from soft_continuum.client.sequence import Bending
@@ -61,9 +61,3 @@ class OwnShape:
         return (tuple(max(-limit, min(limit, angle))
                       for angle, limit in zip(angles, self._limits, strict=True)), directions)
 
-
-def points_of(chain: AnyChain, angles: Sequence[float], directions: Sequence[float] = ()
-              ) -> Points:
-    """Return points along the backbone, x, y, z, m, of a shape that bends so, rad."""
-    shape = chain.uniform(bending_of(chain.arm, angles, directions))
-    return tuple(tuple(point) for point in np.vstack([np.zeros(3), shape.backbone]).tolist())

@@ -15,6 +15,7 @@ from soft_continuum.browser.controls import add_button, add_group, enable
 from soft_continuum.browser.scene import viewpoint, views_of
 from soft_continuum.browser.session import Description, Session
 from soft_continuum.browser.shapes_panel import ShapesPanel
+from soft_continuum.browser.tip_panel import TipPanel
 from soft_continuum.client.state import ArmState
 from soft_continuum.ros.names import JAMMING_VALVES, SHAPE_SEQUENCER
 
@@ -81,6 +82,9 @@ class Panel:
                 self._shapes = ShapesPanel(gui, self._session, description)
             self._bar = gui.add_progress_bar(0.0, color='green')
             self._sequence = gui.add_html('')
+        if moves:
+            with gui.add_folder('Reach', expand_by_default=False):
+                self._tip = TipPanel(self._server, self._session, description)
         with gui.add_folder('Measured shape'):
             if moves:
                 self._add_loop(gui)
@@ -191,6 +195,7 @@ class Panel:
         may_run = may_move and SHAPE_SEQUENCER in works_now
         any_soft = not self._description.jamming or False in state.stiff
         self._shapes.show(may_run, runs)
+        self._tip.show(state, may_run)
         for control, works in (
                 (self._loop, closed is not None and SHAPE_SEQUENCER in works_now),
                 *((c, may_switch) for c in self._switches),

@@ -13,7 +13,9 @@ from typing import Any, TYPE_CHECKING, TypeVar
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.browser.picture import CameraPicture
+from soft_continuum.browser.points import Points
 from soft_continuum.browser.saved import SavedShapes
+from soft_continuum.browser.tip_planning import TipPlanning
 from soft_continuum.browser.words import plain
 from soft_continuum.client.errors import (
     ClientError,
@@ -51,8 +53,6 @@ MAX_WAITING = 5  # requests of one title, but of STOP, that wait for an answer
 STOP = 'Stop'
 NEW_PROBLEM, NEW_NOTICE = 20.0, 6.0  # s that a notice is shown in the bar
 PREVIEW = 10.0  # s that a shape is shown that somebody chooses
-Points = tuple[tuple[float, ...], ...]
-"""x, y, z of some points, m."""
 EXPECTED_ENDS = (MotionRequest.REPLACED, MotionRequest.HELD, MotionRequest.STOPPED)
 
 
@@ -125,6 +125,7 @@ class Session:
         self._describing: Future[None] | None = None
         self._motion: MotionRequest | None = None  # the last that was reported
         self.saved = SavedShapes(self)
+        self.tip = TipPlanning(requests)
         self._sequences = 0  # counts what ends the rounds of a sequence, and begins another
         self.closed_loop: bool | None = None  # None: not known, or shape_sequencer has none
         self._anomalies: frozenset[tuple[str, int, int, str]] = frozenset()  # that were reported
@@ -187,11 +188,15 @@ class Session:
         self._preview = points, monotonic()
 
     def ghost(self, state: ArmState) -> Points:
-        """Return points along the shape to be shown beside the arm; none for no shape."""
+        """
+        Return points along the shape to be shown beside the arm; none for no shape.
+
+        The one that is gone to, else the one that somebody chose, else that of the planned tip.
+        """
         if state.progress is not None:
             return self.target
         points, since = self._preview
-        return points if monotonic() - since < PREVIEW else ()
+        return points if monotonic() - since < PREVIEW else self.tip.points
 
     # What the nodes were started with.
 

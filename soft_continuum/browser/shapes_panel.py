@@ -11,7 +11,8 @@ import viser
 
 from soft_continuum.browser import html
 from soft_continuum.browser.controls import add_button, add_group, enable, number_of
-from soft_continuum.browser.own_shape import OwnShape, points_of
+from soft_continuum.browser.own_shape import OwnShape
+from soft_continuum.browser.points import points_of
 from soft_continuum.browser.session import Description, SEQUENCE_HOLD, Session
 from soft_continuum.client import own_file
 from soft_continuum.client.own_shapes import (
@@ -58,7 +59,7 @@ class ShapesPanel:
         with gui.add_folder('Own shape', expand_by_default=False):
             self._own = OwnShape(gui, description, lambda: session.preview(self._own.points))
             self._motions.append(add_button(
-                gui, 'Set own shape', lambda: session.run([self._own.shape], self.aim)))
+                gui, 'Set own shape', lambda: session.run([self._own.shape], self._chosen_aim)))
         self._folder = gui.add_folder('Saved', expand_by_default=False)
         with self._folder:
             self._list = gui.add_html(NOTHING)  # its rows come here
@@ -72,17 +73,16 @@ class ShapesPanel:
                                       hint='Renames it to what stands in Name, or deletes it')
 
     @property
-    def aim(self) -> str:
+    def _chosen_aim(self) -> str:
         """The aim that is chosen on the page; a browser may send any text."""
         return self._aim.value if self._aim.value in AIMS else AIMS[0]
 
     @property
-    def name(self) -> str:
-        """The name for what is saved."""
+    def _chosen_name(self) -> str:
         return str(self._name.value).strip()
 
     def _run(self, shapes: list[str], hold: Any = SEQUENCE_HOLD, rounds: int = 1) -> None:
-        self._session.run(shapes, self.aim, hold, rounds)
+        self._session.run(shapes, self._chosen_aim, hold, rounds)
 
     def _run_sequence(self) -> None:
         def run(steps: list[tuple[str, float]]) -> None:
@@ -110,17 +110,17 @@ class ShapesPanel:
             partial(change, *arguments, library=self._description.shapes))
 
     def _save_shape(self) -> None:
-        self._change(own_file.save_shape, self.name, self._own.shape)
+        self._change(own_file.save_shape, self._chosen_name, self._own.shape)
 
     def _save_sequence(self) -> None:
         self._with_steps(lambda steps: self._change(
-            own_file.save_sequence, self.name, steps, self._chosen_rounds))
+            own_file.save_sequence, self._chosen_name, steps, self._chosen_rounds))
 
     def _change_which(self, choice: str) -> None:
         name = str(self._which.value)
         kind: Kind = 'sequences' if name in self._saved.sequences else 'shapes'
         if choice == RENAME:
-            self._change(own_file.rename, kind, name, self.name)
+            self._change(own_file.rename, kind, name, self._chosen_name)
         else:
             self._session.saved.change(partial(own_file.delete, kind, name))
 
