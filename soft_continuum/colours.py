@@ -28,6 +28,9 @@ AXES: Colour = (20, 20, 20)
 """Of the axes at the base of an arm in space."""
 WRONG: Colour = (214, 40, 40)
 """Of what is wrong."""
+OBSTACLE: Colour = (150, 110, 80)
+"""Of what the arm must not touch."""
+OBSTACLE_OPACITY = 0.6
 LOCKED: Colour = (142, 68, 173)
 """Of a tendon that stiff segments hold: nothing determines its tension."""
 TENSIONS: tuple[Colour, ...] = ((130, 196, 240), (30, 120, 220), (10, 40, 150))

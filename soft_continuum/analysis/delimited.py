@@ -110,16 +110,18 @@ class Table:
 
 def read_table(path: str | Path, quantities: Sequence[Quantity],
                named: Mapping[str, str] | None = None,
-               units: Mapping[str, str] | None = None) -> Table:
+               units: Mapping[str, str] | None = None,
+               usual: Mapping[str, str] | None = None) -> Table:
     """
     Read the columns of ``quantities`` from a file.
 
     named: header of a column, by quantity, where it is not to be found by its aliases.  units: of
-    a quantity, in place of what the header says.  Raises MeasurementError naming file, line and
-    remedy for files that are empty, have other columns, other delimiters or uneven rows.
+    a quantity, in place of what the header says; usual: where it says nothing.  Raises
+    MeasurementError naming file, line and remedy for files that are empty, have other columns,
+    other delimiters or uneven rows.
     """
     path = Path(path)
-    named, units = named or {}, units or {}
+    named, units, usual = named or {}, units or {}, usual or {}
     lines = _text(path).splitlines()
     if len(lines) > MAX_ROWS:
         raise MeasurementError(f'{path}: has {len(lines)} lines; at most {MAX_ROWS} are read: '
@@ -147,7 +149,8 @@ def read_table(path: str | Path, quantities: Sequence[Quantity],
         for place in found:
             factor = _factor(f'{path}, line {start + 1}', quantity, header[place],
                              units.get(quantity.name) or _split_unit(header[place])[1]
-                             or unit_row[place].strip('[]() '))
+                             or unit_row[place].strip('[]() ')
+                             or usual.get(quantity.name, ''))
             end = len(rows)
             # Repetitions side by side differ in length.
             while len(found) > 1 and end and not rows[end - 1][1][place]:

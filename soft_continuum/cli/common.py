@@ -17,16 +17,19 @@ from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.laws import LawError
 from soft_continuum.mechanics.statics import StaticsError
+from soft_continuum.obstacles import ObstacleError
 from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.sensing.lens import LensError
 from soft_continuum.sensing.opencv import OpenCVError
 from soft_continuum.sensing.sources import SourceError
+from soft_continuum.sequencing.planner import PlanError
 
 BESIDE = Path('RECORDING')  # as --output: where the recording is
 BAD_INPUT = (MeasurementError, IdentificationError, ResultError, ParameterError, ArmError,
-             LawError, StaticsError, LensError, SourceError)
+             LawError, StaticsError, LensError, SourceError,
+             ObstacleError, PlanError)
 
 
 def shapes_parser(name: str, description: str, known: str) -> Parser:

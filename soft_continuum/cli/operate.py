@@ -31,7 +31,7 @@ from soft_continuum.text import MAX_NAME, printable
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
-    from soft_continuum.client.sequence import Bending
+    from soft_continuum.client.sequence import Bending, RunningSequence
     from soft_continuum.client.state import Progress
 
 WATCH_PERIOD = 0.5  # s
@@ -56,7 +56,11 @@ class Action:
 
 def main(verb: str, argv: Sequence[str] | None = None) -> int:
     """Run a verb on a running arm; return the exit status."""
-    action = ACTIONS[verb]
+    return run_action(verb, ACTIONS[verb], argv)
+
+
+def run_action(verb: str, action: Action, argv: Sequence[str] | None = None) -> int:
+    """Run what a verb does on a running arm; return the exit status."""
     parser = Parser(verb, VERBS[verb].help, *FOR_NODES)
     action.add_options(parser)
     options = parser.parse_args(argv)
@@ -87,7 +91,7 @@ def _interrupt(*_: object) -> NoReturn:
 # Shapes.
 
 
-def _bendings(text: str) -> tuple['Bending', ...]:
+def bendings(text: str) -> tuple['Bending', ...]:
     """Read ``10,20,30`` or ``10,20@120,30@-60`` in degrees; return rad."""
     try:
         values = tuple(tuple(radians(float(number)) for number in part.split('@'))
@@ -104,7 +108,7 @@ def _bendings(text: str) -> tuple['Bending', ...]:
 def _shape_name(text: str) -> str:
     """Read the name of a shape; recognise bending angles, which need an option."""
     try:
-        _bendings(text)
+        bendings(text)
     except ArgumentTypeError:
         return text
     raise ArgumentTypeError(f'{text!r} given; bending angles in degrees need --angles {text}')
@@ -114,12 +118,11 @@ def _run_options(parser: Parser) -> None:
     shapes = parser.add_argument('shapes', nargs='*', metavar='SHAPE', type=_shape_name,
                                  help='names in the library, or of saved shapes and sequences')
     shapes.completer = cached_shapes  # type: ignore[attr-defined]
-    parser.add_argument('--angles', action='append', type=_bendings, default=[],
+    parser.add_argument('--angles', action='append', type=bendings, default=[],
                         metavar='A,B,C', help='bending angle of each segment, base first, '
                         'degrees, to set after the named shapes; may be repeated. Of a spatial '
                         'arm, A@D bends towards the direction D, degrees about z from x')
-    parser.add_argument('--hold', type=number_in(0.0, 86400.0, 's'), default=0.0, metavar='S',
-                        help='how long each shape is held (default: 0 s)')
+    add_hold(parser)
     parser.add_argument('--aim', choices=AIMS, default=AIMS[0],
                         help='what is to be right in the end, where measurements close the loop: '
                         'the angle of every segment, or the position of the tip (default: '
@@ -132,6 +135,12 @@ def _rounds(text: str) -> int:
     if not (text.isdecimal() and text.isascii() and len(text) < 8):
         raise ArgumentTypeError(f'{text!r} given; needed: a whole number; 0: until Ctrl-C')
     return int(text)
+
+
+def add_hold(parser: Parser) -> None:
+    """Add the option that says how long shapes are held."""
+    parser.add_argument('--hold', type=number_in(0.0, 86400.0, 's'), default=0.0, metavar='S',
+                        help='how long each shape is held (default: 0 s)')
 
 
 def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
@@ -147,16 +156,16 @@ def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
                 rounds = saved[name].rounds
     status, done = DONE, 0
     while status == DONE and (done < rounds or not rounds):
-        status, done = _run_once(arm, options, output), done + 1
+        status, done = watch_sequence(arm.start(
+            *options.shapes, *options.angles, hold=options.hold, aim=options.aim),
+            output), done + 1
     return status
 
 
-def _run_once(arm: 'Arm', options: Namespace, output: Output) -> int:
-    """Set shapes; the first Ctrl-C cancels and waits for the arm to come to rest."""
+def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
+    """Show a sequence; the first Ctrl-C cancels it and waits for the arm to come to rest."""
     from soft_continuum.client.errors import SequenceError
     from soft_continuum.client.state_text import reached_text
-    sequence = arm.start(*options.shapes, *options.angles, hold=options.hold,
-                         aim=options.aim)
     before: Progress | None = None
     interrupted = False
     try:
@@ -172,7 +181,7 @@ def _run_once(arm: 'Arm', options: Namespace, output: Output) -> int:
         result = sequence.result(CANCEL_TIMEOUT)
         reached = f'\n{reached_text(result.reached)}' if result.reached else ''
         output.print(f'done{reached}', result='done', **asdict(result))
-        return DONE
+        return INTERRUPTED if interrupted else DONE  # by a Ctrl-C that came too late
     except SequenceError as error:
         if output.as_json:
             output.print('', result='failed', **asdict(error.result))

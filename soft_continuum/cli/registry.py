@@ -55,6 +55,9 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         _operate('watch', 'show the state of the arm twice per second, until Ctrl-C'),
         _operate('shapes', 'list the shape library'),
         _operate('run', 'set shapes one after the other; Ctrl-C cancels'),
+        Verb('reach', 'bring the tip to a position; Ctrl-C cancels', 'cli.reach:main',
+             ('reach',)),
+        Verb('follow', 'bring the tip along a path from a file', 'cli.reach:main', ('follow',)),
         _operate('stiffen', 'evacuate a segment, or all, and wait until it is stiff'),
         _operate('soften', 'vent a segment and wait until it is soft'),
         _operate('jog', 'pull in or pay out tendons by some mm, while a segment is soft'),
@@ -66,6 +69,10 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('measure', 'set shapes and measure the discs, for identify and validate',
              'cli.measure:main'),
         Verb('learn', 'save what measurements have told of the arm', 'cli.learn:main'),
+    ),
+    'plan, without nodes': (
+        Verb('plan', 'how the tip would be brought to a position, step by step',
+             'cli.plan:main'),
     ),
     'set up a rig, while no nodes run': (
         Verb('new-arm', 'describe an arm, by questions', 'cli.new_arm:main'),

@@ -28,7 +28,7 @@ from soft_continuum.client.state import (
     Reached,
     SequenceResult,
 )
-from soft_continuum.client.tip import Tip
+from soft_continuum.tip import Tip
 
 __all__ = [
     'Anomaly',

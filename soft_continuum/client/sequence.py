@@ -7,14 +7,16 @@ from concurrent.futures import Future
 import threading
 from typing import Any
 
+from geometry_msgs.msg import Point, Pose, Quaternion
+
 from soft_continuum.client.errors import NoAnswerError
 from soft_continuum.client.state import Progress, progress_of, Reached, SequenceResult
-from soft_continuum.client.tip import Tip
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.sequencing.progress import AIMS, Code
 from soft_continuum.text import MAX_ITEMS, printable
+from soft_continuum.tip import KINDS, Tip
 from soft_continuum_interfaces.action import RunShapeSequence
-from soft_continuum_interfaces.msg import Shape, ShapeSequencerState
+from soft_continuum_interfaces.msg import Shape, ShapeSequencerState, TipGoal
 
 MAX_HOLD = 86400.0  # s
 
@@ -49,8 +51,17 @@ def fields_of(shape: ShapeLike) -> dict[str, Any]:
         return {'name': shape}
     tips = [shape] if isinstance(shape, Tip) else list(shape)
     if tips and all(isinstance(tip, Tip) for tip in tips):
-        return {'tips': [tip.message() for tip in tips]}  # type: ignore[union-attr]
+        return {'tips': [tip_goal(tip) for tip in tips]}  # type: ignore[arg-type]
     return bendings(tips)  # type: ignore[arg-type]
+
+
+def tip_goal(tip: Tip) -> TipGoal:
+    """Return a goal of the tip as the shape_sequencer takes it."""
+    (x, y, z), turn = tip.place, dict(zip('xyzw', tip.quaternion, strict=True))
+    return TipGoal(
+        kind=KINDS.index(tip.kind), position_tolerance=float(tip.tolerance),
+        angle_tolerance=float(tip.angle_tolerance),
+        pose=Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(**turn)))
 
 
 def bendings(shape: Sequence[Bending]) -> dict[str, list[float]]:

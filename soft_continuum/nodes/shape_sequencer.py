@@ -11,24 +11,22 @@ from math import nan
 from typing import Any
 
 from rclpy.node import Node
-from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import bending_of, chain_of
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.entries import guarded, repeat
+from soft_continuum.nodes.ghost import Ghost
 from soft_continuum.nodes.goals import check_aim, shape_library, shapes_of
-from soft_continuum.nodes.markers import target_markers
 from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.obstacles import KnownObstacles
 from soft_continuum.nodes.plan_guard import PlanGuard
 from soft_continuum.nodes.plan_service import PlanService
 from soft_continuum.nodes.planning import Planning, tip_aim
 from soft_continuum.nodes.sequence_server import GoalRequest, NOWHERE, Reached, SequenceServer
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
-from soft_continuum.obstacles import Surroundings
 from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
 from soft_continuum.parameters.loop import loop_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
@@ -37,7 +35,6 @@ from soft_continuum.parameters.shapes import direction_parameter, shape_paramete
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.entry import LOG_PERIOD
 from soft_continuum.ros.names import SHAPE_SEQUENCER
-from soft_continuum.ros.qos import LATCHED
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
 from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome
@@ -79,10 +76,10 @@ class ShapeSequencer(Node):
 
     Serves the action run_shape_sequence (soft_continuum_interfaces/RunShapeSequence) and the
     service ~/plan_shapes (soft_continuum_interfaces/PlanShapes).  Subscribes
-    to tendon_states, segment_N/pressure and the ~/state of the other three; publishes
-    tendon_actuation/joint_trajectory, target_markers (visualization_msgs/MarkerArray, latched),
-    ~/state, ~/status and /diagnostics; calls
-    jamming_valves/segment_N/set_stiff.
+    to tendon_states, segment_N/pressure, obstacles (visualization_msgs/MarkerArray) and the
+    ~/state of the other three; publishes tendon_actuation/joint_trajectory, target_markers and
+    known_obstacles (visualization_msgs/MarkerArray, latched), ~/state, ~/status and /diagnostics;
+    calls jamming_valves/segment_N/set_stiff.
 
     Plans are made on a thread of their own; all else happens on the thread that spins the node.
     """
@@ -98,7 +95,6 @@ class ShapeSequencer(Node):
         self._arm = any_arm_from_parameters(self.parameters)
         if isinstance(self._arm, Arm):  # two tendons alone set no shape
             check_jamming(self.parameters)
-        self._chain = chain_of(self._arm)
         self._library = shape_library(self.parameters, self._arm)
         self._check: Check | None = None
         self._next: Any = None  # the goal that waits for the running one to be wound down
@@ -106,7 +102,6 @@ class ShapeSequencer(Node):
         self._handle: Any = None  # the goal that runs
         self._runner: Runner | None = None
         self._shapes: Sequence[Shape] = ()  # of the goal that runs
-        self._target: Shape | None = None  # that is shown
         self._failed = False  # whether the goal that runs ends because a callback failed
         self._rejected = ''  # why the last goal was, until one is accepted
         self._last: dict[str, str] = {}  # how the last goal ended, for ~/status
@@ -115,19 +110,18 @@ class ShapeSequencer(Node):
         jamming: bool = self.parameters['arm.jamming']
         self._commander = ArmCommander(self, self._arm, jamming)
         self._observed = ArmObserver(self, self._arm, self.parameters, self._on_tendon_state)
-        surroundings = Surroundings(self._arm)
+        self._ghost = Ghost(self, self._arm, self.parameters['frame_id'])
+        self._states = StatePublisher(self, ShapeSequencerState)
+        self._obstacles = KnownObstacles(self, self._arm, self.parameters, self._report)
         reach_from_parameters(self.parameters)  # raises for what is none
         self._planning = Planning(
-            self._arm, self.parameters, self._observed, lambda: surroundings)
-        self._guard = PlanGuard(self.parameters, lambda: surroundings)
-        self._markers = self.create_publisher(MarkerArray, 'target_markers', LATCHED)
-        self._states = StatePublisher(self, ShapeSequencerState)
+            self._arm, self.parameters, self._observed, lambda: self._obstacles.surroundings)
+        self._guard = PlanGuard(self.parameters, lambda: self._obstacles.surroundings)
         self._server = SequenceServer(
             self, guarded(self, self._on_request), guarded(self, self._on_accepted))
         self._service = PlanService(self, self._planning, self._busy, self._shapes_of)
         repeat(self, TICK_PERIOD, self._tick)
         self._report()
-        self._publish_target()  # an earlier process may have left one
 
     def start(self) -> None:
         """Load the model; goals are planned once that is done."""
@@ -139,7 +133,7 @@ class ShapeSequencer(Node):
             self._commander.hold()
         self._planning.close()
         self._guard.close()
-        self._show_target(None)
+        self._ghost.show(None)
 
     def destroy_node(self) -> None:
         """Take down the action server before the node, as rclpy needs it."""
@@ -329,7 +323,7 @@ class ShapeSequencer(Node):
             error=nan if progress.error is None else progress.error))
         # The angles of a goal of the tip are known once it is planned.
         target = runner.plan.shape if runner.plan else None if shape.tips else shape
-        self._show_target(None if outcome else target)
+        self._ghost.show(None if outcome else target)
         if outcome is None:
             self._report()
             return
@@ -378,6 +372,7 @@ class ShapeSequencer(Node):
             state.shape_index, state.shape, state.segment, state.phase = 0, '', 0, ''
             if self._check is not None and self._check.plans is None:
                 text = f'waiting for {", ".join(self._observed.unheard)}'
+        values |= self._obstacles.report
         if self._rejected:
             values['rejected'] = self._rejected
         self._states.publish(copy(state))
@@ -385,17 +380,6 @@ class ShapeSequencer(Node):
             text += f'; {self._warning}'
         self.status.set(WARN if self._warning else OK, text, **values)
 
-    def _show_target(self, shape: Shape | None) -> None:
-        if shape != self._target:
-            self._target = shape
-            self._publish_target()
-
-    def _publish_target(self) -> None:
-        shape = self._target
-        target = None if shape is None else self._chain.uniform(
-            bending_of(self._arm, shape.bending_angles, shape.bending_directions))
-        self._markers.publish(target_markers(
-            target, self.parameters['frame_id'], self.get_clock().now().to_msg()))
 
 
 def _text(error: BaseException) -> str:

@@ -7,6 +7,7 @@ Coal is loaded by the first shape: it takes a moment, and only obstacles need it
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf
 from typing import Any
 
@@ -19,6 +20,7 @@ from soft_continuum.obstacles.shapes import Box, Capsule, Cylinder, ObstacleErro
 
 TOLERANCE = 2e-6
 """m by which a distance is stated too small: coal searches until it is right to 1e-6."""
+MAX_KEPT = 16  # meshes
 CONVEX = 1e-5  # of its volume by which the hull of a convex mesh is larger, for its digits
 
 
@@ -75,13 +77,20 @@ def _geometry(coal: Any, shape: Shape) -> tuple[Any, Any]:
         return coal.Capsule(shape.radius, shape.length), None
     if isinstance(shape, Cylinder):
         return coal.Cylinder(shape.radius, shape.length), None
-    hull, is_convex = _hull(coal, shape)
+    return _of_mesh(shape)
+
+
+@lru_cache(maxsize=MAX_KEPT)
+def _of_mesh(mesh: Mesh) -> tuple[Any, Any]:
+    """Return the same of a mesh, which is kept: to make it may take a second."""
+    coal = _coal()
+    hull, is_convex = _hull(coal, mesh)
     if is_convex:
         return hull, None
     model = coal.BVHModelOBBRSS()
-    model.beginModel(len(shape.triangles), len(shape.vertices))
-    model.addVertices(np.asarray(shape.vertices, dtype=float))
-    model.addTriangles(np.asarray(shape.triangles, dtype=np.uint64))
+    model.beginModel(len(mesh.triangles), len(mesh.vertices))
+    model.addVertices(np.asarray(mesh.vertices, dtype=float))
+    model.addTriangles(np.asarray(mesh.triangles, dtype=np.uint64))
     model.endModel()
     return model, hull
 

@@ -60,6 +60,15 @@ class Mesh:
             raise ObstacleError(f'a mesh of {extent:.3g} m encloses a volume of only '
                                 f'{abs(self.volume):.2g} m^3; give it a thickness, or give a box')
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether it has the same triangles."""
+        return (isinstance(other, Mesh) and np.array_equal(self.vertices, other.vertices)
+                and np.array_equal(self.triangles, other.triangles))
+
+    def __hash__(self) -> int:
+        """Return the same number for equal ones."""
+        return hash((np.asarray(self.vertices).tobytes(), len(self.triangles)))
+
     @property
     def bounds(self) -> Array:
         """Smallest and largest x, y and z in the frame of the shape, (2, 3), m."""

@@ -21,7 +21,7 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 Shape = Sphere | Box | Capsule | Cylinder | Mesh
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Obstacle:
     """
     A shape at a place in base_link.

@@ -222,6 +222,9 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('settle_tolerance', 2e-5,
                   'largest distance of an arrived tendon from its planned pull',
                   1e-7, 0.01, read_only=False, unit='m'),
+        Parameter('obstacles.file', '', 'YAML file with the obstacles around the arm, as '
+                  'config/obstacles_example.yaml; empty: none, until the topic obstacles has '
+                  'some'),
         *LOOP_PARAMETERS, *REACH_PARAMETERS,
     ),
 }

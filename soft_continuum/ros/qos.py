@@ -12,5 +12,7 @@ STREAM = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
 EVERY_STATE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE,
                          durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """State of which no change may be missed by a subscriber."""
+OBSTACLES = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+"""Changes of which none may be missed, of publishers of any durability."""
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Streams that we subscribe to: compatible with any publisher."""

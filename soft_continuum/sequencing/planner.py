@@ -11,6 +11,7 @@ and the planar one; ``planner_of`` chooses.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from math import ceil, sqrt
 from typing import Any, TYPE_CHECKING
@@ -181,8 +182,8 @@ class ShapePlanner(ABC):
             if problem:
                 raise PlanError(f'{shape.name}: {problem}')
             moves = []
-            for segment, goal, text in self._goals(shape):
-                if self._away(state, segment, goal) <= self.settings.angle_tolerance:
+            for segment, goal, text in self.goals_of(shape):
+                if self.away(state, segment, goal) <= self.settings.angle_tolerance:
                     continue
                 try:
                     move, state = self.move(state, start, segment, goal)
@@ -194,11 +195,11 @@ class ShapePlanner(ABC):
         return plans
 
     @abstractmethod
-    def _goals(self, shape: Shape) -> Sequence[tuple[int, Any, str]]:
+    def goals_of(self, shape: Shape) -> Sequence[tuple[int, Any, str]]:
         """Return the segments to set, one after the other, where to, and how errors begin."""
 
     @abstractmethod
-    def _away(self, state: Any, segment: int, goal: Any) -> float:
+    def away(self, state: Any, segment: int, goal: Any) -> float:
         """Return how far a segment is from its goal, rad."""
 
     @abstractmethod
@@ -209,6 +210,20 @@ class ShapePlanner(ABC):
         start: (tendons,) the present pulls of the motors, m.  Raises PlanError beyond a limit,
         StaticsError where no tendon holds the segment at its goal.
         """
+
+    @abstractmethod
+    def bent(self, state: Any, segment: int, goal: Any) -> Any:
+        """
+        Return the state at the end of a move, without the way there.
+
+        segment, goal: as of ``move``.  Raises StaticsError.
+        """
+
+    def until(self, late: Callable[[], bool]) -> 'ShapePlanner':
+        """Return the same planner, whose plans are abandoned also once it is late."""
+        hurried = copy(self)
+        hurried._abandoned = lambda: self._abandoned() or late()
+        return hurried
 
     def softened(self, state: Any, pulls: Sequence[float] | Array, segment: int) -> Any:
         """
@@ -267,11 +282,13 @@ class Planner(ShapePlanner):
         super().__init__(arm, settings, abandoned, offsets)
         self.statics = Statics(arm)
 
-    def _goals(self, shape: Shape) -> Sequence[tuple[int, float, str]]:
+    def goals_of(self, shape: Shape) -> Sequence[tuple[int, float, str]]:
+        """As ShapePlanner."""
         return [(i, angle, f'segment {i + 1} to {np.degrees(angle):.1f} degrees: ')
                 for i, angle in enumerate(shape.bending_angles)]
 
-    def _away(self, state: Equilibrium, segment: int, goal: float) -> float:
+    def away(self, state: Equilibrium, segment: int, goal: float) -> float:
+        """As ShapePlanner."""
         return abs(float(state.bending_angles[segment]) - goal)
 
     def move(self, state: Equilibrium, start: Array, segment: int, goal: float
@@ -297,6 +314,12 @@ class Planner(ShapePlanner):
         end = self.held(bent, pulls[-1], segment, sliding)
         times, pulls = self._timed(pulls)
         return Move(segment, goal, times, pulls, tension, sliding), end
+
+    def bent(self, state: Equilibrium, segment: int, goal: float) -> Equilibrium:
+        """Return the state at the end of a move as ShapePlanner."""
+        turn = int(np.sign(goal - state.bending_angles[segment]))
+        return self.statics.bend(state, segment, goal, vacuum=state.vacuum or None,
+                                 sliding=(turn, -turn))
 
     def _with_slack(self, bent: Equilibrium, sliding: Sequence[int]) -> Array:
         """Return the pulls of a bent state with slack in the tendons that do not carry it."""

@@ -4,10 +4,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import permutations
+import re
 from typing import Any
 
 import numpy as np
 
+from soft_continuum.mechanics.either import bending_of
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.obstacles.surroundings import Surroundings
 from soft_continuum.sequencing.planner import (
@@ -18,10 +21,13 @@ from soft_continuum.sequencing.planner import (
     ShapePlan,
     ShapePlanner,
 )
-from soft_continuum.sequencing.reach import follow, PlannedStep, Reach, reach, ReachSettings
+from soft_continuum.sequencing.reach import PlannedStep, Reach, reach, ReachSettings
+from soft_continuum.sequencing.reach.passage import BlockedError, Passages
 
 STATES = 20
-"""At most so many states on the way of a move that was planned by angles, besides its ends."""
+"""At most so many states on the way of a move where there are no obstacles."""
+ORDERS = 24
+"""Orders of segments that are tried among obstacles, the one from the base first."""
 
 
 def plan_shapes(planner: ShapePlanner, state: Any, pulls: Sequence[float],
@@ -36,9 +42,13 @@ def plan_shapes(planner: ShapePlanner, state: Any, pulls: Sequence[float],
     """
     for shape in shapes:
         try:
-            found = (_by_tip if shape.tips else _by_angles)(
-                planner, state, pulls, shape, surroundings, settings, first)
-        except PlanError as error:
+            if shape.tips:
+                found = _by_tip(planner, state, pulls, shape, surroundings, settings, first)
+            elif surroundings.obstacles:
+                found = _in_some_order(planner, state, pulls, shape, surroundings, settings)
+            else:
+                found = _from_base(planner, state, pulls, shape, settings)
+        except (PlanError, StaticsError) as error:
             planner.check_wanted()
             found = Reach(None, str(error))
         yield found
@@ -52,17 +62,15 @@ def plan_of(found: Reach, shape: Shape, surroundings: Surroundings) -> ShapePlan
     """Return the plan to a shape; raises PlanError, or ObstructedError, where there is none."""
     if found.plan is not None and not found.why:
         return found.plan
-    blocked = any(obstacle.name in found.why for obstacle in surroundings.obstacles)
+    blocked = any(re.search(rf'(?<!\w){re.escape(obstacle.name)}(?!\w)', found.why)
+                  for obstacle in surroundings.obstacles)
     raise (ObstructedError if blocked else PlanError)(f'{shape.name}: {found.why}')
 
 
 def _by_tip(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
             surroundings: Surroundings, settings: ReachSettings, first: bool) -> Reach:
     """Return the best plan to a goal of the tip, or along a path."""
-    plans = (reach(planner, state, pulls, shape.tips[0], surroundings, settings)
-             if len(shape.tips) == 1 else
-             follow(planner, state, pulls, shape.tips, surroundings, settings))
-    for found in plans:
+    for found in reach(planner, state, pulls, shape.tips[0], surroundings, settings):
         if first and not found.why:
             break
     if found.plan is None:
@@ -74,33 +82,45 @@ def _by_tip(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Sh
         found.plan.moves, end, tuple(step.states for step in found.steps)))
 
 
-def _by_angles(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
-               surroundings: Surroundings, settings: ReachSettings, _: bool) -> Reach:
-    """Return the plan from the base to the tip, with what is in its way."""
+def _from_base(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
+               settings: ReachSettings) -> Reach:
+    """Return the plan to angles from the base to the tip."""
     plan, = planner.plan(state, pulls, [shape])
-    steps, why = [], ''
+    steps = []
     for move in plan.moves:
-        try:
-            step = _step(planner, state, move, surroundings, settings)
-        except StaticsError as error:
-            raise PlanError(f'segment {move.segment + 1}: {error}') from None
-        state = step.states[-1]
-        steps.append(step)
-        if step.clearance < settings.margin and not why:
-            why = (f'while segment {move.segment + 1} is set, the arm comes to '
-                   f'{1e3 * step.clearance:.1f} mm of {step.obstacle}; margin: '
-                   f'{1e3 * settings.margin:.1f} mm')
-    return Reach(replace(plan, ways=tuple(step.states for step in steps)), why, tuple(steps))
+        steps.append(_step(planner, state, move, settings))
+        state = steps[-1].states[-1]
+    return Reach(replace(plan, ways=tuple(step.states for step in steps)), '', tuple(steps))
 
 
-def _step(planner: ShapePlanner, state: Any, move: Move, surroundings: Surroundings,
-          settings: ReachSettings) -> PlannedStep:
-    """Return what is predicted of a move; raises StaticsError."""
+def _step(planner: ShapePlanner, state: Any, move: Move, settings: ReachSettings) -> PlannedStep:
+    """Return what is predicted of a move where nothing is in the way; raises StaticsError."""
     states = [planner.softened(state, move.pulls[0], move.segment)]
-    rows = np.unique(np.linspace(0, len(move.pulls) - 1, STATES + 2).round().astype(int))[1:]
+    rows = np.unique(np.linspace(0, len(move.pulls) - 1, STATES + 1).round().astype(int))[1:]
     for row in rows.tolist():
         planner.check_wanted()
-        states.append(planner.softened(states[-1], move.pulls[row], move.segment))
-    near = min(surroundings.clearances(states), key=lambda clearance: clearance.distance)
-    return PlannedStep(tuple(states), near.distance, near.obstacle, move.largest_tension,
-                       move.duration + settings.softening_time)
+        states.append(planner.held(states[-1], move.pulls[row], move.segment, move.sliding))
+    pause = settings.softening_time if planner.settings.jamming else 0.0
+    return PlannedStep(tuple(states), np.inf, '', move.largest_tension, move.duration + pause)
+
+
+def _in_some_order(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
+                   surroundings: Surroundings, settings: ReachSettings) -> Reach:
+    """Return the plan to angles in the first order that is clear of obstacles."""
+    passages = Passages(planner, surroundings, settings)
+    arm, goals = planner.statics.chain.arm, planner.goals_of(shape)
+    bending = bending_of(arm, shape.bending_angles, shape.bending_directions)
+    start, why = passages.start(state, np.array(pulls, dtype=float)), ''
+    for _, order in zip(range(ORDERS), permutations(goals), strict=False):
+        node, at = start, ''
+        try:
+            for segment, goal, at in order:  # noqa: B007  (where it was blocked)
+                if planner.away(node.state, segment, goal) > planner.settings.angle_tolerance:
+                    node = passages.go(node, segment, bending)
+        except BlockedError as error:
+            why = why or f'{at}{error}'
+            continue
+        return Reach(ShapePlan(shape, node.moves, node.state,
+                               tuple(step.states for step in node.steps)), '', node.steps)
+    more = ', and no other order of the segments is free' if len(goals) > 1 else ''
+    return Reach(None, f'{why}{more}')

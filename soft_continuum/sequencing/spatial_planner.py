@@ -45,7 +45,8 @@ class SpatialPlanner(ShapePlanner):
         super().__init__(arm, settings, abandoned, offsets)
         self.statics = SpatialStatics(arm)
 
-    def _goals(self, shape: Shape) -> Sequence[tuple[int, Array, str]]:
+    def goals_of(self, shape: Shape) -> Sequence[tuple[int, Array, str]]:
+        """As ShapePlanner."""
         goal = bending_vectors(
             self.statics.chain.arm, shape.bending_angles, shape.bending_directions)
         if not self.settings.jamming:
@@ -56,7 +57,8 @@ class SpatialPlanner(ShapePlanner):
                 for i, (angle, direction) in enumerate(
                     zip(shape.bending_angles, directions, strict=True))]
 
-    def _away(self, state: SpatialEquilibrium, segment: int, goal: Array) -> float:
+    def away(self, state: SpatialEquilibrium, segment: int, goal: Array) -> float:
+        """As ShapePlanner."""
         left = np.linalg.norm(goal - state.bending, axis=1)
         return float(left[self._soft(segment)].max())
 
@@ -86,6 +88,12 @@ class SpatialPlanner(ShapePlanner):
         times, pulls = self._timed(pulls)
         angle = float(np.linalg.norm(goal, axis=1)[soft].max())
         return Move(segment, angle, times, pulls, tension), end
+
+    def bent(self, state: SpatialEquilibrium, segment: int, goal: Array) -> SpatialEquilibrium:
+        """Return the state at the end of a move as ShapePlanner."""
+        soft = self._soft(segment)
+        wanted = np.where(np.array(soft)[:, None], goal, np.nan)
+        return pulls_that_hold(self.statics, state, wanted, soft).state
 
     def _with_slack(self, fit: BendingFit) -> Array:
         """Return the pulls of the motors, with slack in the tendons that do not carry."""

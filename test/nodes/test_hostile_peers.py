@@ -10,14 +10,16 @@ import threading
 import time
 from typing import Any
 
+from geometry_msgs.msg import Point, Pose, Vector3
 import pytest
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from ros_rig import LATCHED, RELIABLE, Rig, shape_message, trajectory
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Header
 from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
@@ -25,6 +27,14 @@ from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
 BOUND = 0.5  # s that a stop may take on a busy machine; see docs/explanation/reliability.md
 PERIOD = 0.001  # s between two messages of a flood
 NAN = float('nan')
+
+
+def many_triangles(count: int) -> MarkerArray:
+    """Return a marker with a surface that is not closed."""
+    points = [Point(x=0.5 + 1e-3 * k, y=1.0 * (k % 3)) for k in range(3 * count)]
+    return MarkerArray(markers=[Marker(
+        header=Header(frame_id='base_link'), type=Marker.TRIANGLE_LIST, points=points,
+        scale=Vector3(x=1.0, y=1.0, z=1.0))])
 
 
 def long_trajectory(points: int) -> bytes:
@@ -82,9 +92,17 @@ ATTACKS = {
     'tendons that are nowhere': publications(JointState, 'tendon_states', *(
         JointState(name=['right_tendon', 'left_tendon'], position=[p] * 2, velocity=[p] * 2)
         for p in (NAN, 1.7e308))),
+    'obstacles of 6000 triangles': publications(MarkerArray, 'obstacles', many_triangles(6000)),
+    'obstacles that come and go': publications(MarkerArray, 'obstacles', *(
+        MarkerArray(markers=[Marker(
+            header=Header(frame_id='base_link'), ns='ball', id=k, type=Marker.SPHERE,
+            action=action,
+            pose=Pose(position=Point(x=0.5)), scale=Vector3(x=0.1, y=0.1, z=0.1))
+            for k in range(100)]) for action in (Marker.ADD, Marker.DELETE))),
     'bytes that are no message': publications(JointState, 'tendon_states', b'\0\1\0\0\xff\xff'),
 }
-SLOW = ('trajectories of 1000 points', 'trajectories of 100,000 points',
+SLOW = ('obstacles of 6000 triangles', 'obstacles that come and go',
+        'trajectories of 1000 points', 'trajectories of 100,000 points',
         'goals of 100 and of 500 shapes')
 
 

@@ -8,6 +8,7 @@ import time
 from typing import Any
 
 from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Point, Pose, Quaternion
 import numpy as np
 import pytest
 from ros_rig import ALL, LATCHED, Rig, shape_message
@@ -19,10 +20,19 @@ from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planner import PlanError, Planner
 from soft_continuum_interfaces.action import RunShapeSequence
-from soft_continuum_interfaces.msg import KinematicsState, Shape
+from soft_continuum_interfaces.msg import KinematicsState, Shape, TipGoal
 
 JOINTS = RigidChain(load_arm(description_file())).joints
 LIBRARY = 'c_form, upright_c_form, s_form'
+
+
+
+def tip(x: float, z: float, y: float = 0.0, turn: tuple[float, float] = (0.0, 1.0),
+        **fields: Any) -> TipGoal:
+    """Return a goal of the tip; turn: y and w of its quaternion."""
+    return TipGoal(pose=Pose(position=Point(x=x, y=y, z=z),
+                             orientation=Quaternion(y=turn[0], w=turn[1])), **fields)
+
 
 BAD_GOALS = {
     'unknown shape': ([shape_message('d_form')], ["'d_form'", LIBRARY]),
@@ -59,6 +69,33 @@ BAD_GOALS = {
     'directions without angles':
         ([Shape(name='c_form', bending_directions=[0.0] * 3)],
          ['bending_directions without bending_angles', '3 each']),
+    'a tip and angles':
+        ([Shape(bending_angles=[0.1] * 3, tips=[tip(0.15, 0.22)])],
+         ['tips and bending angles', 'give one of both']),
+    'a tip that is not a number':
+        ([Shape(tips=[tip(float('nan'), 0.22)])], ['nan', 'three finite numbers']),
+    'a tip out of the bending plane':
+        ([Shape(tips=[tip(0.15, 0.22, y=0.01)])],
+         ['y = 0.01 m', 'planar arm', 'tolerance is 0.001 m']),
+    'a tip of an unknown kind':
+        ([Shape(tips=[tip(0.15, 0.22, kind=3)])], ['is 3', '0 (position)', '2 (pose)']),
+    'a tip without an orientation':
+        ([Shape(tips=[tip(0.15, 0.22, turn=(0.0, 0.0), kind=1)])],
+         ['quaternion of length 0', 'needed: 1']),
+    'a tip that points out of the plane':
+        ([Shape(tips=[TipGoal(kind=1, pose=Pose(
+            position=Point(x=0.15, z=0.22), orientation=Quaternion(x=1.0, w=1.0)))])],
+         ['quaternion of length 1.41']),
+    'a negative tolerance of the tip':
+        ([Shape(tips=[tip(0.15, 0.22, position_tolerance=-0.001)])],
+         ['position tolerance', '-0.001 m', '1e-05 to 1 m']),
+    'a tolerance of the angle that is not a number':
+        ([Shape(tips=[tip(0.15, 0.22, kind=1, angle_tolerance=float('nan'))])],
+         ['angle tolerance', 'nan']),
+    'a path that never ends':
+        ([Shape(tips=[tip(0.15, 0.22)] * 201)], ['201 tips', 'allowed: 200']),
+    'a tip out of reach':
+        ([Shape(tips=[tip(0.5, 0.5)])], ['tip at (500, 500) mm', 'out of reach', '392.6 mm']),
     'negative hold time':
         ([Shape(name='c_form', hold_time=Duration(sec=-1))], ['c_form', 'hold_time', '-1 s']),
     'negative hold time of nanoseconds':

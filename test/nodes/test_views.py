@@ -55,12 +55,12 @@ def test_rviz_shows_topics_that_there_are(arm: Rig) -> None:
              for display in RVIZ['Visualization Manager']['Displays']
              if display['Class'] != 'rviz_default_plugins/Grid']
     there = topics(arm)
-    assert len(shown) == 4
+    assert len(shown) == 5
     for kind, topic in shown:
         assert there['/' + topic['Value']] == RVIZ_TYPES[kind]
     latched = {topic['Value'] for _, topic in shown
                if topic.get('Durability Policy') == 'Transient Local'}
-    assert latched == {'robot_description', 'target_markers'}
+    assert latched == {'robot_description', 'target_markers', 'known_obstacles'}
 
 
 def test_foxglove_lays_out_every_panel_once() -> None:

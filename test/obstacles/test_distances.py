@@ -14,6 +14,7 @@ from soft_continuum.obstacles import (
     Capsule,
     Clearance,
     Cylinder,
+    Mesh,
     Obstacle,
     ObstacleError,
     Sphere,
@@ -140,3 +141,103 @@ def test_the_nearest_of_many_obstacles_is_the_nearest_of_each_alone(chain):
 
 def test_without_obstacles_the_distance_is_infinite(chain):
     assert Surroundings(chain.arm).clearance(chain.straight()) == Clearance(inf, '')
+
+
+def box_mesh(size):
+    """Return a box as a mesh."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
+    faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+                      [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])
+    return Mesh(corners * size, faces)
+
+
+def bowl():
+    """Return a box that is open above, along y: BOWL, as one mesh that is not convex."""
+    outline = np.array([[-3, -2], [3, -2], [3, 2], [2, 2], [2, -1], [-2, -1], [-2, 2], [-3, 2]])
+    flat = [[0, 1, 4], [1, 2, 3], [1, 3, 4], [0, 4, 5], [0, 5, 6], [0, 6, 7]]
+    near, far = (np.insert(outline / 20, 1, y, axis=1) for y in (-0.1, 0.1))
+    sides = [[k, 8 + k, (k + 1) % 8] for k in range(8)]
+    sides += [[(k + 1) % 8, 8 + k, 8 + (k + 1) % 8] for k in range(8)]
+    return Mesh(np.concatenate([near, far]), np.array(
+        flat + [[8 + c, 8 + b, 8 + a] for a, b, c in flat] + sides))
+
+
+BOWL = [Box((0.3, 0.2, 0.05)), Box((0.05, 0.2, 0.2)), Box((0.05, 0.2, 0.2))]
+PLACES = [(0.0, 0.0, -0.075), (0.125, 0.0, 0.0), (-0.125, 0.0, 0.0)]
+
+
+def test_a_mesh_is_as_far_as_the_shapes_that_fill_it(chain):
+    random = np.random.default_rng(5)
+    middle, turn = np.array([0.05, 0.02, 0.42]), turned_by(0.4, 2.8, 0.3)  # above, open downwards
+    frame = Obstacle('frame', Sphere(1.0), tuple(middle), turn).rotation
+    several = [Obstacle(f'{k}', box, tuple(middle + frame @ place), turn)
+               for k, (box, place) in enumerate(zip(BOWL, PLACES, strict=True))]
+    of_boxes = Surroundings(chain.arm, several)
+    of_mesh = Surroundings(chain.arm, [Obstacle('bowl', bowl(), tuple(middle), turn)])
+    signs = set()
+    for _ in range(25):
+        state = bent(chain, random)
+        found, wanted = of_mesh.clearance(state).distance, of_boxes.clearance(state).distance
+        assert (found > 0) == (wanted > 0)
+        if wanted > 0:
+            assert found == pytest.approx(wanted, abs=1e-5)
+        signs.add(wanted > 0)
+    assert True in signs
+
+
+def test_an_arm_that_reaches_through_a_mesh_is_not_clear_of_it(chain):
+    straight = chain.straight()
+    tip = Obstacle('tip', bowl(), (0.0, 0.0, straight.backbone[-1][2] - 0.04))
+    assert Surroundings(chain.arm, [tip]).clearance(straight).distance < 0
+
+
+@pytest.mark.parametrize(('shape', 'z'), [
+    (Sphere(0.01), 0.005), (Box((0.2, 0.2, 0.1)), 0.05), (box_mesh((1, 1, 1)), 0.0),
+    (bowl(), 0.075)], ids=['sphere', 'box', 'mesh around it', 'bottom of a bowl'])
+def test_an_obstacle_in_the_base_disc_is_refused(chain, shape, z):
+    place = (0.0, 0.0, z)
+    with pytest.raises(ObstacleError, match='obstacle it is in the base disc'):
+        Surroundings(chain.arm, [Obstacle('it', shape, place)])
+
+
+def test_the_arm_may_stand_on_a_table_that_is_an_obstacle(chain):
+    table = Obstacle('table', Box((1.0, 1.0, 0.1)), (0.0, 0.0, -0.05))
+    height = chain.arm.discs[0].height
+    found = Surroundings(chain.arm, [table]).clearance(chain.straight()).distance
+    assert found == pytest.approx(height, abs=1e-5)  # from the top of the base disc
+    with pytest.raises(ObstacleError, match='base disc'):
+        Surroundings(chain.arm, [Obstacle('table', Box((1.0, 1.0, 0.1)), (0.0, 0.0, -0.045))])
+
+
+def test_a_mirrored_arm_is_as_far_from_mirrored_obstacles(chain):
+    random = np.random.default_rng(11)
+    if chain.joint_axes == ('y',):  # x to -x, which is the other side of its plane
+        turns, mirror = -np.ones(chain.coordinate_count), np.array([-1.0, 1.0, 1.0])
+    else:  # y to -y, where its tendons have their mirror images
+        turns = np.tile([-1.0, 1.0, -1.0], chain.coordinate_count // 3)
+        mirror = np.array([1.0, -1.0, 1.0])
+    for shape in (Sphere(0.03), Capsule(0.02, 0.2), Box((0.1, 0.2, 0.3))):  # as their own images
+        place = np.array([0.2, 0.1, 0.3])
+        here = Surroundings(chain.arm, [Obstacle('it', shape, tuple(place))])
+        there = Surroundings(chain.arm, [Obstacle('it', shape, tuple(mirror * place))])
+        for _ in range(5):
+            state = bent(chain, random)
+            image = chain.state_of(turns * state.coordinates, state.held_coordinates, state.stiff)
+            one, other = here.clearance(state).distance, there.clearance(image).distance
+            assert (one > 0) == (other > 0)
+            assert one == pytest.approx(other, abs=5e-6) or one < 0
+
+
+def test_the_outside_of_a_sharp_bend_belongs_to_the_arm(chain):
+    # Where one straight body meets the next one, the cylinders around them leave a wedge open.
+    axes, radius = len(chain.joint_axes), chain.arm.segments[0].outer_diameter / 2
+    outside = np.array([-np.cos(0.15), 0.0, np.sin(0.15)])  # halfway between the bodies
+    for joint in (0, 1, chain.joints_per_segment - 1):  # on the base, in between, at a disc
+        joints = np.zeros((chain.coordinate_count // axes, axes))
+        joints[joint, axes // 2] = 0.3
+        state = chain.state_of(joints.ravel(), joints.ravel(), (False,) * chain.segments)
+        place = state.backbone[joint] + (radius + 0.004) * outside
+        needle = Obstacle('needle', Sphere(0.001), tuple(place))
+        found = Surroundings(chain.arm, [needle]).clearance(state).distance
+        assert found <= 0.003
+        assert found > 0.003 - 2.0 * radius * (1.0 / np.cos(0.15) - 1.0)

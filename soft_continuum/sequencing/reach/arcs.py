@@ -24,6 +24,7 @@ from soft_continuum.sequencing.reach.goal import TipGoal
 ITERATIONS = 30  # of Levenberg and Marquardt's method
 FITTED = 1e-3  # of the tolerances: nearer need no tip be
 STEP = 1e-5  # rad, for derivatives
+LEAST_DAMPING = 1e-8  # of many bendings with one tip the nearest is taken
 STUCK = 1e8  # damping at which a fit gets no nearer
 
 
@@ -131,28 +132,27 @@ class Arcs:
             after = miss.of(*self.tips(there))
             better = (after**2).sum(axis=1) < (rest**2).sum(axis=1)
             bent[going[better]], left[going[better]] = there[better], after[better]
-            damping[going] *= np.where(better, 0.2, 8.0)
+            damping[going] = np.maximum(
+                damping[going] * np.where(better, 0.2, 8.0), LEAST_DAMPING)
         return bent, left
 
-    def corrected(self, bending: Array, movers: Sequence[int], miss: Miss, left: Array) -> Array:
-        """Return one bending so changed that its tip goes by as much as is ``left``, rad."""
-        some = self.columns(movers)
-        change = self._change(bending[None], left[None], some, np.full(1, 1e-6), miss)
-        return self.within(bending - change[0])
+    def slopes(self, bending: Array, columns: NDArray[np.intp], miss: Miss) -> Array:
+        """Return how what is missed changes with some columns of bendings (m, ...): (m, k, n)."""
+        count = len(columns)
+        flat = np.repeat(bending.reshape(1, len(bending), -1), count + 1, axis=0)
+        flat[np.arange(count), :, columns] += STEP
+        missed = miss.of(*self.tips(flat.reshape(count + 1, *bending.shape)))
+        return np.moveaxis((missed[:-1] - missed[-1]) / STEP, 0, -1)
 
     def _change(self, bending: Array, left: Array, columns: NDArray[np.intp], damping: Array,
                 miss: Miss) -> Array:
         """Return by how much bendings (m, ...) are too large for what is left (m, k)."""
-        count = len(columns)
-        flat = np.repeat(bending.reshape(1, len(bending), -1), count + 1, axis=0)
-        flat[np.arange(count), :, columns] += STEP
-        tips = miss.of(*self.tips(flat.reshape(count + 1, *bending.shape)))
-        slopes = np.moveaxis((tips[:-1] - tips[-1]) / STEP, 0, -1)  # (m, k, count)
+        count, slopes = len(columns), self.slopes(bending, columns, miss)
         square = slopes.swapaxes(1, 2) @ slopes
         scale = np.trace(square, axis1=1, axis2=2) / count + 1e-12
         square += (damping * scale)[:, None, None] * np.eye(count)
         found = np.linalg.solve(square, slopes.swapaxes(1, 2) @ left[..., None])[..., 0]
-        change = np.zeros((len(bending), flat.shape[-1]))
+        change = np.zeros((len(bending), self.free.size))
         change[:, columns] = found
         return change.reshape(bending.shape)
 

@@ -97,14 +97,27 @@ class Passages:
         Raises BlockedError.
         """
         try:
-            move, _ = self.planner.move(
-                node.state, node.pulls, mover, float(goal[mover]) if goal.ndim == 1 else goal)
+            move, _ = self.planner.move(node.state, node.pulls, mover, _of(goal, mover))
             return self._followed(node, move)
         except PlanError as error:
             self.planner.check_wanted()  # an abandoned plan is not one that is blocked
             raise BlockedError(str(error), limit=error.limit) from None
         except StaticsError as error:
-            raise BlockedError(str(error)) from None
+            raise BlockedError(str(error), limit='held') from None
+
+    def bent(self, state: Any, mover: int, goal: Array) -> Any:
+        """Return the state after a segment, or WHOLE_ARM, is set; raises BlockedError."""
+        self.planner.check_wanted()
+        try:
+            return self.planner.bent(state, mover, _of(goal, mover))
+        except StaticsError as error:
+            raise BlockedError(str(error), limit='held') from None
+
+    def free(self, state: Any, needed: float) -> None:
+        """Raise BlockedError where an obstacle is nearer to a state than needed, m."""
+        near = self.surroundings.clearance(state)
+        if near.distance < needed:
+            raise _too_near(near, needed)
 
     def needed(self, locked: frozenset[int], soft: int | None) -> float:
         """
@@ -205,6 +218,11 @@ class _Way:
         middle = 0.5 * (before + pulls)
         state, near = self.to(state, near, before, middle, part / 2.0)
         return self.to(state, near, middle, pulls, part / 2.0)
+
+
+def _of(goal: Array, mover: int) -> Any:
+    """Return what a planner takes as the goal of one segment, or of WHOLE_ARM."""
+    return float(goal[mover]) if goal.ndim == 1 else goal
 
 
 def _too_near(near: Distance, needed: float) -> BlockedError:

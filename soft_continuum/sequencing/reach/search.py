@@ -17,15 +17,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import bent
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.sequencing.planner import (
-    PlanError,
-    Shape,
-    ShapePlan,
-    ShapePlanner,
-    soft_flags,
-)
+from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan, ShapePlanner
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
 from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
 from soft_continuum.sequencing.reach.goal import Distance, ReachSettings, Surroundings, TipGoal
@@ -36,6 +28,8 @@ ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is
 FINE = 0.004  # m: points of arcs that move by less are not looked at in between
 CORRECTIONS = 8  # of bendings, by the statics
 AIM = 0.3  # of the tolerances: so near the correction ends
+DIVERGED = 3.0  # times what was missed at best: a correction does not come back from there
+RANK = 1e-6  # of singular values of slopes: less is nothing
 ALIKE = 0.1  # s: durations that differ by less are one, and the tension decides
 KEPT = 0.15  # of the time, to look for the nearest when there is no plan
 IMPROVEMENTS = 40  # candidates beside the best that are tried
@@ -59,17 +53,18 @@ def reach(planner: ShapePlanner, state: Any, pulls: Sequence[float], goal: TipGo
     if inside.distance <= 0.0:
         raise PlanError(f'the tip goal is in {inside.obstacle}, '
                         f'{-inside.distance * 1e3:.1f} mm deep; move one of them')
-    passages = Passages(planner, surroundings, settings)
-    yield from _Search(passages, passages.start(state, np.array(pulls, dtype=float)), goal).run()
+    start = Passages(planner, surroundings, settings).start(state, np.array(pulls, dtype=float))
+    yield from _Search(planner, start, goal, surroundings, settings).run()
 
 
 class _Search:
     """One search."""
 
-    def __init__(self, passages: Passages, start: Node, goal: TipGoal) -> None:
-        self.passages, self.start, self.goal = passages, start, goal
-        self.settings, planner = passages.settings, passages.planner
-        self.planner, self.miss = planner, Miss(goal)
+    def __init__(self, planner: ShapePlanner, start: Node, goal: TipGoal,
+                 surroundings: Surroundings, settings: ReachSettings) -> None:
+        self.planner, self.start, self.goal, self.settings = planner, start, goal, settings
+        self.passages = Passages(planner.until(self._late), surroundings, settings)
+        self.miss = Miss(goal)
         self.arcs = Arcs(planner.statics.chain.arm)
         self.bending = np.array(start.state.bending)
         self.candidates = Candidates(self.arcs, planner.settings, self.miss, self.bending,
@@ -78,7 +73,7 @@ class _Search:
         self.best_candidate: Candidate | None = None
         self.nearest = start
         self.blocked: Counter[tuple[str, str]] = Counter()  # obstacle or limit, and how often
-        self._began = monotonic()
+        self._end = monotonic() + (1.0 - KEPT) * settings.time_limit
         self._shapes: dict[bytes, tuple[Any, Distance]] = {}
         self._lines: dict[tuple[bytes, bytes], str] = {}
         self._nodes: dict[tuple[bytes, ...], Node | BlockedError] = {}
@@ -91,37 +86,39 @@ class _Search:
         for count in range(1, self.settings.max_softenings + 1):
             if self._bound(count, 0.0) >= self._best_cost():
                 break
-            yield from self._tried(
-                c for part in self.candidates.of(count) for c in part)
-            if self._late():
-                break
+            yield from self._tried(c for part in self.candidates.of(count) for c in part)
         if self.best is None:
-            yield self._nearest()
+            self._end += KEPT * self.settings.time_limit
+            tried = self.candidates.nearest()[:NEAREST]
+            yield from self._tried(iter(tried), anyway=True)
+            if self.best is None:
+                yield self._nearest(tried[0].near > 1.0)
         else:
             yield from self._tried(
                 c for width in WIDTHS for _ in range(IMPROVEMENTS // len(WIDTHS))
                 for c in self.candidates.beside(self._known_best(), width))
 
-    def _tried(self, candidates: Iterator[Candidate]) -> Iterator[Reach]:
-        """Yield what is better than all before it."""
-        for candidate in candidates:
-            self.planner.check_wanted()
-            if self._late():
-                return
+    def _tried(self, candidates: Iterator[Candidate], anyway: bool = False) -> Iterator[Reach]:
+        """Yield what is better than all before it, until it is late."""
+        while not self._late() and (candidate := next(candidates, None)) is not None:
             if self._bound(len(candidate.movers), candidate.seconds) >= self._best_cost():
                 continue
             try:
-                found = self._result(self._planned(candidate))
+                found = self._result(self._planned(candidate, anyway))
             except BlockedError as error:
                 self.blocked[error.obstacle, error.limit] += 1
                 continue
+            except PlanError:
+                self.planner.check_wanted()
+                return  # it was late
             if self._cost(found) < self._best_cost():
+                if self.best is None:
+                    self._end += KEPT * self.settings.time_limit * (not anyway)
                 self.best, self.best_candidate = found, candidate
                 yield found
 
     def _late(self) -> bool:
-        limit = self.settings.time_limit * (1.0 if self.best else 1.0 - KEPT)
-        return monotonic() - self._began > limit
+        return monotonic() > self._end
 
     def _known_best(self) -> Candidate:
         assert self.best_candidate is not None
@@ -147,24 +144,20 @@ class _Search:
 
     # One candidate.
 
-    def _planned(self, candidate: Candidate) -> Node:
-        """Return where the settings of a candidate lead; raises BlockedError."""
-        self._look(candidate)
+    def _planned(self, candidate: Candidate, anyway: bool = False) -> Node:
+        """Return where the settings of a candidate lead; anyway: also if that is not the goal."""
+        if not anyway:
+            self._look(candidate)
         movers, first = candidate.movers, len(candidate.movers) - candidate.fitted
         node, path = self.start, tuple[bytes, ...]()
         for mover, shape in zip(movers[:first], candidate.shapes[1:first + 1], strict=True):
             node, path = self._gone(node, path, mover, shape)
-        last, bending = movers[first:], candidate.shapes[-1]
-        bending = self._corrected(node, last, bending)
-        for _ in range(2):
-            end, way = node, path
-            for mover in last:
-                end, way = self._gone(end, way, mover, bending)
-            left = self.miss.of_state(end.state)
-            if size(left) <= 1.0:
-                return end
-            bending = self.arcs.corrected(bending, last, self.miss, left)
-        raise BlockedError('the tip does not get there', limit='tip')
+        bending = self._corrected(node, movers[first:], candidate.shapes[-1], anyway)
+        for mover in movers[first:]:
+            node, path = self._gone(node, path, mover, bending)
+        if size(self.miss.of_state(node.state)) > 1.0:
+            raise BlockedError('the tip does not get there', limit='tip')
+        return node
 
     def _gone(self, node: Node, path: tuple[bytes, ...], mover: int, bending: Array
               ) -> tuple[Node, tuple[bytes, ...]]:
@@ -183,30 +176,49 @@ class _Search:
             raise known
         return known, key
 
-    def _corrected(self, node: Node, movers: Sequence[int], bending: Array) -> Array:
-        """Return the bending that the statics need so that the tip is at the goal."""
-        best, least = bending, inf
-        for _ in range(CORRECTIONS):
-            left = self.miss.of_state(self._predicted(node, movers, bending))
-            off = float(size(left))
-            if off < least:
-                best, least = bending, off
-            if off <= AIM or off > 2.0 * least:
-                break
-            bending = self.arcs.corrected(bending, movers, self.miss, left)
-        return best
+    def _corrected(self, node: Node, movers: Sequence[int], bending: Array, anyway: bool) -> Array:
+        """
+        Return the bending that the statics need so that the tip is at the goal.
 
-    def _predicted(self, node: Node, movers: Sequence[int], bending: Array) -> Any:
-        """Return the state after settings, without the way there."""
-        state = node.state
-        try:
-            for mover in movers:
-                self.planner.check_wanted()
-                soft = soft_flags(mover, len(self.arcs.limits))
-                state = bent(self.planner.statics, state, soft, bending)
-        except StaticsError as error:
-            raise BlockedError(str(error), limit='held') from None
-        return state
+        Broyden's method, which begins with the derivatives of arcs.
+        """
+        columns = self.arcs.columns(movers)
+        slopes = self.arcs.slopes(bending[None], columns, self.miss)[0]
+        states = self._predicted(node, movers, bending)
+        left = self.miss.of_state(states[-1])
+        best = bending, states, left
+        for _ in range(CORRECTIONS):
+            if size(left) <= AIM:
+                break
+            there = bending.copy().reshape(-1)
+            there[columns] -= np.linalg.lstsq(slopes, left, rcond=RANK)[0]
+            there = self.arcs.within(there.reshape(bending.shape))
+            change = (there - bending).reshape(-1)[columns]
+            if not change.any():
+                break
+            before, bending = left, there
+            states = self._predicted(node, movers, bending)
+            left = self.miss.of_state(states[-1])
+            slopes = slopes + np.outer(
+                left - before - slopes @ change, change) / (change @ change)
+            if size(left) < size(best[2]):
+                best = bending, states, left
+            elif size(left) > DIVERGED * size(best[2]):
+                break
+        bending, states, left = best
+        if size(left) > 1.0 and not anyway:
+            raise BlockedError('the tip does not get there', limit='tip')
+        least = min(self.settings.margin, self.start.near.distance)
+        for state in states:
+            self.passages.free(state, least)
+        return bending
+
+    def _predicted(self, node: Node, movers: Sequence[int], bending: Array) -> list[Any]:
+        """Return the states after settings, without the way there."""
+        states = [node.state]
+        for mover in movers:
+            states.append(self.passages.bent(states[-1], mover, bending))
+        return states[1:]
 
     # A look at arcs.
 
@@ -262,27 +274,16 @@ class _Search:
         if size(self.miss.of_state(node.state)) < size(self.miss.of_state(self.nearest.state)):
             self.nearest = node
 
-    def _nearest(self) -> Reach:
+    def _nearest(self, out_of_reach: bool) -> Reach:
         """Return the plan that comes nearest, and why none arrives."""
-        tried = self.candidates.nearest()
-        out_of_reach = tried[0].near > 1.0
-        began = monotonic()
-        for candidate in tried[:NEAREST]:
-            if monotonic() - began > KEPT * self.settings.time_limit:
-                break
-            self.planner.check_wanted()
-            try:
-                self._planned(candidate)
-            except BlockedError as error:
-                self.blocked[error.obstacle, error.limit] += 1
         away, turn = self.miss.errors(self.nearest.state)
         left = f'{away * 1e3:.1f} mm' + (
             '' if self.goal.kind == 'position' else f' and {np.degrees(turn):.1f} degrees')
-        if out_of_reach:
-            return self._result(self.nearest, f'the goal is out of reach: the nearest that was '
-                                f'found is {left} from it')
-        return self._result(self.nearest, f'no plan was found: {self._in_the_way()}; the nearest '
-                            f'that was found is {left} from the goal')
+        why = f'the goal is out of reach: the nearest that was found is {left} from it'
+        if not out_of_reach:
+            why = (f'no plan was found: {self._in_the_way()}; the nearest that was found is '
+                   f'{left} from the goal')
+        return self._result(self.nearest, why)
 
     def _in_the_way(self) -> str:
         """Say what stopped the candidates, the most frequent first."""
@@ -294,6 +295,6 @@ class _Search:
                 said.append(f'{limit} would be passed')
             elif limit == 'jump':
                 said.append('the arm would go over to another shape by itself')
-            else:
+            elif limit == 'held':
                 said.append('the tendons do not hold the arm on the way')
         return ', '.join(dict.fromkeys(said)) or 'the time was too short'

@@ -1,0 +1,45 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Paths of the tip from files."""
+
+from math import pi
+from pathlib import Path
+
+from soft_continuum.analysis.delimited import (
+    ANGLE_UNITS,
+    LENGTH_UNITS,
+    MeasurementError,
+    Quantity,
+    read_table,
+)
+from soft_continuum.tip import Tip
+
+MAX_POINTS = 200
+"""As many as shape_sequencer takes."""
+
+
+def read_tip_path(path: Path, unit: str = 'm', tolerance: float = 0.0) -> list[Tip]:
+    """
+    Return the goals of a CSV file with the columns x, z, and, if there are, y and angle.
+
+    unit: of lengths where the header does not tell; that of angles is degrees then.  tolerance:
+    m, 0 for the usual one.  Raises MeasurementError naming file, line and remedy.
+    """
+    table = read_table(path, [
+        Quantity('x', ('x',), LENGTH_UNITS), Quantity('z', ('z',), LENGTH_UNITS),
+        Quantity('y', ('y',), LENGTH_UNITS, required=False),
+        Quantity('angle', ('angle',), ANGLE_UNITS, required=False)],
+        usual={'x': unit, 'y': unit, 'z': unit, 'angle': 'deg'})
+    names = [name for name in 'xyz' if table.has(name)]
+    rows = list(zip(*(table.column(name).numbers().tolist() for name in names), strict=True))
+    if len(rows) > MAX_POINTS:
+        raise MeasurementError(f'{path}: {len(rows)} points; allowed: {MAX_POINTS}; leave some '
+                               'out, such as every second one')
+    angles = (table.column('angle').numbers().tolist() if table.has('angle')
+              else [None] * len(rows))
+    for number, angle in enumerate(angles, start=1):
+        if angle is not None and abs(angle) > 2.0 * pi:
+            raise MeasurementError(f'{path}: the angle of point {number} is {angle:g} rad; '
+                                   'allowed: one turn either way')
+    return [Tip(row, angle, tolerance=tolerance)
+            for row, angle in zip(rows, angles, strict=True)]

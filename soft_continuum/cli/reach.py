@@ -1,0 +1,58 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The verbs that bring the tip of a running arm somewhere, ``reach`` and ``follow``."""
+
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from soft_continuum.arguments import Parser, WRONG_USAGE
+from soft_continuum.cli.operate import Action, add_hold, run_action, watch_sequence
+from soft_continuum.cli.output import Output
+from soft_continuum.cli.tip_options import (
+    add_tip,
+    add_tolerance,
+    add_unit,
+    given_tip,
+    tip_problem,
+    UNITS,
+)
+
+if TYPE_CHECKING:
+    from soft_continuum.client.arm import Arm
+
+
+def main(verb: str) -> int:
+    """Run a verb; return the exit status."""
+    return run_action(verb, ACTIONS[verb])
+
+
+def _reach_options(parser: Parser) -> None:
+    add_tip(parser)
+    add_hold(parser)
+
+
+def _reach(arm: 'Arm', options: Namespace, output: Output) -> int:
+    return watch_sequence(arm.start(given_tip(options), hold=options.hold), output)
+
+
+def _follow_options(parser: Parser) -> None:
+    parser.add_argument('file', type=Path, metavar='FILE', help='CSV file with the columns x and '
+                        'z or x, y and z, and, if wanted, angle')
+    add_unit(parser, 'of lengths where the header does not tell, and of the tolerance')
+    add_tolerance(parser)
+    add_hold(parser)
+
+
+def _follow(arm: 'Arm', options: Namespace, output: Output) -> int:
+    from soft_continuum.analysis.delimited import MeasurementError
+    from soft_continuum.analysis.tip_path import read_tip_path
+    try:
+        tips = read_tip_path(options.file, options.unit, UNITS[options.unit] * options.tolerance)
+    except MeasurementError as error:
+        return output.fail(error, WRONG_USAGE)
+    return watch_sequence(arm.start(tips, hold=options.hold), output)
+
+
+ACTIONS = {'reach': Action(_reach, _reach_options, tip_problem),
+           'follow': Action(_follow, _follow_options)}

@@ -1,0 +1,85 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where the tip shall be, on the command line."""
+
+from argparse import ArgumentTypeError, Namespace
+from math import degrees, inf, isfinite, pi, radians
+
+from soft_continuum.arguments import number_in, Parser
+from soft_continuum.tip import Tip
+
+UNITS = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3}
+MAX_POSITION = 10.0  # m
+
+
+def add_tip(parser: Parser, needed: bool = True) -> None:
+    """Add the options of one goal of the tip; needed: whether its position has to be given."""
+    parser.add_argument('position', nargs='+' if needed else '*', type=_number, metavar='X [Y] Z',
+                        help='where the tip shall be, in base_link: x and z, or x, y and z')
+    add_unit(parser, 'of the position and the tolerance')
+    parser.add_argument('--angle', type=number_in(-360.0, 360.0, 'degrees'), metavar='DEG',
+                        help='where it shall point, in the plane of x and z: degrees from z '
+                        'towards x')
+    parser.add_argument('--direction', type=_direction, metavar='X,Y,Z',
+                        help='where it shall point: a vector of any length')
+    add_tolerance(parser)
+    parser.add_argument('--angle-tolerance', type=number_in(0.0, 180.0, 'degrees'), default=0.0,
+                        metavar='DEG', help='how far it may be turned from that (default: as '
+                        f'reach.angle_tolerance says, {degrees(radians(2.0)):g} degrees)')
+
+
+def add_unit(parser: Parser, of: str) -> None:
+    """Add the unit of lengths; of: which ones."""
+    parser.add_argument('--unit', choices=UNITS, default='m', help=f'{of} (default: %(default)s)')
+
+
+def add_tolerance(parser: Parser) -> None:
+    """Add how far the tip may be off."""
+    parser.add_argument('--tolerance', type=number_in(0.0, inf, ''), default=0.0, metavar='D',
+                        help='how far the tip may be from its goal, in that unit (default: as '
+                        'reach.position_tolerance says, 1 mm)')
+
+
+def tip_problem(options: Namespace) -> str:
+    """Return what is wrong with the options of add_tip; empty when nothing is."""
+    position, scale = options.position, UNITS[options.unit]
+    if len(position) not in (2, 3):
+        return (f'{len(position)} number{"s" if len(position) != 1 else ""} given; needed: '
+                'x and z, or x, y and z')
+    for name, value in (*zip('xyz' if len(position) == 3 else 'xz', position, strict=True),
+                        ('--tolerance', options.tolerance)):
+        if abs(scale * value) > MAX_POSITION:
+            return (f'{name} is {value:g} {options.unit}; allowed: up to {MAX_POSITION:g} m'
+                    + ('; in mm? add --unit mm' if options.unit == 'm' else ''))
+    if options.angle is not None and options.direction is not None:
+        return 'give --angle or --direction, not both'
+    return ''
+
+
+def given_tip(options: Namespace) -> Tip:
+    """Return the goal that the options of add_tip give."""
+    scale = UNITS[options.unit]
+    return Tip(tuple(scale * value for value in options.position),
+               None if options.angle is None else radians(options.angle), options.direction, None,
+               scale * options.tolerance, min(pi, radians(options.angle_tolerance)))
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = inf
+    if not isfinite(value):
+        raise ArgumentTypeError(f'{text!r} given; needed: x and z, or x, y and z, such as '
+                                '150 220 --unit mm')
+    return value
+
+
+def _direction(text: str) -> tuple[float, ...]:
+    try:
+        values = tuple(map(float, text.split(',')))
+    except ValueError:
+        values = ()
+    if len(values) != 3 or not all(map(isfinite, values)) or not any(values):
+        raise ArgumentTypeError(f'{text!r} given; needed: three numbers x,y,z that are not all 0')
+    return values
