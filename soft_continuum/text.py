@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Text and files that others wrote, within bounds: what is shown, and what is read."""
+"""Text and files: what others wrote, within bounds, and what is written whole or not at all."""
 
 from errno import EFBIG, EINVAL
 import os
@@ -48,3 +48,13 @@ def read_bytes(path: str | Path, most: int) -> bytes:
         raise OSError(EFBIG, f'it is larger than {most / 1e6:g} MB, the most that is read',
                       str(path))
     return data
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text to a file, whole or not at all; raises OSError."""
+    partial = path.with_name(f'.{path.name}.{os.getpid()}')
+    try:
+        partial.write_text(text, encoding='utf-8')
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)

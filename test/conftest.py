@@ -3,7 +3,10 @@
 """Which tests run: all, or with ``--quick`` those that take little time."""
 
 from contextlib import suppress
+import os
 from pathlib import Path
+
+import pytest
 
 with suppress(ImportError, AttributeError):  # an older hypothesis knows no such thing
     from hypothesis.internal.conjecture import providers
@@ -16,6 +19,12 @@ SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation
         'mechanics/test_elastica.py', 'mechanics/test_mujoco.py', 'mechanics/test_spatial_tip.py',
         'twin')
 """Tests below these start nodes, devices, programs or other solvers, or run whole analyses."""
+
+
+@pytest.fixture(scope='session', autouse=True)
+def _no_saved_shapes(tmp_path_factory):
+    """Keep what the user has saved out of the tests, and theirs out of the file of the user."""
+    os.environ['XDG_CONFIG_HOME'] = str(tmp_path_factory.mktemp('config'))
 
 
 def pytest_addoption(parser):

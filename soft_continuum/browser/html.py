@@ -8,6 +8,7 @@ from math import degrees, isfinite, isnan, radians
 
 from soft_continuum.browser.charts import axis_end, chart, ERROR_ENDS, History
 from soft_continuum.browser.session import Description, Notice
+from soft_continuum.browser.tip_planning import Planned
 from soft_continuum.browser.words import plain
 from soft_continuum.client.estimate import (
     age_text,
@@ -39,7 +40,7 @@ from soft_continuum_interfaces.msg import RecorderState
 WARNING: Colour = (255, 222, 89)
 PLAIN: Colour = (255, 255, 255)
 LEVELS = {'ok': PLAIN, 'warn': WARNING, 'error': WRONG}
-DARK_TEXT = (PLAIN, WARNING, TENSIONS[0], SOFT)
+DARK_TEXT = (PLAIN, WARNING, TENSIONS[0], SOFT, GHOST)
 MAX_ROWS, MAX_ALARM_ROWS = 30, 10  # of what others publish
 TELLING_ANGLE = radians(0.5)  # from which on a bending has a direction worth a word
 FEW_TENDONS = 3  # up to so many have a curve below their numbers, more beside them
@@ -99,7 +100,7 @@ def segments_html(state: ArmState, description: Description, history: History) -
         captions.append('bending angle @ direction: about z, from x to y of the disc below')
     if description.jamming:
         captions.append(f'vacuum of the last minute, 0 to {VACUUM_END:g} kPa')
-    return _table(rows) + _caption('; '.join(captions))
+    return _table(rows) + caption('; '.join(captions))
 
 
 def _bending(state: ArmState, segment: int) -> str:
@@ -137,7 +138,7 @@ def tendons_html(state: ArmState, description: Description, history: History) ->
         cells = f'<b>{_text(name)}</b>', chip, pull
         curve = chart(history.tensions[t], end, TENSIONS[1])
         rows += [(*cells, curve)] if len(names) > FEW_TENDONS else [cells, (curve,)]
-    return _table(rows) + _caption(f'tension of the last minute, 0 to {end:g} N')
+    return _table(rows) + caption(f'tension of the last minute, 0 to {end:g} N')
 
 
 def positions_html(state: ArmState) -> str:
@@ -152,7 +153,7 @@ def positions_html(state: ArmState) -> str:
                 _number(error[0] * 1e3, '.1f', '&nbsp;mm'),
                 _number(degrees(error[1]), '+.1f', '°')), strict=True) if isfinite(value))
         rows.append((f'disc&nbsp;{n}', *_position(seen, axes), off or 'not seen'))
-    return _table(rows) + _caption(f'{" and ".join([", ".join(axes[:-1]), axes[-1]])} in mm; ' + (
+    return _table(rows) + caption(f'{" and ".join([", ".join(axes[:-1]), axes[-1]])} in mm; ' + (
         'discs as they are seen, and how far from the model'
         if state.measured_discs else 'no sensor measures the discs'))
 
@@ -173,7 +174,7 @@ def source_html(state: ArmState, history: History) -> str:
     if off is not None:
         rows.append((_chip('PREDICTED', PREDICTED),
                      f'tip <b>{millimetres(off)} mm</b> from the estimate'))
-    return _table(rows) + _caption(
+    return _table(rows) + caption(
         f'drawn solid: the estimate; <b style="color:{_css(PREDICTED)}">brown outline</b>: what '
         'the model alone predicts') + _plot(
             'prediction from estimate, tip', 'mm', history.prediction, PREDICTED)
@@ -191,7 +192,7 @@ def error_html(history: History) -> str:
 
 def _plot(what: str, unit: str, samples: Sequence[float], colour: Colour) -> str:
     end = axis_end((samples,), ERROR_ENDS)
-    return _small(chart(samples, end, colour)) + _caption(
+    return _small(chart(samples, end, colour)) + caption(
         f'{what}: last minute, 0 to {end:g} {unit}')
 
 
@@ -207,7 +208,7 @@ def parameters_html(estimate: Estimate | None) -> str:
     rows = []
     for parameter in estimate.parameters[:MAX_ROWS]:
         rows += _parameter_rows(parameter)
-    return _table(rows) + _caption(
+    return _table(rows) + caption(
         'stiffness factor: of the soft segment, over the described one; K: stiff over soft; '
         'offset: pulled in beyond what the motor says; ± one standard deviation. '
         '<code>soft_continuum learn</code> saves what is determined')
@@ -229,7 +230,7 @@ def picture_html(address: str) -> str:
     if not address:
         return ''
     return _small(f'<img src="{address}" style="width:100%;display:block" '
-                  'alt="The arm as the camera sees it">') + _caption(
+                  'alt="The arm as the camera sees it">') + caption(
         f'what the camera sees, with <b style="color:{_css(MEASURED)}">tags</b> and '
         f'<b style="color:{_css(MODEL)}">model</b>')
 
@@ -257,7 +258,7 @@ def jog_hint_html(state: ArmState, description: Description) -> str:
 
 def own_shape_html(description: Description) -> str:
     """Say what the sliders of a shape mean."""
-    return _caption(
+    return caption(
         'Degrees. ' + (
             'Direction: towards where, about z, from x (0) to y (90) of the disc below, as they '
             'are drawn at the base. ' if description.in_space else '')
@@ -283,6 +284,32 @@ def sequence_html(state: ArmState) -> str:
                   f'{_text(last.message)}')
 
 
+def plan_html(planned: Planned | None, waits: bool) -> str:
+    """Say whether and how the tip gets to its goal; waits: the answer has yet to come."""
+    if planned is None:
+        return _status(_table([(_chip('PLANNING', UNKNOWN), '')]))
+    plan = planned.plan
+    found = plan is not None and plan.found
+    chip = _chip('PLANNING', UNKNOWN) if waits else (
+        _chip('REACHABLE', GHOST) if found else _chip('NOT REACHABLE', WRONG) if plan else
+        _chip('NO ANSWER', WARNING))
+    rows: list[tuple[str, ...]] = [(chip, _text(planned.problem))]
+    if plan is not None and plan.steps:
+        lines = [] if found else ['<b>the nearest that can be had:</b>']
+        off = plan.tip_errors[-1] if plan.tip_errors else 0.0
+        lines += [f'tip <b>{_number(1e3 * off, ".1f", " mm")}</b> from its goal',
+                  f'softenings: <b>{plan.softenings}</b>' if plan.steps[0].segment else
+                  f'motions: <b>{plan.softenings}</b>',
+                  f'tension up to <b>{_number(plan.tension, ".1f", " N")}</b>',
+                  f'<b>{_number(plan.duration, ".0f", " s")}</b> of motion']
+        nearest = min(plan.steps, key=lambda step: step.clearance)
+        if isfinite(nearest.clearance):
+            lines.append(f'<b>{_number(1e3 * nearest.clearance, ".0f", " mm")}</b> from '
+                         f'{_text(nearest.obstacle)}')
+        rows.append(('<br>'.join(lines),))
+    return _status(_table(rows))
+
+
 def notices_html(notices: Iterable[Notice]) -> str:
     """Return notices, the newest first."""
     red = f' style="color:{_css(WRONG)}"'
@@ -306,12 +333,18 @@ def _number(value: float, form: str, unit: str) -> str:
     return f'{value:{form}}{unit}' if isfinite(value) and abs(value) < 1e6 else '?'
 
 
+def _status(html: str) -> str:
+    """Let a screen reader say what changes."""
+    return f'<div role="status">{html}</div>'
+
+
 def _text(text: str) -> str:
     return escape(plain(text))
 
 
-def _caption(text: str) -> str:
-    return f'<div style="font-size:0.75em;padding:0 8px 4px;color:#667">{text}</div>'
+def caption(html: str) -> str:
+    """Return a line in small grey letters."""
+    return f'<div style="font-size:0.75em;padding:0 8px 4px;color:#667">{html}</div>'
 
 
 def _small(html: str) -> str:

@@ -1,14 +1,14 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What comes in from viser's page: where its camera is, and the values of controls.
+What comes in from viser's page: its camera, values of controls, and the handle of the tip.
 
 viser itself sets whatever property of an element a message names and keeps every file it is sent.
 So its messages are decoded here, by a schema that has nothing else, and encoded again.
 """
 
 from collections.abc import Awaitable, Callable
-from typing import Annotated
+from typing import Annotated, get_args, Literal
 
 import msgspec
 from websockets.asyncio.server import ServerConnection
@@ -17,6 +17,9 @@ from soft_continuum.browser.log import LOG
 
 MAX_MESSAGE = 2**14  # bytes
 MAX_TEXT = 1000  # characters
+HandleName = Literal['/arm/tip_goal']
+TIP_HANDLE: str = get_args(HandleName)[0]
+"""The name of the one handle that can be dragged."""
 Vector = tuple[float, float, float]
 Number = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]  # of a slider: s, or degrees
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
@@ -47,7 +50,23 @@ class _Update(_Message, tag='GuiUpdateMessage'):
     updates: _Value
 
 
-_DECODER = msgspec.msgpack.Decoder(_Camera | _Update)
+class _Handle(_Message, tag='TransformControlsUpdateMessage'):
+    name: HandleName
+    wxyz: tuple[Number, Number, Number, Number]
+    position: tuple[Number, Number, Number]
+    owner: Literal['']
+
+
+class _HandleStart(_Message, tag='TransformControlsDragStartMessage'):
+    name: HandleName
+    owner: Literal['']
+
+
+class _HandleEnd(_HandleStart, tag='TransformControlsDragEndMessage'):
+    pass
+
+
+_DECODER = msgspec.msgpack.Decoder(_Camera | _Update | _Handle | _HandleStart | _HandleEnd)
 
 
 def only_controls(connection: ServerConnection) -> ServerConnection:

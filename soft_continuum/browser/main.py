@@ -97,6 +97,7 @@ class View:
     def _update_description(self) -> None:
         if self._description is None or self._is_looked_at:
             self._session.update_description()
+            self._session.saved.follow()
 
 
 def _guarded(update: Callable[[], None]) -> None:

@@ -6,15 +6,16 @@ from collections.abc import Callable
 from math import degrees, floor, radians
 from typing import Any, TYPE_CHECKING
 
-import numpy as np
 import viser
 
+from soft_continuum.browser.controls import number_of
 from soft_continuum.browser.html import own_shape_html
-from soft_continuum.browser.session import Description, Points
-from soft_continuum.mechanics.either import bending_of, chain_of
+from soft_continuum.browser.points import Points, points_of
+from soft_continuum.browser.session import Description
+from soft_continuum.mechanics.either import chain_of
 
 if TYPE_CHECKING:
-    from soft_continuum.client.sequence import ShapeLike
+    from soft_continuum.client.sequence import Bending
 
 ROUNDING = 1e-3  # degrees: limits are written with so many digits
 
@@ -29,7 +30,7 @@ class OwnShape:
             if event.client is not None:
                 changed()
 
-        self._chain = chain_of(description.arm)
+        self.chain = chain_of(description.arm)
         self._limits = [segment.bending_angle_limit for segment in description.arm.segments]
         self._angles, self._directions = [], []
         for number, limit in enumerate(self._limits, start=1):
@@ -43,7 +44,7 @@ class OwnShape:
         gui.add_html(own_shape_html(description))
 
     @property
-    def shape(self) -> 'ShapeLike':
+    def shape(self) -> 'tuple[Bending, ...]':
         """What each segment bends by: its angle or, in space, angle and direction, rad."""
         angles, directions = self._values()
         return tuple(zip(angles, directions, strict=True)) if directions else angles
@@ -51,16 +52,12 @@ class OwnShape:
     @property
     def points(self) -> Points:
         """Points along the backbone of that shape, x, y, z, m."""
-        shape = self._chain.uniform(bending_of(self._chain.arm, *self._values()))
-        return tuple(tuple(point) for point in np.vstack([np.zeros(3), shape.backbone]).tolist())
+        return points_of(self.chain, *self._values())
 
     def _values(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        angles = (radians(_number(slider.value)) for slider in self._angles)
+        angles, directions = (
+            tuple(radians(number_of(slider.value, -360.0, 360.0)) for slider in sliders)
+            for sliders in (self._angles, self._directions))
         return (tuple(max(-limit, min(limit, angle))
-                      for angle, limit in zip(angles, self._limits, strict=True)),
-                tuple(radians(_number(slider.value)) for slider in self._directions))
+                      for angle, limit in zip(angles, self._limits, strict=True)), directions)
 
-
-def _number(value: Any) -> float:
-    """Return the value of a slider, 0 for what is none: a browser may send anything."""
-    return float(value) if isinstance(value, int | float) and abs(value) <= 360.0 else 0.0

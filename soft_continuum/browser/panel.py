@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controls beside the scene.  Every browser shows the same ones."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from math import isfinite
 from typing import Any, TYPE_CHECKING
@@ -11,12 +11,13 @@ import viser
 
 from soft_continuum.browser import html
 from soft_continuum.browser.charts import History
-from soft_continuum.browser.own_shape import OwnShape
+from soft_continuum.browser.controls import add_button, add_group, enable
 from soft_continuum.browser.scene import viewpoint, views_of
 from soft_continuum.browser.session import Description, Session
+from soft_continuum.browser.shapes_panel import ShapesPanel
+from soft_continuum.browser.tip_panel import TipPanel
 from soft_continuum.client.state import ArmState
 from soft_continuum.ros.names import JAMMING_VALVES, SHAPE_SEQUENCER
-from soft_continuum.sequencing.progress import AIMS
 
 if TYPE_CHECKING:  # only a replay needs it
     from soft_continuum.recordings.playback import Playback
@@ -37,7 +38,6 @@ class Panel:
                  playback: 'Playback | None' = None) -> None:
         """Add every control; of a playback its slider, and none that moves an arm."""
         self._server, self._session, self._playback = server, session, playback
-        self._motions: list[Any] = []
         self._switches: list[Any] = []
         self._jogs: list[Any] = []
         self._rests: list[Any] = []
@@ -54,8 +54,9 @@ class Panel:
         if playback is None:
             with gui.add_folder('Recording'):
                 self._recording = gui.add_html('')
-                self._record = self._button(RECORD, session.record, hint='Everything that the '
-                                            'nodes publish, as an MCAP file')
+                self._record = add_button(
+                    gui, RECORD, session.record,
+                    hint='Everything that the nodes publish, as an MCAP file')
         with gui.add_folder('Nodes'):
             self._nodes = gui.add_html('')
         with gui.add_folder('Messages'):
@@ -70,7 +71,7 @@ class Panel:
             self._slider = gui.add_slider(
                 'Time [s]', 0.0, round(playback.duration + SLIDER_STEP, 1), SLIDER_STEP, 0.0)
             self._slider.on_update(moved)
-            self._play = self._button(PLAY, lambda: playback.play(not playback.playing))
+            self._play = add_button(gui, PLAY, lambda: playback.play(not playback.playing))
 
     def _add_controls(self, gui: viser.GuiApi, description: Description) -> None:
         arm, moves = description.arm, self._playback is None
@@ -78,9 +79,12 @@ class Panel:
                                 description.ambient_pressure)
         with gui.add_folder('Shapes'):
             if moves:
-                self._add_shapes(gui, description)
+                self._shapes = ShapesPanel(gui, self._session, description)
             self._bar = gui.add_progress_bar(0.0, color='green')
             self._sequence = gui.add_html('')
+        if moves:
+            with gui.add_folder('Reach', expand_by_default=False):
+                self._tip = TipPanel(self._server, self._session, description)
         with gui.add_folder('Measured shape'):
             if moves:
                 self._add_loop(gui)
@@ -91,10 +95,10 @@ class Panel:
             self._segments = gui.add_html('')
             if moves and description.jamming:
                 self._switches = [
-                    *(self._group(f'Segment {segment}', (SOFTEN, STIFFEN),
-                                  partial(self._switch, segment))
+                    *(add_group(gui, f'Segment {segment}', (SOFTEN, STIFFEN),
+                                partial(self._switch, segment))
                       for segment in range(1, len(arm.segments) + 1)),
-                    self._button('Stiffen all', self._session.stiffen_all)]
+                    add_button(gui, 'Stiffen all', self._session.stiffen_all)]
         with gui.add_folder('Tip and sensors'):
             self._picture = gui.add_html('')
             self._positions = gui.add_html('')
@@ -103,25 +107,6 @@ class Panel:
             self._tendons = gui.add_html('')
             if moves:
                 self._add_tendons(gui, arm.tendon_names)
-
-    def _add_shapes(self, gui: viser.GuiApi, description: Description) -> None:
-        session = self._session
-        if description.shapes:
-            self._motions.append(self._group(
-                'Set', tuple(description.shapes),
-                lambda name: session.run([name], self._chosen_aim)))
-        self._names = gui.add_text('Sequence', ', '.join(description.shapes))
-        self._aim = gui.add_dropdown(
-            'Aim', AIMS, hint='What is to be right in the end, where measurements close the loop: '
-            'the angle of every segment, or the position of the tip')
-        self._motions.append(self._button('Run sequence', self._run_sequence))
-        self._cancel = self._button(
-            'Cancel', session.cancel, hint='Ends the sequence' + (
-                ' with every segment stiff' if description.jamming else ''))
-        with gui.add_folder('Own shape', expand_by_default=False):
-            own = OwnShape(gui, description, lambda: session.preview(own.points))
-            self._motions.append(self._button(
-                'Set own shape', lambda: session.run([own.shape], self._chosen_aim)))
 
     def _add_loop(self, gui: viser.GuiApi) -> None:
         async def switched(event: Any) -> None:
@@ -134,40 +119,19 @@ class Panel:
 
     def _add_tendons(self, gui: viser.GuiApi, names: Sequence[str]) -> None:
         session = self._session
-        self._jogs = [self._group(
-            name, tuple(f'{step:+g}' for step in STEPS), partial(self._jog, name))
+        self._jogs = [add_group(
+            gui, name, tuple(f'{step:+g}' for step in STEPS), partial(self._jog, name))
             for name in names]
         self._hint = gui.add_html('')
         self._rests = [
-            self._button('Reference', session.reference,
-                         hint='Takes the present pulls as zero. The arm must be straight'),
-            self._button('Reset shape', session.reset,
-                         hint='Takes the arm to be straight, when its shape was not known')]
+            add_button(gui, 'Reference', session.reference,
+                       hint='Takes the present pulls as zero. The arm must be straight'),
+            add_button(gui, 'Reset shape', session.reset,
+                       hint='Takes the arm to be straight, when its shape was not known')]
 
     def remove(self) -> None:
         """Take the controls away, to make room for those of another arm."""
         self._server.gui.reset()
-
-    # What a click does.  Coroutines run before the value can be changed by another browser.
-
-    def _button(self, label: str, work: Callable[[], None], **options: Any
-                ) -> viser.GuiButtonHandle:
-        async def clicked(_: object) -> None:
-            work()
-
-        button = self._server.gui.add_button(label, **options)
-        button.on_click(clicked)
-        return button
-
-    def _group(self, label: str, options: tuple[str, ...],
-               work: Callable[[str], None]) -> viser.GuiButtonGroupHandle:
-        async def clicked(event: Any) -> None:
-            if event.target.value in options:  # a browser may send any text
-                work(event.target.value)
-
-        group = self._server.gui.add_button_group(label, options)
-        group.on_click(clicked)
-        return group
 
     async def _look(self, event: Any) -> None:
         """Move the camera of the browser that asks, of no other."""
@@ -182,15 +146,6 @@ class Panel:
 
     def _jog(self, tendon: str, choice: str) -> None:
         self._session.jog(tendon, float(choice) * 1e-3)
-
-    def _run_sequence(self) -> None:
-        names = [name.strip() for name in self._names.value.split(',')]
-        self._session.run([name for name in names if name], self._chosen_aim)
-
-    @property
-    def _chosen_aim(self) -> str:
-        """The aim that is chosen on the page; a browser may send any text."""
-        return self._aim.value if self._aim.value in AIMS else AIMS[0]
 
     # Bringing it up to date.
 
@@ -209,7 +164,7 @@ class Panel:
             recorder = self._session.observed.recorder
             self._recording.content = html.recording_html(recorder)
             self._record.label = END if recorder is not None and recorder.recording else RECORD
-            _enable(self._record, recorder is not None)
+            enable(self._record, recorder is not None)
         self._nodes.content = html.nodes_html(state)
         self._notices.content = html.notices_html(
             list(self._session.notices)[-NOTICES_IN_PANEL:])
@@ -239,17 +194,12 @@ class Panel:
         may_switch = JAMMING_VALVES in works_now and not (runs or state.emergency_stop)
         may_run = may_move and SHAPE_SEQUENCER in works_now
         any_soft = not self._description.jamming or False in state.stiff
+        self._shapes.show(may_run, runs)
+        self._tip.show(state, may_run)
         for control, works in (
-                *((c, may_run) for c in self._motions), (self._cancel, runs),
                 (self._loop, closed is not None and SHAPE_SEQUENCER in works_now),
                 *((c, may_switch) for c in self._switches),
                 *((c, may_move and not runs and any_soft) for c in self._jogs),
                 *((c, not runs) for c in self._rests)):
-            _enable(control, works)
+            enable(control, works)
 
-
-def _enable(control: Any, works: bool) -> None:
-    """Make a control grey, or not; viser's own property refuses that for groups of buttons."""
-    if control._impl.props.disabled is works:
-        control._impl.props.disabled = not works
-        control._queue_update('disabled', not works)

@@ -24,7 +24,8 @@ from soft_continuum.browser.meshes import (
     tube,
 )
 from soft_continuum.browser.obstacles import DrawnObstacles
-from soft_continuum.browser.session import Description, Points
+from soft_continuum.browser.points import Points
+from soft_continuum.browser.session import Description
 from soft_continuum.client.state import ArmState, Pose
 from soft_continuum.colours import (
     AXES,

@@ -13,6 +13,9 @@ from typing import Any, TYPE_CHECKING, TypeVar
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.browser.picture import CameraPicture
+from soft_continuum.browser.points import Points
+from soft_continuum.browser.saved import SavedShapes
+from soft_continuum.browser.tip_planning import TipPlanning
 from soft_continuum.browser.words import plain
 from soft_continuum.client.errors import (
     ClientError,
@@ -52,8 +55,6 @@ MAX_WAITING = 5  # requests of one title, but of STOP, that wait for an answer
 STOP = 'Stop'
 NEW_PROBLEM, NEW_NOTICE = 20.0, 6.0  # s that a notice is shown in the bar
 PREVIEW = 10.0  # s that a shape is shown that somebody chooses
-Points = tuple[tuple[float, ...], ...]
-"""x, y, z of some points, m."""
 EXPECTED_ENDS = (MotionRequest.REPLACED, MotionRequest.HELD, MotionRequest.STOPPED)
 
 
@@ -126,6 +127,9 @@ class Session:
         self._description_problem = ''
         self._describing: Future[None] | None = None
         self._motion: MotionRequest | None = None  # the last that was reported
+        self.saved = SavedShapes(self)
+        self.tip = TipPlanning(requests)
+        self._sequences = 0  # counts what ends the rounds of a sequence, and begins another
         self.closed_loop: bool | None = None  # None: not known, or shape_sequencer has none
         self._anomalies: frozenset[tuple[str, int, int, str]] = frozenset()  # that were reported
         self.observed.on_change(self._on_change)
@@ -192,11 +196,15 @@ class Session:
         self._preview = points, monotonic()
 
     def ghost(self, state: ArmState) -> Points:
-        """Return points along the shape to be shown beside the arm; none for no shape."""
+        """
+        Return points along the shape to be shown beside the arm; none for no shape.
+
+        The one that is gone to, else the one that somebody chose, else that of the planned tip.
+        """
         if state.progress is not None:
             return self.target
         points, since = self._preview
-        return points if monotonic() - since < PREVIEW else ()
+        return points if monotonic() - since < PREVIEW else self.tip.points
 
     # What the nodes were started with.
 
@@ -228,7 +236,8 @@ class Session:
     # Requests.
 
     def stop(self) -> None:
-        """Stop the tendons."""
+        """Stop the tendons; no round of a sequence begins any more."""
+        self._sequences += 1
         self._trigger(STOP, self.requests.stop())
 
     def resume(self) -> None:
@@ -256,14 +265,29 @@ class Session:
         """Pull a tendon by ``change`` m further, negative: pay out."""
         self._start('Jog', self.requests.jog({tendon: change}))
 
-    def run(self, shapes: 'Sequence[ShapeLike]', aim: str = AIMS[0]) -> None:
-        """Set one shape after the other; aim: one of AIMS."""
+    def run(self, shapes: 'Sequence[ShapeLike]', aim: str = AIMS[0],
+            hold: 'float | Sequence[float]' = SEQUENCE_HOLD, rounds: int = 1) -> None:
+        """
+        Set one shape after the other; aim: one of AIMS.
+
+        hold: s, of all or of each.  rounds: how often, 0: until somebody cancels or stops it.
+        """
         def done(result: SequenceResult) -> None:
             self.notify('Sequence done', f'shapes reached: {result.shapes_completed}'
                         if result.reached is None else
                         reached_text(result.reached).replace('+-', '±'))
 
-        self._start('Sequence', self.requests.run(shapes, SEQUENCE_HOLD, aim), done)
+        self._sequences += 1
+        number = self._sequences
+        self._start('Sequence', self.requests.run(
+            shapes, hold, aim, rounds, lambda: self._sequences == number), done)
+
+    def refuse(self, title: str, reason: str) -> None:
+        """Say that a request cannot be carried out, and why."""
+        async def refused() -> None:
+            raise RefusedError(reason)
+
+        self._start(title, refused())
 
     def set_closed_loop(self, closed: bool) -> None:
         """Let sequences be corrected by measurements, or not."""
@@ -280,7 +304,8 @@ class Session:
         self._trigger('Recording', self.requests.record(state is None or not state.recording))
 
     def cancel(self) -> None:
-        """Cancel every running sequence, whoever started it."""
+        """Cancel every running sequence, whoever started it, and the rounds that are left."""
+        self._sequences += 1
         self._start('Cancel', self.requests.cancel_all())
 
     def _trigger(self, title: str, work: Coroutine[Any, None, str]) -> None:

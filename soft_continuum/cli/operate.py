@@ -10,6 +10,7 @@ from math import isfinite, radians
 import os
 from pathlib import Path
 import signal
+import sys
 from time import sleep
 from typing import NoReturn, TYPE_CHECKING
 
@@ -116,7 +117,7 @@ def _shape_name(text: str) -> str:
 
 def _run_options(parser: Parser) -> None:
     shapes = parser.add_argument('shapes', nargs='*', metavar='SHAPE', type=_shape_name,
-                                 help='names in the shape library')
+                                 help='names in the library, or of saved shapes and sequences')
     shapes.completer = cached_shapes  # type: ignore[attr-defined]
     parser.add_argument('--angles', action='append', type=bendings, default=[],
                         metavar='A,B,C', help='bending angle of each segment, base first, '
@@ -127,6 +128,14 @@ def _run_options(parser: Parser) -> None:
                         help='what is to be right in the end, where measurements close the loop: '
                         'the angle of every segment, or the position of the tip (default: '
                         '%(default)s)')
+    parser.add_argument('--repeat', type=_rounds, metavar='N', help='how often all of that is '
+                        'set, 0: until Ctrl-C (default: 1; a saved sequence alone: as it says)')
+
+
+def _rounds(text: str) -> int:
+    if not (text.isdecimal() and text.isascii() and len(text) < 8):
+        raise ArgumentTypeError(f'{text!r} given; needed: a whole number; 0: until Ctrl-C')
+    return int(text)
 
 
 def add_hold(parser: Parser) -> None:
@@ -136,9 +145,22 @@ def add_hold(parser: Parser) -> None:
 
 
 def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
-    """Set shapes."""
-    return watch_sequence(arm.start(*options.shapes, *options.angles, hold=options.hold,
-                                    aim=options.aim), output)
+    """Set shapes, as often as is asked for."""
+    rounds = options.repeat
+    if rounds is None:
+        rounds = 1
+        if len(options.shapes) == 1 and not options.angles:
+            from soft_continuum.client.own_file import read_saved
+            name, = options.shapes
+            saved = read_saved().sequences
+            if name in saved and name not in arm.shapes:
+                rounds = saved[name].rounds
+    status, done = DONE, 0
+    while status == DONE and (done < rounds or not rounds):
+        status, done = watch_sequence(arm.start(
+            *options.shapes, *options.angles, hold=options.hold, aim=options.aim),
+            output), done + 1
+    return status
 
 
 def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
@@ -160,7 +182,7 @@ def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
         result = sequence.result(CANCEL_TIMEOUT)
         reached = f'\n{reached_text(result.reached)}' if result.reached else ''
         output.print(f'done{reached}', result='done', **asdict(result))
-        return DONE
+        return INTERRUPTED if interrupted else DONE  # by a Ctrl-C that came too late
     except SequenceError as error:
         if output.as_json:
             output.print('', result='failed', **asdict(error.result))
@@ -170,14 +192,27 @@ def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
 
 
 def _shapes(arm: 'Arm', _: Namespace, output: Output) -> int:
+    from soft_continuum.client.own_file import read_saved
+    from soft_continuum.client.own_shapes import sequence_text
     from soft_continuum.client.state_text import angles_text
     library = {printable(name, MAX_NAME): angles for name, angles in arm.shapes.items()}
     directions = {printable(name, MAX_NAME): values
                   for name, values in arm.shape_directions.items()}
-    cache_shapes(library)
-    output.print('\n'.join(f'{name:<20}{angles_text(values, directions.get(name, ()))}'
-                           for name, values in library.items()),
-                 shapes=library, shape_directions=directions)
+    saved = read_saved()
+    if saved.problem:
+        print(saved.problem, file=sys.stderr)
+    offered = saved.offered(arm.description, library)
+    cache_shapes([*library, *offered.shapes, *offered.sequences])
+    output.print('\n'.join((
+        *(f'{name:<20}{angles_text(values, directions.get(name, ()))}'
+          for name, values in library.items()),
+        *(f'{name:<20}{angles_text(shape.angles, shape.directions)}, saved'
+          for name, shape in offered.shapes.items()),
+        *(f'{name:<20}{sequence_text(sequence)}, saved'
+          for name, sequence in offered.sequences.items()))),
+        shapes=library, shape_directions=directions,
+        saved_shapes={name: asdict(shape) for name, shape in offered.shapes.items()},
+        saved_sequences={name: asdict(sequence) for name, sequence in offered.sequences.items()})
     return DONE
 
 

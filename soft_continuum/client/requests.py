@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What can be asked of the arm, as coroutines on the node that observes it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import count
 from math import inf
@@ -321,18 +321,21 @@ class Requests(Tasks):
 
     # Sequences of shapes.
 
-    async def send(self, shapes: 'Sequence[ShapeLike]', hold: float,
+    async def send(self, shapes: 'Sequence[ShapeLike]', hold: 'float | Sequence[float]',
                    aim: str = AIMS[0]) -> 'RunningSequence':
         """
         Set one shape after the other, each held for ``hold`` s; return when that is accepted.
 
-        shapes: names in the library, or what each segment bends by, base first, as Arm.run.
+        shapes: names in the library or of what was saved, or what each segment bends by, base
+        first, as Arm.run.  hold: also one for each shape.
         aim: what is to be right in the end, 'angles' or 'tip'.
         Raises RefusedError with the reason of the shape_sequencer; ValueError for a hold time
         or an aim that is none.
         """
+        from soft_continuum.client.own_file import look_up_saved
         from soft_continuum.client.sequence import goal, RunningSequence
         message = goal(shapes, hold, aim)
+        await look_up_saved(message, self)
         await self.found(self._action.server_is_ready, 'the action run_shape_sequence',
                          SHAPE_SEQUENCER)
         sequence = RunningSequence()
@@ -375,12 +378,22 @@ class Requests(Tasks):
             raise SequenceError(result)
         return result
 
-    async def run(self, shapes: 'Sequence[ShapeLike]', hold: float,
-                  aim: str = AIMS[0]) -> 'SequenceResult':
-        """Set one shape after the other, as ``send`` does; return when all is done."""
-        sequence = await self.send(shapes, hold, aim)
-        await until(lambda: sequence.done, inf)
-        return sequence.result()
+    async def run(self, shapes: 'Sequence[ShapeLike]', hold: 'float | Sequence[float]',
+                  aim: str = AIMS[0], rounds: int = 1,
+                  goes_on: Callable[[], bool] = lambda: True) -> 'SequenceResult':
+        """
+        Set one shape after the other, as ``send`` does; return when all is done.
+
+        rounds: how often, each a goal of its own, until one ends early or ``goes_on`` is false at
+        the end of one; 0: without an end.
+        """
+        done = 0
+        while True:
+            sequence = await self.send(shapes, hold, aim)
+            await until(lambda now=sequence: now.done, inf)  # type: ignore[misc]
+            result, done = sequence.result(), done + 1
+            if done == rounds or not goes_on():
+                return result
 
     async def cancel_all(self) -> None:
         """Cancel every sequence, whoever started it."""

@@ -26,21 +26,23 @@ ShapeLike = str | Sequence[Bending] | Tip | Sequence[Tip]
 """A shape: its name in the library, what each segment bends by, or where the tip shall be."""
 
 
-def goal(shapes: Sequence[ShapeLike], hold: float, aim: str = AIMS[0]
+def goal(shapes: Sequence[ShapeLike], hold: float | Sequence[float], aim: str = AIMS[0]
          ) -> RunShapeSequence.Goal:
     """
-    Return the goal for shapes, each held for ``hold`` s.
+    Return the goal for shapes, each held for ``hold`` s, or each for its own.
 
     aim: one of AIMS.  Raises ValueError for a hold time or an aim that is none; shapes are for the
     shape_sequencer to judge.
     """
     if aim not in AIMS:
         raise ValueError(f'aim is {aim!r}; allowed: {" or ".join(map(repr, AIMS))}')
-    if not 0.0 <= hold <= MAX_HOLD:
-        raise ValueError(f'hold is {hold} s; allowed: 0 to {MAX_HOLD:g} s')
-    time = duration_to_ros(hold)
+    holds = [hold] * len(shapes) if isinstance(hold, int | float) else hold
+    for time in holds:
+        if not 0.0 <= time <= MAX_HOLD:
+            raise ValueError(f'hold is {time} s; allowed: 0 to {MAX_HOLD:g} s')
     return RunShapeSequence.Goal(aim=AIMS.index(aim), shapes=[
-        Shape(hold_time=time, **fields_of(shape)) for shape in shapes])
+        Shape(hold_time=duration_to_ros(time), **fields_of(shape))
+        for shape, time in zip(shapes, holds, strict=True)])
 
 
 def fields_of(shape: ShapeLike) -> dict[str, Any]:

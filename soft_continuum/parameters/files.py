@@ -8,7 +8,6 @@ nested keys.  A key that no table of parameters has is refused.
 """
 
 from collections.abc import Mapping, Sequence
-import os
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -31,7 +30,7 @@ from soft_continuum.parameters.shapes import (
     SHAPE_PREFIX,
     shapes_from_parameters,
 )
-from soft_continuum.text import printable, read_bytes
+from soft_continuum.text import printable, read_bytes, write_whole
 
 MAX_DEPTH = 20  # keys below one another in a parameter file
 MAX_SIZE = 100_000  # bytes of such a file
@@ -104,12 +103,7 @@ def load_rig(paths: Sequence[str | Path]) -> dict[str, Value]:
 def write_parameters(path: Path, values: Mapping[str, Value], comments: Sequence[str],
                      notes: Mapping[str, str] | None = None) -> None:
     """Write parameters_text to a file, whole or not at all."""
-    partial = path.with_name(f'.{path.name}.{os.getpid()}')
-    try:
-        partial.write_text(parameters_text(values, comments, notes), encoding='utf-8')
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    write_whole(path, parameters_text(values, comments, notes))
 
 
 def parameters_text(values: Mapping[str, Value], comments: Sequence[str],

@@ -43,6 +43,22 @@ class Page:
         """Click a button as a person does."""
         self.button(name, number).click(timeout=DEADLINE * 1e3, no_wait_after=True)
 
+    def open_folder(self, name: str) -> None:
+        """Open a folder that is closed."""
+        self.view.get_by_text(name, exact=True).first.click()
+
+    def fill(self, name: str, text: str) -> None:
+        """Write into the field, or beside the slider, of a name, as a person does."""
+        field = self.view.get_by_label(name, exact=True).and_(
+            self.view.get_by_role('textbox')).first
+        field.fill(text)
+        field.press('Tab')
+
+    def choose(self, name: str, option: str) -> None:
+        """Choose from a list of a name."""
+        self.view.get_by_label(name).first.click()
+        self.view.get_by_role('option', name=option).click()
+
     def wait_for_text(self, text: str) -> None:
         """Wait until a text can be read below the bar."""
         shown = self.view.get_by_text(re.compile(re.escape(text))).first

@@ -91,8 +91,7 @@ def test_learned_parameters_have_a_deviation_or_are_not_determined(
 
 def test_the_measured_error_of_a_run_is_said_in_the_unit_of_its_aim(
         page: Page, arm: EstimatedArm) -> None:
-    page.view.get_by_label('Aim').first.click()
-    page.view.get_by_role('option', name='tip').click()
+    page.choose('Aim', 'tip')
     page.click('c_form')
     page.wait_for_bar('Setting c_form')
     assert arm.goals[-1].aim == RunShapeSequence.Goal.TIP
@@ -108,12 +107,10 @@ def test_the_measured_error_of_a_run_is_said_in_the_unit_of_its_aim(
 
 def test_a_shape_of_its_own_is_sent_with_the_angles_of_the_page(
         page: Page, arm: EstimatedArm) -> None:
-    page.view.get_by_text('Own shape', exact=True).click()
+    page.open_folder('Own shape')
     expect(page.button('Set own shape')).to_be_enabled(timeout=DEADLINE * 1e3)
-    angles = page.view.get_by_role('textbox')  # the first one is that of the sequence
-    for number, degrees in ((1, 30), (2, -45)):
-        angles.nth(number).fill(str(degrees))
-        angles.nth(number).press('Tab')
+    for name, degrees in (('Angle 1', 30), ('Angle 2', -45)):
+        page.fill(name, str(degrees))
     before = len(arm.goals)
     page.click('Set own shape')
     page.wait_for(lambda: len(arm.goals) > before, 'a goal')
@@ -121,6 +118,45 @@ def test_a_shape_of_its_own_is_sent_with_the_angles_of_the_page(
     assert list(shape.bending_angles) == pytest.approx([radians(30), radians(-45), 0.0])
     assert not shape.bending_directions
     arm.end_goal(shapes_completed=1)
+
+
+def test_shapes_and_sequences_are_saved_run_in_rounds_renamed_and_deleted(
+        page: Page, arm: EstimatedArm) -> None:
+    page.open_folder('Saved')
+    page.fill('Name', 'c_form')
+    page.click('Save own shape')
+    page.wait_for_bar('c_form is the name of another')
+    page.fill('Name', 'lean')
+    page.click('Save own shape')
+    page.wait_for_text('+30.0  -45.0   +0.0 deg')
+    page.picture(ARTEFACT.with_name('saved.png'))
+
+    page.fill('Sequence', 'lean 2.5, s_form')
+    page.fill('Rounds', '2')
+    page.fill('Name', 'wave')
+    page.click('Save sequence')
+    page.wait_for_text('lean 2.5, s_form 1; 2 times')
+    before = len(arm.goals)
+    page.click('run')
+    for done in (1, 2):
+        page.wait_for(lambda done=done: len(arm.goals) == before + done, f'round {done}')
+        first, second = arm.goals[-1].shapes
+        assert (first.name, first.hold_time.nanosec, second.name) == ('lean', 5 * 10**8, 's_form')
+        assert list(first.bending_angles) == pytest.approx([radians(30), radians(-45), 0.0])
+        arm.end_goal(shapes_completed=2)
+    page.wait_for_bar('Sequence done')
+
+    page.click('delete')  # the shape, which was there first
+    page.wait_for_bar('is in the sequence wave')
+    page.fill('Name', 'bow')
+    page.click('rename')
+    page.wait_for_text('bow 2.5, s_form 1; 2 times')
+    page.choose('Which', 'wave')
+    page.click('delete')
+    page.wait_for_bar('wave deleted')
+    page.click('delete')
+    page.wait_for_no_text('+30.0  -45.0')
+    assert len(arm.goals) == before + 2
 
 
 def test_the_loop_is_switched_and_another_client_is_followed(

@@ -214,8 +214,7 @@ def test_an_emergency_stop_greys_what_it_refuses_until_it_is_off(page: Page, rig
 
 def test_nothing_covers_stop_and_no_panel_covers_the_arm_at_any_size(
         page: Page, rig: Rig) -> None:
-    names = page.view.get_by_role('textbox').first
-    names.fill('nonsense' * 100)
+    page.fill('Sequence', 'nonsense' * 100)
     page.click('Run sequence')
     page.wait_for_bar('Sequence: refused')
     usual = page.page.viewport_size
@@ -250,12 +249,11 @@ def test_two_browsers_see_the_same_and_a_closed_one_changes_nothing(
 
 
 def test_a_sequence_is_run_as_it_is_written_and_its_end_is_reported(page: Page, rig: Rig) -> None:
-    names = page.view.get_by_role('textbox').first
-    names.fill('nonsense')
+    page.fill('Sequence', 'nonsense')
     page.click('Run sequence')
     page.wait_for_bar("unknown shape 'nonsense'")
     rig.set_parameter('shape_sequencer', 'tendon_speed', 0.1)
-    names.fill('upright_c_form, c_form')
+    page.fill('Sequence', 'upright_c_form 0.5, c_form')
     page.click('Run sequence')
     page.wait_for_text('Sequence done')
     rig.wait_for(lambda: rig.status_value('shape_sequencer', 'last') == 'SUCCESSFUL', 'success')
@@ -300,11 +298,9 @@ def test_another_arm_is_followed_into_space_where_a_bending_has_a_direction(
         page.click(step, tendon)
     page.wait_for_text('° @ 0°')
 
-    page.view.get_by_text('Own shape', exact=True).click()
-    angles = page.view.get_by_role('textbox')  # the first one is that of the sequence
-    for number, degrees in ((1, 30), (2, -90)):
-        angles.nth(number).fill(str(degrees))
-        angles.nth(number).press('Tab')
+    page.open_folder('Own shape')
+    for name, degrees in (('Angle 1', 30), ('Direction 1', -90)):
+        page.fill(name, str(degrees))
     page.wait_for_pixels(green, 25, MANY, 'green, as the shape that is chosen is')
     page.picture(ARTEFACT.with_name('space.png'))
     rig.set_parameter('shape_sequencer', 'tendon_speed', 0.1)

@@ -12,6 +12,7 @@ from time import monotonic
 import pytest
 
 from soft_continuum.cli.completion import cached_shapes
+from soft_continuum.client.own_file import own_file, save_sequence, save_shape
 
 DONE, FAILED, NO_NODES, INTERRUPTED = 0, 1, 3, 130
 REACHED = 1e-2  # rad
@@ -41,6 +42,23 @@ def test_a_run_prints_a_line_per_phase_and_reaches_its_shapes(arm, call, documen
     assert len(output.splitlines()) == len(set(output.splitlines()))
     assert documents('status')[0]['bending_angles'] == pytest.approx(
         [radians(-10), radians(5), radians(5)], abs=REACHED)
+
+
+def test_what_was_saved_is_listed_and_run_by_its_name_as_often_as_it_says(arm, call, documents):
+    save_shape('lean', (radians(5), 0.0, 0.0))
+    save_sequence('nod', [('lean', 0.1), ('lean', 0.0)], 2)
+    try:
+        assert re.search(r'^lean +\+5\.0 +\+0\.0 +\+0\.0 deg, saved$', call('shapes')[1],
+                         re.MULTILINE)
+        listed, = documents('shapes')
+        assert (list(listed['saved_shapes']), list(listed['saved_sequences'])) == (
+            ['lean'], ['nod'])
+        ran = documents('run', 'nod')
+        assert [d['shapes_completed'] for d in ran if 'result' in d] == [2, 2]
+        assert {d['shape'] for d in ran if 'shape' in d} == {'lean'}
+        assert len([d for d in documents('run', 'lean', '--repeat', '1') if 'result' in d]) == 1
+    finally:
+        own_file().unlink()
 
 
 def test_a_run_on_a_terminal_shows_a_bar_that_fills(arm, command):

@@ -32,6 +32,7 @@ from soft_continuum_interfaces.msg import (
     ShapeSequencerState,
     TendonActuationState,
 )
+from soft_continuum_interfaces.srv import PlanShapes
 
 PERIOD = 0.1  # s
 ARM = load_arm(description_file())
@@ -64,7 +65,8 @@ class EstimatedArm:
 
     state: the KinematicsState that is published; its stamps are added.  angles, predicted: bending
     angles (rad) of the shape, and of the prediction or None.  age: s since the last measurement,
-    None for no measurement.  goals: those that were sent.  closed_loop: the parameter.
+    None for no measurement.  goals: those that were sent.  closed_loop: the parameter.  plan: what
+    plan_shapes answers; planned: what it was asked for.
     """
 
     def __init__(self, domain: int, namespace: str = '/arm_under_test') -> None:
@@ -73,6 +75,8 @@ class EstimatedArm:
         self.predicted: Sequence[float] | None = None
         self.age: float | None = None
         self.goals: list[RunShapeSequence.Goal] = []
+        self.plan = PlanShapes.Response()
+        self.planned: list[PlanShapes.Request] = []
         self._end: Any = None
         self._feedback: RunShapeSequence.Feedback | None = None
         self._running = ShapeSequencerState()
@@ -98,6 +102,7 @@ class EstimatedArm:
         self._action = ActionServer(
             node, RunShapeSequence, 'run_shape_sequence', self._execute,
             cancel_callback=lambda _: rclpy.action.CancelResponse.ACCEPT)
+        self._nodes[-1].create_service(PlanShapes, '~/plan_shapes', self._plan)
         node.create_timer(PERIOD, self._publish)
         self._spinner = Spinner(
             SingleThreadedExecutor(context=self._context), self._nodes, self._context)
@@ -118,6 +123,10 @@ class EstimatedArm:
     def set_closed_loop(self, closed: bool) -> None:
         """Set it, as another client would."""
         self._nodes[-1].set_parameters([Parameter('closed_loop', value=closed)])
+
+    def _plan(self, request: PlanShapes.Request, _: Any) -> PlanShapes.Response:
+        self.planned.append(request)
+        return self.plan
 
     # A goal, which runs until the test ends it.
 

@@ -1,0 +1,19 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Points along the backbone of a shape, which is drawn with constant curvature."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from soft_continuum.mechanics.either import AnyChain, bending_of
+
+Points = tuple[tuple[float, ...], ...]
+"""x, y, z of some points, m."""
+
+
+def points_of(chain: AnyChain, angles: Sequence[float], directions: Sequence[float] = ()
+              ) -> Points:
+    """Return points of a shape that bends by angles towards directions, rad, none for 0."""
+    shape = chain.uniform(bending_of(chain.arm, angles, directions))
+    return tuple(tuple(point) for point in np.vstack([np.zeros(3), shape.backbone]).tolist())

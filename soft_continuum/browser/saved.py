@@ -1,0 +1,79 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the user has saved, as the page has it; the file is touched on a thread of its own."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+from soft_continuum.browser.log import LOG
+from soft_continuum.client.own_file import own_file, read_saved
+from soft_continuum.client.own_shapes import OwnShapesError, Saved
+
+if TYPE_CHECKING:
+    from soft_continuum.browser.session import Session
+
+TITLE = 'Saved shapes'
+
+
+class SavedShapes:
+    """
+    Follows the file, which other programs change too, and changes it.
+
+    A disk may take its time: nothing else waits for it, least of all STOP.
+    """
+
+    def __init__(self, session: 'Session') -> None:
+        """Begin with nothing."""
+        self._session = session
+        self._all = Saved()
+        self._signature: tuple[int, int] | None = None
+        self._disk = ThreadPoolExecutor(1, 'saved_shapes')
+
+    @property
+    def offered(self) -> Saved:
+        """What the arm can be set to; nothing before it is known."""
+        description = self._session.description
+        if description is None:
+            return Saved()
+        return self._all.offered(description.arm, description.shapes)
+
+    def follow(self) -> None:
+        """Read the file if it has changed."""
+        self._disk.submit(self._read)
+
+    def change(self, change: Callable[[], str]) -> None:
+        """Carry out one of the changes of own_file; a notice says what was done, or why not."""
+        self._disk.submit(self._change, change)
+
+    def _read(self) -> None:
+        try:
+            found = own_file().stat()
+            signature = found.st_mtime_ns, found.st_ino
+        except OSError:  # no file, mostly; else a change says why
+            signature = None
+        if signature != self._signature:
+            self._signature = signature
+            self._tell(self._take, read_saved())
+
+    def _change(self, change: Callable[[], str]) -> None:
+        try:
+            self._tell(self._session.notify, TITLE, change())
+        except OwnShapesError as error:
+            self._tell(self._problem, str(error))
+        except Exception:
+            LOG.exception('what was saved could not be changed')
+        self._read()
+
+    def _take(self, saved: Saved) -> None:
+        self._all = saved
+        if saved.problem:
+            self._problem(f'{saved.problem}; the rest is offered, and the file is kept when '
+                          'something is saved')
+
+    def _problem(self, text: str) -> None:
+        self._session.notify(TITLE, text, is_problem=True)
+
+    def _tell(self, work: Callable[..., None], *arguments: object) -> None:
+        """Do some work on the thread that spins the node."""
+        self._session.requests.node.executor.create_task(work, *arguments)

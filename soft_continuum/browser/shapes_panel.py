@@ -1,0 +1,181 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The controls that set shapes: of the library, of sequences, of what was saved, of sliders."""
+
+from collections.abc import Callable
+from functools import partial
+from html import escape
+from typing import Any
+
+import viser
+
+from soft_continuum.browser import html
+from soft_continuum.browser.controls import add_button, add_group, enable, number_of
+from soft_continuum.browser.own_shape import OwnShape
+from soft_continuum.browser.points import points_of
+from soft_continuum.browser.session import Description, SEQUENCE_HOLD, Session
+from soft_continuum.client import own_file
+from soft_continuum.client.own_shapes import (
+    Kind,
+    MAX_ROUNDS,
+    OwnShapesError,
+    Saved,
+    sequence_text,
+    steps_from_text,
+    steps_text,
+)
+from soft_continuum.client.state_text import angles_text
+from soft_continuum.sequencing.progress import AIMS
+
+SET, SHOW, RUN, EDIT, RENAME, DELETE = 'set', 'show', 'run', 'edit', 'rename', 'delete'
+MAX_SAVED = 50  # rows of shapes, and of sequences, that were saved
+NOTHING = html.caption('nothing yet')
+
+
+class ShapesPanel:
+    """Shapes of one arm; every browser shows the same."""
+
+    def __init__(self, gui: viser.GuiApi, session: Session, description: Description) -> None:
+        """Add the controls where the GUI is now."""
+        self._gui, self._session, self._description = gui, session, description
+        self._saved = Saved()
+        self._rows: list[Any] = []
+        self._motions: list[Any] = []
+        if description.shapes:
+            self._motions.append(add_group(
+                gui, 'Set', tuple(description.shapes), lambda name: self._run([name])))
+        self._names = gui.add_text(
+            'Sequence', ', '.join(description.shapes), hint='Shapes, and behind each for how many '
+            'seconds it is held if not for one: c_form 2.5, s_form')
+        self._rounds = gui.add_number(
+            'Rounds', 1, min=0, max=MAX_ROUNDS, step=1,
+            hint='How often the sequence is run; 0: until Cancel or STOP')
+        self._aim = gui.add_dropdown(
+            'Aim', AIMS, hint='What is to be right in the end, where measurements close the loop: '
+            'the angle of every segment, or the position of the tip')
+        self._motions.append(add_button(gui, 'Run sequence', self._run_sequence))
+        self._cancel = add_button(gui, 'Cancel', session.cancel, hint='Ends the sequence' + (
+            ' with every segment stiff' if description.jamming else ''))
+        with gui.add_folder('Own shape', expand_by_default=False):
+            self._own = OwnShape(gui, description, lambda: session.preview(self._own.points))
+            self._motions.append(add_button(
+                gui, 'Set own shape', lambda: session.run([self._own.shape], self._chosen_aim)))
+        self._folder = gui.add_folder('Saved', expand_by_default=False)
+        with self._folder:
+            self._list = gui.add_html(NOTHING)  # its rows come here
+            self._name = gui.add_text('Name', '', hint='For what is saved, or renamed')
+            add_button(gui, 'Save own shape', self._save_shape,
+                       hint='Saves what the sliders of Own shape say under this name')
+            add_button(gui, 'Save sequence', self._save_sequence,
+                       hint='Saves Sequence and Rounds under this name')
+            self._which = gui.add_dropdown('Which', ('',))
+            self._changes = add_group(gui, 'Change', (RENAME, DELETE), self._change_which,
+                                      hint='Renames it to what stands in Name, or deletes it')
+
+    @property
+    def _chosen_aim(self) -> str:
+        """The aim that is chosen on the page; a browser may send any text."""
+        return self._aim.value if self._aim.value in AIMS else AIMS[0]
+
+    @property
+    def _chosen_name(self) -> str:
+        return str(self._name.value).strip()
+
+    def _run(self, shapes: list[str], hold: Any = SEQUENCE_HOLD, rounds: int = 1) -> None:
+        self._session.run(shapes, self._chosen_aim, hold, rounds)
+
+    def _run_sequence(self) -> None:
+        def run(steps: list[tuple[str, float]]) -> None:
+            self._run([name for name, _ in steps], [hold for _, hold in steps],
+                      self._chosen_rounds)
+        self._with_steps(run)
+
+    def _with_steps(self, work: Callable[[list[tuple[str, float]]], None]) -> None:
+        """Do something with the sequence of the page, or say what is wrong with it."""
+        try:
+            steps = steps_from_text(str(self._names.value), SEQUENCE_HOLD)
+        except OwnShapesError as error:
+            self._session.refuse('Sequence', str(error))
+        else:
+            work(steps)
+
+    @property
+    def _chosen_rounds(self) -> int:
+        return int(number_of(self._rounds.value, 0, MAX_ROUNDS))
+
+    # What was saved.
+
+    def _change(self, change: Callable[..., str], *arguments: Any) -> None:
+        self._session.saved.change(
+            partial(change, *arguments, library=self._description.shapes))
+
+    def _save_shape(self) -> None:
+        self._change(own_file.save_shape, self._chosen_name, self._own.shape)
+
+    def _save_sequence(self) -> None:
+        self._with_steps(lambda steps: self._change(
+            own_file.save_sequence, self._chosen_name, steps, self._chosen_rounds))
+
+    def _change_which(self, choice: str) -> None:
+        name = str(self._which.value)
+        kind: Kind = 'sequences' if name in self._saved.sequences else 'shapes'
+        if choice == RENAME:
+            self._change(own_file.rename, kind, name, self._chosen_name)
+        else:
+            self._session.saved.change(partial(own_file.delete, kind, name))
+
+    def _on_shape(self, name: str, choice: str) -> None:
+        """Do what a button beside a saved shape says."""
+        if choice == SET:
+            self._run([name])
+        else:
+            shape = self._saved.shapes[name]
+            self._session.preview(points_of(self._own.chain, shape.angles, shape.directions))
+
+    def _on_sequence(self, name: str, choice: str) -> None:
+        """Do what a button beside a saved sequence says."""
+        sequence = self._saved.sequences[name]
+        if choice == RUN:
+            self._run([name], rounds=sequence.rounds)
+        else:
+            for control, value in ((self._names, steps_text(sequence.steps)),
+                                   (self._rounds, sequence.rounds), (self._name, name)):
+                control.value = value  # type: ignore[misc]  # it can be set
+
+    def _show_saved(self, saved: Saved) -> None:
+        """Make a row of buttons for each that was saved."""
+        self._saved = saved
+        for row in self._rows:
+            row.remove()
+        self._rows = []
+        with self._folder:
+            for name, shape in list(saved.shapes.items())[:MAX_SAVED]:
+                self._add_row(name, (SET, SHOW), self._on_shape,
+                              angles_text(shape.angles, shape.directions))
+            for name, sequence in list(saved.sequences.items())[:MAX_SAVED]:
+                self._add_row(name, (RUN, EDIT), self._on_sequence, sequence_text(sequence))
+        names = [*saved.shapes, *saved.sequences]
+        shown = len(self._rows) // 2
+        self._list.content = ('' if len(names) == shown else
+                              html.caption(f'{len(names) - shown} more are not listed')
+                              ) if names else NOTHING
+        self._which.options = names or ['']
+
+    def _add_row(self, name: str, choices: tuple[str, str], work: Callable[[str, str], None],
+                 text: str) -> None:
+        order = self._list.order + len(self._rows) / (5 * MAX_SAVED)
+        self._rows += [
+            add_group(self._gui, name, choices, partial(work, name), order=order),
+            self._gui.add_html(html.caption(escape(text)), order=order)]
+
+    # Bringing it up to date.
+
+    def show(self, may_run: bool, runs: bool) -> None:
+        """Show what was saved, and in grey what would do nothing now."""
+        saved = self._session.saved.offered
+        if saved != self._saved:
+            self._show_saved(saved)
+        for control in self._motions:
+            enable(control, may_run)
+        enable(self._cancel, runs)
+        enable(self._changes, bool(saved.names))

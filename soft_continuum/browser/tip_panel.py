@@ -1,0 +1,200 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Where the tip shall be: a handle that is dragged, the same in numbers, and what that would take.
+
+Both say the same; whoever cannot drag types.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from math import atan2, cos, degrees, hypot, isfinite, radians, sin
+from typing import Any
+
+import numpy as np
+import viser
+
+from soft_continuum.browser import html
+from soft_continuum.browser.controls import add_button, enable, number_of
+from soft_continuum.browser.inbound import TIP_HANDLE
+from soft_continuum.browser.meshes import line
+from soft_continuum.browser.session import Description, Session
+from soft_continuum.client import own_file, Tip
+from soft_continuum.client.state import ArmState, Pose
+from soft_continuum.colours import GHOST
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.spatial.orientations import matrices
+
+HANDLE = 110.0  # px
+ROPE = 0.006  # of the length of the arm: the path of the tip
+REACH = 1.2  # times the length of the arm: how far the handle goes
+
+
+class TipPanel:
+    """The goal of the tip of one arm; every browser shows and drags the same."""
+
+    def __init__(self, server: viser.ViserServer, session: Session, description: Description
+                 ) -> None:
+        """Add the controls where the GUI is now, and a handle that is hidden at first."""
+        self._session, self._description = session, description
+        self._place: Array = np.zeros(3)
+        self._tilt, self._towards = 0.0, 0.0  # rad, of where it points
+        self._was_running = False
+        self._tip: Pose | None = None  # of the arm, the last that was shown
+        session.tip.leave()
+        gui, far = server.gui, 1e3 * REACH * description.arm.length
+        self._on = gui.add_checkbox(
+            'Drag the tip', False, hint='Shows a handle where the tip shall be; nothing moves '
+            'before Go')
+        axes = 'xyz' if description.in_space else 'xz'
+        self._numbers = [gui.add_number(f'Tip {axis} [mm]', 0.0, min=-far, max=far, step=0.1)
+                         for axis in axes]
+        self._directed = gui.add_checkbox(
+            'Point it too', False, hint='The tip shall point as its handle does, too')
+        self._angles = [gui.add_number(f'{name} [°]', 0.0, min=-180.0, max=180.0, step=0.1)
+                        for name in (('Tilt', 'Towards') if description.in_space else ('Angle',))]
+        self._text = gui.add_html('')
+        self._go = add_button(gui, 'Go', self._send)
+        self._name = gui.add_text('Shape name', '')
+        self._save = add_button(gui, 'Save planned shape', self._save_shape,
+                                hint='Saves the shape in green under this name')
+        self._add_handle(server.scene)
+        self._on.on_update(self._switched)
+        self._directed.on_update(self._typed)
+        for number in (*self._numbers, *self._angles):
+            number.on_update(self._typed)
+
+    def _add_handle(self, scene: viser.SceneApi) -> None:
+        length = self._description.arm.length
+        self._handle = scene.add_transform_controls(
+            TIP_HANDLE, HANDLE, fixed=True, active_axes=(True, self._description.in_space, True),
+            disable_rotations=True, depth_test=False, visible=False)
+        self._handle.on_update(self._dragged)
+        self._path = scene.add_line_segments(
+            '/arm/tip_path', np.zeros((1, 2, 3)), GHOST, thickness=ROPE * length, visible=False)
+        self._drawn: object = None  # the plan whose path is drawn
+
+    # What a browser does.  Whatever it sends, the goal stays a place.
+
+    async def _switched(self, event: Any) -> None:
+        if event.client is None:
+            return
+        if not self._on.value:
+            self._session.tip.leave()
+            return
+        tip = self._tip
+        if tip is not None and all(map(isfinite, (*tip.position, *tip.orientation))):
+            self._take(np.array(tip.position), _matrix(tip.orientation))
+        else:
+            self._take(np.array([0.0, 0.0, self._description.arm.length]), np.eye(3))
+        self._aim()
+
+    async def _typed(self, event: Any) -> None:
+        if event.client is None or not self._on.value:
+            return
+        far = REACH * self._description.arm.length
+        place = [1e-3 * number_of(number.value, -1e3 * far, 1e3 * far) for number in self._numbers]
+        self._place = np.array([place[0], 0.0, place[1]] if len(place) == 2 else place)
+        self._tilt, *rest = (radians(number_of(angle.value, -180.0, 180.0))
+                             for angle in self._angles)
+        self._towards = rest[0] if rest else 0.0
+        self._aim()
+
+    async def _dragged(self, event: Any) -> None:
+        if event.client is None or not self._on.value:
+            return
+        far = REACH * self._description.arm.length
+        w, x, y, z = event.target.wxyz
+        if hypot(w, x, y, z) > 0.0:
+            self._take(np.clip(event.target.position, -far, far), _matrix((x, y, z, w)))
+            self._aim(dragged=event.phase != 'end')
+
+    def _take(self, place: Array, turn: Array) -> None:
+        """Keep a place (3,), m, and where a frame (3, 3) there points."""
+        x, y, z = turn[:, 2]
+        if self._description.in_space:
+            self._place = place
+            self._tilt, self._towards = atan2(hypot(x, y), z), atan2(y, x)
+        else:
+            self._place, self._tilt = place * (1.0, 0.0, 1.0), atan2(x, z)
+
+    @property
+    def _direction(self) -> tuple[float, float, float]:
+        """Where it points."""
+        across = sin(self._tilt)
+        return across * cos(self._towards), across * sin(self._towards), cos(self._tilt)
+
+    def _aim(self, dragged: bool = False) -> None:
+        position = tuple(self._place if self._description.in_space else self._place[::2])
+        direction = self._direction if self._directed.value is True else None
+        self._session.tip.aim(
+            Tip(position, direction=direction), self._description.arm, dragged)
+
+    def _send(self) -> None:
+        goal = self._session.tip.goal
+        if goal is not None:
+            self._session.run([goal])
+
+    def _save_shape(self) -> None:
+        planned = self._session.tip.planned
+        if planned is not None and planned.plan is not None and planned.points:
+            end = planned.plan.steps[-1]
+            shape = (tuple(zip(end.bending_angles, end.bending_directions, strict=True))
+                     if end.bending_directions else end.bending_angles)
+            self._session.saved.change(partial(
+                own_file.save_shape, str(self._name.value).strip(), shape,
+                self._description.shapes))
+
+    # Bringing it up to date.
+
+    def show(self, state: ArmState, may_run: bool) -> None:
+        """Show the goal, and what it would take."""
+        on, tip = self._on.value is True, self._session.tip
+        runs = state.progress is not None
+        if on and self._was_running and not runs:
+            self._aim()  # from where the arm is now
+        self._was_running, self._tip = runs, state.tip
+        self._show_handle(on)
+        planned = tip.planned
+        self._text.content = html.plan_html(planned, tip.waits) if on else ''
+        if planned is not self._drawn:
+            self._drawn = planned
+            path = np.array(planned.path if planned else ())
+            if len(path) > 1:
+                self._path.points = line(path).astype(np.float32)
+            self._path.visible = len(path) > 1
+        found = planned is not None and planned.plan is not None and planned.plan.found
+        enable(self._go, on and may_run and not runs and found)
+        enable(self._save, bool(on and planned is not None and planned.points))
+        for control in (*self._numbers, self._directed):
+            enable(control, on)
+        for control in self._angles:
+            enable(control, on and self._directed.value is True)
+
+    def _show_handle(self, on: bool) -> None:
+        """Bring handle and numbers to where the goal is."""
+        self._handle.visible = on
+        if not on:
+            return
+        self._handle.disable_rotations = self._directed.value is not True
+        if not np.abs(self._handle.position - self._place).max() < 1e-9:  # nor not a number
+            self._handle.position = tuple(self._place)
+        w, x, y, z = self._handle.wxyz
+        if not float(_matrix((x, y, z, w))[:, 2] @ self._direction) > 1.0 - 1e-9:
+            half = 0.5 * self._tilt
+            self._handle.wxyz = (cos(half), -sin(self._towards) * sin(half),
+                                 cos(self._towards) * sin(half), 0.0)
+        place = self._place if self._description.in_space else self._place[::2]
+        for number, value in (
+                *((number, round(1e3 * value, 1)) for number, value in zip(
+                    self._numbers, place, strict=True)),
+                *((number, round(degrees(value), 1)) for number, value in zip(
+                    self._angles, (self._tilt, self._towards), strict=False))):
+            if number.value != value:
+                number.value = value  # type: ignore[misc]  # it can be set
+
+
+def _matrix(quaternion: Sequence[float]) -> Array:
+    """Return the rotation (3, 3) of a quaternion x, y, z, w of any length."""
+    found: Array = matrices(np.array([quaternion]) / hypot(*quaternion))[0]
+    return found

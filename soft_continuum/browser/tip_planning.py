@@ -1,0 +1,107 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plans to where the tip is dragged: what the page asks shape_sequencer for, and its answer."""
+
+from dataclasses import dataclass
+from math import isfinite, pi
+
+from soft_continuum.browser.points import Points, points_of
+from soft_continuum.client import ClientError, Tip
+from soft_continuum.client.plan import Plan, plan_shapes, PlanStep
+from soft_continuum.client.requests import Requests
+from soft_continuum.mechanics.either import AnyArm, chain_of
+from soft_continuum.mechanics.spatial.arm import SpatialArm
+
+WHILE_DRAGGED, AT_REST = 0.3, 2.0  # s that a better plan is looked for
+MAX_PLACE = 100.0  # m, of what is drawn
+
+
+@dataclass(frozen=True)
+class Planned:
+    """
+    The answer for a goal: a plan, or why there is none.
+
+    points: along the backbone in the end of the plan, of its nearest if it does not get there.
+    path: of the tip.
+    """
+
+    goal: Tip
+    plan: Plan | None
+    problem: str = ''
+    points: Points = ()
+    path: Points = ()
+
+
+class TipPlanning:
+    """
+    Asks for plans, one while the tip is dragged, and the newest goal next.
+
+    planned: the last answer, None before the first and when no goal is left.
+    """
+
+    def __init__(self, requests: Requests) -> None:
+        """Begin without a goal."""
+        self._requests = requests
+        self._wanted: tuple[Tip, AnyArm, float] | None = None
+        self._asked: tuple[Tip, AnyArm, float] | None = None
+        self._awaited: object = None  # a quick request without an answer
+        self.planned: Planned | None = None
+
+    @property
+    def goal(self) -> Tip | None:
+        """Where the tip shall be; None while it is not dragged."""
+        return self._wanted[0] if self._wanted else None
+
+    @property
+    def waits(self) -> bool:
+        """Whether the answer for the goal has yet to come."""
+        return self._wanted is not None and (
+            self.planned is None or self.planned.goal is not self._wanted[0])
+
+    @property
+    def points(self) -> Points:
+        """Points along the shape that is planned; none for no plan."""
+        return self.planned.points if self.planned else ()
+
+    def aim(self, goal: Tip, arm: AnyArm, dragged: bool = False) -> None:
+        """Ask for a plan, from any thread; dragged: another goal may follow at once."""
+        self._wanted = goal, arm, WHILE_DRAGGED if dragged else AT_REST
+        self._requests.start(self._ask())
+
+    def leave(self) -> None:
+        """Want nothing any more."""
+        self._wanted = self._asked = self.planned = None
+
+    async def _ask(self) -> None:
+        """Ask until what is wanted was asked for; a newer request ends a long one."""
+        while self._awaited is None and self._wanted not in (None, self._asked):
+            now = self._asked = self._wanted
+            goal, arm, limit = now
+            if limit == WHILE_DRAGGED:
+                self._awaited = now
+            try:
+                planned = _planned(goal, await plan_shapes(self._requests, [goal], limit), arm)
+            except ClientError as error:
+                planned = Planned(goal, None, str(error))
+            finally:
+                if self._awaited is now:
+                    self._awaited = None
+            if self._asked is not now:
+                return  # something else was asked for since, or nothing is wanted
+            self.planned = planned
+
+
+def _planned(goal: Tip, plan: Plan, arm: AnyArm) -> Planned:
+    end = next((step for step in reversed(plan.steps) if _fits(step, arm)), None)
+    path = tuple(pose.position for step in plan.steps for pose in step.tip
+                 if all(abs(value) < MAX_PLACE for value in pose.position))
+    return Planned(goal, plan, plan.message, () if end is None else points_of(
+        chain_of(arm), end.bending_angles, end.bending_directions), path)
+
+
+def _fits(step: PlanStep, arm: AnyArm) -> bool:
+    """Whether the shape at the end of a step is one of this arm."""
+    count, directions = len(arm.segments), step.bending_directions
+    return (len(step.bending_angles) == count and all(abs(a) < 2 * pi for a in step.bending_angles)
+            and len(directions) in ((0, count) if isinstance(arm, SpatialArm) else (0,))
+            and all(map(isfinite, directions)))
