@@ -58,10 +58,9 @@ SIGNATURES = {
         f'Tuple((f8, i8, f8, i8, b1))(f8[:, :, :, :], {MATRIX}, b1[:, :], {LINKS}, '
         f'Tuple(({INDICES}, {VECTOR}, {MATRIX}, {TENSOR}, f8)), f8, f8, i8)',
     'spatial_carry': f'f8[:, :, ::1]({TENSOR}, {TENSOR}, {INDICES})',
-    'spatial_balance': f'f8[:, ::1]({TENSOR}, {VECTOR}, {LINKS})',
+    'spatial_balance': f'f8[::1]({TENSOR}, {VECTOR}, {LINKS})',
     'spatial_linearise':
-        'Tuple((f8[:, :, ::1], f8[:, :, ::1], f8[:, ::1], f8[::1], f8[:, ::1]))'
-        f'({TENSOR}, {VECTOR}, {LINKS})',
+        f'Tuple((f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1]))({TENSOR}, {VECTOR}, {LINKS})',
 }
 PASSING = 3  # exit status of a build that may do another time: no numba yet, no space
 KEPT = 8  # versions in the cache of the user

@@ -12,12 +12,20 @@ from math import sqrt
 
 import numpy as np
 
-from soft_continuum.mechanics._compile import compiled
+from soft_continuum.mechanics._compile import borrowing, compiled
+from soft_continuum.mechanics.spatial._arrays import System, workspace
 from soft_continuum.mechanics.spatial._assembly import span_lengths
 from soft_continuum.mechanics.spatial._newton import CONVERGED, newton
-from soft_continuum.mechanics.spatial._rotations import apply, multiply, transposed_multiply
+from soft_continuum.mechanics.spatial._rotations import (
+    apply,
+    matrix_at,
+    multiply,
+    transposed,
+    write,
+)
 
 MAX_ITERATIONS = 4000  # on the way
+UNTURNED = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
 
 
 @compiled
@@ -30,21 +38,16 @@ def lay_out(rotations, link, lengths, forces, torques, routing, count):  # type:
     """
     fixed, tendons, begins, of_entry, along = routing
     bodies, links = len(link), link[-1] + 1
-    inside, own = np.empty((bodies, 3, 3)), np.zeros((3, 3))  # of each body in its link
+    inside = np.empty((bodies, 3, 3))  # of each body in its link
     turns, loads = np.zeros((links, 3, 3)), np.zeros((links, 3, 3))
     moments = np.zeros((links, 3))
-    for i in range(3):
-        own[i, i] = 1.0
+    own = UNTURNED
     for k in range(bodies):
         j = link[k]
         if j >= 0 and (k == 0 or link[k - 1] != j):
-            for i in range(3):
-                turns[j, i, i] = 1.0
-                for m in range(3):
-                    own[i, m] = rotations[k, i, m]
-                    if k > 0:
-                        turns[j, i, m] = inside[k - 1, i, m]
-        transposed_multiply(own, rotations[k], inside[k])
+            own = matrix_at(rotations, k)
+            write(matrix_at(inside, k - 1) if k > 0 else UNTURNED, turns, j)
+        write(multiply(transposed(own), matrix_at(rotations, k)), inside, k)
         if j >= 0:
             for i in range(3):
                 moments[j, i] += torques[k, i]
@@ -53,7 +56,7 @@ def lay_out(rotations, link, lengths, forces, torques, routing, count):  # type:
     size = len(fixed)
     entries, vectors = np.empty(len(of_entry), np.int64), np.empty((len(of_entry), 3))
     spans, constants = np.empty((size, 3), np.int64), np.empty((size, 3))
-    moving, unchanged, vector = np.empty(size, np.int64), np.zeros(count), np.empty(3)
+    moving, unchanged = np.empty(size, np.int64), np.zeros(count)
     used, moved = 0, 0
     for s in range(size):
         first = used
@@ -61,7 +64,8 @@ def lay_out(rotations, link, lengths, forces, torques, routing, count):  # type:
             constants[moved, i] = fixed[s, i]
         for e in range(begins[s], begins[s + 1]):
             j = link[of_entry[e]]
-            apply(inside[of_entry[e]], along[e], vector)
+            vector = apply(matrix_at(inside, of_entry[e]),
+                           (along[e, 0], along[e, 1], along[e, 2]))
             starts = j >= 0 and (used == first or entries[used - 1] != j)
             if starts:
                 entries[used] = j
@@ -84,15 +88,13 @@ def lay_out(rotations, link, lengths, forces, torques, routing, count):  # type:
             spans[:moved].copy(), constants[:moved].copy(), moving[:moved].copy(), unchanged)
 
 
-@compiled
+@borrowing
 def take_over(rotations, tension, taut, there, here):  # type: ignore[no-untyped-def]
     """Copy a state of the links to another place."""
     for t in range(tension.shape[1]):
         tension[here, t], taut[here, t] = tension[there, t], taut[there, t]
     for k in range(rotations.shape[1]):
-        for i in range(3):
-            for m in range(3):
-                rotations[here, k, i, m] = rotations[there, k, i, m]
+        write(matrix_at(rotations[there], k), rotations[here], k)
 
 
 @compiled
@@ -113,6 +115,8 @@ def lead(  # type: ignore[no-untyped-def]
     """
     kind, compliance, targets, bias, damping = drive
     done, total, residual, status, downhill = 0.0, 0, 0.0, CONVERGED, True
+    system = System(*system)
+    work = workspace(system, len(kind))
     while done < 1.0:
         part = min(1.0, done + step)
         take_over(rotations, tension, taut, 0, 1)
@@ -123,7 +127,7 @@ def lead(  # type: ignore[no-untyped-def]
                 bias[1, k, i] = (1.0 - part) * bias[0, k, i]
         status, used, residual, downhill = newton(
             rotations[1], tension[1], taut[1], system,
-            (kind, targets[2], compliance, bias[1], damping), most)
+            (kind, targets[2], compliance, bias[1], damping), most, work)
         total += used
         if status == CONVERGED:
             take_over(rotations, tension, taut, 1, 0)
@@ -132,10 +136,7 @@ def lead(  # type: ignore[no-untyped-def]
         step *= 0.5
         if step < least or total > MAX_ITERATIONS:
             break
-    spans, paths = len(system[6]), np.empty(len(kind))
-    span_lengths(rotations[1], system, np.empty((spans, 3)), np.empty(spans), paths)
-    for t in range(len(kind)):
-        targets[3, t] = paths[t]
+    span_lengths(rotations[1], system, work.units, work.lengths, targets[3])
     return done, total, residual, status, downhill
 
 
@@ -149,25 +150,17 @@ def carry(rotations, begin, link):  # type: ignore[no-untyped-def]
     each solve.
     """
     found = np.empty((len(link), 3, 3))
-    turn, turned, square = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    turn = UNTURNED
     for k in range(len(link)):
         j = link[k]
         if j < 0:
-            for i in range(3):
-                for m in range(3):
-                    found[k, i, m] = begin[k, i, m]
+            write(matrix_at(begin, k), found, k)
             continue
         if k == 0 or link[k - 1] != j:
-            for i in range(3):
-                for m in range(3):
-                    turn[i, m] = (rotations[j, i, 0] * begin[k, m, 0]
-                                  + rotations[j, i, 1] * begin[k, m, 1]
-                                  + rotations[j, i, 2] * begin[k, m, 2])
-        multiply(turn, begin[k], turned)
-        transposed_multiply(turned, turned, square)
-        for i in range(3):
-            for m in range(3):
-                square[i, m] *= -0.5
-            square[i, i] += 1.5
-        multiply(turned, square, found[k])
+            turn = multiply(matrix_at(rotations, j), transposed(matrix_at(begin, k)))
+        m = multiply(turn, matrix_at(begin, k))
+        s = multiply(transposed(m), m)
+        write(multiply(m, (1.5 - 0.5 * s[0], -0.5 * s[1], -0.5 * s[2],
+                           -0.5 * s[3], 1.5 - 0.5 * s[4], -0.5 * s[5],
+                           -0.5 * s[6], -0.5 * s[7], 1.5 - 0.5 * s[8])), found, k)
     return found

@@ -243,7 +243,7 @@ class SpatialChain:
                              f'{self.joints_per_segment} for each segment')
         rotations, turned = np.empty((self.bodies, 3, 3)), np.eye(3)
         for k, joint in enumerate(joints):
-            rotate(turned, joint)
+            rotate(turned, *joint)
             rotations[k] = turned
         tendons = len(self.arm.tendons)
         return SpatialEquilibrium(

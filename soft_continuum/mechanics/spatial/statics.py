@@ -57,7 +57,7 @@ class _Links:
     def balance(self, tension: Array) -> Array:
         """Return the unbalanced moments with tensions (tendons,) in N, (links, 3), N m."""
         found: Array = _kernel.functions().spatial_balance(
-            self.rotations[0], tension, self.system)
+            self.rotations[0], tension, self.system).reshape(-1, 3)
         return found
 
     def lead(self, begin: Array, end: Array, step: float, least: float, damping: float = 0.0,
@@ -93,7 +93,7 @@ class _Links:
         """
         self.bias[:] = 0.0
         for rotation in self.rotations[0]:  # off an unstable balance
-            rotate(rotation, np.array([NUDGE, NUDGE, 0.0]))
+            rotate(rotation, NUDGE, NUDGE, 0.0)
         damping = OIL * float(self.system[0][:, STIFFNESS].min(axis=1).mean())
         for step in range(OIL_STEPS):
             *_, downhill = self.lead(target, target, 1.0, 1.0, damping, 1)
