@@ -88,8 +88,11 @@ class SpatialLinearisation:
         self._chain, self._state, self._by_force = chain, state, ~np.isnan(given)
         carried = np.nan_to_num(state.tensions)
         rigid = chain.rigid(state.stiff)
-        self._link, self._system, _ = chain.system(
-            state.rotations, rigid, chain.laws.joints(state.stiff, state.vacuum, state.held))
+        self._link = np.cumsum(~rigid) - 1
+        self._system, _ = chain.system(
+            state.rotations, self._link,
+            chain.laws.joints(state.stiff, state.vacuum, state.held)[~rigid],
+            np.ones(len(chain.span_tendons)))
         first = np.flatnonzero(~rigid)
         self._segment = first // chain.joints_per_segment  # of each link's joint
         self._rotations = np.ascontiguousarray(state.rotations[first])
