@@ -130,4 +130,4 @@ def negative_curvature(drive, work, used, negative_pivots):  # type: ignore[no-u
             matrix[r, r] += drive.compliance[1]
         else:
             matrix[r, r] += 1.0
-    return abs(negative_pivots - negative_eigenvalues(matrix))
+    return abs(negative_pivots - negative_eigenvalues(matrix, size))

@@ -39,6 +39,8 @@ SYSTEM = f'Tuple(({MATRIX}, {MATRIX}, {TENSOR}, {MATRIX}, {MATRIX}, {INDICES}))'
 DRIVE = f'Tuple(({INDICES}, {VECTOR}, {VECTOR}, {INDICES}))'
 LINKS = (f'Tuple(({TENSOR}, {TENSOR}, {TENSOR}, {MATRIX}, {INDICES}, {MATRIX}, i8[:, :], '
          f'{MATRIX}, {TENSOR}, {VECTOR}))')
+ROUTING = f'Tuple(({MATRIX}, {INDICES}, {INDICES}, {INDICES}, {MATRIX}))'
+LEAD = f'Tuple(({INDICES}, {VECTOR}, {MATRIX}, {TENSOR}, f8))'
 SIGNATURES = {
     'newton': f'Tuple((i8, i8, f8, f8))({STATE}, {SYSTEM}, {DRIVE}, {VECTOR}, f8, {VECTOR})',
     'newton_batch':
@@ -53,15 +55,19 @@ SIGNATURES = {
         'Tuple((f8[:, :, ::1], f8[:, :, ::1], f8[:, ::1], i8[::1], f8[:, ::1], i8[:, ::1], '
         'f8[:, ::1], i8[::1], f8[::1]))'
         f'({TENSOR}, {INDICES}, {VECTOR}, {MATRIX}, {MATRIX}, '
-        f'Tuple(({MATRIX}, {INDICES}, {INDICES}, {INDICES}, {MATRIX})), i8)',
+        f'{ROUTING}, i8)',
     'spatial_lead':
         f'Tuple((f8, i8, f8, i8, b1))(f8[:, :, :, :], {MATRIX}, b1[:, :], {LINKS}, '
-        f'Tuple(({INDICES}, {VECTOR}, {MATRIX}, {TENSOR}, f8)), f8, f8, i8)',
-    'spatial_carry': f'f8[:, :, ::1]({TENSOR}, {TENSOR}, {INDICES})',
-    'spatial_balance': f'f8[:, ::1]({TENSOR}, {VECTOR}, {LINKS})',
+        f'{LEAD}, f8, f8, i8)',
+    'spatial_follow':
+        f'Tuple((f8, i8, f8))(Tuple(({TENSOR}, {VECTOR}, {VECTOR})), '
+        f'Tuple(({VECTOR}, {MATRIX}, {MATRIX}, {ROUTING}, {VECTOR})), '
+        f'Tuple(({INDICES}, {TENSOR}, {TENSOR}, {VECTOR})), '
+        f'Tuple((f8[:, :, :, :], {MATRIX}, b1[:, :], {TENSOR})), {LEAD}, b1, b1)',
+    'spatial_carry': f'void({TENSOR}, {TENSOR}, {INDICES}, {TENSOR})',
+    'spatial_balance': f'f8[::1]({TENSOR}, {VECTOR}, {LINKS})',
     'spatial_linearise':
-        'Tuple((f8[:, :, ::1], f8[:, :, ::1], f8[:, ::1], f8[::1], f8[:, ::1]))'
-        f'({TENSOR}, {VECTOR}, {LINKS})',
+        f'Tuple((f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1]))({TENSOR}, {VECTOR}, {LINKS})',
 }
 PASSING = 3  # exit status of a build that may do another time: no numba yet, no space
 KEPT = 8  # versions in the cache of the user
@@ -87,6 +93,7 @@ class Functions(NamedTuple):
     dense_system: Function
     spatial_lay_out: Function
     spatial_lead: Function
+    spatial_follow: Function
     spatial_carry: Function
     spatial_balance: Function
     spatial_linearise: Function
@@ -94,7 +101,7 @@ class Functions(NamedTuple):
 
 
 SOURCE = Functions(_newton.newton, _newton.newton_batch, _assembly.moment_balance,
-                   _assembly.dense_system, _path.lay_out, _path.lead, _path.carry,
+                   _assembly.dense_system, _path.lay_out, _path.lead, _path.follow, _path.carry,
                    _spatial_assembly.balance, _spatial_assembly.linearise, 'python')
 """The functions as they are written."""
 

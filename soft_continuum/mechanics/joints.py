@@ -263,3 +263,18 @@ def _run_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) 
     direction = np.asarray(sliding, dtype=float)[:, None]
     ratios: Array = np.exp(-chain.arm.tendon.friction * direction * passed)
     return ratios
+
+
+def outweigh(springs: Array, loads: Array) -> bool:
+    """
+    Return whether springs outweigh loads in every shape, so that the energy is convex.
+
+    springs: (links,) N m/rad, below each link.  loads: (links,) N m, the most that what turns with
+    a link does.  So it is when all pivots of the Hessian are positive.
+    """
+    pivot = np.inf
+    for below, above, load in zip(springs, np.append(springs, 0.0)[1:], loads, strict=True):
+        pivot = below + above - load - below * below / pivot
+        if pivot <= 0.0:
+            return False
+    return True

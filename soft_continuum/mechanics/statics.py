@@ -39,7 +39,7 @@ from soft_continuum.mechanics._continuation import (
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
-from soft_continuum.mechanics.joints import compliances, JointLaws
+from soft_continuum.mechanics.joints import compliances, JointLaws, outweigh
 
 __all__ = ['SLACK', 'SLACK_ALLOWANCE', 'OverconstrainedError', 'Statics', 'StaticsError',
            'warm_up']
@@ -208,9 +208,8 @@ class Statics:
         Number the rigid groups: every body of a free segment with what is locked onto it.
 
         Also return their number, how far (rad) a segment may turn in one solve, and the solver's
-        tolerance.  Where the
-        springs outweigh the loads in every shape the energy is convex, and no path of an arm with
-        a slack tendon was seen to end.
+        tolerance.  Where the springs outweigh the loads no path of an arm with a slack tendon was
+        seen to end.
         """
         locked = [s and segment.jam.rigid
                   for s, segment in zip(stiff, self.chain.arm.segments, strict=True)]
@@ -220,10 +219,9 @@ class Statics:
         if groups == 0:
             return group, groups, TURN_LIMIT, tolerance
         springs = self.laws.least_stiffness[free]
-        worst = np.bincount(group[group >= 0], np.hypot(*self._bodies[group >= 0, 1:].T))
-        diagonal = springs + np.append(springs[1:], 0.0) - worst
-        convex = _is_positive_definite(diagonal, springs[1:])
-        limit = TURN_LIMIT if convex else TURN_LIMIT_NOT_CONVEX
+        worst: Array = np.bincount(
+            group[group >= 0], np.hypot(*self._bodies[group >= 0, 1:].T)).astype(float)
+        limit = TURN_LIMIT if outweigh(springs, worst) else TURN_LIMIT_NOT_CONVEX
         return group, groups, limit, tolerance
 
     def _start(self, start: Equilibrium) -> Point:
@@ -264,16 +262,6 @@ def check_start(start: object) -> None:
     if not isinstance(start, Equilibrium):
         raise ValueError('the start must be an Equilibrium, such as statics.chain.straight(); '
                          f'given: {start!r}')
-
-
-def _is_positive_definite(diagonal: Array, beside: Array) -> bool:
-    """Tell whether a symmetric tridiagonal matrix has positive eigenvalues only: its pivots."""
-    pivot = inf
-    for on, off in zip(diagonal, [0.0, *beside], strict=True):
-        pivot = on - off * off / pivot
-        if pivot <= 0.0:
-            return False
-    return True
 
 
 def warm_up() -> None:

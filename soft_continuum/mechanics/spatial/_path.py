@@ -8,16 +8,31 @@ routing: (fixed, tendons, entries, bodies, vectors)
     bodies (k,), those from entries[s] to entries[s + 1] (exclusive).  tendons (spans,).
 """
 
-from math import sqrt
+from math import asin, sqrt
 
 import numpy as np
 
-from soft_continuum.mechanics._compile import compiled
-from soft_continuum.mechanics.spatial._assembly import span_lengths
-from soft_continuum.mechanics.spatial._newton import CONVERGED, newton
-from soft_continuum.mechanics.spatial._rotations import apply, multiply, transposed_multiply
+from soft_continuum.mechanics._compile import borrowing, compiled
+from soft_continuum.mechanics.spatial._arrays import System, workspace
+from soft_continuum.mechanics.spatial._assembly import assemble, span_lengths
+from soft_continuum.mechanics.spatial._newton import CONVERGED, LENGTH, newton
+from soft_continuum.mechanics.spatial._rotations import (
+    apply,
+    matrix_at,
+    multiply,
+    transposed,
+    write,
+)
 
+ITERATIONS = 40  # of Newton's method in one step
 MAX_ITERATIONS = 4000  # on the way
+STEP = 0.003  # m of pull in one step at first
+LEAST_STEP = 1.0 / 4096.0  # of the way to the target
+AT_REST = 1e-7  # N m that may be out of balance at a start whose tensions are kept
+DIRECT_ITERATIONS = 12  # of Newton's method, straight to the target
+DIRECT_TURN = 2.0  # rad of all joints together: beyond, it may be another equilibrium
+NO_TENSION = 1e-7  # N: rounding of a tension of zero
+UNTURNED = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
 
 
 @compiled
@@ -30,21 +45,16 @@ def lay_out(rotations, link, lengths, forces, torques, routing, count):  # type:
     """
     fixed, tendons, begins, of_entry, along = routing
     bodies, links = len(link), link[-1] + 1
-    inside, own = np.empty((bodies, 3, 3)), np.zeros((3, 3))  # of each body in its link
+    inside = np.empty((bodies, 3, 3))  # of each body in its link
     turns, loads = np.zeros((links, 3, 3)), np.zeros((links, 3, 3))
     moments = np.zeros((links, 3))
-    for i in range(3):
-        own[i, i] = 1.0
+    own = UNTURNED
     for k in range(bodies):
         j = link[k]
         if j >= 0 and (k == 0 or link[k - 1] != j):
-            for i in range(3):
-                turns[j, i, i] = 1.0
-                for m in range(3):
-                    own[i, m] = rotations[k, i, m]
-                    if k > 0:
-                        turns[j, i, m] = inside[k - 1, i, m]
-        transposed_multiply(own, rotations[k], inside[k])
+            own = matrix_at(rotations, k)
+            write(matrix_at(inside, k - 1) if k > 0 else UNTURNED, turns, j)
+        write(multiply(transposed(own), matrix_at(rotations, k)), inside, k)
         if j >= 0:
             for i in range(3):
                 moments[j, i] += torques[k, i]
@@ -53,7 +63,7 @@ def lay_out(rotations, link, lengths, forces, torques, routing, count):  # type:
     size = len(fixed)
     entries, vectors = np.empty(len(of_entry), np.int64), np.empty((len(of_entry), 3))
     spans, constants = np.empty((size, 3), np.int64), np.empty((size, 3))
-    moving, unchanged, vector = np.empty(size, np.int64), np.zeros(count), np.empty(3)
+    moving, unchanged = np.empty(size, np.int64), np.zeros(count)
     used, moved = 0, 0
     for s in range(size):
         first = used
@@ -61,7 +71,8 @@ def lay_out(rotations, link, lengths, forces, torques, routing, count):  # type:
             constants[moved, i] = fixed[s, i]
         for e in range(begins[s], begins[s + 1]):
             j = link[of_entry[e]]
-            apply(inside[of_entry[e]], along[e], vector)
+            vector = apply(matrix_at(inside, of_entry[e]),
+                           (along[e, 0], along[e, 1], along[e, 2]))
             starts = j >= 0 and (used == first or entries[used - 1] != j)
             if starts:
                 entries[used] = j
@@ -84,15 +95,74 @@ def lay_out(rotations, link, lengths, forces, torques, routing, count):  # type:
             spans[:moved].copy(), constants[:moved].copy(), moving[:moved].copy(), unchanged)
 
 
-@compiled
+@borrowing
 def take_over(rotations, tension, taut, there, here):  # type: ignore[no-untyped-def]
     """Copy a state of the links to another place."""
     for t in range(tension.shape[1]):
         tension[here, t], taut[here, t] = tension[there, t], taut[there, t]
     for k in range(rotations.shape[1]):
+        write(matrix_at(rotations[there], k), rotations[here], k)
+
+
+@borrowing
+def turned(rotations):  # type: ignore[no-untyped-def]
+    """Return by how much the joints turned from the first state to the other, all together."""
+    total = 0.0
+    for k in range(rotations.shape[1]):
+        before, now = matrix_at(rotations[0], k), matrix_at(rotations[1], k)
+        if k > 0:
+            before = multiply(transposed(matrix_at(rotations[0], k - 1)), before)
+            now = multiply(transposed(matrix_at(rotations[1], k - 1)), now)
+        square = 0.0
+        for i in range(9):
+            square += (now[i] - before[i])**2
+        total += 2.0 * asin(min(1.0, sqrt(square / 8.0)))
+    return total
+
+
+@borrowing
+def may_be_another(rotations, tension):  # type: ignore[no-untyped-def]
+    """Tell whether what a full step found may not be the equilibrium that continues the first."""
+    pulling = 0
+    for t in range(tension.shape[1]):
+        pulling += 1 if tension[1, t] > NO_TENSION else 0
+    return pulling > 1 or turned(rotations) > DIRECT_TURN
+
+
+@borrowing
+def try_step(  # type: ignore[no-untyped-def]
+        part, rotations, tension, taut, system, drive, most, work):
+    """Solve for the targets at a part of the way, from the first state into the other."""
+    kind, compliance, targets, bias, damping = drive
+    take_over(rotations, tension, taut, 0, 1)
+    for t in range(len(kind)):
+        targets[2, t] = targets[0, t] + part * (targets[1, t] - targets[0, t])
+    for k in range(bias.shape[1]):
         for i in range(3):
-            for m in range(3):
-                rotations[here, k, i, m] = rotations[there, k, i, m]
+            bias[1, k, i] = (1.0 - part) * bias[0, k, i]
+    return newton(rotations[1], tension[1], taut[1], system,
+                  (kind, targets[2], compliance, bias[1], damping), most, work)
+
+
+@borrowing
+def on_the_way(  # type: ignore[no-untyped-def]
+        rotations, tension, taut, system, drive, step, least, most, work):
+    """Do what ``lead`` does."""
+    done, total, residual, status, downhill = 0.0, 0, 0.0, CONVERGED, True
+    while done < 1.0:
+        part = min(1.0, done + step)
+        status, used, residual, downhill = try_step(
+            part, rotations, tension, taut, system, drive, most, work)
+        total += used
+        if status == CONVERGED:
+            take_over(rotations, tension, taut, 1, 0)
+            done, step = part, 2.0 * step
+            continue
+        step *= 0.5
+        if step < least or total > MAX_ITERATIONS:
+            break
+    span_lengths(rotations[1], system, work.units, work.lengths, drive[2][3])
+    return done, total, residual, status, downhill
 
 
 @compiled
@@ -111,63 +181,94 @@ def lead(  # type: ignore[no-untyped-def]
     Returns the part of the way that was reached, iterations, residual in N m, and how Newton's
     method ended last: its status, and whether that was downhill.
     """
-    kind, compliance, targets, bias, damping = drive
-    done, total, residual, status, downhill = 0.0, 0, 0.0, CONVERGED, True
-    while done < 1.0:
-        part = min(1.0, done + step)
-        take_over(rotations, tension, taut, 0, 1)
-        for t in range(len(kind)):
-            targets[2, t] = targets[0, t] + part * (targets[1, t] - targets[0, t])
-        for k in range(bias.shape[1]):
-            for i in range(3):
-                bias[1, k, i] = (1.0 - part) * bias[0, k, i]
-        status, used, residual, downhill = newton(
-            rotations[1], tension[1], taut[1], system,
-            (kind, targets[2], compliance, bias[1], damping), most)
-        total += used
-        if status == CONVERGED:
-            take_over(rotations, tension, taut, 1, 0)
-            done, step = part, 2.0 * step
-            continue
-        step *= 0.5
-        if step < least or total > MAX_ITERATIONS:
-            break
-    spans, paths = len(system[6]), np.empty(len(kind))
-    span_lengths(rotations[1], system, np.empty((spans, 3)), np.empty(spans), paths)
-    for t in range(len(kind)):
-        targets[3, t] = paths[t]
-    return done, total, residual, status, downhill
+    system = System(*system)
+    work = workspace(system, tension.shape[1])
+    return on_the_way(rotations, tension, taut, system, drive, step, least, most, work)
 
 
 @compiled
-def carry(rotations, begin, link):  # type: ignore[no-untyped-def]
+def follow(start, arm, links, room, drive, direct, held):  # type: ignore[no-untyped-def]
     """
-    Return where all bodies are, (bodies, 3, 3), that are on links (links, 3, 3).
+    Lead an arm from a state to pulls, m, or tensions, N.
+
+    start: (rotations (bodies, 3, 3), pulls, slack (tendons,)).
+    arm: (lengths, forces, torques, routing, straight paths), as of ``lay_out``.
+    links: (link of each body, joints, tables, ratios of all spans).
+    room: (rotations, tension, taut, found).  The first three as of ``lead``, with the first
+    tension and taut those at the start; found (bodies, 3, 3): where the bodies are at last.
+    drive: as of ``lead``, with pulls or tensions at the end; the last targets become the paths.
+    direct: whether a full step is tried first.  held: whether to go on where tensions do not
+    balance the start.
+    Returns the part of the way that was reached, negative where it was not begun; iterations, and
+    residual in N m.
+    """
+    begin, pulls, slack = start
+    lengths, forces, torques, routing, straight = arm
+    link, joints, tables, ratios = links
+    rotations, tension, taut, found = room
+    kind, compliance, targets, bias, _ = drive
+    turns, loads, moments, entries, vectors, spans, constants, moving, unchanged = lay_out(
+        begin, link, lengths, forces, torques, routing, len(kind))
+    system = System(joints, turns, loads, moments, entries, vectors, spans, constants, tables,
+                    ratios[moving])
+    work = workspace(system, len(kind))
+    for k in range(len(link)):
+        if link[k] >= 0 and (k == 0 or link[k - 1] != link[k]):
+            write(matrix_at(begin, k), rotations[0], link[k])
+    assemble(rotations[0], tension[0], system, False, work)
+    out = 0.0
+    for k in range(bias.shape[1]):
+        for i in range(3):
+            bias[0, k, i] = work.gradient[3 * k + i]
+            out = max(out, abs(bias[0, k, i]))
+    if out > AT_REST and not held:
+        return -1.0, 0, out
+    way = 0.0
+    for t in range(len(kind)):
+        targets[0, t] = tension[0, t]
+        if kind[t] == LENGTH:
+            length = straight[t] - unchanged[t]
+            targets[0, t] = length - pulls[t] + slack[t] - compliance[t] * tension[0, t]
+            targets[1, t] = length - targets[1, t]
+            way = max(way, abs(targets[1, t] - targets[0, t]))
+    done, total, residual = 0.0, 0, 0.0
+    if direct and way > STEP:
+        status, total, residual, _ = try_step(
+            1.0, rotations, tension, taut, system, drive, DIRECT_ITERATIONS, work)
+        if status == CONVERGED and not may_be_another(rotations, tension):
+            take_over(rotations, tension, taut, 1, 0)
+            span_lengths(rotations[0], system, work.units, work.lengths, targets[3])
+            done = 1.0
+    if done < 1.0:
+        done, used, residual, _, _ = on_the_way(
+            rotations, tension, taut, system, drive, min(1.0, STEP / max(way, STEP)), LEAST_STEP,
+            ITERATIONS, work)
+        total += used
+    for t in range(len(kind)):
+        targets[3, t] += unchanged[t]
+    carry(rotations[0], begin, link, found)
+    return done, total, residual
+
+
+@borrowing
+def carry(rotations, begin, link, found):  # type: ignore[no-untyped-def]
+    """
+    Write where all bodies are, (bodies, 3, 3), that are on links (links, 3, 3).
 
     begin (bodies, 3, 3): where they were when the links were laid out.  Made orthonormal by one
     step of Newton's method for the polar decomposition (Higham 1986), else rounding triples in
     each solve.
     """
-    found = np.empty((len(link), 3, 3))
-    turn, turned, square = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    turn = UNTURNED
     for k in range(len(link)):
         j = link[k]
         if j < 0:
-            for i in range(3):
-                for m in range(3):
-                    found[k, i, m] = begin[k, i, m]
+            write(matrix_at(begin, k), found, k)
             continue
         if k == 0 or link[k - 1] != j:
-            for i in range(3):
-                for m in range(3):
-                    turn[i, m] = (rotations[j, i, 0] * begin[k, m, 0]
-                                  + rotations[j, i, 1] * begin[k, m, 1]
-                                  + rotations[j, i, 2] * begin[k, m, 2])
-        multiply(turn, begin[k], turned)
-        transposed_multiply(turned, turned, square)
-        for i in range(3):
-            for m in range(3):
-                square[i, m] *= -0.5
-            square[i, i] += 1.5
-        multiply(turned, square, found[k])
-    return found
+            turn = multiply(matrix_at(rotations, j), transposed(matrix_at(begin, k)))
+        m = multiply(turn, matrix_at(begin, k))
+        s = multiply(transposed(m), m)
+        write(multiply(m, (1.5 - 0.5 * s[0], -0.5 * s[1], -0.5 * s[2],
+                           -0.5 * s[3], 1.5 - 0.5 * s[4], -0.5 * s[5],
+                           -0.5 * s[6], -0.5 * s[7], 1.5 - 0.5 * s[8])), found, k)

@@ -163,6 +163,8 @@ class SpatialChain:
         self.guides = [self._guides(t) for t in range(len(arm.tendons))]
         self._spans()
         self.straight_paths = self.paths(np.tile(np.eye(3), (self.bodies, 1, 1)))
+        self.layout = (self.lengths, self.forces, self.moments, self._routing, self.straight_paths)
+        """As _path.follow takes it."""
 
     def _loads(self) -> tuple[Array, Array]:
         """Return the force that acts at the end of each body's vector, and its dead moment."""
@@ -243,7 +245,7 @@ class SpatialChain:
                              f'{self.joints_per_segment} for each segment')
         rotations, turned = np.empty((self.bodies, 3, 3)), np.eye(3)
         for k, joint in enumerate(joints):
-            rotate(turned, joint)
+            rotate(turned, *joint)
             rotations[k] = turned
         tendons = len(self.arm.tendons)
         return SpatialEquilibrium(
@@ -327,22 +329,17 @@ class SpatialChain:
         return np.repeat([is_stiff and s.jam.rigid for s, is_stiff in zip(
             self.arm.segments, stiff, strict=True)], self.joints_per_segment)
 
-    def system(self, rotations: Array, rigid: NDArray[np.bool_], joints: Array,
-               ratios: Array | None = None) -> tuple[Integers, System, Array]:
+    def system(self, rotations: Array, link: Integers, joints: Array, ratios: Array
+               ) -> tuple[System, Array]:
         """
-        Return the arrays of _newton, and what of each path nothing changes.
+        Return the arrays of _newton, and what of each path nothing changes, (tendons,) m.
 
-        rotations: (bodies, 3, 3).  rigid: (bodies,), joints that are locked: such bodies are one
-        link.  joints: (bodies, 4, 3), of all.  ratios: (spans,), tension over that at the base;
-        1 by default.  First comes the link of every body (-1: fixed to the base), last
-        (tendons,) m.
+        rotations: (bodies, 3, 3).  link: (bodies,), as of ``links``.  joints: (links, 4, 3).
+        ratios: (spans,), tension over that at the base.
         """
-        link = np.cumsum(~rigid) - 1
         *parts, moving, unchanged = _kernel.functions().spatial_lay_out(
-            rotations, link, self.lengths, self.forces, self.moments, self._routing,
-            len(self.arm.tendons))
-        carried = np.ones(len(moving)) if ratios is None else ratios[moving]
-        return link, (joints[~rigid], *parts, self.laws.tables, carried), unchanged
+            rotations, link, *self.layout[:4], len(self.arm.tendons))
+        return (joints, *parts, self.laws.tables, ratios[moving]), unchanged
 
 
 def _turns(rotations: Array) -> Array:

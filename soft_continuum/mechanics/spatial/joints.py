@@ -104,6 +104,14 @@ class SpatialLaws:
         joints[:, HELD] = held
         return joints
 
+    def least_stiffness(self) -> Array:
+        """Return the smallest tangent stiffness of each spring about any axis, (bodies,)."""
+        slopes = np.diff(self.tables[:, 1]) / np.diff(self.tables[:, 0])
+        least = np.append(slopes.min(axis=1), 1.0)  # last: of linear ones
+        found: Array = self.stiffness.min(axis=1) * least[self._soft[:, LAW, SPRING_TABLE]
+                                                          .astype(int)]
+        return found
+
     def rescaled(self, segment: int, away: Array, share: float) -> Array:
         """
         Return how far from the shape held, (joints, 3) rad, jams bear a share of their moment.

@@ -30,8 +30,6 @@ from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
 from soft_continuum.mechanics.spatial.joints import parts_of_laws
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
 
-BAND = 5  # entries beside the diagonal in a block tridiagonal matrix with blocks (3, 3)
-
 
 @dataclass(frozen=True, eq=False)
 class SpatialSensitivity:
@@ -90,8 +88,11 @@ class SpatialLinearisation:
         self._chain, self._state, self._by_force = chain, state, ~np.isnan(given)
         carried = np.nan_to_num(state.tensions)
         rigid = chain.rigid(state.stiff)
-        self._link, self._system, _ = chain.system(
-            state.rotations, rigid, chain.laws.joints(state.stiff, state.vacuum, state.held))
+        self._link = np.cumsum(~rigid) - 1
+        self._system, _ = chain.system(
+            state.rotations, self._link,
+            chain.laws.joints(state.stiff, state.vacuum, state.held)[~rigid],
+            np.ones(len(chain.span_tendons)))
         first = np.flatnonzero(~rigid)
         self._segment = first // chain.joints_per_segment  # of each link's joint
         self._rotations = np.ascontiguousarray(state.rotations[first])
@@ -103,14 +104,16 @@ class SpatialLinearisation:
         at_yield = self._jam_parts(most)[1] == 0.0
         joints[at_yield, HELD] -= (1e-7 if loading else -1e-7) * self._away[at_yield]
         self._away = self._angles - joints[:, HELD]
-        diagonal, lower, across, forces, self._slopes = _kernel.functions().spatial_linearise(
+        band, across, forces, self._slopes = _kernel.functions().spatial_linearise(
             self._rotations, carried, self._system)
         compliance = statics.compliance
         self._taut = np.flatnonzero(
             (carried > 0.0) & ~self._by_force
             & ((compliance > 0.0) | self._slopes.any(axis=0)))
         self._columns = np.hstack([self._slopes[:, self._taut], across])
-        self._band, self._pivots = _factored_band(diagonal, lower)
+        self._half = band.shape[1] - 1
+        self._band, self._pivots = _factored_band(band, np.einsum(
+            'kji,kj->ki', self._rotations, self._system[3]))
         self._inside = self._without_tendons(self._columns)
         self._border = lu_factor(
             self._columns.T @ self._inside
@@ -245,10 +248,10 @@ class SpatialLinearisation:
         return turned.reshape(-1, torques.shape[2])
 
     def _without_tendons(self, columns: Array) -> Array:
-        """Solve with the blocks alone."""
+        """Solve with the band alone."""
         if not columns.size:
             return columns
-        found: Array = dgbtrs(self._band, BAND, BAND, columns, self._pivots)[0]
+        found: Array = dgbtrs(self._band, self._half, self._half, columns, self._pivots)[0]
         return found
 
     def _solve(self, moments: Array | None = None, *, pulls: Array | None = None,
@@ -285,17 +288,21 @@ def _bent(parts: Array) -> Array:
     return np.column_stack([parts, parts, np.ones(len(parts))])
 
 
-def _factored_band(diagonal: Array, lower: Array) -> tuple[Array, NDArray[np.int32]]:
-    """Return the LU factors of block tridiagonal (links, 3, 3) as LAPACK has bands."""
-    links = len(diagonal)
-    band = np.zeros((3 * BAND + 1, 3 * links))
-    for i in range(3):
-        for j in range(3):
-            on = 2 * BAND + i - j
-            band[on, j::3] = diagonal[:, i, j]
-            band[on + 3, j:-3:3] = lower[1:, i, j]
-            band[on - 3, j + 3::3] = lower[1:, j, i]
-    factors, pivots, _ = dgbtrf(band, BAND, BAND) if links else (band, np.zeros(0, np.int32), 0)
+def _factored_band(lower: Array, moments: Array) -> tuple[Array, NDArray[np.int32]]:
+    """
+    Return the LU factors of a band as LAPACK has bands.
+
+    lower: (rows, half + 1), of its symmetric part, as _arrays.Work has it.  moments: (links, 3),
+    N m, dead ones in the frames of the links: the other part is -[m] / 2.
+    """
+    rows, half = len(lower), lower.shape[1] - 1
+    band = np.zeros((3 * half + 1, rows))
+    for i in range(half + 1):
+        band[2 * half + i, :rows - i] = band[2 * half - i, i:] = lower[:rows - i, i]
+    for axis, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        band[2 * half + i - j, j::3] += 0.5 * moments[:, axis]
+        band[2 * half + j - i, i::3] -= 0.5 * moments[:, axis]
+    factors, pivots, _ = dgbtrf(band, half, half) if rows else (band, np.zeros(0, np.int32), 0)
     return factors, pivots
 
 

@@ -9,7 +9,8 @@ whose Lagrange multipliers are the tensions, followed from the state before it.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,46 +19,95 @@ from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics._checks import vacuum_parts
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
-from soft_continuum.mechanics.spatial._laws import HELD, STIFFNESS
+from soft_continuum.mechanics.joints import outweigh
+from soft_continuum.mechanics.spatial._laws import HELD, LAW, STIFFNESS, YIELD
 from soft_continuum.mechanics.spatial._newton import LENGTH
+from soft_continuum.mechanics.spatial._path import ITERATIONS
 from soft_continuum.mechanics.spatial._rotations import rotate
 from soft_continuum.mechanics.spatial.arm import SpatialArm
-from soft_continuum.mechanics.spatial.chain import SpatialChain, SpatialEquilibrium, System
+from soft_continuum.mechanics.spatial.chain import (
+    Integers,
+    SpatialChain,
+    SpatialEquilibrium,
+    sums,
+    System,
+)
 from soft_continuum.mechanics.spatial.friction import carried
 
 Booleans = NDArray[np.bool_]
-ITERATIONS = 40  # of Newton's method in one step
-STEP = 0.003  # m of pull in one step at first
-LEAST_STEP = 1.0 / 4096.0  # of the way to the target
 OIL, OIL_STEPS = 5e-3, 800  # of the stiffness of a joint, at first; steps until it rests
 OIL_TRIED, OIL_ITERATIONS = 10, 20  # steps after which it is tried without: near its rest a few do
 NUDGE = 1e-5  # rad
-AT_REST = 1e-7  # N m that may be out of balance at a start whose tensions are kept
 MAX_FRICTION_ITERATIONS = 100
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
+
+
+class Locks(NamedTuple):
+    """
+    What stiff segments and their vacuum make of a chain.
+
+    link: (bodies,), of each body, -1 for what is fixed to the base.  free: (bodies,), bodies that
+    a link begins with.  joints: (links, 4, 3), as of _laws, but for the shapes that they hold.
+    still: (tendons,), those along locked segments only.  yields: whether a joint may.  direct:
+    whether a full step may find what small ones do, since the energy is convex.
+    """
+
+    link: Integers
+    free: Booleans
+    joints: Array
+    still: Booleans
+    yields: bool
+    direct: bool
 
 
 class _Links:
     """
     The links of an arm, on the way; each array first as it is, then as Newton's method left it.
 
-    rotations: (2, links, 3, 3).  tension: (2, tendons) N.  taut: (2, tendons).
+    rotations: (2, links, 3, 3).  tension: (2, tendons) N.  taut: (2, tendons).  targets: (4,
+    tendons).  bias: (2, links, 3) N m.  bodies: (bodies, 3, 3), rotations of all bodies.
     """
 
-    def __init__(self, system: System, by_force: Booleans, compliance: Array, rotations: Array,
-                 tension: Array) -> None:
-        """Begin with rotations (links, 3, 3) and tension (tendons,) N."""
-        self.system, self.compliance = system, compliance
+    def __init__(self, chain: SpatialChain, start: SpatialEquilibrium, locks: Locks,
+                 by_force: Booleans, tendons: tuple[Array, Array]) -> None:
+        """
+        Begin at a state.
+
+        by_force: (tendons,), those whose tension is given.  tendons: compliance of each, m/N, and
+        ratios of tension of all spans.
+        """
+        count, links = len(by_force), len(locks.joints)
+        self.chain, self.start, self.locks = chain, start, locks
         self.kind = by_force.astype(np.int64)  # TENSION or LENGTH
-        self.rotations, self.tension = np.array([rotations] * 2), np.array([tension] * 2)
+        self.compliance, self.ratios = tendons
+        self.rotations, self.bias = np.empty((2, links, 3, 3)), np.empty((2, links, 3))
+        self.tension, self.targets = np.empty((2, count)), np.empty((4, count))
+        self.tension[:] = start.tensions
+        self.tension[np.isnan(self.tension)] = 0.0
         self.taut = self.tension > 0.0
-        self.targets = np.empty((4, len(tension)))
-        self.bias = np.zeros((2, len(rotations), 3))
+        self.bodies = np.empty((chain.bodies, 3, 3))
+        self.joints = locks.joints.copy()
+        self.joints[:, HELD] = start.held[locks.free]
+
+    def follow(self, target: Array, held: bool) -> tuple[float, int, float]:
+        """Go to pulls or tensions (tendons,), as _path.follow, and return what that does."""
+        self.targets[1] = target
+        locks, start = self.locks, self.start
+        found: tuple[float, int, float] = _kernel.functions().spatial_follow(
+            (start.rotations, start.pulls, start.slack), self.chain.layout,
+            (locks.link, self.joints, self.chain.laws.tables, self.ratios),
+            (self.rotations, self.tension, self.taut, self.bodies),
+            (self.kind, self.compliance, self.targets, self.bias, 0.0), locks.direct, held)
+        return found
+
+    @cached_property
+    def _system(self) -> tuple[System, Array]:
+        return self.chain.system(self.start.rotations, self.locks.link, self.joints, self.ratios)
 
     def balance(self, tension: Array) -> Array:
-        """Return the unbalanced moments with tensions (tendons,) in N, (links, 3), N m."""
+        """Return the unbalanced moments with tensions (tendons,) in N, (3 links,), N m."""
         found: Array = _kernel.functions().spatial_balance(
-            self.rotations[0], tension, self.system)
+            self.rotations[0], tension, self._system[0])
         return found
 
     def lead(self, begin: Array, end: Array, step: float, least: float, damping: float = 0.0,
@@ -65,7 +115,7 @@ class _Links:
         """Go from targets (tendons,) to others, as _path.lead, and return what that does."""
         self.targets[0], self.targets[1] = begin, end
         found: tuple[float, int, float, int, bool] = _kernel.functions().spatial_lead(
-            self.rotations, self.tension, self.taut, self.system,
+            self.rotations, self.tension, self.taut, self._system[0],
             (self.kind, self.compliance, self.targets, self.bias, damping), step, least, most)
         return found
 
@@ -73,11 +123,11 @@ class _Links:
         """Take the tensions that hold the shape best, those of ``others`` as they are."""
         tension, unit = self.tension[0], np.eye(len(self.kind))
         tension[~others] = 0.0
-        alone = self.balance(tension).ravel()
+        alone = self.balance(tension)
         tendons = np.flatnonzero(~others)
         if len(tendons):
             from scipy.optimize import nnls  # 0.3 s that who has no tendons need not wait for
-            levers = [self.balance(tension + unit[t]).ravel() - alone for t in tendons]
+            levers = [self.balance(tension + unit[t]) - alone for t in tendons]
             each = np.column_stack(levers)
             try:
                 tension[tendons] = nnls(each, -alone)[0]
@@ -85,16 +135,17 @@ class _Links:
                 tension[tendons] = np.maximum(0.0, np.linalg.lstsq(each, -alone)[0])
         self.taut[0] = tension > 0.0
 
-    def relax(self, target: Array) -> bool:
+    def relax(self) -> bool:
         """
         Let an arm come to rest that has lost its equilibrium, as if in thick oil.
 
         The oil is thinned as long as each step goes downhill.  False when that does not end.
         """
+        target = self.targets[1].copy()
         self.bias[:] = 0.0
         for rotation in self.rotations[0]:  # off an unstable balance
-            rotate(rotation, np.array([NUDGE, NUDGE, 0.0]))
-        damping = OIL * float(self.system[0][:, STIFFNESS].min(axis=1).mean())
+            rotate(rotation, NUDGE, NUDGE, 0.0)
+        damping = OIL * float(self.joints[:, STIFFNESS].min(axis=1).mean())
         for step in range(OIL_STEPS):
             *_, downhill = self.lead(target, target, 1.0, 1.0, damping, 1)
             if not downhill:
@@ -107,6 +158,9 @@ class _Links:
                 (self.kind == LENGTH) & (self.targets[3] > target))
             if step % OIL_TRIED == 0 and self.lead(
                     target, target, 1.0, 1.0, most=OIL_ITERATIONS)[0] == 1.0:
+                self.targets[3] += self._system[1]
+                _kernel.functions().spatial_carry(
+                    self.rotations[0], self.start.rotations, self.locks.link, self.bodies)
                 return True
         return False
 
@@ -123,7 +177,9 @@ class SpatialStatics:
         """Discretise ``arm``."""
         self.chain = SpatialChain(arm)
         self.compliance = np.array([tendon.compliance for tendon in arm.tendons])
-        self._rigid = cache(self.chain.rigid)
+        self._locks = lru_cache(maxsize=64)(self._find_locks)
+        self._by_lengths = np.zeros(len(arm.tendons), dtype=bool)
+        self._no_friction = np.ones(len(self.chain.span_tendons))
 
     def solve(self, start: SpatialEquilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
               tensions: ArrayLike | None = None, vacuum: Sequence[float] | None = None,
@@ -141,18 +197,20 @@ class SpatialStatics:
         """
         tendons, segments = len(self.chain.arm.tendons), self.chain.segments
         wanted = np.array(pulls, dtype=float)
-        if wanted.shape != (tendons,) or not np.all(np.isfinite(wanted) | (wanted == SLACK)):
+        if wanted.shape != (tendons,) or not np.all(wanted < np.inf):
             raise ValueError(f'pulls must be {tendons} finite numbers (m), one for each tendon, '
                              'or SLACK')
-        given = np.full(tendons, np.nan)
+        given, by_force = wanted, self._by_lengths
         if tensions is not None:
             given = np.array(tensions, dtype=float)
             if given.shape != (tendons,) or np.any(np.isinf(given)) or np.any(given < 0.0):
                 raise ValueError(f'tensions must be {tendons} numbers of 0 N and more, or nan')
+            by_force = ~np.isnan(given)
         never = wanted == SLACK
         if never.any():
-            given[never & np.isnan(given)] = 0.0
+            given = np.where(never & ~by_force, 0.0, given)
             wanted = np.where(never, start.pulls, wanted)
+            by_force = by_force | never
         mask = tuple(bool(one) for one in soft)
         if len(mask) != segments:
             raise ValueError(f'soft has {len(mask)} flags; needed: {segments}')
@@ -167,7 +225,8 @@ class SpatialStatics:
         stiff = tuple(not one for one in mask)
         if parts:  # without any vacuum there is no jam
             stiff = tuple(one and part > 0.0 for one, part in zip(stiff, parts, strict=True))
-        return self._follow(self._holding(start, stiff, parts), wanted, given, ways)
+        return self._follow(self._holding(start, stiff, parts), by_force,
+                            np.where(by_force, given, wanted), ways)
 
     def commanded_pulls(self, state: SpatialEquilibrium, sliding: Sequence[int] = ()) -> Array:
         """Return the pulls (tendons,) m at the motors that give a state: paths and stretch."""
@@ -202,82 +261,80 @@ class SpatialStatics:
                 angles, held = self.chain.joints(start.rotations), held.copy()
             held[rows] = angles[rows] - self.chain.laws.rescaled(
                 s, angles[rows] - held[rows], share)
-        return replace(start, held=held, stiff=stiff, vacuum=vacuum)
+        return SpatialEquilibrium(start.rotations, start.tensions, start.pulls, start.slack, 0.0,
+                                  0, stiff, held, vacuum=vacuum, chain=self.chain)
 
-    def _follow(self, start: SpatialEquilibrium, pulls: Array, given: Array,
+    def _find_locks(self, stiff: tuple[bool, ...], vacuum: tuple[float, ...]) -> Locks:
+        chain = self.chain
+        free = ~chain.rigid(stiff)
+        link = np.cumsum(free) - 1
+        joints = chain.laws.joints(stiff, vacuum, np.zeros((chain.bodies, 3)))[free]
+        still = np.ones(len(self.compliance), dtype=bool)
+        still[chain.span_tendons[chain.entry_spans[link[chain.entry_bodies] >= 0]]] = False
+        yields = bool(np.isfinite(joints[:, LAW, YIELD]).any())
+        loads = chain.lengths * np.linalg.norm(chain.forces, axis=1)
+        direct = not (yields or chain.moments.any()) and outweigh(
+            chain.laws.least_stiffness()[free],
+            sums(link[link >= 0], loads[link >= 0], len(joints)))
+        return Locks(link, free, joints, still, yields, direct)
+
+    def _follow(self, start: SpatialEquilibrium, by_force: Booleans, target: Array,
                 sliding: Sequence[int]) -> SpatialEquilibrium:
-        """Return the equilibrium for pulls, and where they are given, tensions."""
-        rigid = self._rigid(start.stiff)
-        if rigid.all():
-            return self._locked(start, pulls, given)
-        state = self._led(start, pulls, given, rigid)
+        """Return the equilibrium for pulls (m), or tensions (N) of those by force."""
+        locks = self._locks(start.stiff, start.vacuum)
+        if not locks.free.any():
+            return self._locked(start, by_force, target)
+        state = self._led(start, locks, by_force, target, self.compliance, self._no_friction)
         if not any(t.friction and way for t, way in zip(
                 self.chain.arm.tendons, sliding, strict=False)):
             return state
-        before = np.ones(len(self.chain.span_tendons))
+        before = self._no_friction
         for _ in range(MAX_FRICTION_ITERATIONS):  # friction depends on the shape it leads to
             ratios, compliance = carried(self.chain, state.rotations, sliding)
-            jumped, state = state.jumped, self._led(state, pulls, given, rigid, ratios, compliance)
+            jumped, state = state.jumped, self._led(
+                state, locks, by_force, target, compliance, ratios)
             state = replace(state, jumped=state.jumped or jumped)
             if np.abs(ratios - before).max() < 1e-13:
                 return state
             before = ratios
         raise StaticsError('the friction at the guides did not converge', state)
 
-    def _led(self, start: SpatialEquilibrium, pulls: Array, given: Array,
-             rigid: Booleans, ratios: Array | None = None, compliance: Array | None = None
-             ) -> SpatialEquilibrium:
+    def _led(self, start: SpatialEquilibrium, locks: Locks, by_force: Booleans, target: Array,
+             compliance: Array, ratios: Array) -> SpatialEquilibrium:
         """Lead lengths, tensions and what is out of balance at the start to the target."""
-        chain = self.chain
-        link, system, unchanged = chain.system(
-            start.rotations, rigid,
-            chain.laws.joints(start.stiff, start.vacuum, start.held), ratios)
-        stretch = self.compliance if compliance is None else compliance
-        by_force = ~np.isnan(given)
-        before = np.where(np.isnan(start.tensions), 0.0, start.tensions)
-        links = _Links(system, by_force, stretch, start.rotations[~rigid], before)
-        bias = links.balance(links.tension[0])
-        if np.abs(bias).max() > AT_REST:
+        if locks.still.any():
+            self._refuse_short(np.where(locks.still & ~by_force, target - start.pulls, 0.0), start)
+        links = _Links(self.chain, start, locks, by_force, (compliance, ratios))
+        done, total, residual = links.follow(target, False)
+        if done < 0.0:
             links.hold(by_force | (start.slack > 0.0))
-            bias = links.balance(links.tension[0])
-        links.bias[0] = bias
-        length = chain.straight_paths - unchanged  # of what can change
-        at_last = np.where(by_force, given, length - pulls)
-        at_first = np.where(
-            by_force, before, length - start.pulls + start.slack - stretch * links.tension[0])
-        if rigid.any():
-            still = np.bincount(system[6][:, 0], minlength=len(pulls)) == 0
-            self._refuse_short(np.where(still & ~by_force, -at_last, 0.0), start)
-        way = float(np.abs(at_last - at_first)[~by_force].max(initial=0.0))
-        done, total, residual, _, _ = links.lead(
-            at_first, at_last, min(1.0, STEP / max(way, STEP)), LEAST_STEP)
-        if done < 1.0 and not links.relax(at_last):
+            done, total, residual = links.follow(target, True)
+        if done < 1.0 and not links.relax():
             raise StaticsError(
                 f'the arm loses its equilibrium after {100.0 * done:.0f} % of the way to '
                 'these pulls and loads, and no other was found near it; pay out a tendon, '
                 'or go there in smaller steps', start)
-        tensions = links.tension[0]
-        every = _kernel.functions().spatial_carry(links.rotations[0], start.rotations, link)
-        paths, held = links.targets[3] + unchanged, start.held.copy()
-        held[~rigid] = system[0][:, HELD]
-        slack = chain.straight_paths - pulls + stretch * tensions - paths
-        return SpatialEquilibrium(
-            every, tensions, chain.straight_paths - paths,
-            np.where(by_force | (tensions > 0.0), 0.0, np.maximum(0.0, slack)), residual, total,
-            start.stiff, held, done < 1.0, start.vacuum, chain=chain)
+        tensions, pulls, held = (
+            links.tension[0], self.chain.straight_paths - links.targets[3], start.held)
+        slack = np.maximum(0.0, pulls - target + compliance * tensions)
+        slack[by_force | (tensions > 0.0)] = 0.0
+        if locks.yields:
+            held = held.copy()
+            held[locks.free] = links.joints[:, HELD]
+        return SpatialEquilibrium(links.bodies, tensions, pulls, slack, residual, total,
+                                  start.stiff, held, done < 1.0, start.vacuum, chain=self.chain)
 
-    def _locked(self, start: SpatialEquilibrium, pulls: Array, given: Array
+    def _locked(self, start: SpatialEquilibrium, by_force: Booleans, target: Array
                 ) -> SpatialEquilibrium:
         """Return a wholly rigid arm: its tendons stretch, become slack, or cannot be pulled."""
-        by_force = ~np.isnan(given)
-        short = np.where(by_force, 0.0, pulls - start.pulls)
+        short = np.where(by_force, 0.0, target - start.pulls)
         self._refuse_short(short, start)
         stretches = self.compliance > 0.0
         stretched = np.maximum(0.0, short) / np.where(stretches, self.compliance, 1.0)
         # Nothing determines what one carries that neither stretches nor is slack.
         found = np.where(stretches, stretched, np.where(short < -LOCKED_TOLERANCE, 0.0, np.nan))
         return replace(start, slack=np.maximum(0.0, -short), residual=0.0, iterations=0,
-                       tensions=np.where(by_force, given, found), jumped=False)
+                       tensions=np.where(by_force, target, found), jumped=False)
 
     def _refuse_short(self, short: Array, start: SpatialEquilibrium) -> None:
         """Refuse tendons (tendons,) that are too short (m) where nothing can bend or stretch."""
