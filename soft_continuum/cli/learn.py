@@ -70,7 +70,7 @@ def _run(options: argparse.Namespace) -> None:
     path, = reserve_outputs(options.output, [FILE], options.force)
     with RunningArm(options.namespace, timeout=options.timeout) as arm:
         estimate = arm.state.estimate
-        learned = learn(_known(estimate), arm.description, arm.has_jamming)
+        learned = learn(_known(estimate), arm.description)
         title = _title(arm.is_simulated)
     _say(learned)
     assert estimate is not None
@@ -120,12 +120,8 @@ def _say(learned: Learned) -> None:
         print(f'{NAME}: warning: {text}; look at the arm before you use it', file=sys.stderr)
 
 
-def learn(parameters: Sequence[LearnedParameter], arm: 'AnyArm', jamming: bool = True) -> Learned:
-    """
-    Return what a description takes of what is estimated of an arm that was described.
-
-    jamming: whether it has any; without, there is no K.
-    """
+def learn(parameters: Sequence[LearnedParameter], arm: 'AnyArm') -> Learned:
+    """Return what a description takes of what is estimated of an arm that was described."""
     learned = Learned()
     stiffnesses = _stiffnesses(arm)
     ratios = [0.0 if s.jam.ratio == inf else s.jam.ratio for s in arm.segments]
@@ -133,8 +129,6 @@ def learn(parameters: Sequence[LearnedParameter], arm: 'AnyArm', jamming: bool =
     ratio = _Lists({'arm.stiffness_ratios': ratios})
     for parameter in parameters:
         text, segment = parameter_text(parameter), parameter.segment
-        if parameter.kind == 'stiff_ratio' and not jamming:
-            continue
         if parameter.kind == 'offset':
             if parameter.determined:
                 learned.offsets.append(f'{text.label.removeprefix("offset, ")} is pulled in by '

@@ -78,7 +78,7 @@ def _measure_all(arm: 'Arm', names: Sequence[str], options: argparse.Namespace,
         steps, discs = _set_and_measure(arm, name, options.duration, jamming)
         pulls += [','.join([name, *([str(segment)] if jamming else []),
                             *(f'{p * 1e3:.4f}' for p in pulled)])
-                  for segment, pulled in steps.items()]
+                  for segment, pulled in steps]
         points += _rows(name, discs, description)
         print(f'  {len(discs)} discs, each seen {min(d.samples for d in discs.values())} '
               'times or more', flush=True)
@@ -93,29 +93,36 @@ def _title(simulated: bool) -> str:
 
 
 def _set_and_measure(arm: 'Arm', name: str, duration: float, jamming: bool
-                     ) -> tuple[dict[int, Pulls], 'dict[int, MeasuredDisc]']:
+                     ) -> tuple[list[tuple[int, Pulls]], 'dict[int, MeasuredDisc]']:
     """
-    Return the pulls at which each segment was stiffened, in order, and the measured discs.
+    Return each segment that was stiffened with its pulls, in order, and the measured discs.
 
-    Without jamming it is the pulls at which the arm was measured, of segment 0.
+    In closed loop a segment may be set more than once.  Without jamming it is the pulls at which
+    the arm was measured, of segment 0.
     """
     from soft_continuum.client.errors import ClientError
     from soft_continuum.sequencing.progress import Phase
     arm.run([0.0] * len(arm.description.segments))
-    steps: dict[int, Pulls] = {}
+    steps: list[tuple[int, Pulls]] = []
     discs: dict[int, MeasuredDisc] = {}
+    stiffens = None  # which segment
     running = arm.start(name, hold=SETTLING + duration + 0.5)
     for now in running.updates():
-        if jamming and now.phase == Phase.STIFFENING and now.segment not in steps:
-            steps[now.segment] = arm.state.pulls or ()
+        before, stiffens = stiffens, now.segment if now.phase == Phase.STIFFENING else None
+        if jamming and stiffens not in (None, before) and not discs:
+            steps.append((now.segment, arm.state.pulls or ()))
         if now.phase == Phase.HOLDING and not discs:
             sleep(SETTLING)
             if not jamming:
-                steps[0] = arm.state.pulls or ()
-            discs = _with_position(arm.measure(duration))
+                steps = [(0, arm.state.pulls or ())]
+            seen = _with_position(arm.measure(duration))
+            last = running.progress
+            if last is not None and last.phase == Phase.HOLDING:  # not corrected meanwhile
+                discs = seen
     running.result()
-    if not discs or not steps or not all(steps.values()):
-        raise ClientError(f'{name} was set too quickly to be followed; measure it again')
+    if not discs or not steps or not all(pulls for _, pulls in steps):
+        raise ClientError(f'{name} was set too quickly to be followed, or corrected while it was '
+                          'held; measure it again')
     return steps, discs
 
 

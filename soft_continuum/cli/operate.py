@@ -310,6 +310,13 @@ def _obstacles(arm: 'Arm', options: Namespace, output: Output) -> int:
     return DONE
 
 
+def _tare(arm: 'Arm', _: Namespace, output: Output) -> int:
+    answers = arm.tare()
+    output.print('\n'.join(f'{node}: {answer}' for node, answer in answers.items()),
+                 result='done', answers=answers)
+    return DONE
+
+
 # The state, and what takes no options.
 
 
@@ -347,4 +354,6 @@ ACTIONS = {
     'resume': Action(lambda arm, _, output: output.done(arm.resume())),
     'reference': Action(lambda arm, _, output: output.done(arm.reference())),
     'reset': Action(lambda arm, _, output: output.done(arm.reset())),
+    'home': Action(lambda arm, _, output: output.done(arm.home())),
+    'tare': Action(_tare),
 }

@@ -14,7 +14,7 @@ from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.opencv import OpenCVError, require_opencv
 
 RATE = 10.0  # Hz
-DIRECTION = -90.0  # degrees
+DIRECTION = 165.0  # degrees, from where every disc of the shipped shapes is seen best
 NAME = re.compile(r'[a-z]\w{0,30}', re.ASCII)
 
 
@@ -31,8 +31,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--name', type=_name, default='camera',
                         help='of the camera (default: camera)')
     parser.add_argument('--direction', type=number_in(-360.0, 360.0, 'degrees'), metavar='DEGREES',
-                        help='from where it looks at a spatial arm: angle about z from x '
-                        '(default: -90)')
+                        help='from where it looks at a spatial arm: angle about z from x; it '
+                        f'has to see fixed tags (default: {DIRECTION:g})')
     options = parser.parse_args(argv)
     try:
         require_opencv()

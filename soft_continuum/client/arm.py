@@ -338,6 +338,16 @@ class Arm:
             self._do(self._requests.hold())
             raise
 
+    def home(self) -> str:
+        """
+        Straighten the arm from whatever shape it was left in; return how straight it is.
+
+        As a sequence, if the model finds a plan; else with all segments soft at once: the arm may
+        swing then.  Raises as ``run``, ``soften`` and ``jog``.
+        """
+        from soft_continuum.client.home import home
+        return home(self)
+
     def stop(self) -> str:
         """Stop all motion, holding tension; nothing moves before ``resume``."""
         return self._do(self._requests.stop())
@@ -353,3 +363,13 @@ class Arm:
     def reset(self) -> str:
         """Tell kinematics that the arm is straight."""
         return self._do(self._requests.reset())
+
+    def tare(self) -> dict[str, str]:
+        """
+        Take what every camera, and disc_sensors, sees as the straight arm; all must succeed.
+
+        Return the answer of each node, by its name, with the lines that keep it over a restart.
+        Raises RefusedError with the reason of the one that refuses, NoAnswerError without any.
+        """
+        from soft_continuum.client.tare import tare
+        return self._do(tare(self._requests))

@@ -312,6 +312,8 @@ class ObservedArm:
         bends, towards = _bending(joints, segment_poses or ())
         numbers = range(1, self._jams + 1)
         running = self.running()
+        nodes = [name for name in NODES if name != JAMMING_VALVES or running[name]
+                 or not self._lacks_jamming]
         return ArmState(
             tendons=self.tendons, pulls=self.pulls(),
             speeds=self._of_tendons('tendon_states', 'velocity'),
@@ -328,7 +330,7 @@ class ObservedArm:
             measured_discs=self._measured_discs(),
             last_result=self._last_result(), estimate=self.estimate(),
             predicted_disc_poses=self.poses(PREDICTED_DISCS),
-            nodes=tuple(self._report(name, running[name]) for name in NODES),
+            nodes=tuple(self._report(name, running[name]) for name in nodes),
             sensors=tuple(self._report(name, self.age(name) < STALE_AFTER)
                           for name in SENSORS if self.message(f'{name}/status')))
 

@@ -93,7 +93,7 @@ class ArmState:
     disc_poses, where the model alone has them, while the shape is estimated.  estimate: whether
     the shape is measured, how well it is known, what was learned, and what is wrong.  progress: of
     the sequence that runs, whoever started it.  last_result: of the one that ended last.  nodes:
-    the four nodes.  sensors: the nodes that look at the arm, as far as they were heard.
+    those that this arm needs.  sensors: the nodes that look at the arm, as far as they were heard.
     """
 
     tendons: tuple[str, ...]
@@ -147,7 +147,7 @@ class ArmState:
         return f'<pre>{escape(str(self))}</pre>'
 
     def node(self, name: str) -> NodeReport:
-        """Return the report of one of the four nodes; raises KeyError for another name."""
+        """Return the report of one of ``nodes``; raises KeyError for another name."""
         for report in self.nodes:
             if report.name == name:
                 return report

@@ -19,15 +19,21 @@ UNKNOWN = '?'
 
 
 def angles_text(angles: Sequence[float], directions: Sequence[float] = ()) -> str:
-    """Return bending angles (rad), and directions behind an @, in degrees."""
-    towards = [f'@{degrees(direction):.1f}' for direction in directions] or [''] * len(angles)
-    return ' '.join(f'{degrees(angle):+6.1f}{direction}' for angle, direction in zip(
+    """
+    Return bending angles (rad), and directions behind an @, in degrees.
+
+    What is shown as straight is shown without its direction, which is that of its rounding.
+    """
+    towards = [f'@{degrees(direction):z.1f}' if abs(degrees(angle)) >= 0.05 else ''
+               for angle, direction in zip(angles, directions, strict=True)
+               ] if directions else [''] * len(angles)
+    return ' '.join(f'{degrees(angle):+z6.1f}{direction}' for angle, direction in zip(
         angles, towards, strict=True)) + ' deg'
 
 
 def pulls_text(state: ArmState) -> str:
     """Return the pull of every tendon in mm."""
-    return UNKNOWN if state.pulls is None else _by_tendon(state, state.pulls, 1e3, '+.2f', 'mm')
+    return UNKNOWN if state.pulls is None else _by_tendon(state, state.pulls, 1e3, '+z.2f', 'mm')
 
 
 def _by_tendon(state: ArmState, values: Sequence[float], scale: float, digits: str, unit: str
@@ -39,9 +45,9 @@ def _by_tendon(state: ArmState, values: Sequence[float], scale: float, digits: s
 def _pose_text(pose: Pose | None) -> str:
     if pose is None:
         return UNKNOWN
-    where = (f'x {pose.x * 1e3:+7.1f} mm, z {pose.z * 1e3:+7.1f} mm'
+    where = (f'x {pose.x * 1e3:+z7.1f} mm, z {pose.z * 1e3:+z7.1f} mm'
              if isfinite(pose.x) and isfinite(pose.z) else 'position not measured')
-    return (f'{where}, {degrees(pose.angle):+6.1f} deg' if isfinite(pose.angle)
+    return (f'{where}, {degrees(pose.angle):+z6.1f} deg' if isfinite(pose.angle)
             else f'{where}, angle not measured')
 
 
@@ -49,7 +55,7 @@ def _model_pose_text(pose: Pose | None) -> str:
     """Return a pose by the model: of a spatial arm, in space."""
     if pose is None or pose.is_planar or not all(map(isfinite, pose.position)):
         return _pose_text(pose)
-    x, y, z = (f'{1e3 * part:+7.1f}' for part in pose.position)
+    x, y, z = (f'{1e3 * part:+z7.1f}' for part in pose.position)
     tilt = (f'{degrees(pose.tilt):6.1f} deg from the z axis' if isfinite(pose.tilt)
             else 'angle not measured')
     return f'x {x} mm, y {y} mm, z {z} mm, {tilt}'
@@ -79,7 +85,7 @@ def state_page(state: ArmState) -> str:
     for source, tensions in (('by the model', state.tensions),
                              ('measured', state.measured_tensions)):
         if tensions and (source == 'measured' or all(map(isfinite, tensions))):
-            lines.append(f'tensions   {_by_tendon(state, tensions, 1.0, ".1f", "N")} ({source})')
+            lines.append(f'tensions   {_by_tendon(state, tensions, 1.0, "z.1f", "N")} ({source})')
     poses = state.segment_poses or (None,) * len(state.stiff)
     for i, pose in enumerate(poses):
         jam = ''

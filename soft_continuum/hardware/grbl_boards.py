@@ -12,6 +12,7 @@ from soft_continuum.hardware.protocols import HardwareError, TendonDriver, Tendo
 
 T = TypeVar('T')
 POLL_INTERVAL = 0.005  # s
+SAME_SPEED = 0.02  # relative
 
 
 class Board(TendonDriver, Protocol):
@@ -20,6 +21,10 @@ class Board(TendonDriver, Protocol):
     @property
     def tendons(self) -> tuple[str, ...]:
         """Their names."""
+
+    @property
+    def fastest(self) -> float:
+        """Speed of the fastest motion that it can brake in time, m/s; of an open one."""
 
 
 class GrblBoards:
@@ -44,9 +49,22 @@ class GrblBoards:
         failed = self._at_once(lambda board: board.open())
         with self._lock:
             closed = self._closed
+        if not (failed or closed):
+            failed = self._uneven()
         if failed or closed:
             self.close()
             raise failed[0] if failed else HardwareError('closed while it was being opened')
+
+    def _uneven(self) -> list[HardwareError]:
+        """Return what to raise for boards of which some are slower: tendons would not arrive."""
+        speeds = self._each(lambda board: board.fastest)
+        if max(speeds) <= (1.0 + SAME_SPEED) * min(speeds):
+            return []
+        each = '; '.join(f'{1e3 * speed:.1f} mm/s for {", ".join(board.tendons)}'
+                         for speed, board in zip(speeds, self._boards, strict=True))
+        return [HardwareError(
+            'the GRBL controllers accelerate differently, so some tendons would come later than '
+            f'others: {each}; set $120 and following of all to the same acceleration')]
 
     def close(self) -> None:
         """Stop, hold and disconnect; an ``open`` under way ends with HardwareError."""
@@ -69,8 +87,17 @@ class GrblBoards:
             raise HardwareError(
                 f'{len(pulls)} pulls were given; needed: one for each of {", ".join(tendons)}')
         wanted = dict(zip(tendons, pulls, strict=True))
-        self._each(lambda board: board.move(
-            tuple(wanted[name] for name in board.tendons), duration))
+
+        def move(board: Board) -> None:
+            board.move(tuple(wanted[name] for name in board.tendons), duration)
+
+        for board in self._boards:  # one that refuses must not have others stopped, or not homed
+            if not board.read().referenced:
+                try:
+                    move(board)
+                except HardwareError as error:
+                    raise self._named(board, error) from None
+        self._each(move)
 
     def stop(self) -> None:
         """Brake all of them, whichever of them fails, then hold."""
@@ -85,6 +112,8 @@ class GrblBoards:
 
     def reference(self) -> None:
         """Take the present position as zero pull, or home."""
+        if self.read().moving:  # of which the first to refuse would have the others stopped
+            raise HardwareError('the tendons are moving; wait until they rest')
         self._each(lambda board: board.reference())
 
     def _at_once(self, act: Callable[[Board], None]) -> list[HardwareError]:

@@ -152,12 +152,12 @@ class JogStream:
         self._motors = motors
         self._scale = motors.steps_per_metre
         # The controller plans to rest at the end of its queue: a faster motion could not brake
-        # within what may be queued.
-        self._speed_limit = min(motors.speed_limit, 0.8 * MAX_QUEUED_TIME * braking)
+        # within what may be queued; m/s.
+        self.speed_limit = min(motors.speed_limit, 0.8 * MAX_QUEUED_TIME * braking)
         self._braking = braking
         # As many digits as the fastest jog needs, so that a damaged one is not longer than 10 of
         # the longest, or 100 if a sign became a digit.
-        fastest = self._speed_limit * max(self._scale)
+        fastest = self.speed_limit * max(self._scale)
         most_steps = 10 ** len(str(ceil(0.75 * JOG_TIME * fastest) + 1)) - 1
         self._max_jog_time = min(MAX_JOG_TIME, (most_steps - 1) / fastest)
         self.place((0,) * len(self._scale))
@@ -170,7 +170,7 @@ class JogStream:
         self._planned_until = 0.0  # s: there are jogs up to then
         self._path_time = 0.0  # s; stands still while no jog can be sent
         self._path = SimulatedTendons(
-            lambda: self._path_time, self._motors.tendons, self._speed_limit,
+            lambda: self._path_time, self._motors.tendons, self.speed_limit,
             self._motors.acceleration_limit, PATH_RESOLUTION)
         self._queue: deque[Jog] = deque()
         self._first_jog_done = 0.0  # share of the first jog in the queue
@@ -203,7 +203,7 @@ class JogStream:
             return None
         distances = self._metres(self.end, end)
         # Rounding to steps must not exceed the speed limit.
-        shortest = max(abs(d) / self._speed_limit for d in distances)
+        shortest = max(abs(d) / self.speed_limit for d in distances)
         seconds = max(seconds, shortest)
         duration = max(seconds / FEED_MARGIN, shortest)
         jog = Jog(self.end, end, seconds, hypot(*subtract(end, self.end)) / duration,

@@ -98,6 +98,11 @@ class GrblSession:
         self._reset_sent_at = 0.0  # s, 0 when none is under way
 
     @property
+    def fastest(self) -> float:
+        """Speed of the fastest motion that is planned, m/s."""
+        return self._jogs.speed_limit
+
+    @property
     def busy(self) -> bool:
         """Whether the tendons move or may move."""
         return self.state in BUSY

@@ -120,6 +120,12 @@ class GrblTendons:
             self._closed_reason = 'the GRBL controller is closed; configure the node'
         session.link.close()
 
+    @property
+    def fastest(self) -> float:
+        """Speed of the fastest motion that the controller can brake in time, m/s."""
+        with self._lock:
+            return self._connected().fastest
+
     def read(self) -> TendonReading:
         """Return the state of the last status report, which is at most some 0.1 s old."""
         with self._lock:

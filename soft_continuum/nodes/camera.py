@@ -285,7 +285,7 @@ class Camera(Node):
                 response.message = f'disc {n}: {error}; nothing was tared'
                 return response
         if not discs:
-            response.message = 'no disc was seen in the last second; see ~/status'
+            response.message = 'no disc was seen; see ~/status'
             return response
         self._mounts, self._tared = tuple(mounts), ' '.join(discs)
         numbers = tuple(float(v) for mount in mounts for v in mount)

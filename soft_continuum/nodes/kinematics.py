@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.measuring import Measurement
+from soft_continuum.estimation.measuring import Innovation, Measurement
 from soft_continuum.estimation.shape import (
     ArmShape,
     PULL_RESOLUTION,
@@ -36,6 +36,7 @@ from soft_continuum.nodes.measured_poses import MeasuredPoses
 from soft_continuum.nodes.measured_tensions import MeasuredTensions
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.refusals import Refusals
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.nodes.tension_check import TensionCheck
 from soft_continuum.parameters.arm import any_arm_from_parameters
@@ -64,7 +65,8 @@ MIN_PERIOD = 0.005  # s between two shapes at least
 CHECK_PERIOD = 0.02  # s after which what came sooner than that is followed
 MIN_VACUUM = 0.01  # part of the full vacuum that a stiff segment has at least
 COVARIANCE_PERIOD = 0.1  # s between two covariances, which cost more than the shape
-REFUSAL_PERIOD = 1.0  # s for which it is shown why a measurement was not used
+REFUSAL_PERIOD = 1.0  # s for which it is shown why a pose is none that can be used
+UNUSED_PERIOD = 3.0  # s after the last measurement for which it is shown that most are not used
 FRESH = 3.0  # s: an older measurement is not the shape's any more
 
 
@@ -129,6 +131,7 @@ class Kinematics(Node):
             -inf, np.zeros((0, 3, 3)), [])
         self._tension_check = TensionCheck(self._tendons)
         self._measured_tensions = MeasuredTensions(self._tendons, self.parameters)
+        self._refused_poses, self._refused_tensions = Refusals('poses'), Refusals('tensions')
         self._follows = False  # whether the state is that of the last pulls
         self._states = self.create_publisher(KinematicsState, '~/state', STREAM)
         subscribe(self, JointState, 'tendon_states', self._on_tendons, SENSOR)
@@ -204,34 +207,35 @@ class Kinematics(Node):
         if not self._compiled:
             return
         for time, discs in self._measured.take():
-            self._measure(time, discs)
+            self._measure(time, discs, self._refused_poses)
         for time, tensions in self._measured_tensions.take():
-            self._measure(time, tensions)
+            self._measure(time, tensions, self._refused_tensions)
         self.status.alarm('anomaly', '; '.join(one.message for one in self._shape.anomalies))
         if self._measured.refused:
-            self.status.alarm('measurement', self._measured.refused, REFUSAL_PERIOD)
+            self.status.alarm('pose', f'a measured pose is not used: {self._measured.refused}',
+                              REFUSAL_PERIOD)
             self._measured.refused = ''
 
-    def _measure(self, time: float, measurements: Sequence[Measurement]) -> None:
+    def _measure(self, time: float, measurements: Sequence[Measurement], refusals: Refusals
+                 ) -> None:
         """Correct the shape by what was measured at ``time`` (s), if it can be."""
         try:
             known, used = self._shape.state, self._shape.measure(time, measurements)
         except StaticsError as error:
-            self._refuse(f'no shape found that fits what is measured: {error}')
-            return
-        if used is None:
-            self._refuse(self._shape.refusal(time))
-        elif known is None:
-            self.get_logger().info('the shape was found by measurements')
-            self._publish()
-        elif not used.used:
-            self._refuse(f'it disagrees with the model by {used.distance**0.5:.1f} times what '
-                         'their uncertainties allow')
+            refused = f'no shape found that fits what is measured: {error}'
+        else:
+            refused = self._refusal(time, used)
+            if known is None and used is not None:
+                self.get_logger().info('the shape was found by measurements')
+                self._publish()
+        self.status.alarm(f'unused {refusals.what}', refusals.note(refused), UNUSED_PERIOD)
 
-    def _refuse(self, reason: str) -> None:
-        if reason:
-            self.status.alarm('measurement', f'a measurement is not used: {reason}',
-                              REFUSAL_PERIOD)
+    def _refusal(self, time: float, used: Innovation | None) -> str:
+        """Return why a measurement of that time was not used; empty if it was."""
+        if used is None:
+            return self._shape.refusal(time)
+        return '' if used.used else (f'it disagrees with the model by {used.distance**0.5:.1f} '
+                                     'times what their uncertainties allow')
 
     def _follow(self) -> None:
         """Follow what was reported last, but not more often than the model can."""
@@ -306,7 +310,8 @@ class Kinematics(Node):
         made, found, parameters = self._uncertainties
         if STEADY() - made < COVARIANCE_PERIOD:
             return found, parameters
-        found, parameters = estimator.pose_covariances(), parameters_to_ros(estimator)
+        found, parameters = estimator.pose_covariances(), parameters_to_ros(
+            estimator, self.parameters['arm.jamming'])
         self._uncertainties = STEADY(), found, parameters
         poses = estimator.layout.dimensions.poses(estimator.state)
         for publisher, pose, covariance in zip(self._poses, poses[1:], found[1:], strict=True):

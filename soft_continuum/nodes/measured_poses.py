@@ -23,6 +23,9 @@ MAX_WAITING = 20
 """Times of which poses wait; of more, as in a burst, the oldest are left out."""
 MAX_RATE = 60.0
 """Times per second of which poses are used: each takes some milliseconds."""
+MAX_AT_ONCE = 4.0
+"""Times of them that may come together, as those of several cameras do."""
+ANOTHER = 1e-6  # s by which the same time counts as another: the disc is seen by another camera
 
 
 class MeasuredPoses:
@@ -37,7 +40,8 @@ class MeasuredPoses:
         """Subscribe for ``node``; frame: in which poses have to be; read: what they say."""
         self._frame, self._read = frame, read
         self._waiting: dict[float, tuple[float, dict[int, DiscMeasurement]]] = {}
-        self._taken = -1.0
+        self._taken = -1.0  # s, the stamp that was used last
+        self._allowed = MAX_AT_ONCE  # times that may be used now
         self.refused = ''
         """Why a pose was refused since it was last asked for."""
         for disc in range(discs):
@@ -51,6 +55,8 @@ class MeasuredPoses:
             self.refused = f'{MEASURED_POSE.format(disc)} has {error}'
             return
         stamp = seconds(message.header.stamp)
+        while disc in self._waiting.get(stamp, (0.0, {}))[1]:
+            stamp += ANOTHER
         _, discs = self._waiting.setdefault(stamp, (STEADY(), {}))
         discs[disc] = DiscMeasurement(disc, pose, covariance)
         while len(self._waiting) > MAX_WAITING:
@@ -61,9 +67,14 @@ class MeasuredPoses:
         now = STEADY()
         ready = [stamp for stamp, (came, _) in self._waiting.items() if now - came >= PATIENCE]
         found = []
-        for stamp in ready:
+        for stamp in sorted(ready):
             _, discs = self._waiting.pop(stamp)
-            if any(discs) and abs(stamp - self._taken) >= 1.0 / MAX_RATE:
-                self._taken = stamp
+            if not any(discs):
+                continue
+            self._allowed = min(
+                MAX_AT_ONCE, self._allowed + abs(stamp - self._taken) * MAX_RATE)
+            self._taken = stamp
+            if self._allowed >= 1.0:
+                self._allowed -= 1.0
                 found.append((stamp, list(discs.values())))
         return found

@@ -21,6 +21,7 @@ from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
 
+MAX_DISAGREEMENT = 1.0  # s for which kinematics may not know yet what jamming_valves reported
 STRAIGHT = 0.02  # rad: largest bending angle of a segment that counts as straight
 
 
@@ -51,6 +52,8 @@ class ReportedArm:
         self.pressures = [float('nan')] * chain.segments
         self._reported: tuple[Any, KinematicsState] | None = None
         self.jamming_age, self.shape_age = Age(), Age()
+        self._agreed = Age()  # since kinematics had the segments stiff that jamming_valves has
+        self._agreed.refresh()
         subscribe(node, KinematicsState, f'{KINEMATICS}/state', self._on_shape, SENSOR)
         if self._jamming:
             subscribe(node, JammingValvesState, f'{JAMMING_VALVES}/state',
@@ -71,6 +74,8 @@ class ReportedArm:
         if shape is not None:
             self._reported = shape, message
             self.shape_age.refresh()
+            if not self._jamming or tuple(message.stiff) == self.stiff:
+                self._agreed.refresh()
 
     @property
     def timeout(self) -> float:
@@ -131,6 +136,11 @@ class ReportedArm:
                 Reason.SHAPE_UNKNOWN,
                 'the shape of the arm is not known, so no tension can be predicted: no '
                 f'shape received from kinematics for {self.timeout:g} s')
+        if self._agreed.seconds > max(self.timeout, MAX_DISAGREEMENT):
+            return Interlock(
+                Reason.STIFFNESS_UNKNOWN, 'kinematics has other segments stiff than '
+                'jamming_valves reports: start all nodes with one description (is arm.jamming the '
+                'same for all?)')
         return None
 
     def homing_interlock(self) -> Interlock | None:

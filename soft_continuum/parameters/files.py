@@ -74,12 +74,6 @@ def load_any_arm(*paths: str | Path) -> AnyArm:
     return any_arm_from_parameters(load_description(*paths))
 
 
-def load_shapes(path: str | Path) -> dict[str, tuple[float, ...]]:
-    """Read the shape library (bending angles in rad by name) from a description file."""
-    values = load_description(path)
-    return shapes_from_parameters(values, any_arm_from_parameters(values))
-
-
 def load_rig(paths: Sequence[str | Path]) -> dict[str, Value]:
     """
     Return every parameter as the node that has it reads it from ``paths``; later files win.

@@ -5,7 +5,7 @@
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
 import difflib
-from math import inf, pi, radians
+from math import degrees, inf, pi, radians
 import re
 from typing import Any
 
@@ -133,9 +133,11 @@ def degrees_hint(angle: float, low: float, high: float) -> str:
     Return a question for an error message when a refused angle (rad) looks like degrees.
 
     It does when it is a whole number or more than half a turn, and is allowed (low to high, rad)
-    once taken as degrees; otherwise the hint is empty.
+    once taken as degrees; otherwise the hint is empty.  What is a round number of degrees as it is
+    was not given in rad.
     """
-    whole = abs(angle) > pi or float(angle).is_integer()
+    whole = float(angle).is_integer() or (
+        abs(angle) > pi and not round(100.0 * degrees(angle), 6).is_integer())
     if whole and low <= radians(angle) <= high:
         return f'; degrees? {angle:g} degrees are {radians(angle):.4g} rad'
     return ''

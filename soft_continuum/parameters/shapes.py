@@ -3,7 +3,7 @@
 """The parameters of the shape library, the paper's shapes, and the library they make."""
 
 from collections.abc import Mapping, Sequence
-from math import pi, radians
+from math import degrees, pi, radians
 from typing import Any
 
 from soft_continuum.mechanics.arm import Arm
@@ -114,8 +114,9 @@ def _angles_problem(angles: Sequence[float], arm: AnyArm) -> str:
         return f'{len(angles)} bending angles given, the arm has {len(limits)} segments'
     for segment, (angle, limit) in enumerate(zip(angles, limits, strict=True), start=1):
         if not abs(angle) <= limit + ROUNDING:
-            return (f'the bending angle of segment {segment} is {angle:g} rad; allowed: '
-                    f'{-limit:.4g} to {limit:.4g} rad{degrees_hint(angle, -limit, limit)}')
+            return (f'the bending angle of segment {segment} is {_shown(angle)}; allowed: '
+                    f'{-limit:.4g} to {limit:.4g} rad ({degrees(-limit):.4g} to '
+                    f'{degrees(limit):.4g} degrees){degrees_hint(angle, -limit, limit)}')
     return ''
 
 
@@ -128,10 +129,15 @@ def _directions_problem(angles: Sequence[float], directions: Sequence[float], ar
             return (f'the bending direction of segment {segment} is {direction:g} rad; allowed: '
                     '0, since this arm bends in one plane; a negative angle bends the other way')
         if not abs(direction) <= 2.0 * pi:
-            return (f'the bending direction of segment {segment} is {direction:g} rad; allowed: '
+            return (f'the bending direction of segment {segment} is {_shown(direction)}; allowed: '
                     f'-2 pi to 2 pi rad{degrees_hint(direction, -2.0 * pi, 2.0 * pi)}')
     if isinstance(arm, Arm):
         return ''
     problems = (direction_problem(arm, segment, directions[segment] if directions else 0.0)
                 for segment, angle in enumerate(angles) if angle)
     return next(filter(None, problems), '')
+
+
+def _shown(angle: float) -> str:
+    """Return an angle as ROS has it, and as the command line and the browser do."""
+    return f'{angle:g} rad ({degrees(angle):.4g} degrees)'

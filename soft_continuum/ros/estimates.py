@@ -4,7 +4,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import exp
+from math import exp, log
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # those who only read an estimate need not load it: 0.4 s
 
 PLAUSIBLE_FACTORS = (0.4, 2.5)  # stiffness over the described one
 PLAUSIBLE_OFFSET = 0.005  # m
+RATIO = 'stiff_ratio_'
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +42,13 @@ class Model:
 
 
 def parameter_names(arm: AnyArm) -> tuple[str, ...]:
-    """Return the names of what is estimated of an arm beside its shape, as they are published."""
+    """
+    Return the names of what is estimated of an arm beside its shape, as they are published.
+
+    Those of K, which begin with RATIO, are not published of an arm without jamming.
+    """
     numbers = range(1, len(arm.segments) + 1)
-    return (*(f'stiffness_factor_{n}' for n in numbers), *(f'stiff_ratio_{n}' for n in numbers),
+    return (*(f'stiffness_factor_{n}' for n in numbers), *(f'{RATIO}{n}' for n in numbers),
             *(f'offset_{name}' for name in arm.tendon_names), 'payload')
 
 
@@ -65,13 +70,15 @@ def estimate_to_ros(estimator: 'Estimator', covariances: Array,
     message.parameters = parameters
 
 
-def parameters_to_ros(estimator: 'Estimator') -> list[EstimatedParameter]:
-    """Return what is estimated of the arm beside its shape."""
+def parameters_to_ros(estimator: 'Estimator', jamming: bool = True) -> list[EstimatedParameter]:
+    """Return what is estimated of the arm beside its shape; without jamming there is no K."""
     where = estimator.layout.parameters
     rows = zip(parameter_names(estimator.arm), estimator.values[where],
                estimator.deviations()[where], estimator.determined(), strict=True)
     found = []
     for name, value, deviation, determined in rows:
+        if name.startswith(RATIO) and not jamming:
+            continue
         if name.startswith('stiff'):  # of their logarithms
             value = exp(value)
             deviation *= value
@@ -108,18 +115,17 @@ def model_from_ros(parameters: Sequence[EstimatedParameter], arm: AnyArm) -> Mod
     """
     found = {one.name: one for one in parameters}
     names = parameter_names(arm)
-    if set(names) != set(found) or not all(
+    if set(names) - set(found) not in (set(), {n for n in names if n.startswith(RATIO)}) or (
+            set(found) - set(names)) or not all(
             np.isfinite(one.value) and np.isfinite(one.deviation) for one in parameters):
         nothing = np.zeros(len(arm.tendon_names))
         return Model(chain_of(arm), nothing, nothing)
     layout = layout_of(arm)
-    published = np.array([found[name].value for name in names])
-    deviations = np.array([found[name].deviation for name in names])
     values = first_values(arm, layout, Prior())
-    logarithms = 2 * layout.segments
-    published[:logarithms] = np.log(np.maximum(published[:logarithms], 1e-9))
-    values[layout.parameters] = published
+    for place, name in enumerate(names, layout.parameters.start):
+        if name in found:
+            value = found[name].value
+            values[place] = log(max(value, 1e-9)) if name.startswith('stiff') else value
     values = limited(values, layout)
-    tendons = slice(logarithms, logarithms + layout.tendons)
     return Model(chain_of(arm_with(arm, layout, values)), values[layout.offset],
-                 deviations[tendons])
+                 np.array([found[f'offset_{name}'].deviation for name in arm.tendon_names]))

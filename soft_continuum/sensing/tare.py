@@ -14,7 +14,11 @@ from soft_continuum.sensing.rigid import angle_between, compose, IDENTITY, inver
 from soft_continuum.sensing.tilt import SensorError
 
 WINDOW = 1.0
-"""s that are averaged."""
+"""s that are averaged, unless these are too few samples."""
+SLOW_WINDOW = 5.0
+"""s in which the last few samples of a slow sensor may lie."""
+MAX_PAUSE = 2.0
+"""s since the last sample, after which nothing is measured any more."""
 MIN_SPAN = 0.5
 """s that have to be covered."""
 MIN_SAMPLES = 5
@@ -37,7 +41,7 @@ def straight_heights(arm: AnyArm) -> tuple[float, ...]:
 
 
 class Window(Generic[T]):
-    """What was measured of a disc in the last second."""
+    """What was measured of a disc in the last second, or the last few samples of a slow sensor."""
 
     def __init__(self) -> None:
         """Start empty."""
@@ -53,23 +57,28 @@ class Window(Generic[T]):
         """
         Return what was measured in the last second, the oldest first; empty for nothing.
 
+        Of a sensor that measures less often than five times a second, its last five measurements.
         Raises SensorError when that is too little for a mean.
         """
-        samples = [s for s in list(self._samples) if now - s[0] <= WINDOW]  # add may interrupt
-        times = [time for time, _ in samples]
-        if not times:
+        every = list(self._samples)  # add may interrupt
+        samples = [s for s in every if now - s[0] <= SLOW_WINDOW]
+        if not samples or now - samples[-1][0] > MAX_PAUSE:
             return []
-        if len(times) < MIN_SAMPLES or times[-1] - times[0] < MIN_SPAN:
-            raise SensorError(f'only {len(times)} measurements in the last {WINDOW:g} s; needed: '
-                              f'{MIN_SAMPLES}, over {MIN_SPAN:g} s')
+        recent = sum(now - time <= WINDOW for time, _ in samples)
+        samples = samples[-max(recent, MIN_SAMPLES):]
+        span = samples[-1][0] - samples[0][0]
+        if len(samples) < MIN_SAMPLES or span < MIN_SPAN:
+            raise SensorError(f'only {len(samples)} measurements over {span:.1f} s in the last '
+                              f'{SLOW_WINDOW:g} s; needed: {MIN_SAMPLES}, over {MIN_SPAN:g} s; '
+                              'wait a little and tare again')
         return [value for _, value in samples]
 
 
 def refuse_motion(shift: float, turn: float, max_shift: float = MAX_SHIFT) -> None:
-    """Raise SensorError for a motion within half a second, m and rad, that is one."""
+    """Raise SensorError for a motion from the first half of what was measured to the second."""
     if shift > max_shift or turn > MAX_TURN:
-        raise SensorError(f'it moves, by {shift * 1e3:.1f} mm and {turn:.3f} rad within half a '
-                          'second; wait until the arm rests')
+        raise SensorError(f'it moves, by {shift * 1e3:.1f} mm and {turn:.3f} rad while it is '
+                          'measured; wait until the arm rests')
 
 
 def mount_of(followed: Sequence[Array], height: float, max_shift: float = MAX_SHIFT) -> Array:

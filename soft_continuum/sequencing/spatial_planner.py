@@ -69,7 +69,8 @@ class SpatialPlanner(ShapePlanner):
         bent = self.softened(state, start, segment)
         if bent.jumped and np.abs(bent.bending - state.bending).max() > LEAN:
             raise PlanError('when it becomes soft, the arm goes over to another shape: its '
-                            'tendons do not hold it; pull them in or straighten the arm first')
+                            'tendons do not hold it; pull them in, or straighten the arm by '
+                            '`soft_continuum home`')
         present, tension = bent.bending, float(bent.tensions.max())
         chosen = bending_axes(self.statics.chain.arm) & np.array(soft)[:, None]
         change = np.where(chosen, goal - present, np.nan)

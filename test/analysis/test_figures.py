@@ -12,12 +12,13 @@ import pytest
 from soft_continuum.analysis.figures import draw_arm, shapes_figure, spatial_shapes_figure
 from soft_continuum.mechanics import RigidChain
 from soft_continuum.mechanics.spatial import constant_curvature, spatial, SpatialChain
-from soft_continuum.parameters.files import load_arm, load_shapes
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.parameters.shapes import PAPER_SHAPES
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 CHAIN = RigidChain(load_arm(DESCRIPTION))
 SHAPES = {name: (CHAIN.uniform(angles).joint_angles, angles)
-          for name, angles in load_shapes(DESCRIPTION).items()}
+          for name, angles in PAPER_SHAPES.items()}
 
 
 def first(count):

@@ -29,7 +29,7 @@ from soft_continuum.client import (
 )
 from soft_continuum.client.connection import Connection
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_arm, load_shapes
+from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum_interfaces.msg import MotionRequest
 
 matplotlib.use('Agg')
@@ -86,7 +86,8 @@ def test_what_is_stale_is_not_known(rig, connect):
 def test_the_shape_library_and_the_description_are_those_of_the_nodes(rig, connect):
     rig.start_arm(shape_names=['c_form', 'lean'], shapes__lean=list(LEAN), arm__payload=0.0125)
     arm = connect()
-    assert dict(arm.shapes) == {'c_form': load_shapes(description_file())['c_form'], 'lean': LEAN}
+    c_form = tuple(load_description(description_file())['shapes.c_form'])
+    assert dict(arm.shapes) == {'c_form': c_form, 'lean': LEAN}
     assert arm.description.payload == 0.0125
 
 
@@ -337,6 +338,32 @@ def test_reference_and_reset_are_answered(new_client):
     new_client.run(LEAN)
     with pytest.raises(RefusedError, match='kinematics/reset: pulls are'):
         new_client.reset()
+
+
+@pytest.mark.parametrize('plan', [True, False], ids=['by a sequence', 'without a plan'])
+def test_from_any_shape_there_is_a_way_home(new_client, monkeypatch, plan):
+    new_client.run(LEAN)
+    if not plan:
+        def refused(*_):
+            raise RefusedError('no plan')
+        monkeypatch.setattr(new_client, 'run', refused)
+    assert 'the arm is straight' in new_client.home()
+    state = new_client.state
+    assert state.stiff == (True, True, True)
+    assert state.pulls == pytest.approx((0.0, 0.0), abs=1e-4 if plan else 1e-9)
+    assert state.bending_angles == pytest.approx(STRAIGHT, abs=0.02)
+
+
+def test_what_was_stopped_does_not_go_home_before_it_is_resumed(new_client):
+    new_client.stop()
+    with pytest.raises(RefusedError, match='motion is stopped: .*; resume it first'):
+        new_client.home()
+    assert new_client.state.stiff == (True, True, True)
+
+
+def test_where_nothing_looks_at_the_arm_nothing_is_tared(connect, arm):
+    with pytest.raises(NodesMissingError, match='neither a camera nor disc_sensors'):
+        connect(timeout=0.5).tare()
 
 
 # What is missing, and what is wrong.

@@ -103,10 +103,10 @@ def test_a_value_that_is_not_plausible_is_written_with_a_warning(
     assert '# NOT PLAUSIBLE: K, segment 2 4.1' in (tmp_path / FILE).read_text(encoding='utf-8')
 
 
-def written(arm: Any, parameters: list[EstimatedParameter], path: Path, **jamming: bool) -> None:
+def written(arm: Any, parameters: list[EstimatedParameter], path: Path) -> None:
     """Write what a description takes of them."""
     known = [LearnedParameter(p.name, p.value, p.deviation, p.determined) for p in parameters]
-    write_parameters(path, what_is_learned(known, arm, **jamming).values, [])
+    write_parameters(path, what_is_learned(known, arm).values, [])
 
 
 def test_in_space_the_file_gives_the_arm_that_is_estimated(tmp_path: Path) -> None:
@@ -127,14 +127,6 @@ def test_in_space_the_file_gives_the_arm_that_is_estimated(tmp_path: Path) -> No
             assert getattr(one, name) == pytest.approx(getattr(other, name))
         assert one.jam.ratio == pytest.approx(other.jam.ratio)
         assert one.stiffness_x != described.stiffness_x
-
-
-def test_an_arm_without_jamming_learns_no_k(tmp_path: Path) -> None:
-    arm = load_any_arm(description_file().with_name('tendon_arm.yaml'))
-    parameters = [learned('stiffness_factor_3', 1.25, 0.05), learned('stiff_ratio_1', 100.0, 50.0)]
-    written(arm, parameters, tmp_path / FILE, jamming=False)
-    assert set(read_parameter_file(tmp_path / FILE)) == {
-        'arm.bending_stiffnesses', 'arm.lateral_bending_stiffnesses', 'arm.torsional_stiffnesses'}
 
 
 def test_without_nodes_there_is_nothing_to_learn_from(

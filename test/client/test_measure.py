@@ -5,6 +5,7 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
@@ -16,6 +17,7 @@ from test_spatial_arm import given
 
 from soft_continuum.analysis.measured_shapes import read_shapes
 from soft_continuum.browser.html import positions_html
+from soft_continuum.cli import measure
 from soft_continuum.client import Arm, ClientError
 from soft_continuum.client.measured import mean_of
 from soft_continuum.estimation.dimensions import PLANE, SPACE
@@ -26,6 +28,7 @@ from soft_continuum.ros.conversions import (
     poses_from_ros,
     tracked_pose_to_ros,
 )
+from soft_continuum.sequencing.progress import Phase, Progress
 
 OFFSET = np.array([0.001, -0.002, 0.0])  # m, m, rad: by which the tracker is off
 SHIFT = np.array([0.001, 0.003, -0.002, 0.0, 0.0, 0.0, 0.0])  # the same in space
@@ -238,3 +241,46 @@ def test_shapes_in_space_are_read_by_identify_as_they_were(
     pulls = dict(zip(rig.tendons.last.name, rig.tendons.last.position, strict=True))
     assert step.pulls == pytest.approx([pulls[name] for name in arm.tendon_names], abs=1e-4)
     assert max(step.pulls) > 0.01
+
+
+class Corrected:
+    """An arm of which a sequence sets segment 1 twice, as the closed loop does."""
+
+    description = load_arm(description_file())
+
+    def __init__(self) -> None:
+        self.pulls, self.progress = (0.0, 0.0), None
+
+    @property
+    def state(self) -> Any:
+        return SimpleNamespace(pulls=self.pulls)
+
+    def run(self, *_: Any) -> None:
+        """Straighten it."""
+
+    def start(self, *_: Any, **__: Any) -> Any:
+        return self
+
+    def updates(self) -> Iterator[Progress]:
+        for step, (segment, phase) in enumerate([
+                (1, Phase.MOVING), (1, Phase.STIFFENING), (2, Phase.STIFFENING),
+                (1, Phase.SOFTENING), (1, Phase.MOVING), (1, Phase.STIFFENING),
+                (0, Phase.HOLDING)]):
+            self.pulls = (1e-3 * step, -1e-3 * step)
+            for fraction in (0.0, 0.5):
+                self.progress = Progress(0, 'c_form', segment, phase, fraction)
+                yield self.progress
+
+    def measure(self, _: float) -> Any:
+        return {1: SimpleNamespace(has_position=True)}
+
+    def result(self) -> None:
+        """Return: it ended well."""
+
+
+def test_segments_that_are_set_again_are_written_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only the first pulls of each segment used to be kept, which the closed loop then changed."""
+    monkeypatch.setattr(measure, 'SETTLING', 0.0)
+    steps, discs = measure._set_and_measure(Corrected(), 'c_form', 0.0, jamming=True)
+    assert steps == [(1, (1e-3, -1e-3)), (2, (2e-3, -2e-3)), (1, (5e-3, -5e-3))]
+    assert set(discs) == {1}

@@ -20,13 +20,13 @@ PULLS = (0.002, -0.001, 0.003, 0.004, -0.003)
 
 
 @contextmanager
-def boards():
+def boards(**changes):
     """Two emulated boards of three tendons and of two, and the driver of both, not opened."""
     clock = VirtualClock()
     with ExitStack() as stack:
         emulators = [stack.enter_context(GrblEmulator(clock=clock)) for _ in range(2)]
-        tendons = GrblBoards([driver(emulators[0], ('a', 'b', 'c')),
-                              driver(emulators[1], ('d', 'e'))], clock)
+        tendons = GrblBoards([driver(emulators[0], ('a', 'b', 'c'), **changes),
+                              driver(emulators[1], ('d', 'e'), **changes)], clock)
         stack.callback(tendons.close)
         yield emulators, tendons
 
@@ -110,3 +110,59 @@ def test_ports_with_spaces_between_share_the_tendons_evenly():
         assert len(Motors.of_boards(homed | {'grbl.homed_pulls': pulls})) == 9
     with pytest.raises(ParameterError, match='homed_pulls .* alone on its board .* below 0'):
         Motors.of_boards(homed | {'grbl.homed_pulls': (-0.01,) * 8 + (0.0,)})
+
+
+def test_boards_that_accelerate_differently_are_refused_at_the_start():
+    with boards(acceleration_limit=0.1) as (emulators, tendons):
+        emulators[1].firmware.settings |= {120: 20000.0, 121: 20000.0}  # 0.1 m/s^2, in steps/s^2
+        with pytest.raises(HardwareError, match=r'11.2 mm/s for d, e; set \$120'):
+            tendons.open()
+        with pytest.raises(HardwareError, match='configure the node'):
+            tendons.read()
+
+
+@contextmanager
+def homing_boards():
+    """Two boards with limit switches, locked until they are homed, and their open driver."""
+    clock = VirtualClock()
+    parts = (('a', 'b'), (-0.011, -0.009), (-2400.0, -2000.0)), (
+        ('c', 'd'), (-0.019, -0.014), (-4000.0, -3000.0))
+    with ExitStack() as stack:
+        emulators = [stack.enter_context(GrblEmulator(
+            clock=clock, switches=switches,
+            settings={22: 1, 23: 3, 130: 20000, 131: 20000})) for _, _, switches in parts]
+        tendons = GrblBoards([driver(emulator, names, homed_pulls=pulls)
+                              for emulator, (names, pulls, _) in zip(
+                                  emulators, parts, strict=True)], clock)
+        stack.callback(tendons.close)
+        tendons.open()
+        yield emulators, tendons
+
+
+def test_boards_home_together_and_the_arm_is_referenced_when_the_last_one_is():
+    with homing_boards() as (emulators, tendons):
+        assert tendons.reference_moves
+        tendons.reference()
+        until(tendons, lambda: tendons._boards[0].read().referenced, 'the first one is homed')
+        assert not tendons.read().referenced
+        with pytest.raises(HardwareError, match='of c, d'):
+            tendons.move((0.001,) * 4, 0.2)
+        with pytest.raises(HardwareError, match='are moving'):
+            tendons.reference()
+        until(tendons, lambda: tendons.read().referenced, 'both are homed')
+        assert at_rest(tendons).pulls == (0.0,) * 4
+        assert [emulator.motors for emulator in emulators] == [(0, 0, 0), (0, 0, 0)]
+        tendons.move((0.004, -0.002, 0.003, 0.0), 0.3)
+        assert at_rest(tendons).pulls == pytest.approx((0.004, -0.002, 0.003, 0.0), abs=1e-9)
+
+
+def test_when_one_board_does_not_find_its_switch_no_tendon_of_another_moves_on():
+    with homing_boards() as (emulators, tendons):
+        emulators[1].alarm(9)
+        with pytest.raises(HardwareError):
+            tendons.reference()
+            until(tendons, lambda: tendons.read().referenced, 'homed')
+        until(tendons, lambda: not emulators[0].moving, 'at rest')
+        where = emulators[0].motors
+        tendons.clock.sleep(1.0)
+        assert emulators[0].motors == where

@@ -13,14 +13,15 @@ from ros_rig import Goal, Rig
 
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_arm, load_shapes
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.parameters.shapes import PAPER_SHAPES
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum.sequencing.progress import Code, Phase
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape as ShapeMessage
 
-ARM, LIBRARY = load_arm(description_file()), load_shapes(description_file())
+ARM, LIBRARY = load_arm(description_file()), PAPER_SHAPES
 NAMES = ('c_form', 'upright_c_form', 's_form')
 HOLD = 0.5  # s
 QUICK_PLAN = PlanSettings(speed=0.1, acceleration=5.0)

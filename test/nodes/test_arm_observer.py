@@ -13,6 +13,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 
 from soft_continuum.mechanics.chain import RigidChain
 from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum_interfaces.msg import (
@@ -161,3 +162,32 @@ def test_shapes_of_no_arm_are_ignored(bench: Bench, position: list[float]) -> No
 def test_tendon_states_of_no_arm_are_ignored(bench: Bench, message: JointState) -> None:
     bench.send('tendon_states', message)
     assert bench.observer.pulls == (0.001, -0.002)
+
+
+def test_kinematics_with_another_description_of_the_jamming_ends_motion() -> None:
+    """arm.jamming: false for kinematics alone makes every segment soft for it."""
+    now = [100.0]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr('soft_continuum.ros.age.monotonic', lambda: now[0])
+        node = Mock()
+        node.get_publishers_info_by_topic.return_value = []
+        reported = ReportedArm(node, RigidChain(ARM), {
+            'arm.jamming': True, 'silence_timeout': TIMEOUT})
+        calls = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
+
+        def report(stiff: list[bool]) -> str:
+            calls['jamming_valves/state'](serialize_message(
+                JammingValvesState(stiffness=[STIFF, SOFT, STIFF])))
+            for n in range(1, SEGMENTS + 1):
+                calls[f'segment_{n}/pressure'](serialize_message(FluidPressure(fluid_pressure=2e4)))
+            message = shape([0.0] * JOINTS)
+            message.stiff = stiff
+            calls['kinematics/state'](serialize_message(message))
+            found = reported.motion_interlock()
+            return '' if found is None else found.message
+
+        assert report([True, False, True]) == ''
+        assert report([True, True, True]) == ''  # it may be a little late
+        now[0] += 2.0
+        assert 'arm.jamming' in report([False] * SEGMENTS)
+        assert report([True, False, True]) == ''

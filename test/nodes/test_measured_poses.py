@@ -5,14 +5,18 @@
 
 from collections.abc import Sequence
 from itertools import count
+from unittest.mock import Mock
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
 from ros_rig import Rig
 
 from soft_continuum.nodes.measured_poses import MeasuredPoses
 from soft_continuum.ros.conversions import measured_pose_to_ros
 from soft_continuum.ros.names import MEASURED_POSE
+from soft_continuum.ros.ros_time import stamp_of
 
 DISCS, FRAME = 4, 'base_link'
 
@@ -39,3 +43,33 @@ def test_the_base_is_measured_with_the_other_discs_but_alone_it_is_no_measuremen
         return any({0, 1, 2, 3} == set(discs) for discs in found)
     rig.wait_for(measured, 'a measurement of all discs')
     assert [0] not in found
+
+
+def test_two_cameras_that_look_at_nearly_or_exactly_the_same_time_are_both_used(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second of two stamps within 1/60 s used to be left out."""
+    now = [0.0]
+    monkeypatch.setattr('soft_continuum.nodes.measured_poses.STEADY', lambda: now[0])
+    node = Mock()
+    poses = MeasuredPoses(node, DISCS, FRAME)
+    calls = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
+
+    def see(disc: int, stamp: float) -> None:
+        message = measured_pose_to_ros(np.array([0.0, 0.1, 0.0]), 1e-6 * np.eye(3))
+        message.header.frame_id, message.header.stamp = FRAME, stamp_of(stamp)
+        calls[MEASURED_POSE.format(disc)](serialize_message(message))
+
+    used = []
+    for picture in range(30):  # a second, in which a camera at 30 Hz and its neighbour look
+        for late in (0.0, 0.005 * (picture % 2)):
+            for disc in (1, 2):
+                see(disc, 10.0 + picture / 30.0 + late)
+        now[0] += 1.0 / 30.0
+        used += poses.take()
+    assert len(used) == 60
+    assert all({one.disc for one in discs} == {1, 2} for _, discs in used)
+    for fast in range(300):  # a tracker that is too fast is thinned out
+        see(1, 20.0 + fast / 300.0)
+        now[0] += 1.0 / 30.0
+        used += poses.take()
+    assert 60 <= len(used) - 60 <= 66

@@ -163,6 +163,11 @@ def test_an_arm_in_space_is_published_and_planned_with_alike():
     assert model.chain.arm.payload == pytest.approx(0.05)
     assert all(tendon.compliance > 0.0 for tendon in model.chain.arm.tendons)
     assert model_from_ros(message.parameters[1:], arm).chain.arm == arm
+    without = parameters_to_ros(estimator, jamming=False)
+    assert [p.name for p in without] == [n for n in values if not n.startswith('stiff_ratio')]
+    loose = model_from_ros(without, arm)
+    assert np.array_equal(loose.offsets, model.offsets)
+    assert loose.chain.arm.segments[0].stiffness_x == model.chain.arm.segments[0].stiffness_x
 
 
 def test_when_it_was_measured_is_published(estimator):

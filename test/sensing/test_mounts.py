@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a tracker follows is mounted somehow on each disc: a tare of the straight arm tells how."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -107,8 +108,16 @@ def test_a_window_has_the_last_second_or_says_that_it_is_not_enough():
         window.add(0.1 * k, k)
     assert window.recent(2.95) == list(range(20, 30))
     assert window.recent(10.0) == []
-    with pytest.raises(SensorError, match='only 4 measurements'):
-        window.recent(3.55)
+
+
+def test_a_window_of_a_slow_sensor_has_its_last_five_measurements():
+    window = Window()
+    for k in range(5):
+        with pytest.raises(SensorError, match=f'only {k} measurements') if k else nullcontext():
+            assert window.recent(float(k)) == []
+        window.add(1.0 * k + 0.9, k)
+    assert window.recent(5.8) == [0, 1, 2, 3, 4]
+    assert window.recent(7.0) == []  # nothing more came
 
 
 def test_the_straight_arm_is_as_high_as_its_parts():

@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import LEFT, RIGHT, Statics, Tendon
-from soft_continuum.parameters.files import load_arm, load_shapes
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.parameters.shapes import PAPER_SHAPES
 from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, Shape, timed
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 ARM = load_arm(DESCRIPTION)
-LIBRARY = {name: Shape(name, angles) for name, angles in load_shapes(DESCRIPTION).items()}
+LIBRARY = {name: Shape(name, angles) for name, angles in PAPER_SHAPES.items()}
 C_FORM, UPRIGHT, S_FORM = LIBRARY.values()
 STRAIGHT = Shape('straight', (0.0, 0.0, 0.0))
 INVERTED = Shape('inverted C-form', tuple(-a for a in C_FORM.bending_angles))

@@ -19,14 +19,15 @@ from soft_continuum.hardware.tendon_controller import (
     TendonLimits,
 )
 from soft_continuum.mechanics import Statics
-from soft_continuum.parameters.files import load_arm, load_shapes
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.parameters.shapes import PAPER_SHAPES
 from soft_continuum.sequencing.arm_port import Failure, Observation
 from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.progress import Code
 from soft_continuum.sequencing.runner import Runner, RunnerSettings
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
-ARM, LIBRARY = load_arm(DESCRIPTION), load_shapes(DESCRIPTION)
+ARM, LIBRARY = load_arm(DESCRIPTION), PAPER_SHAPES
 STEP = 0.01  # s
 TENDON_STEPS, JAMMING_STEPS, TICK_STEPS = 2, 5, 5  # periods of the nodes in steps
 SPEED, ACCELERATION = 0.1, 2.0

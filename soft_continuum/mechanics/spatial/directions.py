@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial.arm import place_of, SpatialArm
 
-STRAIGHT = 1e-9  # rad: what bends by less has the direction 0
+STRAIGHT = 1e-6  # rad: what bends by less, as rounding bends, has the direction 0
 ONE_PLANE = 1e-3  # least over largest singular value of what tendons do to a segment
 ALONG = 1e-3  # rad: a direction this close to a plane is in it
 

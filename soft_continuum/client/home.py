@@ -1,0 +1,104 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The way back to the straight arm, from whatever shape it was left in."""
+
+from math import degrees, inf
+from typing import TYPE_CHECKING
+
+from soft_continuum.client.errors import NoAnswerError, RefusedError, SequenceError
+from soft_continuum.sequencing.progress import Code
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from soft_continuum.client.arm import Arm
+    from soft_continuum.client.state import ArmState
+
+STRAIGHT = 2.0  # degrees by which a segment may still be bent
+SETTLING = 3.0  # s for the model to follow
+
+
+def home(arm: 'Arm') -> str:
+    """
+    Straighten the arm; return how that was done, and what is still bent.
+
+    By the sequence that sets all angles to 0.  Where that is refused, or the model finds no way,
+    without a plan: the last segment is softened, tendons that are pulled in are paid out, so that
+    they bend nothing any more, the other segments are softened, the tendons are moved to where
+    the straight arm has them, and the segments are stiffened.  Raises as Arm.run, Arm.soften and
+    Arm.jog.
+    """
+    state = arm.state
+    if state.stopped:
+        raise RefusedError(f'motion is stopped: {state.stopped}; resume it first')
+    if state.progress is not None:
+        raise RefusedError('a sequence is running; cancel or stop it first')
+    refused = _by_sequence(arm, state)
+    if refused:
+        _without_a_plan(arm, state)
+    _settles(arm, lambda now: not _bent(now))
+    bent = _bent(arm.state)
+    done = f'went home without a plan, because {refused}; ' if refused else ''
+    if bent:
+        return (f'{done}the tendons are where the straight arm has them, but bent by its weight, '
+                f'or by an offset of tendons: {", ".join(bent)}')
+    return f'{done}the arm is straight'
+
+
+def _by_sequence(arm: 'Arm', state: 'ArmState') -> str:
+    """Return why no sequence straightens the arm, empty when one did."""
+    if all(node.name != 'shape_sequencer' or not node.running for node in state.nodes):
+        return 'no shape_sequencer runs'
+    try:
+        arm.run([0.0] * len(arm.description.segments))
+    except RefusedError as error:
+        return str(error)
+    except SequenceError as error:
+        if error.result.outcome != Code.MODEL_FAILURE.name:
+            raise
+        return str(error)
+    return ''
+
+
+def _without_a_plan(arm: 'Arm', state: 'ArmState') -> None:
+    last, *others = range(len(state.stiff), 0, -1) or (0,)
+    if last:
+        arm.soften(last)
+    if _is_followed(arm):
+        _go(arm, most=0.0)
+    for segment in others:
+        arm.soften(segment)
+    if not _is_followed(arm):
+        arm.reset()  # of soft segments the pulls alone make the shape
+    _go(arm, most=0.0)
+    _go(arm, most=0.0, least=0.0)
+    if last:
+        arm.stiffen()
+
+
+def _go(arm: 'Arm', most: float, least: float = -inf) -> None:
+    """Bring all pulls into a range, m."""
+    state = arm.state
+    pulls = dict(zip(state.tendons, state.pulls or (), strict=True))
+    moves = {name: min(max(pull, least), most) - pull for name, pull in pulls.items()}
+    if any(moves.values()):
+        arm.jog(**moves)
+
+
+def _is_followed(arm: 'Arm') -> bool:
+    """Whether kinematics follows the shape of the arm."""
+    return _settles(arm, lambda now: now.node('kinematics').level == 'ok')
+
+
+def _settles(arm: 'Arm', condition: 'Callable[[ArmState], bool]') -> bool:
+    try:
+        return arm.wait_for(condition, SETTLING)
+    except NoAnswerError:
+        return False
+
+
+def _bent(state: 'ArmState') -> list[str]:
+    """Return which segments are bent, by how much; kinematics may not know it yet."""
+    return [f'segment {n} by {degrees(angle):.0f} degrees'
+            for n, angle in enumerate(state.bending_angles or (), 1)
+            if abs(degrees(angle)) > STRAIGHT]

@@ -1,0 +1,34 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""When it is worth saying that measurements are not used: a single one happens by chance."""
+
+import re
+
+NUMBER = re.compile(r'[\d.]+')
+WEIGHT = 0.1  # of the last measurement in the share that is refused
+MANY, FEW = 0.5, 0.2
+"""Of the measurements, refused: from when it is said, and until when."""
+
+
+class Refusals:
+    """Keeps the share of the last ten measurements or so that were refused."""
+
+    def __init__(self, what: str) -> None:
+        """what: is measured, for people."""
+        self.what, self._share, self._text, self._reason = what, 0.0, '', ''
+
+    def note(self, reason: str) -> str:
+        """
+        Note why a measurement was refused, or '' if it was used; return what is wrong.
+
+        From when MANY were refused until FEW are; it only changes with the reason, not with the
+        numbers in that.
+        """
+        self._share += WEIGHT * (bool(reason) - self._share)
+        if self._share < FEW:
+            self._text = ''
+        elif reason and (self._share > MANY or self._text) and not (
+                self._text and NUMBER.sub('', reason) == NUMBER.sub('', self._reason)):
+            self._reason = reason
+            self._text = f'most measured {self.what} are not used; the last one: {reason}'
+        return self._text
