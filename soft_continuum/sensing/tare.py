@@ -65,14 +65,14 @@ class Window(Generic[T]):
         return [value for _, value in samples]
 
 
-def refuse_motion(shift: float, turn: float, max_shift: float = MAX_SHIFT) -> None:
+def refuse_motion(shift: float, turn: float) -> None:
     """Raise SensorError for a motion within half a second, m and rad, that is one."""
-    if shift > max_shift or turn > MAX_TURN:
+    if shift > MAX_SHIFT or turn > MAX_TURN:
         raise SensorError(f'it moves, by {shift * 1e3:.1f} mm and {turn:.3f} rad within half a '
                           'second; wait until the arm rests')
 
 
-def mount_of(followed: Sequence[Array], height: float, max_shift: float = MAX_SHIFT) -> Array:
+def mount_of(followed: Sequence[Array], height: float) -> Array:
     """
     Return the pose (7,) of a disc in what is followed, from poses (k, 7) of that in base_link.
 
@@ -82,7 +82,7 @@ def mount_of(followed: Sequence[Array], height: float, max_shift: float = MAX_SH
     half = len(followed) // 2
     before, after = mean_pose(followed[:half]), mean_pose(followed[half:])
     shift, turn = float(np.linalg.norm(after[:3] - before[:3])), angle_between(before, after)
-    refuse_motion(shift, turn, max_shift)
+    refuse_motion(shift, turn)
     straight = np.array(IDENTITY)
     straight[2] = height
     mean = mean_pose(followed)
