@@ -9,9 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.sensing.rigid import compose, displacement, inverse, mean_pose
+from soft_continuum.sensing.rigid import displacement
 from soft_continuum.sensing.ring_camera import RingCamera
 from soft_continuum.sensing.ring_layout import RingLayout
+from soft_continuum.sensing.straight_corners import at_rest
 from soft_continuum.twin.differences import Differences
 from soft_continuum.twin.spatial_camera import FRONT, SpatialTwinCamera
 
@@ -30,14 +31,10 @@ class RingSight:
         self._drawn = [SpatialTwinCamera(layout, given, direction)
                        for direction in DIRECTIONS[:cameras]]
         self._cameras = [RingCamera(layout, drawn.lens) for drawn in self._drawn]
-        self._mounts: list[dict[int, Array]] = [{} for _ in self._cameras]
-        for k, mounts in enumerate(self._mounts):
-            seen: dict[int, list[Array]] = {}
-            for _ in range(TARE_PICTURES):
-                for n, (pose, _) in self._seen_by(k, straight).items():
-                    seen.setdefault(n, []).append(pose)
-            mounts.update({n: compose(inverse(mean_pose(poses)), straight[n])
-                           for n, poses in seen.items()})
+        for k, (camera, drawn) in enumerate(zip(self._cameras, self._drawn, strict=True)):
+            corners = [camera.measure(drawn.picture(straight)).corners
+                       for _ in range(TARE_PICTURES)]
+            self._cameras[k] = RingCamera(layout, drawn.lens, at_rest(corners))
 
     def discs(self, truth: Array) -> dict[int, Seen]:
         """Return the discs that are seen; truth: (discs, 7)."""
@@ -49,9 +46,7 @@ class RingSight:
 
     def _seen_by(self, k: int, truth: Array) -> dict[int, Seen]:
         sight = self._cameras[k].measure(self._drawn[k].picture(truth))
-        mounts = self._mounts[k]
-        return {n: (compose(disc.pose, mounts[n]) if n in mounts else disc.pose, disc.covariance)
-                for n, disc in sight.discs.items()}
+        return {n: (disc.pose, disc.covariance) for n, disc in sight.discs.items()}
 
 
 def _together(seen: Sequence[Seen]) -> Seen:

@@ -3,7 +3,7 @@
 """The node that looks at the arm: poses of the discs from printed tags."""
 
 from array import array
-from functools import partial
+from collections.abc import Mapping
 import threading
 from time import monotonic
 from typing import Any, TYPE_CHECKING
@@ -38,16 +38,10 @@ from soft_continuum.sensing.any_camera import AnyCamera, camera_of, layout_of
 from soft_continuum.sensing.lens import Lens, LensError
 from soft_continuum.sensing.opencv import OpenCVError, require_opencv
 from soft_continuum.sensing.pictures import is_black
-from soft_continuum.sensing.rigid import compose
 from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.sensing.sources import is_device, pictures, SourceError
-from soft_continuum.sensing.tag_mounts import (
-    mounted,
-    ring_mount,
-    ring_mounts,
-    tag_mount,
-    tag_mounts,
-)
+from soft_continuum.sensing.straight_corners import as_numbers, at_rest, from_numbers
+from soft_continuum.sensing.tag_mounts import mounted, tag_mount, tag_mounts
 from soft_continuum.sensing.tare import straight_heights, Window
 from soft_continuum.sensing.tilt import SensorError
 
@@ -57,6 +51,7 @@ if TYPE_CHECKING:  # OpenCV may not be there
 MAX_AGE = 1.0  # s between a picture's stamp and now
 FROZEN_AFTER = 2.0  # s of one and the same picture, of a camera
 STALE_AFTER = 2.0  # s without a picture
+NOT_SEEN = 'no disc was seen; see ~/status'
 OVERLAY_PERIOD = 0.2  # s between two pictures for people
 IMAGES, INFO = '~/image_raw', '~/camera_info'
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
@@ -90,11 +85,12 @@ class Camera(Node):
         self.status = Status(self, 'camera and printed tags')
         self._layout = layout_of(self.parameters)
         self._draw = overlay
-        self._make_camera = partial(camera_of, self._layout)
+        self._in_space = isinstance(self._layout, RingLayout)
+        self._rings = from_numbers(self.parameters['tags.straight']) if self._in_space else {}
         self._camera: AnyCamera | None = None
         if path := self.parameters['camera.calibration']:
             try:
-                self._camera = self._make_camera(Lens.read(path))
+                self._camera = self._camera_of(Lens.read(path))
             except (OSError, ValueError) as error:
                 raise ParameterError(f'parameter camera.calibration: {error}') from None
         self._source: str = self.parameters['camera.source']
@@ -110,12 +106,9 @@ class Camera(Node):
         self._model_age = Age()
         self._shown = 0.0  # when an overlay was published, s
         self._straight = straight_heights(any_arm_from_parameters(self.parameters))
-        spatial = isinstance(self._layout, RingLayout)
-        self._mounts = (ring_mounts if spatial else tag_mounts)(self.parameters, len(self._poses))
-        self._mounted = compose if spatial else mounted
-        self._mount = ring_mount if spatial else tag_mount
-        self._to_ros = tracked_pose_to_ros if spatial else measured_pose_to_ros
-        self._seen = [Window[Any]() for _ in self._poses]
+        self._mounts = () if self._in_space else tag_mounts(self.parameters, len(self._poses))
+        self._seen = [Window[Any]() for _ in self._poses]  # poses of a planar arm
+        self._corners = Window[Mapping[int, Any]]()
         self._tared = ''
         self._worker = Worker('pictures', self._on_failure)
         self._newest = Newest(self._worker.submit, self._look)
@@ -173,16 +166,22 @@ class Camera(Node):
     # Where pictures come from.
 
     def _on_info(self, message: CameraInfo) -> None:
+        before = self._camera.lens if self._camera else None
         try:
             lens = Lens.from_info(message)
+            if before is None or before.size != lens.size or not (
+                    np.array_equal(before.matrix, lens.matrix)
+                    and np.array_equal(before.distortion, lens.distortion)):
+                self._camera = self._camera_of(lens)
         except LensError as error:
             self._camera, self._info_problem = None, str(error)
-            return
-        before = self._camera.lens if self._camera else None
-        if before is None or before.size != lens.size or not (
-                np.array_equal(before.matrix, lens.matrix)
-                and np.array_equal(before.distortion, lens.distortion)):
-            self._camera = self._make_camera(lens)
+
+    def _camera_of(self, lens: Lens) -> AnyCamera:
+        """Return what measures; with what was seen of the straight arm, if that fits."""
+        try:
+            return camera_of(self._layout, lens, self._rings)
+        except SensorError as error:
+            raise LensError(f'tags.straight: {error}') from None
 
     def _on_image(self, message: Image) -> None:
         now = monotonic()
@@ -243,9 +242,14 @@ class Camera(Node):
 
     def _publish(self, stamp: Time, sight: 'Sight') -> None:
         """Publish where the discs are, and what was seen."""
+        self._corners.add(monotonic(), sight.corners)
         for n, disc in sight.discs.items():
-            self._seen[n].add(monotonic(), disc.pose)
-            message = self._to_ros(self._mounted(disc.pose, self._mounts[n]), disc.covariance)
+            if self._in_space:
+                message = tracked_pose_to_ros(disc.pose, disc.covariance)
+            else:
+                self._seen[n].add(monotonic(), disc.pose)
+                message = measured_pose_to_ros(mounted(disc.pose, self._mounts[n]),
+                                               disc.covariance)
             message.header.stamp = stamp
             message.header.frame_id = self.parameters['frame_id']
             self._poses[n].publish(message)
@@ -275,26 +279,43 @@ class Camera(Node):
 
     def _on_tare(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Take the discs as they are seen as those of the straight arm."""
+        try:
+            discs, kept = self._tare_rings() if self._in_space else self._tare_tags()
+        except SensorError as error:
+            response.message = f'{error}; nothing was tared'
+            return response
+        self._tared = ' '.join(discs)
+        response.success = True
+        response.message = (
+            f'taken as straight: disc {", ".join(discs)}. To keep it over a restart, write into '
+            f'the parameter file: {self.get_name()}: {{ros__parameters: {{tags: {{{kept}}}}}}}')
+        return response
+
+    def _tare_tags(self) -> tuple[list[str], str]:
+        """Return the discs of a planar arm that are tared, and the parameter; all or nothing."""
         now, mounts, discs = monotonic(), list(self._mounts), []
         for n, height in enumerate(self._straight):
             try:
                 if poses := self._seen[n].recent(now):
-                    mounts[n] = self._mount(poses, height)
+                    mounts[n] = tag_mount(poses, height)
                     discs.append(str(n))
             except SensorError as error:
-                response.message = f'disc {n}: {error}; nothing was tared'
-                return response
+                raise SensorError(f'disc {n}: {error}') from None
         if not discs:
-            response.message = 'no disc was seen; see ~/status'
-            return response
-        self._mounts, self._tared = tuple(mounts), ' '.join(discs)
+            raise SensorError(NOT_SEEN)
+        self._mounts = tuple(mounts)
         numbers = tuple(float(v) for mount in mounts for v in mount)
-        response.success = True
-        response.message = (
-            f'taken as straight: disc {", ".join(discs)}. To keep it over a restart, write into '
-            f'the parameter file: {self.get_name()}: {{ros__parameters: {{tags: {{mounts: '
-            f'{as_yaml(numbers, 6)}}}}}}}')
-        return response
+        return discs, f'mounts: {as_yaml(numbers, 6)}'
+
+    def _tare_rings(self) -> tuple[list[str], str]:
+        """Return the same of a spatial arm."""
+        camera, seen = self._camera, at_rest(self._corners.recent(monotonic()))
+        discs = [str(n) for n in range(len(self._poses)) if camera is not None
+                 and camera.layout.ring(n).keys() & seen]
+        if camera is None or not discs:
+            raise SensorError(NOT_SEEN)
+        self._camera, self._rings = camera_of(self._layout, camera.lens, seen), seen
+        return discs, f'straight: {as_yaml(as_numbers(seen), 7)}'
 
     def _is_frozen(self, picture: Any) -> bool:
         checksum, now = zlib.crc32(picture), monotonic()

@@ -141,9 +141,12 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('tags.ring_deviation', 0.0003, 'standard deviation of where the rings of tags '
                   'sit on the discs of a spatial arm', 0.0, 0.05, unit='m'),
         Parameter('tags.mounts', (0.0,), 'x, z (m) and angle (rad) of each disc in the pose that '
-                  'its tag tells, base first, as ~/tare prints them; of a spatial arm x, y, z '
-                  '(m) and quaternion x, y, z, w; 0.0 alone: the tags are where they should be',
-                  -1.0, 1.0),
+                  'its tag tells, base first, as ~/tare prints them, of a planar arm; 0.0 '
+                  'alone: the tags are where they should be', -1.0, 1.0),
+        Parameter('tags.straight', (0.0,), 'of a spatial arm, what the camera saw of it when it '
+                  'was straight, as ~/tare prints it: number and corners (px, without the '
+                  'distortion of the lens) of each tag; 0.0 alone: the tags are where they should '
+                  'be', -1e4, 1e5),
         Parameter('tags.fixed_deviation', 0.0005, 'standard deviation of where the fixed tags are',
                   0.0, 0.05, unit='m'),
         Parameter('tags.depth_deviation', 0.001, 'standard deviation of tags.depth', 0.0, 0.05,

@@ -9,7 +9,7 @@ from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.lens import Lens
-from soft_continuum.sensing.pictures import Picture
+from soft_continuum.sensing.pictures import Array, Picture
 from soft_continuum.sensing.ring_layout import RingLayout
 
 if TYPE_CHECKING:  # OpenCV may not be there
@@ -39,10 +39,15 @@ def layout_of(values: Mapping[str, Any]) -> AnyLayout:
     return RingLayout.of(values, arm) if isinstance(arm, SpatialArm) else TagLayout.of(values)
 
 
-def camera_of(layout: AnyLayout, lens: Lens) -> AnyCamera:
-    """Return what measures the discs in the pictures of a camera; it needs OpenCV."""
+def camera_of(layout: AnyLayout, lens: Lens, straight: Mapping[int, Array] | None = None
+              ) -> AnyCamera:
+    """
+    Return what measures the discs in the pictures of a camera; it needs OpenCV.
+
+    straight: of a spatial arm, as of RingCamera.
+    """
     if isinstance(layout, RingLayout):
         from soft_continuum.sensing.ring_camera import RingCamera
-        return RingCamera(layout, lens)
+        return RingCamera(layout, lens, straight)
     from soft_continuum.sensing.tag_camera import TagCamera
     return TagCamera(layout, lens)

@@ -52,9 +52,9 @@ class TagGroup:
     """Tags of one body, and where they are seen."""
 
     def __init__(self, tags: Sequence[Tag], pixels: Sequence[Array], lens: Lens,
-                 deviation: float, focal: float = 1.0, focal_deviation: float = 0.0) -> None:
+                 focal: float = 1.0, focal_deviation: float = 0.0) -> None:
         """
-        Take corners (4, 2) px without distortion; deviation: m, of the tags on the body.
+        Take corners (4, 2) px without distortion.
 
         focal: focal length over the calibrated one.  focal_deviation: of that; 0: not fitted.
         """
@@ -63,8 +63,7 @@ class TagGroup:
         self._points = np.array([tag.corners for tag in tags])
         self._centres = np.array([tag.centre for tag in tags])
         self._axes = np.array([tag.axes.T for tag in tags])
-        sizes = np.array([tag.size for tag in tags])
-        self._priors = deviation * np.stack([np.ones_like(sizes)] * 3 + [1.0 / sizes] * 3, axis=1)
+        self._spreads = np.array([tag.spread for tag in tags])
         widths = np.array([width(corners) for corners in self._pixels])
         noise = CORNER_DEVIATION * np.maximum(1.0, FULL_WIDTH / widths)**2
         self._noise = noise[:, None, None]**2 * np.eye(8)
@@ -90,6 +89,19 @@ class TagGroup:
             (self._points - self._centres[:, None]) @ fit.turn.T)[..., None])[..., 0]
         columns = np.concatenate([slopes[..., :6], by_size.reshape(len(slopes), 8, 1)], axis=2)
         return 1.0 + float(_solved(*_normal(columns, weights, errors))[6])
+
+    def placed(self, fit: PoseFit) -> list[Tag]:
+        """Return the tags as they are most likely stuck, given the pose of the body."""
+        guess, found = _Guess(fit.turn, fit.shift, fit.focal), []
+        errors, _, _ = self._system(guess)
+        for tag, error, moves, noise in zip(
+                self._tags, errors, self._by_tag(guess) @ self._spreads, self._noise, strict=True):
+            weighted = np.linalg.solve(noise, moves).T
+            covariance = np.linalg.inv(np.eye(6) + weighted @ moves)
+            step = tag.spread @ covariance @ weighted @ error
+            found.append(tag.moved(step[:3], step[3:],
+                                   tag.spread @ np.linalg.cholesky(covariance)))
+        return found
 
     def _starts(self) -> 'list[_Guess]':
         """Return the two poses of the body that each tag alone tells."""
@@ -162,13 +174,19 @@ class TagGroup:
         seen = places[..., :2] / places[..., 2:] * self._focal * guess.focal
         slopes = self._slopes(places, guess.focal)
         by_pose = _moved(slopes, np.broadcast_to(np.eye(3), (len(arms), 3, 3)), arms)
-        by_tag = _moved(slopes, turn @ self._axes, arms - (self._centres @ turn.T)[:, None])
-        spread = by_tag * self._priors[:, None]
+        spread = self._by_tag(guess) @ self._spreads
         weights = np.asarray(np.linalg.inv(
             self._noise + spread @ spread.transpose(0, 2, 1)), dtype=float)
         errors: Array = (self._pixels - self._lens.matrix[:2, 2] - seen).reshape(-1, 8)
         by_all: Array = np.concatenate([by_pose, seen.reshape(-1, 8, 1)], axis=2)
         return errors, by_all, weights
+
+    def _by_tag(self, guess: '_Guess') -> Array:
+        """Return how pixels go when each tag is moved along its own axes, (tags, 8, 6)."""
+        turn = guess.turn
+        arms = self._points @ turn.T
+        return _moved(self._slopes(arms + guess.shift, guess.focal), turn @ self._axes,
+                      arms - (self._centres @ turn.T)[:, None])
 
     def _slopes(self, places: Array, focal: float) -> Array:
         """Return how pixels go with places (tags, 4, 3) before the camera, (tags, 4, 2, 3)."""

@@ -17,9 +17,9 @@ from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, Picture
 from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, cross, PoseFit, TagGroup, width
 from soft_continuum.sensing.ring_layout import MIN_FIXED, off_a_line, RingLayout, Tag
+from soft_continuum.sensing.ring_tare import PlacedTags
 from soft_continuum.sensing.sight import DiscPose, exchanged, Sight, TagFinder
 from soft_continuum.sensing.tag_camera import (
-    FOCAL_DEVIATION,
     MAX_RESIDUAL,
     MAX_SCALE_ERROR,
 )
@@ -35,12 +35,20 @@ MAX_TURN = 0.1  # rad, standard: a disc that is known worse than that is not mea
 class RingCamera:
     """Measures the discs of a spatial arm in the pictures of one camera."""
 
-    def __init__(self, layout: RingLayout, lens: Lens) -> None:
-        """Take where the tags are, and the calibration of the camera."""
+    def __init__(self, layout: RingLayout, lens: Lens,
+                 straight: Mapping[int, Array] | None = None) -> None:
+        """
+        Take where the tags are, and the calibration of the camera.
+
+        straight: corners (4, 2) px of each tag as seen of the straight arm, without distortion;
+        raises SensorError where it does not look straight.
+        """
         self.layout, self.lens = layout, lens
-        self._fixed = layout.fixed_tags
-        self._rings = [layout.ring(n) for n in range(len(layout.heights))]
-        known = {n for tags in (self._fixed, *self._rings) for n in tags}
+        self._tags = PlacedTags.of(layout)
+        if straight:
+            self._tags = PlacedTags.seen_straight(layout, lens, straight)
+        self._fixed = self._tags.fixed
+        known = {n for tags in (self._fixed, *self._tags.rings) for n in tags}
         self._finder = TagFinder(lens, known, (), passes=2)
 
     def measure(self, picture: Picture) -> Sight:
@@ -53,7 +61,7 @@ class RingCamera:
         if isinstance(view, str):
             return Sight({}, numbers, np.nan, (*problems, view), corners)
         fits: dict[int, PoseFit] = {}
-        for n, ring in enumerate(self._rings):
+        for n, ring in enumerate(self._tags.rings):
             fit = self._disc(n, ring, corners, view.base.focal)
             if isinstance(fit, str):
                 problems.append(fit)
@@ -81,7 +89,7 @@ class RingCamera:
         if not off_a_line(np.array([self._fixed[n].centre for n in seen])):
             return 'the fixed tags that are seen stand in a line; uncover the others'
         group = TagGroup([self._fixed[n] for n in seen], [corners[n] for n in seen], self.lens,
-                         self.layout.fixed_deviation, focal_deviation=FOCAL_DEVIATION)
+                         self._tags.focal, self._tags.focal_deviation)
         fits = group.fits()
         if not fits:
             return 'the fixed tags do not fit; are they where tags.fixed_poses says?'
@@ -100,7 +108,7 @@ class RingCamera:
         """Return the pose of a disc, why it is not known, or None when it is not seen."""
         seen = [number for number in ring if number in corners]
         fits = TagGroup([ring[k] for k in seen], [corners[k] for k in seen], self.lens,
-                        self.layout.deviation, focal).fits() if seen else []
+                        focal).fits() if seen else []
         if not fits:
             return None
         best = fits[0]
@@ -135,7 +143,7 @@ class RingCamera:
 
     def _of_ring(self, n: int, pose: Array) -> Array:
         """Return the covariance of a disc by how its ring sits on it."""
-        sits, turn = self.layout.ring_deviation, Rotation.from_quat(pose[3:]).as_matrix()
+        sits, turn = self._tags.ring_deviation, Rotation.from_quat(pose[3:]).as_matrix()
         lever = np.eye(6)  # a ring that is turned about its middle shifts the bottom of the disc
         lever[:3, 3:] = cross(self.layout.heights[n] * turn[:, 2])
         squares = np.repeat([sits, sits / self.layout.radius], 3)**2

@@ -8,6 +8,7 @@ from math import cos, pi, sin, tan
 from typing import Any, Self
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialChain
@@ -26,18 +27,25 @@ class Tag:
     A tag in space.
 
     centre: (3,) m.  axes: (3, 3), directions to its right, up, and out of it to who sees it, one
-    a row.  size: edge of the black square, m.
+    a row.  size: edge of the black square, m.  spread: (6, 6), a root of the covariance of where
+    it is stuck, shift (m) and then rotation vector (rad) along its axes.
     """
 
     centre: Array
     axes: Array
     size: float
+    spread: Array
 
     @property
     def corners(self) -> Array:
         """In the order in which they are detected, (4, 3) m."""
         corners: Array = self.centre + self.size * CORNERS @ self.axes[:2]
         return corners
+
+    def moved(self, shift: Array, turn: Array, spread: Array) -> 'Tag':
+        """Return it shifted (m) and turned (rotation vector, rad) along its axes."""
+        turned = Rotation.from_rotvec(turn).as_matrix().T @ self.axes
+        return Tag(self.centre + shift @ self.axes, turned, self.size, spread)
 
 
 @dataclass(frozen=True)
@@ -115,6 +123,11 @@ class RingLayout:
         return tuple(height / 2.0 for height in self.disc_heights)
 
     @property
+    def straight_heights(self) -> tuple[float, ...]:
+        """Bottom of each disc of the straight arm above base_link, (discs,) m."""
+        return (0.0, *np.cumsum(np.add(self.disc_heights[:-1], self.segment_lengths)).tolist())
+
+    @property
     def rim(self) -> Array:
         """Outline of a disc in its frame as views draw it at bottom and top, (faces, 3) m."""
         turns = 2.0 * pi / self.faces * (np.arange(self.faces) + 0.5)
@@ -129,16 +142,17 @@ class RingLayout:
     @property
     def fixed_tags(self) -> dict[int, Tag]:
         """The fixed tags in base_link, by number."""
-        return {n: Tag(row[:3], _upright(row[3]), self.fixed_size)
+        spread = _spread(self.fixed_deviation, self.fixed_size)
+        return {n: Tag(row[:3], _upright(row[3]), self.fixed_size, spread)
                 for n, row in zip(self.fixed_numbers, self.fixed, strict=True)}
 
     def ring(self, disc: int) -> dict[int, Tag]:
         """Return the tags of a disc in its frame, from the centre of its bottom, by number."""
-        found = {}
+        found, spread = {}, _spread(self.deviation, self.disc_size)
         for k in range(self.faces):
             axes = _upright(2.0 * pi * k / self.faces)
             centre = self.radius * axes[2] + [0.0, 0.0, self.heights[disc]]
-            found[self.faces * disc + k] = Tag(centre, axes, self.disc_size)
+            found[self.faces * disc + k] = Tag(centre, axes, self.disc_size, spread)
         return found
 
 
@@ -146,6 +160,11 @@ def off_a_line(points: Array) -> bool:
     """Return whether points (k, 3) m are not almost in a line."""
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return bool(len(points) >= MIN_FIXED and spread[1] > MIN_WIDTH * spread[0] > 0.0)
+
+
+def _spread(deviation: float, size: float) -> Array:
+    """Return that of a tag of some size that is stuck off by a standard deviation, m."""
+    return np.diag(deviation * np.repeat([1.0, 1.0 / size], 3))
 
 
 def _upright(direction: float) -> Array:

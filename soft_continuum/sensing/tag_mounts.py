@@ -11,42 +11,11 @@ import numpy as np
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.layout import directions
-from soft_continuum.sensing.rigid import angle_between, IDENTITY
-from soft_continuum.sensing.tare import mount_of, refuse_motion
+from soft_continuum.sensing.tare import refuse_motion
 from soft_continuum.sensing.tilt import SensorError
-from soft_continuum.sensing.tracker import given_pose
 
 MAX_SHIFT, MAX_TURN = 0.01, 0.2
 """m and rad by which a tag may be off; more is an arm that is not straight."""
-RING_NOISE = 0.003
-"""m by which a ring at rest may move: along the view of one camera its noise is up to 1 mm."""
-
-
-def ring_mounts(values: Mapping[str, Any], discs: int) -> tuple[Array, ...]:
-    """Return the pose (7,) of each disc of a spatial arm in that of its ring of tags."""
-    given = tuple(values['tags.mounts'])
-    if given == (0.0,):
-        given = IDENTITY * discs
-    if len(given) != 7 * discs:
-        raise ParameterError(f'parameter tags.mounts has {len(given)} numbers; needed: x, y, z '
-                             f'and quaternion x, y, z, w for each of {discs} discs, or 0.0 for '
-                             'none')
-    return tuple(given_pose('tags.mounts', given[7 * n:7 * n + 7]) for n in range(discs))
-
-
-def ring_mount(poses: Sequence[Array], height: float) -> Array:
-    """Return the pose (7,) of a disc in that of its ring, as tag_mount, from poses (k, 7)."""
-    mount = mount_of(poses, height, RING_NOISE)
-    _refuse_bent(float(np.linalg.norm(mount[:3])),
-                 angle_between(np.array(IDENTITY), mount), 'tags.fixed_poses')
-    return mount
-
-
-def _refuse_bent(shift: float, turn: float, places: str) -> None:
-    if shift > MAX_SHIFT or turn > MAX_TURN:
-        raise SensorError(
-            f'it is seen {shift * 1e3:.1f} mm and {degrees(turn):.1f} degrees from where it is in '
-            f'the straight arm; is the arm straight, does {places} fit?')
 
 
 def tag_mounts(values: Mapping[str, Any], discs: int) -> tuple[Array, ...]:
@@ -83,6 +52,10 @@ def tag_mount(poses: Sequence[Array], height: float) -> Array:
     refuse_motion(float(np.hypot(*change[:2])), abs(float(change[2])))
     mean = rows.mean(axis=0)
     off = np.array([0.0, height]) - mean[:2]
-    _refuse_bent(float(np.linalg.norm(off)), abs(float(mean[2])), 'tags.fixed_positions')
+    shift, turn = float(np.linalg.norm(off)), abs(float(mean[2]))
+    if shift > MAX_SHIFT or turn > MAX_TURN:
+        raise SensorError(
+            f'it is seen {shift * 1e3:.1f} mm and {degrees(turn):.1f} degrees from where it is in '
+            'the straight arm; is the arm straight, does tags.fixed_positions fit?')
     right, up = directions(mean[2])
     return np.array([off @ right, off @ up, -mean[2]])

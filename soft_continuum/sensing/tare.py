@@ -74,24 +74,23 @@ class Window(Generic[T]):
         return [value for _, value in samples]
 
 
-def refuse_motion(shift: float, turn: float, max_shift: float = MAX_SHIFT) -> None:
+def refuse_motion(shift: float, turn: float) -> None:
     """Raise SensorError for a motion from the first half of what was measured to the second."""
-    if shift > max_shift or turn > MAX_TURN:
+    if shift > MAX_SHIFT or turn > MAX_TURN:
         raise SensorError(f'it moves, by {shift * 1e3:.1f} mm and {turn:.3f} rad while it is '
                           'measured; wait until the arm rests')
 
 
-def mount_of(followed: Sequence[Array], height: float, max_shift: float = MAX_SHIFT) -> Array:
+def mount_of(followed: Sequence[Array], height: float) -> Array:
     """
     Return the pose (7,) of a disc in what is followed, from poses (k, 7) of that in base_link.
 
-    height: z of the bottom of the disc in the straight arm, m.  max_shift: m by which noise moves
-    it.  Raises SensorError when it moves, or is too far away to be mounted on the disc.
+    height: z of the bottom of the disc in the straight arm, m.  Raises SensorError when it moves, or is too far away to be mounted on the disc.
     """
     half = len(followed) // 2
     before, after = mean_pose(followed[:half]), mean_pose(followed[half:])
     shift, turn = float(np.linalg.norm(after[:3] - before[:3])), angle_between(before, after)
-    refuse_motion(shift, turn, max_shift)
+    refuse_motion(shift, turn)
     straight = np.array(IDENTITY)
     straight[2] = height
     mean = mean_pose(followed)
