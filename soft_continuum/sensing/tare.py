@@ -85,7 +85,8 @@ def mount_of(followed: Sequence[Array], height: float) -> Array:
     """
     Return the pose (7,) of a disc in what is followed, from poses (k, 7) of that in base_link.
 
-    height: z of the bottom of the disc in the straight arm, m.  Raises SensorError when it moves, or is too far away to be mounted on the disc.
+    height: z of the bottom of the disc in the straight arm, m.  Raises SensorError when it
+    moves, or is too far away to be mounted on the disc.
     """
     half = len(followed) // 2
     before, after = mean_pose(followed[:half]), mean_pose(followed[half:])
