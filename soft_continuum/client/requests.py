@@ -2,324 +2,34 @@
 # SPDX-License-Identifier: Apache-2.0
 """What can be asked of the arm, as coroutines on the node that observes it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from itertools import count
 from math import inf
 from typing import Any, TYPE_CHECKING
 
-from rclpy.node import Node
-from std_srvs.srv import SetBool, Trigger
-
-from soft_continuum.client.errors import (
-    ClientError,
-    LostError,
-    MotionEndedError,
-    NoAnswerError,
-    NodesMissingError,
-    RefusedError,
-    SequenceError,
-)
-from soft_continuum.client.tasks import ATTEMPTS, Tasks, until
+from soft_continuum.client.errors import LostError, NoAnswerError, RefusedError, SequenceError
+from soft_continuum.client.operations import Operations
+from soft_continuum.client.tasks import until
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.names import (
-    JAMMING_VALVES,
-    KINEMATICS,
-    NODES,
-    RECORDER,
-    SHAPE_SEQUENCER,
-    TENDON_ACTUATION,
-)
+from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.sequencing.progress import AIMS
-from soft_continuum.text import printable
 
 if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
-    from trajectory_msgs.msg import JointTrajectory
-
-    from soft_continuum.client.observed import ObservedArm
     from soft_continuum.client.sequence import RunningSequence, ShapeLike
     from soft_continuum.client.state import SequenceResult
-    from soft_continuum.mechanics.arm import Arm as Description
-    from soft_continuum.mechanics.either import AnyArm
 
-CLOSED_LOOP = 'closed_loop'  # parameter of shape_sequencer
-JOG_SPEED = 0.01  # m/s
-JOG_MINIMUM = 0.2  # s
 PLANNING_TIMEOUT = 30.0  # s that the shape_sequencer may take to plan before it answers
 LOST_TIMEOUT = 10.0  # s without a message of the shape_sequencer until a sequence counts as lost
-SWITCHING_TIMEOUT = 15.0  # s for a segment to be evacuated or vented
 REASON_TIMEOUT = 1.0  # s between the answer to a goal and the reason of its rejection
-SETTLING_TIMEOUT = 1.0  # s for topics that a running node may have no reason to publish
 
 
-class Requests(Tasks):
+class Requests(Operations):
     """
-    Requests to the four nodes.
+    Requests to the four nodes: sequences, and what is done by hand.
 
     Every coroutine ends when what it asks for is done, or raises a ClientError that says why it is
     not.  Run them with ``start``, on the thread that spins the node.
     """
-
-    def __init__(self, node: Node, timeout: float, discovery_timeout: float | None = None) -> None:
-        """``timeout``: s for an answer, and for a node to be found unless that is given."""
-        super().__init__(
-            node, timeout, timeout if discovery_timeout is None else discovery_timeout)
-        self._numbers = count(1)
-        self._jog: tuple[str, dict[str, float]] = '', {}  # id and target (m) of the running one
-
-    @cached_property
-    def observed(self) -> 'ObservedArm':
-        """The arm as it is observed, from the first use on."""
-        from soft_continuum.client.observed import ObservedArm
-        observed = ObservedArm(self.node)
-        observed.on_change(self.step)
-        return observed
-
-    async def observe(self) -> 'ObservedArm':
-        """Return the observed arm once its nodes have reported; raises NodesMissingError."""
-        observed = self.observed
-        if not await until(lambda: any(observed.running().values()), self.discovery_timeout):
-            raise self.not_found('the arm', NODES, self.discovery_timeout)
-        await until(lambda: all(observed.message(f'{name}/status') is not None
-                                for name, runs in observed.running().items() if runs),
-                    self.timeout)
-        await until(lambda: observed.complete, SETTLING_TIMEOUT)
-        return observed
-
-    async def trigger(self, service: str, attempts: int = 1) -> str:
-        """Call a std_srvs/Trigger; return its message, or raise RefusedError with that."""
-        answer = await self.call(Trigger, service, attempts=attempts)
-        if not answer.success:
-            raise RefusedError(f'{service}: {answer.message}')
-        return printable(answer.message)
-
-    async def stop(self) -> str:
-        """Stop all motion, holding tension; nothing moves before ``resume``."""
-        return await self.trigger(f'{TENDON_ACTUATION}/stop', ATTEMPTS)
-
-    async def resume(self) -> str:
-        """Allow motion after a stop, from where the tendons are."""
-        return await self.trigger(f'{TENDON_ACTUATION}/resume')
-
-    async def reference(self) -> str:
-        """Take the present pulls as those of the straight arm."""
-        return await self.trigger(f'{TENDON_ACTUATION}/reference')
-
-    async def reset(self) -> str:
-        """Tell kinematics that the arm is straight."""
-        return await self.trigger(f'{KINEMATICS}/reset')
-
-    async def record(self, begin: bool) -> str:
-        """Begin or end a recording by the recorder; return what it says."""
-        service = f'{RECORDER}/record'
-        if self.observed.recorder is None:
-            raise NodesMissingError('the recorder does not run; start it with: ros2 run '
-                                    'soft_continuum recorder')
-        answer = await self.call(SetBool, service, data=begin)
-        if not answer.success:
-            raise RefusedError(f'{RECORDER}: {answer.message}')
-        return printable(answer.message)
-
-    # What the nodes were started with.
-
-    async def description(self) -> 'AnyArm':
-        """Return the mechanical description that kinematics works with, planar or spatial."""
-        from soft_continuum.parameters.arm import any_arm_from_parameters, ARM_PARAMETERS
-        from soft_continuum.parameters.parameter import ParameterError
-        values = await self.parameters(KINEMATICS, [p.name for p in ARM_PARAMETERS])
-        if len(values) < len(ARM_PARAMETERS):
-            raise ClientError(f'{KINEMATICS} lacks parameters of an arm; run nodes and client '
-                              'from the same version')
-        try:
-            return any_arm_from_parameters(values)
-        except ParameterError as error:
-            raise ClientError(f'{KINEMATICS}: {error}') from None
-
-    async def planar_description(self) -> 'Description':
-        """Return the description for what works with planar arms only; else a ClientError."""
-        from soft_continuum.parameters.arm import planar
-        from soft_continuum.parameters.parameter import ParameterError
-        try:
-            return planar(await self.description())
-        except ParameterError as error:
-            raise ClientError(f'{KINEMATICS}: {error}') from None
-
-    async def has_jamming(self) -> bool:
-        """Return whether the arm of kinematics has segments that can be stiffened."""
-        return bool((await self.parameters(KINEMATICS, ['arm.jamming'])).get('arm.jamming', True))
-
-    async def shapes(self, description: 'AnyArm') -> dict[str, tuple[float, ...]]:
-        """Return the shape library: bending angles (rad) of each segment by name."""
-        from soft_continuum.parameters.parameter import ParameterError
-        from soft_continuum.parameters.shapes import SHAPE_PREFIX, shapes_from_parameters
-        names = (await self.parameters(SHAPE_SEQUENCER, ['shape_names'])).get('shape_names', ())
-        angles = await self.parameters(SHAPE_SEQUENCER, [SHAPE_PREFIX + name for name in names])
-        directions = await self._directions(names)
-        try:
-            return shapes_from_parameters(
-                {'shape_names': tuple(names), **angles, **directions}, description)
-        except ParameterError as error:
-            raise ClientError(f'{SHAPE_SEQUENCER}: {error}') from None
-
-    async def shape_directions(self) -> dict[str, tuple[float, ...]]:
-        """Return the directions (rad) of each segment by name, of the shapes that have some."""
-        from soft_continuum.parameters.shapes import directions_from_parameters
-        names = (await self.parameters(SHAPE_SEQUENCER, ['shape_names'])).get('shape_names', ())
-        return directions_from_parameters(await self._directions(names))
-
-    async def _directions(self, names: Sequence[str]) -> dict[str, Any]:
-        from soft_continuum.parameters.shapes import DIRECTION_PREFIX
-        return await self.parameters(
-            SHAPE_SEQUENCER, [DIRECTION_PREFIX + name for name in names])
-
-    async def closed_loop(self) -> bool | None:
-        """Return whether shape_sequencer corrects by measurements; None where it cannot."""
-        value = (await self.parameters(SHAPE_SEQUENCER, [CLOSED_LOOP])).get(CLOSED_LOOP)
-        return value if isinstance(value, bool) else None
-
-    async def set_closed_loop(self, closed: bool) -> None:
-        """Let shape_sequencer correct by measurements, or not; raises RefusedError."""
-        await self.set_parameter(SHAPE_SEQUENCER, CLOSED_LOOP, closed)
-
-    # Segments.
-
-    async def set_stiff(self, segment: int | None, stiff: bool) -> None:
-        """
-        Evacuate or vent a segment (from 1), or all (None), until its pressure confirms it.
-
-        A segment counts as soft from ``soft_vacuum`` of the shape_sequencer on.
-        """
-        observed = self.observed
-        await self._refuse_during_sequence()
-        await self.found(lambda: observed.segments, f'{JAMMING_VALVES}/state', JAMMING_VALVES)
-        numbers = list(range(1, observed.segments + 1)) if segment is None else [segment]
-        if not 1 <= numbers[0] <= observed.segments:
-            raise RefusedError(f'there is no segment {segment}; '
-                               f'the segments are 1 to {observed.segments}')
-        limit, timeout = 0.0, SWITCHING_TIMEOUT
-        if observed.running()[SHAPE_SEQUENCER]:
-            values = await self.parameters(
-                SHAPE_SEQUENCER, ['ambient_pressure', 'soft_vacuum', 'jamming_timeout'])
-            limit = values['ambient_pressure'] - values['soft_vacuum']
-            timeout = max(timeout, values['jamming_timeout'])
-        name = 'set_all_stiff' if segment is None else f'segment_{segment}/set_stiff'
-        answer = await self.call(SetBool, f'{JAMMING_VALVES}/{name}', data=stiff)
-        if not answer.success:
-            raise RefusedError(f'{JAMMING_VALVES}: {answer.message}')
-
-        def missing() -> list[int]:
-            return [n for n in numbers if observed.stiff(n) is not stiff
-                    or not (stiff or (observed.pressure(n) or 0.0) > limit)]
-
-        if not await until(lambda: not missing(), timeout):
-            late = ', '.join(f'segment {n} ({observed.pressure(n) or float("nan"):.0f} Pa)'
-                             for n in missing())
-            state = observed.jamming_valves
-            faults = '; '.join(filter(None, [state.fault, *state.segment_faults])) if state else ''
-            raise NoAnswerError(f'not {"stiff" if stiff else "soft"} after {timeout:g} s: {late}; '
-                                f'{JAMMING_VALVES} reports: {faults or "no fault"}')
-
-    async def _refuse_during_sequence(self) -> None:
-        """Refuse what would come between a sequence and the arm."""
-        observed = self.observed
-        await until(lambda: observed.shape_sequencer or not observed.running()[SHAPE_SEQUENCER],
-                    self.discovery_timeout)
-        progress = observed.progress()
-        if progress is not None:
-            raise RefusedError(f'a sequence is running ({progress.shape}: {progress.phase}); '
-                               'cancel or stop it first')
-
-    # Tendons.
-
-    async def jog(self, changes: Mapping[str, float]) -> None:
-        """
-        Pull tendons by so many m further, negative: pay out; end when they rest there.
-
-        changes: by name of the tendon, such as 'right_tendon', or 'right' for short.
-
-        A jog that is asked for while another one moves starts where that would have ended.
-        Raises RefusedError with the reason of tendon_actuation; MotionEndedError when it was
-        accepted but ended early, also when a newer trajectory took its place.
-        """
-        from trajectory_msgs.msg import JointTrajectoryPoint
-
-        from soft_continuum.ros.ros_time import duration_to_ros
-        from soft_continuum_interfaces.msg import MotionRequest
-        observed = self.observed
-        await self._refuse_during_sequence()
-        await self.found(lambda: observed.tendon_actuation and observed.pulls(), 'tendon_states',
-                         TENDON_ACTUATION)
-        names, pulls = observed.tendons, observed.pulls()
-        assert pulls is not None
-        now = dict(zip(names, pulls, strict=True))
-        steps = {name if name in now else f'{name}_tendon': m for name, m in changes.items()}
-        unknown = [name for name in changes if not {name, f'{name}_tendon'} & now.keys()]
-        if unknown:
-            raise RefusedError(f'there is no tendon {", ".join(unknown)}; '
-                               f'the tendons are {", ".join(names)}')
-        publisher = self._trajectories
-        await self.found(publisher.get_subscription_count, 'a subscriber of its trajectories',
-                         TENDON_ACTUATION)
-        target = {name: pull + steps.get(name, 0.0)
-                  for name, pull in (self._jog[1] or now).items()}
-        duration = max(JOG_MINIMUM, *(abs(target[n] - now[n]) / JOG_SPEED for n in names))
-        message = self._trajectory()
-        message.points.append(JointTrajectoryPoint(
-            positions=[target[name] for name in names],
-            time_from_start=duration_to_ros(duration)))
-        this = message.header.frame_id
-        following = False
-
-        def outcome() -> MotionRequest | None:
-            nonlocal following
-            state = observed.tendon_actuation
-            if state is None:
-                return None
-            if state.refused.id == this:
-                return state.refused
-            if state.accepted.id != this:
-                return state.accepted if following else None  # a newer one
-            following = state.accepted.status == MotionRequest.FOLLOWING
-            return None if following else state.accepted
-
-        self._jog = this, target
-        publisher.publish(message)
-        request = await until(outcome, duration + self.timeout)
-        if self._jog[0] == this:
-            self._jog = '', {}
-        if request is None:
-            raise NoAnswerError(f'the tendons did not arrive within {duration + self.timeout:g} s')
-        if request.id != this:
-            raise MotionEndedError(f'{TENDON_ACTUATION}: a newer trajectory took its place',
-                                   MotionRequest.REPLACED)
-        if request.status == MotionRequest.ENDED:
-            raise MotionEndedError(f'{TENDON_ACTUATION}: {request.message}', request.reason)
-        if request.status == MotionRequest.REFUSED:
-            raise RefusedError(f'{TENDON_ACTUATION}: {request.message}')
-        # The pulls that it reports come on another topic, maybe later.
-        received = observed.message('tendon_states')
-        await until(lambda: observed.message('tendon_states') is not received, self.timeout)
-
-    async def hold(self) -> None:
-        """Let the tendons come to rest and hold: a trajectory without points."""
-        self._trajectories.publish(self._trajectory())
-
-    def _trajectory(self) -> 'JointTrajectory':
-        """Return one without points, with an identity of its own."""
-        from trajectory_msgs.msg import JointTrajectory
-        message = JointTrajectory(joint_names=list(self.observed.tendons))
-        message.header.frame_id = f'{self.node.get_name()}/{next(self._numbers)}'
-        return message
-
-    @cached_property
-    def _trajectories(self) -> Any:
-        from trajectory_msgs.msg import JointTrajectory
-
-        from soft_continuum.ros.qos import STREAM
-        return self.node.create_publisher(
-            JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', STREAM)
-
-    # Sequences of shapes.
 
     async def send(self, shapes: 'Sequence[ShapeLike]', hold: 'float | Sequence[float]',
                    aim: str = AIMS[0]) -> 'RunningSequence':

@@ -34,7 +34,7 @@ from estimated_arm import EstimatedArm  # noqa: E402
 from ros_rig import Rig  # noqa: E402
 
 from soft_continuum.cli.main import main  # noqa: E402
-from soft_continuum.client import Arm, requests  # noqa: E402
+from soft_continuum.client import Arm, operations  # noqa: E402
 
 NAMESPACE = '/arm_under_test'  # of the rigs
 TIMEOUT = 60.0  # s, on a loaded machine
@@ -60,7 +60,7 @@ def arm_of_module(module_domain: int) -> Iterator[Any]:
 @pytest.fixture
 def settling(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let clients in this process wait longer for topics of which a busy machine is late."""
-    monkeypatch.setattr(requests, 'SETTLING_TIMEOUT', 5.0)
+    monkeypatch.setattr(operations, 'SETTLING_TIMEOUT', 5.0)
 
 
 @pytest.fixture
