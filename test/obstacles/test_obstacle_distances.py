@@ -4,6 +4,8 @@
 
 from math import inf, pi
 from pathlib import Path
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -241,3 +243,13 @@ def test_the_outside_of_a_sharp_bend_belongs_to_the_arm(chain):
         found = Surroundings(chain.arm, [needle]).clearance(state).distance
         assert found <= 0.003
         assert found > 0.003 - 2.0 * radius * (1.0 / np.cos(0.15) - 1.0)
+
+
+def test_without_obstacles_nothing_of_coal_is_loaded():
+    # It takes memory and time of every start.
+    script = ('import sys; from soft_continuum.obstacles import Surroundings; from soft_continuum.'
+              'parameters.files import load_any_arm; Surroundings(load_any_arm(sys.argv[1])); '
+              'print(*sys.modules)')
+    done = subprocess.run([sys.executable, '-c', script, CONFIG / 'manipulator.yaml'],
+                          capture_output=True, text=True, check=True)
+    assert {'coal', 'trimesh'}.isdisjoint(done.stdout.split())
