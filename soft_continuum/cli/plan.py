@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.analysis.plan_figure import plan_figure, SUFFIXES
 from soft_continuum.analysis.results import ResultError, text_table
-from soft_continuum.analysis.tip_path import read_tip_path
 from soft_continuum.arguments import DONE, FAILED, number_in, Parser, whole_number_in
 from soft_continuum.cli.common import any_described_arm, run_verb
 from soft_continuum.cli.operate import bendings
+from soft_continuum.cli.plan_picture import plan_figure, SUFFIXES
 from soft_continuum.cli.tip_options import add_tip, given_tip, tip_problem, UNITS
+from soft_continuum.cli.tip_path import read_tip_path
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.obstacles.files import load_obstacles
