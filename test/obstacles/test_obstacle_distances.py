@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Distances between arms and obstacles, against the arm as a dense cloud of points."""
 
+from dataclasses import replace
 from math import inf, pi
 from pathlib import Path
 import subprocess
@@ -243,6 +244,19 @@ def test_the_outside_of_a_sharp_bend_belongs_to_the_arm(chain):
         found = Surroundings(chain.arm, [needle]).clearance(state).distance
         assert found <= 0.003
         assert found > 0.003 - 2.0 * radius * (1.0 / np.cos(0.15) - 1.0)
+
+
+def test_guides_outside_of_the_segments_belong_to_the_arm():
+    arm = load_any_arm(CONFIG / 'tendon_arm.yaml')  # 20 mm thick, with spacers
+    wide = replace(arm, tendons=tuple(replace(tendon, offset=0.015) for tendon in arm.tendons))
+    straight = chain_of(wide).straight()
+    x, y = 0.03 * np.cos(pi / 9), 0.03 * np.sin(pi / 9)  # between two tendons
+    beside = [Obstacle('it', Sphere(0.005), (x, y, z)) for z in (0.05, 0.0925)]
+    for one in beside:  # a segment, a disc
+        assert Surroundings(wide, [one]).clearance(straight).distance == pytest.approx(
+            0.01, abs=1e-5)
+        assert Surroundings(arm, [one]).clearance(chain_of(arm).straight()
+                                                  ).distance == pytest.approx(0.015, abs=1e-5)
 
 
 def test_without_obstacles_nothing_of_coal_is_loaded():
