@@ -196,7 +196,8 @@ def test_an_arm_that_reaches_through_a_mesh_is_not_clear_of_it(chain):
 
 @pytest.mark.parametrize(('shape', 'z'), [
     (Sphere(0.01), 0.005), (Box((0.2, 0.2, 0.1)), 0.05), (box_mesh((1, 1, 1)), 0.0),
-    (bowl(), 0.075)], ids=['sphere', 'box', 'mesh around it', 'bottom of a bowl'])
+    (bowl(), 0.075), (Mesh(5 * bowl().vertices, bowl().triangles), 0.39)],
+    ids=['sphere', 'box', 'mesh around it', 'bottom of a bowl', 'within that of a large one'])
 def test_an_obstacle_in_the_base_disc_is_refused(chain, shape, z):
     place = (0.0, 0.0, z)
     with pytest.raises(ObstacleError, match='obstacle it is in the base disc'):
