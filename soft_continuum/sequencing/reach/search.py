@@ -10,6 +10,7 @@ at once.
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from math import inf
 from time import monotonic
 from typing import Any
@@ -21,7 +22,7 @@ from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan, Shape
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
 from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
 from soft_continuum.sequencing.reach.goal import Distance, ReachSettings, Surroundings, TipGoal
-from soft_continuum.sequencing.reach.passage import BlockedError, moved, Node, Passages
+from soft_continuum.sequencing.reach.passage import BlockedError, moved, Node, Passages, Placed
 from soft_continuum.sequencing.reach.result import Reach
 
 ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is
@@ -75,7 +76,7 @@ class Search:
         self.nearest = self.last = start
         self.blocked: Counter[tuple[str, str]] = Counter()  # obstacle or limit, and how often
         self.end = monotonic() + (1.0 - KEPT) * settings.time_limit
-        self._shapes: dict[bytes, tuple[Any, Distance]] = {}
+        self._shapes: dict[bytes, tuple[Placed, Distance]] = {}
         self._lines: dict[tuple[bytes, bytes], str] = {}
         self._nodes: dict[tuple[bytes, ...], Node | BlockedError] = {}
 
@@ -241,11 +242,12 @@ class Search:
             if self._lines[key]:
                 raise BlockedError('an obstacle is in the way', self._lines[key])
 
-    def _shape(self, bending: Array) -> tuple[Any, Distance]:
+    def _shape(self, bending: Array) -> tuple[Placed, Distance]:
         key = bending.tobytes()
         if key not in self._shapes:
             state = self.arcs.chain.uniform(bending)
-            self._shapes[key] = state, self.passages.surroundings.clearance(state)
+            self._shapes[key] = (Placed(state.backbone, state.rotations),
+                                 self.passages.surroundings.clearance(state))
         return self._shapes[key]
 
     def _free(self, near: Distance) -> None:
@@ -286,7 +288,8 @@ class Search:
         if not out_of_reach:
             why = (f'no plan was found: {self._in_the_way()}; the nearest that was found is '
                    f'{left} from the goal')
-        return self._result(self.nearest, why)
+        names = dict.fromkeys(name for (name, _), _ in self.blocked.most_common() if name)
+        return replace(self._result(self.nearest, why), blocked_by=tuple(names))
 
     def _in_the_way(self) -> str:
         """Say what stopped the candidates, the most frequent first."""
