@@ -39,7 +39,7 @@ class TipPanel:
         self._session, self._description = session, description
         self._place: Array = np.zeros(3)
         self._tilt, self._towards = 0.0, 0.0  # rad, of where it points
-        self._was_running = False
+        self._situation: object = None  # whether a sequence runs, and what is stiff
         self._tip: Pose | None = None  # of the arm, the last that was shown
         session.tip.leave()
         gui, far = server.gui, 1e3 * REACH * description.arm.length
@@ -151,20 +151,20 @@ class TipPanel:
         """Show the goal, and what it would take."""
         on, tip = self._on.value is True, self._session.tip
         runs = state.progress is not None
-        if on and self._was_running and not runs:
-            self._aim()  # from where the arm is now
-        self._was_running, self._tip = runs, state.tip
+        situation = runs, state.stiff
+        if on and situation != self._situation and not runs:
+            self._aim()  # from the arm as it is now
+        self._situation, self._tip = situation, state.tip
         self._show_handle(on)
         planned = tip.planned
-        self._text.content = html.plan_html(planned, tip.waits) if on else ''
+        self._text.content = html.plan_html(planned, tip.late) if on else ''
         if planned is not self._drawn:
             self._drawn = planned
             path = np.array(planned.path if planned else ())
             if len(path) > 1:
                 self._path.points = line(path).astype(np.float32)
             self._path.visible = len(path) > 1
-        found = planned is not None and planned.plan is not None and planned.plan.found
-        enable(self._go, on and may_run and not runs and found)
+        enable(self._go, on and may_run and not runs and tip.found)
         enable(self._save, bool(on and planned is not None and planned.points))
         for control in (*self._numbers, self._directed):
             enable(control, on)
