@@ -6,6 +6,7 @@ Plans by tip: which segment to soften when, and to which angle, so that the tip 
 ``reach`` plans to one goal of the tip, ``follow`` a path through several, both among obstacles.
 """
 
+from soft_continuum.sequencing.reach.follow import follow
 from soft_continuum.sequencing.reach.goal import (
     Clear,
     Distance,
@@ -18,4 +19,4 @@ from soft_continuum.sequencing.reach.result import PlannedStep, Reach
 from soft_continuum.sequencing.reach.search import reach
 
 __all__ = ['Clear', 'Distance', 'NoObstacles', 'PlannedStep', 'Reach', 'ReachSettings',
-           'Surroundings', 'TipGoal', 'reach']
+           'Surroundings', 'TipGoal', 'follow', 'reach']

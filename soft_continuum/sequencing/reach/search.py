@@ -10,6 +10,7 @@ at once.
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from math import inf
 from time import monotonic
 from typing import Any
@@ -21,7 +22,7 @@ from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan, Shape
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
 from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
 from soft_continuum.sequencing.reach.goal import Distance, ReachSettings, Surroundings, TipGoal
-from soft_continuum.sequencing.reach.passage import BlockedError, moved, Node, Passages
+from soft_continuum.sequencing.reach.passage import BlockedError, moved, Node, Passages, Placed
 from soft_continuum.sequencing.reach.result import Reach
 
 ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is
@@ -54,14 +55,15 @@ def reach(planner: ShapePlanner, state: Any, pulls: Sequence[float], goal: TipGo
         raise PlanError(f'the tip goal is in {inside.obstacle}, '
                         f'{-inside.distance * 1e3:.1f} mm deep; move one of them')
     start = Passages(planner, surroundings, settings).start(state, np.array(pulls, dtype=float))
-    yield from _Search(planner, start, goal, surroundings, settings).run()
+    yield from Search(planner, start, goal, surroundings, settings).run()
 
 
-class _Search:
-    """One search."""
+class Search:
+    """A search for plans from a node to one goal; end: of the clock monotonic, s, for it."""
 
     def __init__(self, planner: ShapePlanner, start: Node, goal: TipGoal,
                  surroundings: Surroundings, settings: ReachSettings) -> None:
+        """Prepare."""
         self.planner, self.start, self.goal, self.settings = planner, start, goal, settings
         self.passages = Passages(planner.until(self._late), surroundings, settings)
         self.miss = Miss(goal)
@@ -71,10 +73,10 @@ class _Search:
                                      np.random.default_rng(self.settings.seed))
         self.best: Reach | None = None
         self.best_candidate: Candidate | None = None
-        self.nearest = start
+        self.nearest = self.last = start
         self.blocked: Counter[tuple[str, str]] = Counter()  # obstacle or limit, and how often
-        self._end = monotonic() + (1.0 - KEPT) * settings.time_limit
-        self._shapes: dict[bytes, tuple[Any, Distance]] = {}
+        self.end = monotonic() + (1.0 - KEPT) * settings.time_limit
+        self._shapes: dict[bytes, tuple[Placed, Distance]] = {}
         self._lines: dict[tuple[bytes, bytes], str] = {}
         self._nodes: dict[tuple[bytes, ...], Node | BlockedError] = {}
 
@@ -83,16 +85,20 @@ class _Search:
         if size(self.miss.of_state(self.start.state)) <= 1.0:
             yield self._result(self.start)
             return
-        for count in range(1, self.settings.max_softenings + 1):
-            if self._bound(count, 0.0) >= self._best_cost():
-                break
-            yield from self._tried(c for part in self.candidates.of(count) for c in part)
+        every = self.candidates.nearest()[:NEAREST]
+        out_of_reach = every[0].near > 1.0
+        if out_of_reach:  # of arcs; the statics may say otherwise
+            yield from self._tried(iter(every), anyway=True)
+        if self.best is not None or not out_of_reach:
+            for count in range(1, self.settings.max_softenings + 1):
+                if self._bound(count, 0.0) >= self._best_cost():
+                    break
+                yield from self._tried(c for part in self.candidates.of(count) for c in part)
+        self.end += KEPT * self.settings.time_limit
+        if self.best is None and not out_of_reach:
+            yield from self._tried(iter(every), anyway=True)
         if self.best is None:
-            self._end += KEPT * self.settings.time_limit
-            tried = self.candidates.nearest()[:NEAREST]
-            yield from self._tried(iter(tried), anyway=True)
-            if self.best is None:
-                yield self._nearest(tried[0].near > 1.0)
+            yield self._nearest(out_of_reach)
         else:
             yield from self._tried(
                 c for width in WIDTHS for _ in range(IMPROVEMENTS // len(WIDTHS))
@@ -101,10 +107,14 @@ class _Search:
     def _tried(self, candidates: Iterator[Candidate], anyway: bool = False) -> Iterator[Reach]:
         """Yield what is better than all before it, until it is late."""
         while not self._late() and (candidate := next(candidates, None)) is not None:
+            self.planner.check_wanted()
             if self._bound(len(candidate.movers), candidate.seconds) >= self._best_cost():
                 continue
             try:
-                found = self._result(self._planned(candidate, anyway))
+                node = self.planned(candidate, anyway)
+                found = self._result(node)
+                if size(self.miss.of_state(node.state)) > 1.0:
+                    raise BlockedError('the tip does not get there', limit='tip')
             except BlockedError as error:
                 self.blocked[error.obstacle, error.limit] += 1
                 continue
@@ -112,13 +122,11 @@ class _Search:
                 self.planner.check_wanted()
                 return  # it was late
             if self._cost(found) < self._best_cost():
-                if self.best is None:
-                    self._end += KEPT * self.settings.time_limit * (not anyway)
-                self.best, self.best_candidate = found, candidate
+                self.best, self.best_candidate, self.last = found, candidate, node
                 yield found
 
     def _late(self) -> bool:
-        return monotonic() > self._end
+        return monotonic() > self.end
 
     def _known_best(self) -> Candidate:
         assert self.best_candidate is not None
@@ -144,7 +152,7 @@ class _Search:
 
     # One candidate.
 
-    def _planned(self, candidate: Candidate, anyway: bool = False) -> Node:
+    def planned(self, candidate: Candidate, anyway: bool = False) -> Node:
         """Return where the settings of a candidate lead; anyway: also if that is not the goal."""
         if not anyway:
             self._look(candidate)
@@ -155,8 +163,6 @@ class _Search:
         bending = self._corrected(node, movers[first:], candidate.shapes[-1], anyway)
         for mover in movers[first:]:
             node, path = self._gone(node, path, mover, bending)
-        if size(self.miss.of_state(node.state)) > 1.0:
-            raise BlockedError('the tip does not get there', limit='tip')
         return node
 
     def _gone(self, node: Node, path: tuple[bytes, ...], mover: int, bending: Array
@@ -236,11 +242,12 @@ class _Search:
             if self._lines[key]:
                 raise BlockedError('an obstacle is in the way', self._lines[key])
 
-    def _shape(self, bending: Array) -> tuple[Any, Distance]:
+    def _shape(self, bending: Array) -> tuple[Placed, Distance]:
         key = bending.tobytes()
         if key not in self._shapes:
             state = self.arcs.chain.uniform(bending)
-            self._shapes[key] = state, self.passages.surroundings.clearance(state)
+            self._shapes[key] = (Placed(state.backbone, state.rotations),
+                                 self.passages.surroundings.clearance(state))
         return self._shapes[key]
 
     def _free(self, near: Distance) -> None:
@@ -264,9 +271,7 @@ class _Search:
 
     def _result(self, node: Node, why: str = '') -> Reach:
         state = node.state
-        shape = Shape(NAME, tuple(state.bending_angles.tolist()), 0.0,
-                      tuple(state.bending_directions.tolist()))
-        plan = ShapePlan(shape, node.moves, state) if node.moves or not why else None
+        plan = ShapePlan(as_shape(state), node.moves, state) if node.moves or not why else None
         return Reach(plan, why, node.steps, *self.miss.errors(state))
 
     def _note(self, node: Node) -> None:
@@ -283,7 +288,8 @@ class _Search:
         if not out_of_reach:
             why = (f'no plan was found: {self._in_the_way()}; the nearest that was found is '
                    f'{left} from the goal')
-        return self._result(self.nearest, why)
+        names = dict.fromkeys(name for (name, _), _ in self.blocked.most_common() if name)
+        return replace(self._result(self.nearest, why), blocked_by=tuple(names))
 
     def _in_the_way(self) -> str:
         """Say what stopped the candidates, the most frequent first."""
@@ -298,3 +304,9 @@ class _Search:
             elif limit == 'held':
                 said.append('the tendons do not hold the arm on the way')
         return ', '.join(dict.fromkeys(said)) or 'the time was too short'
+
+
+def as_shape(state: Any) -> Shape:
+    """Return the shape of a state."""
+    return Shape(NAME, tuple(state.bending_angles.tolist()), 0.0,
+                 tuple(state.bending_directions.tolist()))

@@ -1,0 +1,243 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Plans that lead the tip through goals one after the other.
+
+A segment that stays soft leads the tip along a curve.  So shapes are looked for from which one
+segment alone comes near to all goals; where it does not, others take over on the way.  What is
+between two goals is compared with the straight line between them.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations
+from time import monotonic
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.sequencing.planner import Move, PlanError, ShapePlan, ShapePlanner, WHOLE_ARM
+from soft_continuum.sequencing.reach.arcs import Arcs, Miss
+from soft_continuum.sequencing.reach.candidates import Candidate
+from soft_continuum.sequencing.reach.goal import ReachSettings, Surroundings, TipGoal
+from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
+from soft_continuum.sequencing.reach.result import PlannedStep, Reach
+from soft_continuum.sequencing.reach.search import as_shape, Search
+
+WIDTH = 3  # plans that are carried on from goal to goal
+PAIRS = 4  # ways to set two segments that are tried where one does not come near enough
+BEGIN_PART = 0.3  # of the time, to get to the first goal
+FIT_STARTS = 2  # shapes that the fit of a whole path begins at
+MAX_GOALS = 200
+
+
+def follow(planner: ShapePlanner, state: Any, pulls: Sequence[float], goals: Sequence[TipGoal],
+           surroundings: Surroundings, settings: ReachSettings | None = None
+           ) -> Iterator[Reach]:
+    """
+    Yield plans through goals of the tip, each better than the one before it; the last is the best.
+
+    The others are those of ``reach``.  tip_error of a plan is the largest distance of the tip from
+    the line through the goals, from the first of them on, and of each goal from the tip;
+    turn_error that of its orientation at the goals.  A plan is better with less of what is beyond
+    the tolerances, then with fewer softenings, then if it is faster.  Neighbouring moves of one
+    segment are one, with a short rest at each goal.
+    """
+    settings = settings or ReachSettings()
+    if not 2 <= len(goals) <= MAX_GOALS:
+        raise PlanError(f'a path has {len(goals)} goals; allowed: 2 to {MAX_GOALS}')
+    for goal in goals:
+        goal.check(planner.statics.chain.arm)
+        if (inside := surroundings.at(goal.position)).distance <= 0.0:
+            raise PlanError(f'a goal of the path is in {inside.obstacle}')
+    start = Passages(planner, surroundings, settings).start(state, np.array(pulls, dtype=float))
+    yield from _Following(planner, start, goals, surroundings, settings).run()
+
+
+@dataclass(frozen=True, eq=False)
+class _Track:
+    """A plan up to a goal: how far its tip was off, m and rad, and beyond the tolerances."""
+
+    node: Node
+    away: float = 0.0
+    turn: float = 0.0
+    beyond: float = 0.0
+
+    @property
+    def cost(self) -> tuple[float, ...]:
+        moves, steps = joined(self.node.moves, self.node.steps)
+        return (round(self.beyond, 2), len(moves), sum(step.duration for step in steps))
+
+
+class _Following:
+    """One search."""
+
+    def __init__(self, planner: ShapePlanner, start: Node, goals: Sequence[TipGoal],
+                 surroundings: Surroundings, settings: ReachSettings) -> None:
+        self.planner, self.start, self.goals = planner, start, goals
+        self.surroundings, self.settings = surroundings, settings
+        self.arcs = Arcs(planner.statics.chain.arm)
+        self.end = monotonic() + settings.time_limit
+        self.movers = tuple(range(len(self.arcs.limits))) if planner.settings.jamming else (
+            WHOLE_ARM,)
+
+    def run(self) -> Iterator[Reach]:
+        """Yield better and better plans."""
+        first = replace(self.settings, time_limit=BEGIN_PART * self.settings.time_limit)
+        search = Search(self.planner, self.start, self.goals[0], self.surroundings, first)
+        for found in search.run():
+            if not found.why and found.softenings:
+                break
+        if found.why:
+            yield replace(found, why=f'the first goal of the path: {found.why}')
+            return
+        best: _Track | None = None
+        begins = [search.last]
+        for nodes in (begins, self._begins()):
+            for track in self._tracks(nodes):
+                if best is None or track.cost < best.cost:
+                    best = track
+                    yield self._result(track)
+        if best is None:
+            yield Reach(None, 'the path is blocked or out of reach: no way from its first goal to '
+                        'its last was found in time', (), *search.miss.errors(self.start.state))
+
+    def _begins(self) -> Iterator[Node]:
+        """Yield nodes at the first goal from which one segment may do it all."""
+        if self.movers == (WHOLE_ARM,):
+            return
+        shapes = [shape for mover in self.movers for shape in self._fitted(mover)]
+        for _, shape in sorted(shapes, key=lambda one: one[0]):
+            search = self._search(self.start, self.goals[0])
+            for order in permutations(self.movers):
+                way = [np.array(self.start.state.bending)]
+                for mover in order:
+                    way.append(way[-1].copy())
+                    way[-1][mover] = shape[mover]
+                try:
+                    yield search.planned(Candidate(order, np.array(way), len(order), 0.0, 0.0))
+                    break
+                except BlockedError:
+                    continue
+
+    def _fitted(self, mover: int) -> list[tuple[float, Array]]:
+        """Return shapes from which a segment comes near to all goals, and what it misses."""
+        arcs, goals = self.arcs, [Miss(goal) for goal in self.goals]
+        own = arcs.columns([mover])
+        others = np.setdiff1d(arcs.columns(self.movers), own)
+
+        def shapes(values: Array) -> Array:
+            rows = np.zeros((len(goals), arcs.free.size))
+            rows[:, others] = values[:len(others)]
+            rows[:, own] = values[len(others):].reshape(len(goals), -1)
+            return arcs.within(rows.reshape(len(goals), *arcs.free.shape))
+
+        def missed(values: Array) -> Array:
+            if monotonic() > self.end:
+                raise PlanError('it is late')
+            places, turns = arcs.tips(shapes(values))
+            return np.concatenate([goal.of(place[None], turn[None])[0] for goal, place, turn in
+                                   zip(goals, places, turns, strict=True)])
+
+        found = []
+        begins = arcs.drawn(np.random.default_rng(self.settings.seed), FIT_STARTS)
+        for begin in (np.array(self.start.state.bending), *begins):
+            flat = begin.reshape(-1)
+            fit = least_squares(missed, np.concatenate(
+                [flat[others], np.tile(flat[own], len(goals))]), max_nfev=40, x_scale=0.1)
+            found.append((float(fit.cost), shapes(fit.x)[0]))
+        return sorted(found, key=lambda one: one[0])[:1]
+
+    def _tracks(self, nodes: Sequence[Node] | Iterator[Node]) -> Iterator[_Track]:
+        """Yield where each of some nodes at the first goal leads."""
+        try:
+            for node in nodes:
+                tracks = [self._seen(_Track(self.start), node, 0)]
+                for number in range(1, len(self.goals)):
+                    after = [one for track in tracks for one in self._next(track, number)]
+                    tracks = sorted(after, key=lambda one: one.cost)[:WIDTH]
+                yield from tracks[:1]
+        except PlanError:
+            self.planner.check_wanted()  # else it was late
+
+    def _next(self, track: _Track, number: int) -> list[_Track]:
+        """Return what leads from a track to the next goal."""
+        search, present = self._search(track.node, self.goals[number]), track.node.state.bending
+        found = []
+
+        def note(candidate: Candidate) -> None:
+            try:
+                found.append(self._seen(track, search.planned(candidate, anyway=True), number))
+            except BlockedError:
+                return
+
+        for mover in self.movers:
+            bent, _ = self.arcs.fit(present[None], [mover], search.miss)
+            note(Candidate((mover,), np.stack([present, bent[0]]), 1, 0.0, 0.0))
+        room = self.settings.max_softenings - len(joined(track.node.moves, track.node.steps)[0])
+        if room > 1 and not any(one.beyond <= track.beyond for one in found):
+            pairs = [c for part in search.candidates.of(2) for c in part]
+            for candidate in sorted(pairs, key=lambda one: one.seconds)[:PAIRS]:
+                note(candidate)
+        return [one for one in found if one.cost[1] <= self.settings.max_softenings]
+
+    def _search(self, node: Node, goal: TipGoal) -> Search:
+        search = Search(self.planner, node, goal, self.surroundings, self.settings)
+        search.end = self.end
+        return search
+
+    def _seen(self, track: _Track, node: Node, number: int) -> _Track:
+        """Return a track that goes on to a node, at a goal of that number."""
+        goal = self.goals[number]
+        away, turn = Miss(goal).errors(node.state)
+        if number:
+            tips = np.array([state.backbone[-1] for step in node.steps[len(track.node.steps):]
+                             for state in step.states])
+            away = max(away, _farthest(tips, self.goals[number - 1].position, goal.position))
+        beyond = max(away / goal.position_tolerance,
+                     0.0 if goal.kind == 'position' else turn / goal.angle_tolerance) - 1.0
+        return _Track(node, max(track.away, away), max(track.turn, turn),
+                      max(track.beyond, beyond, 0.0))
+
+    def _result(self, track: _Track) -> Reach:
+        moves, steps = joined(track.node.moves, track.node.steps)
+        why = ''
+        if track.beyond > 0.0:
+            why = (f'the path is followed within {track.away * 1e3:.1f} mm' + (
+                '' if self.goals[0].kind == 'position' else
+                f' and {np.degrees(track.turn):.1f} degrees')
+                + ' at best, which is more than its tolerances')
+        plan = ShapePlan(as_shape(track.node.state), moves, track.node.state)
+        return Reach(plan, why, steps, track.away, track.turn)
+
+
+def _farthest(points: Array, one: Array, other: Array) -> float:
+    """Return how far the farthest of points (m, 3) is from the line between two others, m."""
+    along = other - one
+    part = np.clip((points - one) @ along / max(float(along @ along), 1e-18), 0.0, 1.0)
+    return float(np.linalg.norm(points - one - part[:, None] * along, axis=1).max(initial=0.0))
+
+
+def joined(moves: Sequence[Move], steps: Sequence[PlannedStep]
+           ) -> tuple[tuple[Move, ...], tuple[PlannedStep, ...]]:
+    """Return moves and their steps, those after another of the same segment as one with it."""
+    some: list[Move] = []
+    seen: list[PlannedStep] = []
+    for move, step in zip(moves, steps, strict=True):
+        if not some or some[-1].segment != move.segment:
+            some.append(move)
+            seen.append(step)
+            continue
+        before, last = some[-1], seen[-1]
+        pause = step.duration - move.duration
+        some[-1] = replace(
+            move, times=np.concatenate([before.times, before.duration + move.times[1:]]),
+            pulls=np.concatenate([before.pulls, move.pulls[1:]]),
+            largest_tension=max(before.largest_tension, move.largest_tension))
+        nearest = min(last, step, key=lambda one: one.clearance)
+        seen[-1] = PlannedStep(last.states + step.states, nearest.clearance, nearest.obstacle,
+                               max(last.tension, step.tension),
+                               last.duration + step.duration - pause)
+    return tuple(some), tuple(seen)
