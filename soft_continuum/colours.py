@@ -28,7 +28,7 @@ AXES: Colour = (20, 20, 20)
 """Of the axes at the base of an arm in space."""
 WRONG: Colour = (214, 40, 40)
 """Of what is wrong."""
-OBSTACLE: Colour = (150, 110, 80)
+OBSTACLE: Colour = (130, 130, 85)
 """Of what the arm must not touch."""
 OBSTACLE_OPACITY = 0.6
 LOCKED: Colour = (142, 68, 173)

@@ -19,7 +19,7 @@ import setuptools
 ROOT = Path(__file__).resolve().parent.parent
 # Where the name of an import is not that of the distribution.
 IMPORTED_AS = {'cv2': 'opencv-python-headless', 'mcap_ros2': 'mcap-ros2-support',
-               'serial': 'pyserial', 'yaml': 'pyyaml'}
+               'mpl_toolkits': 'matplotlib', 'serial': 'pyserial', 'yaml': 'pyyaml'}
 MANIFESTS = ('package.xml', 'soft_continuum_interfaces/package.xml')
 
 

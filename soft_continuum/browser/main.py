@@ -82,7 +82,7 @@ class View:
         if self._scene is not None and self._is_looked_at:
             with self._server.atomic():
                 state = self._session.state
-                self._scene.show(state, self._session.ghost(state))
+                self._scene.show(state, self._session.ghost(state), self._session.obstacles)
 
     def _update_panel(self) -> None:
         state = self._session.state

@@ -1,12 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is drawn: discs, skins, tendons, what is measured, predicted, and aimed at.
+What is drawn: discs, skins, tendons, obstacles, what is measured, predicted, and aimed at.
 
 Handles are kept and moved; only what has changed is sent.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import viser
@@ -23,6 +23,7 @@ from soft_continuum.browser.meshes import (
     SIDES,
     tube,
 )
+from soft_continuum.browser.obstacles import DrawnObstacles
 from soft_continuum.browser.points import Points
 from soft_continuum.browser.session import Description
 from soft_continuum.client.state import ArmState, Pose
@@ -42,6 +43,8 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, orientation
 from soft_continuum.mechanics.either import chain_of, mounting_angle_of, State
 from soft_continuum.mechanics.spatial.orientations import matrices
+from soft_continuum.obstacles import Obstacle
+from soft_continuum.ros.obstacles import Key
 
 RINGS_PER_JOINT = 3
 PLEAT = 0.03  # of the radius: a skin is seen to bend by its pleats
@@ -99,6 +102,7 @@ class Scene:
         self._add_surroundings(server, description)
         self._add_arm(server.scene, description)
         self._add_beside_it(server.scene)
+        self._obstacles = DrawnObstacles(server.scene)
 
     def _add_surroundings(self, server: viser.ViserServer, description: Description) -> None:
         """Add the ground, the frame of the base, its axes, and the camera."""
@@ -179,8 +183,9 @@ class Scene:
             '/arm/ghost', np.zeros((2 * SIDES, 3)), faces(2), color=GHOST, opacity=GHOST_OPACITY,
             visible=False, cast_shadow=False, side='double')
 
-    def show(self, state: ArmState, ghost: Points) -> None:
+    def show(self, state: ArmState, ghost: Points, obstacles: Mapping[Key, Obstacle]) -> None:
         """Bring the scene up to date; ghost: of the shape that is gone to, or chosen."""
+        self._obstacles.show(obstacles)
         count = len(self._skins)
         stiff: Sequence[bool | None] = (None,) * count  # a stale shape is drawn grey
         angles = state.joint_angles or ()

@@ -3,7 +3,7 @@
 """What the view has beyond the observed arm: its description, notices, and what buttons do."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite
@@ -34,8 +34,10 @@ from soft_continuum.client.state_text import reached_text
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.nodes.up import nodes_for
+from soft_continuum.obstacles import Obstacle
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import KINEMATICS
+from soft_continuum.ros.obstacles import Key, known_from_ros, MAX_KNOWN_BYTES
 from soft_continuum.ros.qos import LATCHED
 from soft_continuum.sequencing.progress import AIMS
 from soft_continuum_interfaces.msg import MotionRequest
@@ -107,8 +109,8 @@ class Session:
     """
     Follows the description of the arm, collects notices, carries out what the page asks for.
 
-    target: points (x, y, z) m along the shape that a sequence goes to.  Requests may come from any
-    thread; everything else belongs on the thread that spins the node.
+    target: points (x, y, z) m along the shape that a sequence goes to.  obstacles: that are known.
+    Requests may come from any thread; everything else belongs on the thread that spins the node.
     """
 
     def __init__(self, requests: Requests) -> None:
@@ -119,6 +121,7 @@ class Session:
         self.description: Description | None = None
         self.notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self.target: Points = ()
+        self.obstacles: Mapping[Key, Obstacle] = {}
         self._preview: tuple[Points, float] = (), -inf  # and when it was chosen
         self._waiting: Counter[str] = Counter()
         self._description_problem = ''
@@ -131,6 +134,8 @@ class Session:
         self._anomalies: frozenset[tuple[str, int, int, str]] = frozenset()  # that were reported
         self.observed.on_change(self._on_change)
         subscribe(requests.node, MarkerArray, 'target_markers', self._on_target, LATCHED)
+        subscribe(requests.node, MarkerArray, 'known_obstacles', self._on_obstacles, LATCHED,
+                  MAX_KNOWN_BYTES)
 
     def notify(self, title: str, text: str, *, is_problem: bool = False, in_bar: bool = True
                ) -> None:
@@ -152,6 +157,9 @@ class Session:
         points = [(p.x, p.y, p.z) for marker in message.markers[:1]
                   for p in marker.points[:MAX_TARGET_POINTS]]
         self.target = tuple(p for p in points if all(map(isfinite, p)))
+
+    def _on_obstacles(self, message: MarkerArray) -> None:
+        self.obstacles = known_from_ros(message)
 
     def _on_change(self, topic: str) -> None:
         """Report what is wrong, and what motion ended early for a reason that nobody asked for."""
@@ -193,7 +201,7 @@ class Session:
 
         The one that is gone to, else the one that somebody chose, else that of the planned tip.
         """
-        if state.progress is not None:
+        if state.progress is not None and self.target:
             return self.target
         points, since = self._preview
         return points if monotonic() - since < PREVIEW else self.tip.points

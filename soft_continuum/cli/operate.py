@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from math import isfinite, radians
 import os
+from pathlib import Path
 import signal
 import sys
 from time import sleep
@@ -276,6 +277,39 @@ def _jog(arm: 'Arm', options: Namespace, output: Output) -> int:
     return output.done(f'pulls: {pulls_text(arm.state)}')
 
 
+# Obstacles.
+
+
+def _obstacles_options(parser: Parser) -> None:
+    parser.add_argument('file', nargs='?', type=Path, metavar='FILE',
+                        help='YAML file with obstacles to add, as config/obstacles_example.yaml')
+    parser.add_argument('--remove', action='append', default=[], metavar='NAME',
+                        help='obstacle to remove; may be repeated')
+    parser.add_argument('--clear', action='store_true',
+                        help='remove all, before those of FILE are added')
+    parser.add_argument('--list', action='store_true',
+                        help='only list what shape_sequencer plans with, as without options')
+    parser.add_argument('--unit', choices=('m', 'mm'), default='m',
+                        help='of the list; FILE says its own (default: %(default)s)')
+
+
+def _obstacles(arm: 'Arm', options: Namespace, output: Output) -> int:
+    """Change the obstacles, then list them."""
+    from soft_continuum.client.obstacles import obstacles_text
+    obstacles = arm.obstacles
+    if options.remove:
+        obstacles.remove(*options.remove)
+    if options.file is not None:
+        obstacles.load(options.file, replace=options.clear)
+    elif options.clear:
+        obstacles.clear()
+    known = obstacles.known
+    output.print(obstacles_text(known, options.unit), obstacles=[
+        {'name': one.name, 'shape': one.shape.kind, 'position': one.position,
+         'orientation': one.orientation, 'size': one.size} for one in known])
+    return DONE
+
+
 # The state, and what takes no options.
 
 
@@ -306,6 +340,9 @@ ACTIONS = {
     'soften': Action(_soften, _soften_options),
     'jog': Action(_jog, _jog_options, lambda options: '' if options.moves
                   or options.moves_by_option else 'give TENDON=MM, such as right=1.5 left=-1.5'),
+    'obstacles': Action(_obstacles, _obstacles_options, lambda options: (
+        '--list changes nothing; leave it out, or FILE, --remove and --clear'
+        if options.list and (options.file or options.remove or options.clear) else '')),
     'stop': Action(lambda arm, _, output: output.done(arm.stop())),
     'resume': Action(lambda arm, _, output: output.done(arm.resume())),
     'reference': Action(lambda arm, _, output: output.done(arm.reference())),

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.analysis.plan_figure import plan_figure, SUFFIXES
 from soft_continuum.analysis.results import ResultError, text_table
-from soft_continuum.analysis.tip_path import read_tip_path
 from soft_continuum.arguments import DONE, FAILED, number_in, Parser, whole_number_in
 from soft_continuum.cli.common import any_described_arm, run_verb
 from soft_continuum.cli.operate import bendings
+from soft_continuum.cli.plan_picture import plan_figure, SUFFIXES
 from soft_continuum.cli.tip_options import add_tip, given_tip, tip_problem, UNITS
+from soft_continuum.cli.tip_path import read_tip_path
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.obstacles.files import load_obstacles
@@ -80,7 +80,7 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
     tips = (read_tip_path(options.path, options.unit, UNITS[options.unit] * options.tolerance)
             if options.path else [given_tip(options)])
     start, found = _planned(arm, values, around, options.start, tips)
-    _print(found, options.json)
+    _print(found, options.json, len(tips) > 1)
     if options.picture and found.plan is not None and found.steps:
         plan_figure(options.picture, start, found, around.obstacles,
                     np.array([tip.place for tip in tips]))
@@ -116,8 +116,8 @@ def _goal(tip: Tip, values: dict[str, Any]) -> TipGoal:
         tip.angle_tolerance or values['reach.angle_tolerance'])
 
 
-def _print(found: Reach, as_json: bool) -> None:
-    """Print the steps, and what they come to."""
+def _print(found: Reach, as_json: bool, path: bool) -> None:
+    """Print the steps, and what they come to; path: whether there are several goals."""
     moves = found.plan.moves if found.plan is not None else ()
     if as_json:
         print(json.dumps({
@@ -140,10 +140,12 @@ def _print(found: Reach, as_json: bool) -> None:
         print(text_table(['step', 'segment', 'bending angles, degrees', 'time s', 'tension N',
                           'clearance mm', 'tip x, y, z mm'], rows))
     turned = f' and {np.degrees(found.turn_error):.1f} degrees' if found.turn_error else ''
+    off = f'{1e3 * found.tip_error:.1f} mm{turned}'
     print(f'{found.softenings} {"softening" if found.softenings == 1 else "softenings"}, '
           f'{found.duration:.0f} s, up to {found.tension:.1f} N, clearance '
-          f'{_clearance(*found.clearance)}; the tip ends {1e3 * found.tip_error:.1f} mm{turned} '
-          'from its goal')
+          f'{_clearance(*found.clearance)}; '
+          + (f'the tip leaves its path by up to {off}' if path
+             else f'the tip ends {off} from its goal'))
 
 
 def _angles(state: Any) -> str:

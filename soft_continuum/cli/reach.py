@@ -46,7 +46,7 @@ def _follow_options(parser: Parser) -> None:
 
 def _follow(arm: 'Arm', options: Namespace, output: Output) -> int:
     from soft_continuum.analysis.delimited import MeasurementError
-    from soft_continuum.analysis.tip_path import read_tip_path
+    from soft_continuum.cli.tip_path import read_tip_path
     try:
         tips = read_tip_path(options.file, options.unit, UNITS[options.unit] * options.tolerance)
     except MeasurementError as error:

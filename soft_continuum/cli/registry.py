@@ -61,6 +61,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         _operate('stiffen', 'evacuate a segment, or all, and wait until it is stiff'),
         _operate('soften', 'vent a segment and wait until it is soft'),
         _operate('jog', 'pull in or pay out tendons by some mm, while a segment is soft'),
+        _operate('obstacles', 'list, add or remove what the arm must not touch'),
         _operate('stop', 'stop all motion, holding tension'),
         _operate('resume', 'allow motion after a stop'),
         _operate('reference', 'take the present pulls as those of the straight arm'),

@@ -14,7 +14,7 @@ from typing import Any, TYPE_CHECKING, TypeVar
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError, NoAnswerError
 from soft_continuum.client.tasks import running_nodes, until
-from soft_continuum.ros.names import TWIN
+from soft_continuum.ros.names import SHAPE_SEQUENCER, TWIN
 from soft_continuum.sequencing.progress import AIMS
 
 if TYPE_CHECKING:  # stop must not wait for any of these
@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # stop must not wait for any of these
 
     from soft_continuum.client.measured import MeasuredArm, MeasuredDisc
     from soft_continuum.client.observed import ObservedArm
+    from soft_continuum.client.obstacles import ArmObstacles
     from soft_continuum.client.plan import Plan
     from soft_continuum.client.sequence import RunningSequence, ShapeLike
     from soft_continuum.client.state import ArmState, Progress, SequenceResult
@@ -61,6 +62,7 @@ class Arm:
         self._sequences: list[RunningSequence] = []
         self._description: AnyArm | None = None
         self._measured: MeasuredArm | None = None
+        self._obstacles: ArmObstacles | None = None
 
     def __enter__(self) -> 'Arm':
         """Return this arm."""
@@ -165,14 +167,14 @@ class Arm:
         """
         Draw the present shape, in mm, into ``axes`` or a new figure; return the axes.
 
-        Soft segments are in colour.
-
+        Soft segments are in colour; the obstacles that shape_sequencer knows are seen along y.
         Raises ClientError while the shape is unknown.
         """
         from matplotlib import pyplot
         import numpy as np
 
         from soft_continuum.analysis.figures import draw_arm
+        from soft_continuum.analysis.obstacle_figures import draw_around
         from soft_continuum.mechanics.chain import RigidChain
         chain, state = RigidChain(self.planar_description), self.state
         if state.joint_angles is None:
@@ -181,6 +183,8 @@ class Arm:
         axes = pyplot.subplots()[1] if axes is None else axes
         soft = [i for i, stiff in enumerate(state.stiff) if stiff is False]
         draw_arm(axes, chain, np.array(state.joint_angles), soft)
+        if running_nodes(self._connection.node, [SHAPE_SEQUENCER])[SHAPE_SEQUENCER]:
+            draw_around(axes, self.obstacles.known, chain.arm.length)
         axes.set_ylabel('z in mm')
         return axes
 
@@ -201,6 +205,14 @@ class Arm:
             self._measured = MeasuredArm(
                 observed, self._connection.node.get_clock(), dimensions)
         return await self._measured.measure(duration)
+
+    @property
+    def obstacles(self) -> 'ArmObstacles':
+        """What is around the arm: ``arm.obstacles.load('obstacles.yaml')``."""
+        if self._obstacles is None:
+            from soft_continuum.client.obstacles import ArmObstacles
+            self._obstacles = ArmObstacles(self._requests)
+        return self._obstacles
 
     @property
     def is_simulated(self) -> bool:

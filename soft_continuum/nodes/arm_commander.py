@@ -113,6 +113,11 @@ class ArmCommander(MotionCommander):
         super().begin()
         self.switch_failure = ''
 
+    def hold(self) -> None:
+        """Request that the tendons brake and hold; that this ends the motion is no failure."""
+        super().hold()
+        self._motion_id, self.motion_failure = '', None
+
     def set_stiff(self, segment: int, stiff: bool) -> None:
         """Request that jamming_valves evacuates or vents a segment (0-based)."""
         run = self._run

@@ -25,6 +25,7 @@ from soft_continuum.ros.obstacles import (
     name_of,
     obstacle_from_ros,
     obstacle_to_ros,
+    REFUSED,
 )
 from soft_continuum.ros.qos import LATCHED, OBSTACLES
 from soft_continuum.text import MAX_NAME, printable
@@ -77,7 +78,7 @@ class KnownObstacles:
         """What ~/status says of them."""
         values = {'obstacles': str(len(self._known))}
         if self._refused:
-            values['obstacles refused'] = f'{self._refused}, the last one: {self._refusal}'
+            values[REFUSED] = f'{self._refused}, the last one: {self._refusal}'
         return values
 
     def _on_markers(self, message: MarkerArray) -> None:

@@ -30,7 +30,8 @@ class PlanGuard:
         Return which obstacle is in the way of the rest of a plan, and how far the arm is from it.
 
         Empty for none, and for near enough.  move: (0-based) that is made or comes next.  state:
-        of the arm, None where it is not known.
+        of the arm, None where it is not known.  Where angles are set and no obstacle is known,
+        the arm may be anywhere.
         """
         if plan is not self._plan:
             self._plan, self._watch, self._seen, self._look = plan, None, None, None
@@ -45,4 +46,5 @@ class PlanGuard:
             self._look = None
         if around is not self._seen and self._look is None:
             self._seen, self._look = around, self._thread.submit(watch.look, around)
-        return watch.obstructed(move, state), watch.departed(move, state)
+        planned = bool(plan and plan.shape.tips) or bool(around.obstacles)
+        return watch.obstructed(move, state), watch.departed(move, state) if planned else ''

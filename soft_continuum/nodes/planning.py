@@ -46,10 +46,11 @@ class Planning:
         """
         Begin to plan shapes one after the other; the future raises PlanError if one has none.
 
-        first: take the first plan to a goal of the tip, and look for no better one.
+        first: it is enough to know that there are plans, not how good they could be nor the
+        states on their ways.
         """
         around = self._surroundings()
-        if not around.obstacles and not any(shape.tips for shape in shapes):
+        if first and not around.obstacles and not any(shape.tips for shape in shapes):
             return self._start(lambda planner, state, pulls: planner.plan(state, pulls, shapes))
         settings = reach_from_parameters(self._parameters)
         return self._start(lambda planner, state, pulls: [

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.obstacles.shapes import check_size, ObstacleError
 
-MAX_TRIANGLES = 20_000
+MAX_TRIANGLES = 10_000
 """Of one mesh: more do not tell such an arm where it may go, and each distance takes long."""
 FLAT = 1e-6  # of the cube of its largest extent: volume below which a mesh encloses nothing
 REPAIR = 'close it, for instance with MeshLab (Close Holes), or give a box around it'

@@ -52,6 +52,12 @@ class Obstacle:
                                 'allowed: a unit quaternion x, y, z, w, such as [0, 0, 0, 1]')
 
     @property
+    def size(self) -> tuple[float, float, float]:
+        """Its lengths along x, y and z of its own frame, m."""
+        x, y, z = np.ptp(self.shape.bounds, axis=0).tolist()
+        return x, y, z
+
+    @property
     def rotation(self) -> Array:
         """Rotation matrix of the shape's frame in base_link, (3, 3)."""
         turn = np.array(self.orientation, dtype=float)

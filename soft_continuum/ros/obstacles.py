@@ -9,17 +9,18 @@ text is CAPSULE, and two SPHEREs with the text END, which are there to be seen o
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from urllib.parse import unquote, urlparse
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
 import numpy as np
 from std_msgs.msg import ColorRGBA
-from visualization_msgs.msg import Marker
+from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.colours import OBSTACLE, OBSTACLE_OPACITY
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.obstacles.files import load_mesh
+from soft_continuum.obstacles.files import load_mesh, MAX_OBSTACLES
 from soft_continuum.obstacles.mesh import joined, Mesh
 from soft_continuum.obstacles.obstacle import Obstacle, Shape, UPRIGHT
 from soft_continuum.obstacles.shapes import (
@@ -35,10 +36,13 @@ from soft_continuum.text import MAX_NAME, printable
 
 Key = tuple[str, int]
 """Namespace and number of a marker."""
+REFUSED = 'obstacles refused'
+"""Of ~/status: how many messages were, and why the last one was."""
 CAPSULE, END = 'capsule', 'end of a capsule'
 MAX_MARKER_BYTES = 500_000
 """Of a message with obstacles, some 6,900 triangles: to convert it takes 0.1 s."""
-MAX_KNOWN_BYTES = 4_000_000
+MAX_KNOWN = 1 + 3 * MAX_OBSTACLES  # markers
+MAX_KNOWN_BYTES = 1_000_000
 """Of all obstacles that are known."""
 KINDS = {Marker.SPHERE: 'SPHERE', Marker.CUBE: 'CUBE', Marker.CYLINDER: 'CYLINDER',
          Marker.TRIANGLE_LIST: 'TRIANGLE_LIST', Marker.MESH_RESOURCE: 'MESH_RESOURCE'}
@@ -102,6 +106,18 @@ def _shape_from_ros(marker: Marker) -> Shape:
         raise ObstacleError(f'{len(marker.points)} points; three make a triangle')
     points = np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 3, 3)
     return joined(points * scale)
+
+
+def known_from_ros(message: MarkerArray) -> dict[Key, Obstacle]:
+    """Return what known_obstacles says, without what cannot be used."""
+    found = {}
+    for marker in message.markers[:MAX_KNOWN]:
+        # None is of a file: what others send must not make this process read one.
+        if (marker.action == Marker.ADD and marker.type != Marker.MESH_RESOURCE
+                and not is_decoration(marker)):
+            with suppress(ObstacleError):
+                found[marker.ns, marker.id] = obstacle_from_ros(marker, marker.header.frame_id)
+    return found
 
 
 def obstacle_to_ros(key: Key, obstacle: Obstacle, frame: str, stamp: Time) -> Iterator[Marker]:

@@ -3,6 +3,7 @@
 """Plans of shapes one after the other, given by angles or by the tip, among obstacles."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import permutations
 import re
@@ -21,7 +22,13 @@ from soft_continuum.sequencing.planner import (
     ShapePlan,
     ShapePlanner,
 )
-from soft_continuum.sequencing.reach import PlannedStep, Reach, reach, ReachSettings
+from soft_continuum.sequencing.reach import (
+    follow,
+    PlannedStep,
+    Reach,
+    reach,
+    ReachSettings,
+)
 from soft_continuum.sequencing.reach.passage import BlockedError, Passages
 
 STATES = 20
@@ -48,9 +55,9 @@ def plan_shapes(planner: ShapePlanner, state: Any, pulls: Sequence[float],
                 found = _in_some_order(planner, state, pulls, shape, surroundings, settings)
             else:
                 found = _from_base(planner, state, pulls, shape, settings)
-        except (PlanError, StaticsError) as error:
+        except PlanError as error:
             planner.check_wanted()
-            found = Reach(None, str(error))
+            found = Reach(None, str(error).removeprefix(f'{shape.name}: '))
         yield found
         if found.why or found.plan is None:
             return
@@ -70,7 +77,9 @@ def plan_of(found: Reach, shape: Shape, surroundings: Surroundings) -> ShapePlan
 def _by_tip(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
             surroundings: Surroundings, settings: ReachSettings, first: bool) -> Reach:
     """Return the best plan to a goal of the tip, or along a path."""
-    for found in reach(planner, state, pulls, shape.tips[0], surroundings, settings):
+    for found in (reach(planner, state, pulls, shape.tips[0], surroundings, settings)
+                  if len(shape.tips) == 1 else
+                  follow(planner, state, pulls, shape.tips, surroundings, settings)):
         if first and not found.why:
             break
     if found.plan is None:
@@ -94,12 +103,13 @@ def _from_base(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape:
 
 
 def _step(planner: ShapePlanner, state: Any, move: Move, settings: ReachSettings) -> PlannedStep:
-    """Return what is predicted of a move where nothing is in the way; raises StaticsError."""
-    states = [planner.softened(state, move.pulls[0], move.segment)]
-    rows = np.unique(np.linspace(0, len(move.pulls) - 1, STATES + 1).round().astype(int))[1:]
-    for row in rows.tolist():
-        planner.check_wanted()
-        states.append(planner.held(states[-1], move.pulls[row], move.segment, move.sliding))
+    """Return what is predicted of a move where nothing is in the way."""
+    states = [state]
+    rows = np.unique(np.linspace(0, len(move.pulls) - 1, STATES).round().astype(int))
+    with suppress(StaticsError):  # it was planned without a look at each of them
+        for row in rows.tolist():
+            planner.check_wanted()
+            states.append(planner.held(states[-1], move.pulls[row], move.segment, move.sliding))
     pause = settings.softening_time if planner.settings.jamming else 0.0
     return PlannedStep(tuple(states), np.inf, '', move.largest_tension, move.duration + pause)
 

@@ -13,7 +13,9 @@ import io
 from pathlib import Path
 import re
 import signal
+from typing import Any
 
+from builtin_interfaces.msg import Time
 from conftest import address_of, OpenPage, SLOW, start_view
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from page import dark, DEADLINE, green, orange, Page, teal
@@ -24,12 +26,15 @@ import pytest
 from ros_rig import Rig
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Bool
+from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.analysis.bag_tables import read_recording
 from soft_continuum.nodes.up import description_file
+from soft_continuum.obstacles import Box, Capsule, Obstacle, Sphere
 from soft_continuum.parameters.files import given_parameters, UNCHECKED
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
-from soft_continuum.ros.qos import LATCHED, STREAM
+from soft_continuum.ros.obstacles import obstacle_to_ros
+from soft_continuum.ros.qos import LATCHED, OBSTACLES, STREAM
 
 pytestmark = pytest.mark.timeout(600)
 ARTEFACT = Path(__file__).resolve().parents[2] / 'log' / 'browser' / 'view.png'
@@ -171,6 +176,26 @@ def test_what_sensors_see_is_drawn_beside_the_model_and_its_distance_is_said(
     page.wait_for_pixels(teal, 40, MANY, 'teal, as what is measured is')
     sensors.cancel()
     page.wait_for_text('no sensor measures the discs')  # a sensor that says nothing any more
+
+
+def test_obstacles_are_drawn_as_long_as_they_are_known(page: Page, rig: Rig) -> None:
+    def olive(colours: Any) -> Any:
+        return (abs(colours[..., 0] - colours[..., 1]) < 12) & (
+            colours[..., 2] < colours[..., 1] - 15)
+
+    page.wait_for_pixels(olive, 0, 5, 'olive, though there is no obstacle')
+    publisher = rig.publisher(MarkerArray, 'obstacles', OBSTACLES)
+    rig.wait_for(publisher.get_subscription_count, 'the sequencer')
+    there = [Obstacle('ball', Sphere(0.03), (0.14, 0.0, 0.1)),
+             Obstacle('pipe', Capsule(0.015, 0.08), (-0.14, 0.0, 0.1)),
+             Obstacle('box', Box((0.05, 0.05, 0.05)), (0.14, 0.0, 0.25))]
+    publisher.publish(MarkerArray(markers=[
+        marker for one in there for marker in obstacle_to_ros(
+            (one.name, 0), one, 'base_link', Time())]))
+    page.wait_for_pixels(olive, 100, MANY, 'olive, as obstacles are')
+    page.picture(ARTEFACT.with_name('obstacles.png'))
+    publisher.publish(MarkerArray(markers=[Marker(action=Marker.DELETEALL)]))
+    page.wait_for_pixels(olive, 0, 5, 'olive, though no obstacle is left')
 
 
 def test_an_emergency_stop_greys_what_it_refuses_until_it_is_off(page: Page, rig: Rig) -> None:

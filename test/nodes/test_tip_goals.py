@@ -1,0 +1,165 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Goals of the tip, plans of them, and obstacles that come into their way, over DDS."""
+
+from collections.abc import Iterator
+from math import hypot, inf
+from typing import Any
+
+from geometry_msgs.msg import Point, Pose
+import pytest
+from ros_rig import LATCHED, Rig
+from visualization_msgs.msg import Marker, MarkerArray
+
+from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import Shape, TipGoal
+from soft_continuum_interfaces.srv import PlanShapes
+
+PLACE = (0.15, 0.22)  # x, z, m
+TOLERANCE = 1e-3  # m
+
+
+def at(x: float, z: float, **fields: Any) -> Shape:
+    """Return a shape with the tip at a place."""
+    return Shape(tips=[TipGoal(pose=Pose(position=Point(x=x, z=z)), **fields)])
+
+
+def plan(rig: Rig, *shapes: Shape, **more: float) -> Any:
+    """Return the answer of plan_shapes."""
+    return rig.call(PlanShapes, 'shape_sequencer/plan_shapes', shapes=list(shapes), **more)
+
+
+def ball(rig: Rig, name: str, x: float, z: float, diameter: float) -> None:
+    """Put a ball there, and wait until the sequencer knows it."""
+    marker = Marker(ns=name, type=Marker.SPHERE, action=Marker.ADD)
+    marker.header.frame_id = 'base_link'
+    marker.pose.position.x, marker.pose.position.z = x, z
+    marker.scale.x = marker.scale.y = marker.scale.z = diameter
+    rig.publisher(MarkerArray, 'obstacles').publish(MarkerArray(markers=[marker]))
+    rig.wait_for(lambda: any(m.ns == name for m in known(rig)), 'the ball to be known')
+
+
+def clear(rig: Rig) -> None:
+    """Take all obstacles away."""
+    rig.publisher(MarkerArray, 'obstacles').publish(
+        MarkerArray(markers=[Marker(action=Marker.DELETEALL)]))
+    rig.wait_for(lambda: not known(rig), 'no obstacles')
+
+
+def known(rig: Rig) -> list[Marker]:
+    """Return the obstacles that are known."""
+    last = rig.obstacles.last
+    return [m for m in last.markers if m.action == Marker.ADD] if last else []
+
+
+def tip_of(rig: Rig) -> Point:
+    """Return where the tip is, as kinematics publishes it: top of the last disc."""
+    rig.wait_for_more(rig.disc_poses, 1)
+    return rig.disc_poses.last.poses[-1].position
+
+
+@pytest.fixture(scope='module')
+def watched(shared_arm: Rig) -> Rig:
+    """Return the shared arm with its obstacles recorded."""
+    shared_arm.obstacles = shared_arm.record(MarkerArray, 'known_obstacles', LATCHED)
+    return shared_arm
+
+
+@pytest.fixture
+def arm(watched: Rig) -> Iterator[Rig]:
+    """Return the arm straight, and afterwards without obstacles."""
+    assert watched.goal((0.0, 0.0, 0.0)).result()[0] == 'SUCCEEDED'
+    yield watched
+    clear(watched)
+
+
+def test_the_tip_arrives_within_its_tolerance(arm: Rig) -> None:
+    goal = arm.goal(at(*PLACE))
+    status, result = goal.result()
+    assert (status, result.error_code) == ('SUCCEEDED', 0), result.error_string
+    tip = tip_of(arm)
+    assert hypot(tip.x - PLACE[0], tip.z - PLACE[1]) <= TOLERANCE
+    assert result.tip_error <= TOLERANCE
+    assert goal.feedback[-1][1].shape == 'tip at (150, 220) mm'
+    assert goal.feedback[-1][1].aim == RunShapeSequence.Goal.TIP
+    arm.assert_rests_stiff(goal)
+
+
+def test_a_sequence_may_have_angles_and_tips(arm: Rig) -> None:
+    goal = arm.goal((0.2, 0.1, 0.1), at(-0.1, 0.28), (0.0, 0.0, 0.0))
+    status, result = goal.result()
+    assert (status, result.shapes_completed) == ('SUCCEEDED', 3), result.error_string
+    fractions = [feedback.progress for _, feedback in goal.feedback]
+    assert fractions == sorted(fractions) and fractions[-1] == 1.0
+
+
+def test_a_plan_says_what_would_be_done_and_moves_nothing(arm: Rig) -> None:
+    ball(arm, 'lamp', -0.2, 0.3, 0.04)
+    pulls = arm.pulls
+    answer = plan(arm, at(*PLACE), Shape(name='c_form'))
+    assert answer.success, answer.message
+    steps = answer.steps
+    assert {step.shape_index for step in steps} == {0, 1}
+    assert all(1 <= step.segment <= 3 and step.duration > 0.0 for step in steps)
+    assert all(0.0 < step.largest_tension < 60.0 for step in steps)
+    assert all(0.005 < step.smallest_clearance < inf for step in steps)
+    assert {step.nearest_obstacle for step in steps} == {'lamp'}
+    end = [step for step in steps if step.shape_index == 0][-1].tip_path[-1].position
+    assert hypot(end.x - PLACE[0], end.z - PLACE[1]) <= TOLERANCE
+    assert answer.tip_errors[0] <= TOLERANCE and answer.tip_errors[1] == 0.0
+    assert list(steps[-1].bending_angles) == pytest.approx([0.6283185] * 3, abs=0.02)
+    arm.assert_rests(3)
+    assert arm.pulls == pulls and arm.all_stiff
+
+
+def test_a_plan_that_there_is_not_says_why(arm: Rig) -> None:
+    ball(arm, 'lamp', *PLACE, 0.1)
+    answer = plan(arm, at(*PLACE), time_limit=0.5)
+    assert not answer.success
+    assert 'tip at (150, 220) mm' in answer.message and 'lamp' in answer.message
+    refused = plan(arm, time_limit=float('nan'))
+    assert (refused.success, refused.message) == (
+        False, 'the sequence is empty; give at least one shape: c_form, upright_c_form, s_form')
+    refused = plan(arm, at(*PLACE), time_limit=-1.0)
+    assert 'time_limit is -1 s; allowed: 0' in refused.message
+    arm.soften(2)
+    assert 'a segment is soft' in plan(arm, at(*PLACE)).message
+    arm.set_stiff(2, True)
+
+
+def test_a_plan_is_not_made_while_a_sequence_runs(arm: Rig) -> None:
+    goal = arm.goal((0.1, 0.0, 0.0), hold=600.0)
+    goal.wait_for_phase('holding')
+    assert 'a sequence runs' in plan(arm, at(*PLACE)).message
+    goal.cancel()
+    goal.result()
+
+
+def test_angles_are_refused_when_an_obstacle_is_in_their_way(arm: Rig) -> None:
+    ball(arm, 'lamp', 0.17, 0.2, 0.1)
+    goal = arm.goal('c_form')
+    assert not goal.accepted
+    assert 'c_form' in arm.rejection(goal) and 'lamp is in the way' in arm.rejection(goal)
+
+
+@pytest.mark.parametrize('on_change', ['replan', 'abort'])
+def test_an_obstacle_that_comes_into_the_way_stops_the_motion(arm: Rig, on_change: str) -> None:
+    for name, value in (('obstacles.on_change', on_change), ('tendon_speed', 0.02),
+                        ('reach.time_limit', 1.0)):
+        assert arm.set_parameter('shape_sequencer', name, value).successful
+    goal = arm.goal(at(*PLACE))
+    goal.wait_for_phase('moving')
+    # Where the tip comes by when segment 2 is bent first, as it is without an obstacle.
+    ball(arm, 'hand', 0.1, 0.315, 0.04)
+    status, result = goal.result()
+    assert arm.set_parameter('shape_sequencer', 'tendon_speed', 0.1).successful
+    if on_change == 'abort':
+        assert (status, result.error_code) == ('ABORTED', RunShapeSequence.Result.OBSTRUCTED)
+        assert 'hand is' in result.error_string and 'margin: 5.0 mm' in result.error_string
+        assert result.replans == 0
+    else:
+        assert (status, result.replans) == ('SUCCEEDED', 1), result.error_string
+        assert result.tip_error <= TOLERANCE
+    arm.assert_rests_stiff(goal)
+    arm.assert_only_one_was_soft()
