@@ -33,6 +33,11 @@ class Planned:
     points: Points = ()
     path: Points = ()
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no plan, not even to the nearest that can be had."""
+        return self.plan is not None and not (self.plan.found or self.plan.steps)
+
 
 class TipPlanning:
     """
@@ -100,6 +105,10 @@ class TipPlanning:
                     self._awaited = None
             if self._asked is not now:
                 return  # something else was asked for since, or nothing is wanted
+            if limit == WHILE_DRAGGED and planned.is_empty:
+                if self._wanted is now:
+                    self._wanted = goal, arm, AT_REST
+                continue  # it takes longer to say why
             self.planned, self._answered = planned, monotonic()
 
 
