@@ -284,18 +284,19 @@ def sequence_html(state: ArmState) -> str:
                   f'{_text(last.message)}')
 
 
-def plan_html(planned: Planned | None, waits: bool) -> str:
-    """Say whether and how the tip gets to its goal; waits: the answer has yet to come."""
+def plan_html(planned: Planned | None, late: bool) -> str:
+    """Say whether and how the tip gets to its goal; late: the answer for the newest one is."""
     if planned is None:
         return _status(_table([(_chip('PLANNING', UNKNOWN), '')]))
     plan = planned.plan
-    found = plan is not None and plan.found
-    chip = _chip('PLANNING', UNKNOWN) if waits else (
-        _chip('REACHABLE', GHOST) if found else _chip('NOT REACHABLE', WRONG) if plan else
-        _chip('NO ANSWER', WARNING))
+    chip = (_chip('PLANNING', UNKNOWN) if late else _chip('NO ANSWER', WARNING) if plan is None
+            else _chip('REACHABLE', GHOST) if plan.found
+            else _chip('NOT REACHABLE', WRONG) if plan.steps else _chip('NO PLAN', WARNING))
     rows: list[tuple[str, ...]] = [(chip, _text(planned.problem))]
+    if plan is not None and plan.found and not plan.steps:
+        rows.append(('the tip is there',))
     if plan is not None and plan.steps:
-        lines = [] if found else ['<b>the nearest that can be had:</b>']
+        lines = [] if plan.found else ['<b>the nearest that can be had:</b>']
         off = plan.tip_errors[-1] if plan.tip_errors else 0.0
         lines += [f'tip <b>{_number(1e3 * off, ".1f", " mm")}</b> from its goal',
                   f'softenings: <b>{plan.softenings}</b>' if plan.steps[0].segment else

@@ -201,7 +201,7 @@ class Session:
 
         The one that is gone to, else the one that somebody chose, else that of the planned tip.
         """
-        if state.progress is not None:
+        if state.progress is not None and self.target:
             return self.target
         points, since = self._preview
         return points if monotonic() - since < PREVIEW else self.tip.points

@@ -39,7 +39,7 @@ class TipPanel:
         self._session, self._description = session, description
         self._place: Array = np.zeros(3)
         self._tilt, self._towards = 0.0, 0.0  # rad, of where it points
-        self._was_running = False
+        self._situation: object = None  # what a plan begins with
         self._tip: Pose | None = None  # of the arm, the last that was shown
         session.tip.leave()
         gui, far = server.gui, 1e3 * REACH * description.arm.length
@@ -105,18 +105,22 @@ class TipPanel:
             return
         far = REACH * self._description.arm.length
         w, x, y, z = event.target.wxyz
-        if hypot(w, x, y, z) > 0.0:
-            self._take(np.clip(event.target.position, -far, far), _matrix((x, y, z, w)))
-            self._aim(dragged=event.phase != 'end')
+        turned = self._directed.value is True and hypot(w, x, y, z) > 0.0
+        self._take(np.clip(event.target.position, -far, far),
+                   _matrix((x, y, z, w)) if turned else None)
+        self._aim(dragged=event.phase != 'end')
 
-    def _take(self, place: Array, turn: Array) -> None:
-        """Keep a place (3,), m, and where a frame (3, 3) there points."""
+    def _take(self, place: Array, turn: Array | None) -> None:
+        """Keep a place (3,), m, and where a frame (3, 3) there points, if one is given."""
+        self._place = place if self._description.in_space else place * (1.0, 0.0, 1.0)
+        if turn is None:
+            return
         x, y, z = turn[:, 2]
         if self._description.in_space:
-            self._place = place
-            self._tilt, self._towards = atan2(hypot(x, y), z), atan2(y, x)
+            across = hypot(x, y)
+            self._tilt, self._towards = atan2(across, z), atan2(y, x) if across > 1e-6 else 0.0
         else:
-            self._place, self._tilt = place * (1.0, 0.0, 1.0), atan2(x, z)
+            self._tilt = atan2(x, z)
 
     @property
     def _direction(self) -> tuple[float, float, float]:
@@ -151,20 +155,20 @@ class TipPanel:
         """Show the goal, and what it would take."""
         on, tip = self._on.value is True, self._session.tip
         runs = state.progress is not None
-        if on and self._was_running and not runs:
-            self._aim()  # from where the arm is now
-        self._was_running, self._tip = runs, state.tip
+        situation = runs, state.stiff, id(self._session.obstacles)
+        if on and situation != self._situation and not runs:
+            self._aim()  # from the arm, and among the obstacles, as they are now
+        self._situation, self._tip = situation, state.tip
         self._show_handle(on)
         planned = tip.planned
-        self._text.content = html.plan_html(planned, tip.waits) if on else ''
+        self._text.content = html.plan_html(planned, tip.late) if on else ''
         if planned is not self._drawn:
             self._drawn = planned
             path = np.array(planned.path if planned else ())
             if len(path) > 1:
                 self._path.points = line(path).astype(np.float32)
             self._path.visible = len(path) > 1
-        found = planned is not None and planned.plan is not None and planned.plan.found
-        enable(self._go, on and may_run and not runs and found)
+        enable(self._go, on and may_run and not runs and tip.found)
         enable(self._save, bool(on and planned is not None and planned.points))
         for control in (*self._numbers, self._directed):
             enable(control, on)
@@ -176,14 +180,15 @@ class TipPanel:
         self._handle.visible = on
         if not on:
             return
-        self._handle.disable_rotations = self._directed.value is not True
-        if not np.abs(self._handle.position - self._place).max() < 1e-9:  # nor not a number
+        directed = self._directed.value is True
+        self._handle.disable_rotations = not directed
+        if not np.abs(self._handle.position - self._place).max() < 1e-9:
             self._handle.position = tuple(self._place)
         w, x, y, z = self._handle.wxyz
-        if not float(_matrix((x, y, z, w))[:, 2] @ self._direction) > 1.0 - 1e-9:
-            half = 0.5 * self._tilt
-            self._handle.wxyz = (cos(half), -sin(self._towards) * sin(half),
-                                 cos(self._towards) * sin(half), 0.0)
+        tilt, direction = (self._tilt, self._direction) if directed else (0.0, (0.0, 0.0, 1.0))
+        if not float(_matrix((x, y, z, w))[:, 2] @ direction) > 1.0 - 1e-9:
+            self._handle.wxyz = (cos(tilt / 2), -sin(self._towards) * sin(tilt / 2),
+                                 cos(self._towards) * sin(tilt / 2), 0.0)
         place = self._place if self._description.in_space else self._place[::2]
         for number, value in (
                 *((number, round(1e3 * value, 1)) for number, value in zip(
@@ -196,5 +201,5 @@ class TipPanel:
 
 def _matrix(quaternion: Sequence[float]) -> Array:
     """Return the rotation (3, 3) of a quaternion x, y, z, w of any length."""
-    found: Array = matrices(np.array([quaternion]) / hypot(*quaternion))[0]
+    found: Array = matrices(np.array([quaternion]) / max(hypot(*quaternion), 1e-9))[0]
     return found

@@ -4,6 +4,7 @@
 
 from dataclasses import dataclass
 from math import isfinite, pi
+from time import monotonic
 
 from soft_continuum.browser.points import Points, points_of
 from soft_continuum.client import ClientError, Tip
@@ -13,6 +14,7 @@ from soft_continuum.mechanics.either import AnyArm, chain_of
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 
 WHILE_DRAGGED, AT_REST = 0.3, 2.0  # s that a better plan is looked for
+LATE = 1.0  # s without an answer
 MAX_PLACE = 100.0  # m, of what is drawn
 
 
@@ -31,6 +33,11 @@ class Planned:
     points: Points = ()
     path: Points = ()
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no plan, not even to the nearest that can be had."""
+        return self.plan is not None and not (self.plan.found or self.plan.steps)
+
 
 class TipPlanning:
     """
@@ -45,6 +52,7 @@ class TipPlanning:
         self._wanted: tuple[Tip, AnyArm, float] | None = None
         self._asked: tuple[Tip, AnyArm, float] | None = None
         self._awaited: object = None  # a quick request without an answer
+        self._answered = monotonic()  # when something was known last
         self.planned: Planned | None = None
 
     @property
@@ -53,10 +61,16 @@ class TipPlanning:
         return self._wanted[0] if self._wanted else None
 
     @property
-    def waits(self) -> bool:
-        """Whether the answer for the goal has yet to come."""
-        return self._wanted is not None and (
-            self.planned is None or self.planned.goal is not self._wanted[0])
+    def found(self) -> bool:
+        """Whether there is a plan to the goal."""
+        return (self.planned is not None and self.planned.plan is not None
+                and self.planned.plan.found and self.planned.goal == self.goal)
+
+    @property
+    def late(self) -> bool:
+        """Whether what is known is of another goal, and has been for a while."""
+        return ((self.planned is None or self.planned.goal != self.goal)
+                and monotonic() - self._answered > LATE)
 
     @property
     def points(self) -> Points:
@@ -65,6 +79,8 @@ class TipPlanning:
 
     def aim(self, goal: Tip, arm: AnyArm, dragged: bool = False) -> None:
         """Ask for a plan, from any thread; dragged: another goal may follow at once."""
+        if self.planned is None or self.planned.goal == self.goal:
+            self._answered = monotonic()
         self._wanted = goal, arm, WHILE_DRAGGED if dragged else AT_REST
         self._requests.start(self._ask())
 
@@ -74,7 +90,8 @@ class TipPlanning:
 
     async def _ask(self) -> None:
         """Ask until what is wanted was asked for; a newer request ends a long one."""
-        while self._awaited is None and self._wanted not in (None, self._asked):
+        while self._awaited is None and self._wanted is not None and (
+                self._wanted is not self._asked):
             now = self._asked = self._wanted
             goal, arm, limit = now
             if limit == WHILE_DRAGGED:
@@ -88,7 +105,11 @@ class TipPlanning:
                     self._awaited = None
             if self._asked is not now:
                 return  # something else was asked for since, or nothing is wanted
-            self.planned = planned
+            if limit == WHILE_DRAGGED and planned.is_empty:
+                if self._wanted is now:
+                    self._wanted = goal, arm, AT_REST
+                continue  # it takes longer to say why
+            self.planned, self._answered = planned, monotonic()
 
 
 def _planned(goal: Tip, plan: Plan, arm: AnyArm) -> Planned:

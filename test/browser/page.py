@@ -90,10 +90,33 @@ class Page:
         if path is not None:
             path.parent.mkdir(parents=True, exist_ok=True)
             self.page.screenshot(path=path, timeout=DEADLINE * 1e3)
-        data = self.page.screenshot(timeout=DEADLINE * 1e3)
-        colours = np.asarray(Image.open(io.BytesIO(data)).convert('RGB')).astype(int)
+        colours = self._screenshot()
         rows, columns, _ = colours.shape
         return colours[rows // 5:, columns * 20 // 100:columns * 42 // 100]
+
+    def _screenshot(self) -> Any:
+        data = self.page.screenshot(timeout=DEADLINE * 1e3)
+        return np.asarray(Image.open(io.BytesIO(data)).convert('RGB')).astype(int)
+
+    def place_of(self, has_colour: Callable[[Any], Any]) -> tuple[float, float]:
+        """Return where the middle of all pixels of a colour in the scene is, for the mouse."""
+        colours = self._screenshot()
+        rows, columns, _ = colours.shape
+        found = has_colour(colours)
+        found[:rows // 6] = found[:, columns * 6 // 10:] = False  # the bar, the panel
+        y, x = (places.mean() for places in found.nonzero())
+        scale = self.page.viewport_size['width'] / columns
+        return float(x * scale), float(y * scale)
+
+    def drag(self, start: tuple[float, float], by: tuple[float, float]) -> None:
+        """Drag with the mouse by some pixels, in a few steps."""
+        mouse = self.page.mouse
+        mouse.move(*start)
+        self.page.wait_for_timeout(300.0)  # until it is drawn what is below the mouse
+        mouse.down()
+        for part in (0.25, 0.5, 0.75, 1.0):
+            mouse.move(start[0] + part * by[0], start[1] + part * by[1])
+        mouse.up()
 
     def wait_for(self, condition: Callable[[], Any], what: str) -> None:
         """Wait until something is so, as after another layout."""

@@ -15,7 +15,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from soft_continuum.browser.access import open_server
-from soft_continuum.browser.inbound import MAX_TEXT
+from soft_continuum.browser.inbound import MAX_TEXT, TIP_HANDLE
 
 CAMERA = {'type': 'ViewerCameraMessage', 'wxyz': [1, 0, 0, 0], 'position': [0, 0, 1], 'fov': 1.0,
           'near': 0.1, 'far': 10.0, 'image_height': 100, 'image_width': 100,
@@ -86,6 +86,21 @@ def test_a_text_is_taken_up_to_a_length_and_nothing_else_for_it(controls: Contro
         controls.update(controls.text, value=value)
     controls.assert_click_works()
     assert controls.text.value == 'after'
+
+
+def test_only_the_handle_of_the_tip_can_be_dragged_and_only_to_a_place(
+        controls: Controls, caplog: pytest.LogCaptureFixture) -> None:
+    handle, other = (controls.server.scene.add_transform_controls(name)
+                     for name in (TIP_HANDLE, '/other'))
+    turned = {'type': 'TransformControlsUpdateMessage', 'owner': '', 'wxyz': [1.0, 0.0, 0.0, 0.0]}
+    controls.send({**turned, 'name': TIP_HANDLE, 'position': [0.1, 0.2, 0.3]})
+    for change in ({'name': '/other'}, {'position': [float('nan'), 0.0, 0.0]},
+                   {'position': [0.0, 1e300, 0.0]}, {'position': [0.0]}, {'owner': 'x'},
+                   {'wxyz': [float('inf')] * 4}, {'scale': 1.0}):
+        controls.send({**turned, 'name': TIP_HANDLE, 'position': [9.0] * 3, **change})
+    controls.assert_click_works()
+    assert tuple(handle.position) == (0.1, 0.2, 0.3) and not any(other.position)
+    assert caplog.text.count('dropped a message') == 7
 
 
 def test_no_upload_is_kept(controls: Controls) -> None:

@@ -4,19 +4,22 @@
 """What measurements say of the arm is seen in a real browser, beside what the model predicts."""
 
 from collections.abc import Iterator
-from math import radians
+from math import radians, sin
 from pathlib import Path
 from typing import Any
 
 from conftest import address_of, OpenPage, start_view
-from estimated_arm import EstimatedArm, learned
-from page import DEADLINE, Page
+from estimated_arm import CHAIN, EstimatedArm, joint_angles, learned
+from geometry_msgs.msg import Point, Pose
+from page import DEADLINE, green, Page
 from playwright.sync_api import expect
 from processes import Processes
 import pytest
 
+from soft_continuum.client.own_file import read_saved
 from soft_continuum_interfaces.action import RunShapeSequence
-from soft_continuum_interfaces.msg import Anomaly, KinematicsState
+from soft_continuum_interfaces.msg import Anomaly, KinematicsState, PlanStep, TipGoal
+from soft_continuum_interfaces.srv import PlanShapes
 
 pytestmark = pytest.mark.timeout(600)
 ARTEFACT = Path(__file__).resolve().parents[2] / 'log' / 'browser' / 'estimate.png'
@@ -33,6 +36,27 @@ def brown(colours: Any) -> Any:
     """Whether pixels are as brown as the outline of the prediction."""
     return ((colours[..., 0] > colours[..., 1] + 25) & (colours[..., 1] > colours[..., 2] + 20)
             & (colours[..., 0] < 190))
+
+
+def pink(colours: Any) -> Any:
+    """Whether pixels are as pink as the axis x of the handle."""
+    red, greens, blue = (colours[..., c] for c in range(3))
+    return (red > 200) & (greens < 100) & (blue > 60) & (blue < 150)
+
+
+def planned_to(angles: tuple[float, ...]) -> PlanShapes.Response:
+    """Return a plan of two steps, of which one ends in a shape, rad."""
+    return PlanShapes.Response(success=True, tip_errors=[4e-4], steps=[PlanStep(
+        segment=number, bending_angles=angles, duration=4.4, largest_tension=10.0 + 1.25 * number,
+        smallest_clearance=0.027 - 0.002 * number, nearest_obstacle='<post>',
+        tip_path=[Pose(position=Point(x=0.05 * part, z=0.3)) for part in range(3)])
+        for number in (1, 2)])
+
+
+def place(request: PlanShapes.Request) -> tuple[float, float, float]:
+    """Return where the tip shall be, m."""
+    position = request.shapes[0].tips[0].pose.position
+    return position.x, position.y, position.z
 
 
 @pytest.fixture(scope='module')
@@ -157,6 +181,56 @@ def test_shapes_and_sequences_are_saved_run_in_rounds_renamed_and_deleted(
     page.click('delete')
     page.wait_for_no_text('+30.0  -45.0')
     assert len(arm.goals) == before + 2
+
+
+def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(
+        page: Page, arm: EstimatedArm) -> None:
+    arm.plan = planned_to((-0.3, -0.4, -0.2))
+    page.open_folder('Reach')
+    page.view.get_by_label('Drag the tip').first.click()
+    for text in ('REACHABLE', 'softenings: 2', 'tension up to 12.5 N', '9 s of motion',
+                 '23 mm from <post>', '0.4 mm from its goal'):
+        page.wait_for_text(text)
+    page.wait_for_pixels(green, 25, 10**6, 'green, as the shape that would be taken is')
+    tip = CHAIN.points(joint_angles(arm.angles))[-1]
+    assert place(arm.planned[-1]) == pytest.approx((tip[0], 0.0, tip[1]), abs=1e-6)
+    before = len(arm.planned)
+    page.drag(page.place_of(pink), (60.0, 0.0))
+    page.wait_for(lambda: len(arm.planned) > before and arm.planned[-1].time_limit > 1.0,
+                  'a plan for where the handle was left')
+    assert all(request.time_limit < 1.0 for request in arm.planned[before:-1])
+    x, y, z = place(arm.planned[-1])
+    assert x > tip[0] + 0.02 and y == 0.0  # along the axis of the handle, in the plane of the arm
+    page.picture(ARTEFACT.with_name('reach.png'))
+
+    page.fill('Tip z [mm]', '250')
+    page.view.get_by_label('Point it too').first.click()
+    page.fill('Angle [°]', '-30')
+    page.wait_for(lambda: arm.planned[-1].shapes[0].tips[0].kind == TipGoal.DIRECTION and
+                  place(arm.planned[-1]) == pytest.approx((x, 0.0, 0.25), abs=1e-4) and
+                  arm.planned[-1].shapes[0].tips[0].pose.orientation.y == pytest.approx(
+                      sin(radians(-15))), 'the goal that was typed')
+    before = len(arm.goals)
+    expect(page.button('Go')).to_be_enabled(timeout=DEADLINE * 1e3)
+    page.click('Go')
+    page.wait_for(lambda: len(arm.goals) > before, 'a goal')
+    assert arm.goals[-1].shapes[0].tips == arm.planned[-1].shapes[0].tips
+    expect(page.button('Go')).to_be_disabled(timeout=DEADLINE * 1e3)
+    asked = len(arm.planned)
+    arm.end_goal(shapes_completed=1)
+    page.wait_for(lambda: len(arm.planned) > asked, 'a plan from where the arm is then')
+
+    page.fill('Shape name', 'there')
+    page.click('Save planned shape')
+    page.wait_for_bar('there saved')
+    assert read_saved().shapes['there'].angles == pytest.approx((-0.3, -0.4, -0.2))
+    arm.plan.success, arm.plan.message = False, 'out of reach by 12 mm'
+    page.fill('Tip z [mm]', '300')
+    for text in ('NOT REACHABLE', 'out of reach by 12 mm', 'the nearest that can be had'):
+        page.wait_for_text(text)
+    expect(page.button('Go')).to_be_disabled(timeout=DEADLINE * 1e3)
+    page.view.get_by_label('Drag the tip').first.click()
+    page.wait_for_pixels(green, 0, 5, 'green, though no tip is dragged')
 
 
 def test_the_loop_is_switched_and_another_client_is_followed(

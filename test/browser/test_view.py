@@ -261,6 +261,22 @@ def test_a_sequence_is_run_as_it_is_written_and_its_end_is_reported(page: Page, 
     page.wait_for_no_text('-36.0°')
 
 
+def test_the_tip_goes_where_it_was_planned_to(page: Page, rig: Rig) -> None:
+    rig.set_parameter('shape_sequencer', 'tendon_speed', 0.1)
+    page.open_folder('Reach')
+    page.view.get_by_label('Drag the tip').first.click()
+    page.wait_for_text('the tip is there')
+    page.fill('Tip x [mm]', '120')
+    page.fill('Tip z [mm]', '260')
+    page.wait_for_text('softenings: ')
+    page.click('Go')
+    page.wait_for_bar('Setting tip at (120, 260) mm')
+    page.wait_for_bar('Sequence done')
+    tip = rig.disc_poses.last.poses[-1].position
+    assert (tip.x, tip.y, tip.z) == pytest.approx((0.12, 0.0, 0.26), abs=2e-3)
+    page.view.get_by_label('Drag the tip').first.click()
+
+
 def test_when_the_nodes_end_it_says_how_to_start_them_and_continues_when_they_run(
         page: Page, rig: Rig) -> None:
     rig.end(rig._groups[0].nodes[0])
