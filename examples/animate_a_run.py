@@ -18,7 +18,7 @@ FASTER = 2
 
 looks = []
 with Arm() as arm:
-    chain = RigidChain(arm.planar_description)
+    chain = RigidChain(arm.description)
     running = arm.start(*arm.shapes, hold=1.5)
     while not running.done:
         if arm.state.joint_angles is not None:

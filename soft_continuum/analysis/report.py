@@ -24,6 +24,7 @@ th:first-child, td:first-child, .text td { text-align: left }
 """
 LINES = ('-', '--', '-.', ':')
 MAX_PANELS = 12
+IN_PLANE = 1e-3  # mm beside the plane of x and z: a planar arm
 MAX_SHAPES = 200
 MAX_EVENTS = 1000
 
@@ -96,7 +97,13 @@ def _shapes(held: Sequence[Held]) -> Figure:
     for axes in panels[len(held):]:
         axes.set_visible(False)
     for axes, shape in zip(panels, held, strict=False):
-        axes.plot(shape.points[:, 0], shape.points[:, 2], 'o-', color='black', markersize=4)
+        axes.plot(shape.points[:, 0], shape.points[:, 2], 'o-', color='black', markersize=4,
+                  label='z over x')
+        if np.abs(shape.points[:, 1]).max() > IN_PLANE:
+            axes.plot(shape.points[:, 1], shape.points[:, 2], 's--', color='0.5', markersize=3,
+                      label='z over y')
+            axes.set_xlabel('x, y in mm')
+            axes.legend(loc='lower right', frameon=False)
         axes.set_title(shape.shape, parse_math=False)
     return figure
 

@@ -4,8 +4,9 @@
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from math import isfinite
 from pathlib import Path
 import signal
@@ -33,8 +34,8 @@ from soft_continuum.hardware.calibration import (
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, TendonDriver
 from soft_continuum.hardware.tendon_controller import TendonLimits
-from soft_continuum.mechanics.arm import TENDONS
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
 from soft_continuum.parameters.files import load_rig, write_parameters
 from soft_continuum.parameters.nodes import jamming_settings
 from soft_continuum.parameters.parameter import as_yaml
@@ -45,7 +46,6 @@ GUIDE = 'docs/how_to/set_up_a_rig.md'
 MM = 1e3  # per m
 SIGN_MOVE = 2.0  # mm
 MAX_JOG = 2.0  # mm
-NAMES = tuple(name.removesuffix('_tendon') for name in TENDONS)
 PULLED_IN, PAID_OUT = 'pulled-in', 'paid-out'
 DIRECTIONS = {PULLED_IN: 1.0, PAID_OUT: -1.0, 'pulled': 1.0, 'let-out': -1.0}
 """Sign by what was seen; the last two are the words of version 0.1."""
@@ -54,16 +54,51 @@ WITH_VALUE = ('--output', '--params-file', '--namespace')
 APPLIES = {'measured': 'steps', 'distance': 'steps', 'seen': 'signs', 'take_up': 'zero',
            'leak_time': 'vacuum'}
 """Which option belongs to which procedure."""
+PER_TENDON = 'measured', 'seen', 'take_up'
+"""Options with a value for each tendon."""
 
 
 @dataclass
 class Job:
-    """The options, the parameters as corrected so far, the results and what failed."""
+    """
+    The options, the parameters as corrected so far, the results and what failed.
+
+    names: of the tendons, as they are typed.
+    """
 
     options: argparse.Namespace
     values: dict[str, Any]
     results: dict[str, tuple[float, ...] | float] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
+    names: tuple[str, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Find the names; raises CalibrationError for options that are not for each of them."""
+        tendons = any_arm_from_parameters(self.values).tendon_names
+        self.names = tuple(name.removesuffix('_tendon') for name in tendons)
+        for option in PER_TENDON:
+            given = getattr(self.options, option)
+            if given is not None and len(given) != len(self.names):
+                raise CalibrationError(
+                    f'--{option.replace("_", "-")} has {len(given)} values; needed: one for each '
+                    f'of {", ".join(self.names)}')
+
+    @property
+    def jamming(self) -> bool:
+        """Whether the arm has segments that can be stiffened."""
+        return bool(self.values['arm.jamming'])
+
+    def per_tendon(self, name: str) -> tuple[float, ...]:
+        """Return a parameter with a value for each tendon; raises CalibrationError."""
+        values: tuple[float, ...] = self.values[name]
+        if len(values) != len(self.names):
+            raise CalibrationError(f'parameter {name} is {as_yaml(values)}; needed: one value for '
+                                   f'each of {", ".join(self.names)}; begin with estimates')
+        return values
+
+    def one(self, tendon: int, distance: float) -> tuple[float, ...]:
+        """Return the distances (m) of all tendons that move only one, by ``distance`` in mm."""
+        return tuple(distance / MM if i == tendon else 0.0 for i in range(len(self.names)))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -75,21 +110,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser(NAME, 'Measure a rig: steps/mm and signs of the steppers, the zero of the '
                     'tendons, pump and segments. Results are a parameter file to give to the '
                     'nodes after the others.', *FOR_ANALYSIS)
-    per_tendon: dict[str, Any] = {
-        'nargs': len(NAMES), 'metavar': tuple(name.upper() for name in NAMES)}
+    per_tendon: dict[str, Any] = {'nargs': '+', 'metavar': 'TENDON'}
     parser.add_argument('what', choices=[*PROCEDURES, 'all', *OF_SENSORS],
                         help='what to measure; all: vacuum, signs, steps, zero; '
                         f'{" and ".join(OF_SENSORS)}: see {NAME} {CAMERA} --help')
     parser.add_argument('--yes', action='store_true',
                         help='everything is safe and prepared: ask nothing')
     parser.add_argument('--measured', type=number_in(0.01, 1000.0, 'mm'), **per_tendon,
-                        help='steps: travel in mm measured before; nothing moves')
+                        help='steps: travel of each tendon in mm, measured before; nothing '
+                        'moves')
     parser.add_argument('--distance', type=number_in(1.0, MM * MAX_MOVE, 'mm'), metavar='MM',
                         help='steps: commanded travel in mm (default: 5)')
     parser.add_argument('--seen', choices=tuple(DIRECTIONS), **per_tendon,
-                        help=f'signs: {PULLED_IN} or {PAID_OUT}, seen before; nothing moves')
+                        help=f'signs: {PULLED_IN} or {PAID_OUT} for each tendon, seen before; '
+                        'nothing moves')
     parser.add_argument('--take-up', type=number_in(-10.0, 10.0, 'mm'), **per_tendon,
-                        help='zero: pull in the tendons by this much in mm instead of jogging')
+                        help='zero: pull in each tendon by this much in mm instead of jogging')
     parser.add_argument('--leak-time', type=number_in(1.0, 600.0, 's'), metavar='S',
                         help='vacuum: how long the loss is watched in s (default: 10)')
     for ended in (signal.SIGTERM, signal.SIGHUP):  # a closed terminal must not leave a pump on
@@ -114,8 +150,10 @@ def _run(options: argparse.Namespace) -> None:
     if options.what != 'zero':
         path, = reserve_outputs(options.output, [name], options.force)
     job = Job(options, values)
-    procedures = PROCEDURES if options.what == 'all' else {options.what: PROCEDURES[options.what]}
-    for procedure in procedures.values():
+    procedures = [procedure for name, procedure in PROCEDURES.items()
+                  if options.what in (name, 'all') and (job.jamming or name != 'vacuum'
+                                                        or options.what == name)]
+    for procedure in procedures:
         procedure(job)
         if job.results:  # after each, so that what went well is not lost with what did not
             write_parameters(path, job.results, [f'Measured by {NAME} {options.what}.'])
@@ -143,14 +181,19 @@ def _jamming(job: Job) -> Iterator[JammingDriver]:
 @contextmanager
 def _bench(job: Job, text: str, sets_zero: bool = False
            ) -> Iterator[tuple[TendonBench, TendonDriver]]:
-    """Soften the last segment and open the steppers; afterwards forget a provisional zero."""
-    values = job.values
-    segments = len(values['arm.segment_lengths'])
-    if values['jamming_driver'] == 'simulated':
+    """
+    Soften segments and open the steppers; afterwards forget a provisional zero.
+
+    Of what each tendon bends, the segment below its end is softened.
+    """
+    values, arm = job.values, any_arm_from_parameters(job.values)
+    ends = {len(arm.segments)} if isinstance(arm, Arm) else {t.end for t in arm.tendons}
+    soft = sorted(end - 1 for end in ends) if job.jamming else []
+    if soft and values['jamming_driver'] == 'simulated':
         text += (' The valves are simulated (jamming_driver): make sure by hand that a segment '
                  'is soft.')
-    confirm(f'Segment {segments} is vented and becomes soft. {text} Ctrl-C stops.',
-            job.options.yes)
+    vented = ' '.join(f'Segment {segment + 1} is vented and becomes soft.' for segment in soft)
+    confirm(f'{vented} {text} Ctrl-C stops.'.lstrip(), job.options.yes)
     tendons: TendonDriver = make_driver(
         TENDON_DRIVERS, values['tendon_driver'], values, monotonic)
     if tendons.reference_moves:
@@ -158,11 +201,10 @@ def _bench(job: Job, text: str, sets_zero: bool = False
             'the tendons are homed (grbl.homed_pulls), which calibrate does not do: take '
             'grbl.homed_pulls out of the files and set $22=0 for as long as this takes, as '
             f'{GUIDE} says')
-    with _jamming(job) as jamming:
+    with _jamming(job) if soft else nullcontext() as jamming:
         bench = TendonBench(
-            tendons, jamming, segments - 1,
-            TendonLimits(arm_from_parameters(values).tendon_names, values['pull_limits'],
-                         values['speed_limit']),
+            tendons, jamming, soft,
+            TendonLimits(arm.tendon_names, values['pull_limits'], values['speed_limit']),
             values['ambient_pressure'] - values['soft_vacuum'])
         tendons.open()
         provisional = False
@@ -183,16 +225,12 @@ def _bench(job: Job, text: str, sets_zero: bool = False
 def _forget_zero(values: Mapping[str, Any]) -> None:
     if values['tendon_driver'] != 'grbl':
         return
-    try:
-        forget_reference(values['grbl.port'], values['grbl.baud_rate'])
-    except HardwareError as error:
-        print(f'The controller may still hold a provisional zero: power-cycle it before anything '
-              f'else ({error})', file=sys.stderr)
-
-
-def _one(tendon: int, distance: float) -> tuple[float, ...]:
-    """Return the distances (m) of all tendons that move only one, by ``distance`` in mm."""
-    return tuple(distance / MM if i == tendon else 0.0 for i in range(len(NAMES)))
+    for port in values['grbl.port'].split():
+        try:
+            forget_reference(port, values['grbl.baud_rate'])
+        except HardwareError as error:
+            print(f'The controller at {port} may still hold a provisional zero: power-cycle it '
+                  f'before anything else ({error})', file=sys.stderr)
 
 
 UNHOOK_REQUEST = (
@@ -204,7 +242,7 @@ def _must_ask(job: Job, why: str, option: str, note: str = '') -> None:
     """Raise CalibrationError where --yes says that nobody is there to answer."""
     if job.options.yes:
         raise CalibrationError(
-            f'{why}: give {option} {" ".join(NAMES).upper()}{note}, or leave out --yes')
+            f'{why}: give {option} {" ".join(job.names).upper()}{note}, or leave out --yes')
 
 
 def _signs(job: Job) -> None:
@@ -214,19 +252,19 @@ def _signs(job: Job) -> None:
         _must_ask(job, 'somebody must watch the tendons', '--seen')
         seen = []
         with _bench(job, UNHOOK_REQUEST.format(SIGN_MOVE)) as (bench, _):
-            for tendon, name in enumerate(NAMES):
+            for tendon, name in enumerate(job.names):
                 answer = 'again'
                 while answer == 'again':
                     print(f'The {name} tendon moves ...', flush=True)
-                    bench.move(_one(tendon, SIGN_MOVE))
+                    bench.move(job.one(tendon, SIGN_MOVE))
                     answer = ask(
                         f'Was the {name} tendon pulled in, or paid out? '
                         f'({PULLED_IN}, {PAID_OUT}, again)',
                         one_of(*DIRECTIONS, 'again'))
-                    bench.move(_one(tendon, -SIGN_MOVE))
+                    bench.move(job.one(tendon, -SIGN_MOVE))
                 seen.append(answer)
     signs = tuple(sign * DIRECTIONS[answer]
-                  for sign, answer in zip(job.values['grbl.signs'], seen, strict=True))
+                  for sign, answer in zip(job.per_tendon('grbl.signs'), seen, strict=True))
     _take(job, 'grbl.signs', signs)
 
 
@@ -239,15 +277,15 @@ def _steps(job: Job) -> None:
         travels = []
         with _bench(job, f'{UNHOOK_REQUEST.format(distance)} Have a caliper or ruler ready and '
                     'a mark on each tendon.') as (bench, _):
-            for tendon, name in enumerate(NAMES):
+            for tendon, name in enumerate(job.names):
                 confirm(f'The {name} tendon: note where its mark is.', job.options.yes)
                 print(f'The {name} tendon is pulled in by {distance:g} mm ...', flush=True)
-                bench.move(_one(tendon, distance))
+                bench.move(job.one(tendon, distance))
                 travels.append(ask(
                     f'By how many mm was the {name} tendon really pulled in?',
                     lambda text: _travel(text, distance)))
-                bench.move(_one(tendon, -distance))
-    before = job.values['grbl.steps_per_mm']
+                bench.move(job.one(tendon, -distance))
+    before = job.per_tendon('grbl.steps_per_mm')
     steps = tuple(corrected_steps(old, distance / MM, travel / MM)
                   for old, travel in zip(before, travels, strict=True))
     _take(job, 'grbl.steps_per_mm', steps)
@@ -264,7 +302,8 @@ def _travel(text: str, distance: float) -> float:
 
 def _take(job: Job, name: str, values: tuple[float, ...]) -> None:
     """Keep a result for the stepper controller, if the rig has one."""
-    print(f'{name}: {as_yaml(values)} ({", ".join(NAMES)}); it was {as_yaml(job.values[name])}')
+    print(f'{name}: {as_yaml(values)} ({", ".join(job.names)}); it was '
+          f'{as_yaml(job.values[name])}')
     job.values[name] = values
     if job.values['tendon_driver'] == 'grbl':
         job.results[name] = values
@@ -281,7 +320,7 @@ def _zero(job: Job) -> None:
     with _bench(job, 'The arm is straight and all tendons are hooked in, slack or just taut.',
                 sets_zero=True) as (bench, tendons):
         if take_up is None:
-            _jog(bench)
+            _jog(bench, job)
             confirm('All tendons are just taut, and the arm is straight.', job.options.yes)
         else:
             bench.move(tuple(distance / MM for distance in take_up))
@@ -299,12 +338,13 @@ def _zero(job: Job) -> None:
           'reference.')
 
 
-def _jog(bench: TendonBench) -> None:
-    print(f'Type a tendon ({", ".join(NAMES)}, or the first letter) and by how many mm to pull it '
-          f'in, up to {MAX_JOG:g}; negative pays out.\nFor example: {NAMES[0]} 0.5. Type done '
+def _jog(bench: TendonBench, job: Job) -> None:
+    names = job.names
+    print(f'Type a tendon ({", ".join(names)}, or its first letters) and by how many mm to pull '
+          f'it in, up to {MAX_JOG:g}; negative pays out.\nFor example: {names[0]} 0.5. Type done '
           'when all are just taut.')
     while True:
-        distances = ask('TENDON MM, or done:', _jog_distances)
+        distances = ask('TENDON MM, or done:', partial(_jog_distances, job))
         if distances is None:
             return
         try:
@@ -313,18 +353,20 @@ def _jog(bench: TendonBench) -> None:
             print(error, flush=True)
             continue
         print(', '.join(f'{name} {MM * pull:.2f} mm'
-                        for name, pull in zip(NAMES, reading.pulls, strict=True)), flush=True)
+                        for name, pull in zip(names, reading.pulls, strict=True)), flush=True)
 
 
-def _jog_distances(text: str) -> tuple[float, ...] | None:
+def _jog_distances(job: Job, text: str) -> tuple[float, ...] | None:
     """Return the distances (m) of a typed line; None for the end."""
     if text == 'done':
         return None
     tendon, _, distance = text.partition(' ')
-    found = [i for i, name in enumerate(NAMES) if tendon and name.startswith(tendon)]
+    found = [i for i, name in enumerate(job.names) if name == tendon] or [
+        i for i, name in enumerate(job.names) if tendon and name.startswith(tendon)]
     if len(found) != 1:
-        raise CalibrationError(f'{text!r} was typed; allowed: {" MM, ".join(NAMES)} MM, done')
-    return _one(found[0], number(distance, -MAX_JOG, MAX_JOG, 'mm'))
+        raise CalibrationError(
+            f'{text!r} was typed; allowed: {" MM, ".join(job.names)} MM, done')
+    return job.one(found[0], number(distance, -MAX_JOG, MAX_JOG, 'mm'))
 
 
 # Vacuum
@@ -332,6 +374,7 @@ def _jog_distances(text: str) -> tuple[float, ...] | None:
 
 def _vacuum(job: Job) -> None:
     """Evacuate, hold and vent one segment after the other."""
+    check_jamming(job.values)
     leak_time = job.options.leak_time or 10.0
     settings = jamming_settings(job.values)
     segments = len(job.values['arm.segment_lengths'])

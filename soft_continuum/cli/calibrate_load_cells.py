@@ -12,11 +12,11 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.analysis.results import reserve_outputs, text_table
-from soft_continuum.arguments import FAILED, NO_NODES, number_in, Parser
-from soft_continuum.cli.common import run_verb
+from soft_continuum.arguments import FAILED, FOR_ANALYSIS, NO_NODES, number_in, Parser
+from soft_continuum.cli.common import any_described_arm, run_verb
 from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number
 from soft_continuum.hardware.calibration import CalibrationError
-from soft_continuum.mechanics.arm import STANDARD_GRAVITY, TENDONS
+from soft_continuum.mechanics.arm import STANDARD_GRAVITY
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.ros.names import LOAD_CELLS
 
@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser(NAME, 'Measure what the load cells on the topic load_cells show without '
                     f'tension, and with a known mass. Moves nothing. Writes {FILE}, to give to '
                     'the nodes after the other parameter files.',
-                    '--namespace', '--timeout', '--output', '--force')
+                    '--namespace', '--timeout', *FOR_ANALYSIS)
     parser.add_argument('--mass', type=number_in(*MASSES, 'kg'), metavar='KG',
                         help='mass that is hung on each tendon in turn (default: asked for)')
     parser.add_argument('--zero-only', action='store_true',
@@ -68,15 +68,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> None:
     from soft_continuum.client.connection import Connection
+    tendons = any_described_arm(options)[1].tendon_names
     path, = reserve_outputs(options.output, [FILE], options.force)
     connection = Connection('calibrate', options.namespace, options.timeout)
     try:
         requests = connection.requests
         confirm('Take all tension off the tendons: unhook them from the arm, or pay them out.',
                 options.yes and options.zero_only)
-        slack = _read(requests, TENDONS)
-        scales = dict.fromkeys(TENDONS, 1.0)
-        for tendon in () if options.zero_only else TENDONS:
+        slack = _read(requests, tendons)
+        scales = dict.fromkeys(tendons, 1.0)
+        for tendon in () if options.zero_only else tendons:
             scales[tendon] = _scale(requests, tendon, slack[tendon], options.mass)
     finally:
         connection.close()
@@ -86,7 +87,7 @@ def _run(options: argparse.Namespace) -> None:
          for name, scale in scales.items()]))
     write_parameters(path, {
         'load_cells.used': True,
-        'load_cells.zeros': tuple(slack[name].mean for name in TENDONS),
+        'load_cells.zeros': tuple(slack[name].mean for name in tendons),
         'load_cells.scales': tuple(scales.values())}, [f'Measured by {NAME}.'])
     print(f'\nWritten: {path}. Give it to the nodes as one more parameter file, after the others.')
 
@@ -114,7 +115,7 @@ def _read(requests: 'Requests', tendons: Sequence[str]) -> dict[str, Shown]:
         raise NoAnswerError(
             f'fewer than {MIN_SAMPLES} numbers of {", ".join(few)} on the topic {LOAD_CELLS} '
             f'within {DURATION:g} s; its node has to publish sensor_msgs/JointState with the '
-            f'names {", ".join(TENDONS)} and their efforts')
+            f'names {", ".join(tendons)} and their efforts')
     shown = {}
     for tendon in tendons:
         values = samples[tendon]
@@ -134,7 +135,7 @@ async def _listen(requests: 'Requests', tendons: Sequence[str]) -> dict[str, lis
     from soft_continuum.ros.qos import SENSOR
     samples: dict[str, list[float]] = defaultdict(list)
     subscription = subscribe(
-        requests.node, JointState, LOAD_CELLS, partial(_take, samples), SENSOR)
+        requests.node, JointState, LOAD_CELLS, partial(_take, samples, tendons), SENSOR)
     await until(lambda: all(map(samples.get, tendons)), requests.timeout)
     samples.clear()
     await until(lambda: False, DURATION)
@@ -142,7 +143,7 @@ async def _listen(requests: 'Requests', tendons: Sequence[str]) -> dict[str, lis
     return samples
 
 
-def _take(samples: dict[str, list[float]], message: Any) -> None:
+def _take(samples: dict[str, list[float]], tendons: Sequence[str], message: Any) -> None:
     for name, effort in zip(message.name, message.effort, strict=False):
-        if name in TENDONS and len(samples[name]) < MAX_SAMPLES:
+        if name in tendons and len(samples[name]) < MAX_SAMPLES:
             samples[name].append(effort)

@@ -26,7 +26,6 @@ if TYPE_CHECKING:  # stop must not wait for any of these
     from soft_continuum.client.plan import Plan
     from soft_continuum.client.sequence import RunningSequence, ShapeLike
     from soft_continuum.client.state import ArmState, Progress, SequenceResult
-    from soft_continuum.mechanics.arm import Arm as Description
     from soft_continuum.mechanics.either import AnyArm
     from soft_continuum.tip import Tip
 
@@ -158,35 +157,22 @@ class Arm:
         """Whether segments can be stiffened; without jamming they are always soft."""
         return self._do(self._requests.has_jamming())
 
-    @property
-    def planar_description(self) -> 'Description':
-        """The same for what works with planar arms only; raises ClientError for a spatial one."""
-        return self._do(self._requests.planar_description())
-
     def plot(self, axes: 'Axes | None' = None) -> 'Axes':
         """
         Draw the present shape, in mm, into ``axes`` or a new figure; return the axes.
 
-        Soft segments are in colour; the obstacles that shape_sequencer knows are seen along y.
-        Raises ClientError while the shape is unknown.
-        """
-        from matplotlib import pyplot
-        import numpy as np
+        Soft segments of a planar arm are in colour; the obstacles that shape_sequencer knows are
+        seen along y.  A spatial arm needs axes that were made with ``projection='3d'``.
 
-        from soft_continuum.analysis.figures import draw_arm
-        from soft_continuum.analysis.obstacle_figures import draw_around
-        from soft_continuum.mechanics.chain import RigidChain
-        chain, state = RigidChain(self.planar_description), self.state
-        if state.joint_angles is None:
+        Raises ClientError while the shape is unknown, and for axes of the wrong kind.
+        """
+        from soft_continuum.client.plot import plot
+        description, observed = self.description, self._observe()
+        if observed.snapshot().joint_angles is None:
             raise ClientError('kinematics publishes no shape; it reports: '
-                              + (state.node('kinematics').message or 'nothing'))
-        axes = pyplot.subplots()[1] if axes is None else axes
-        soft = [i for i, stiff in enumerate(state.stiff) if stiff is False]
-        draw_arm(axes, chain, np.array(state.joint_angles), soft)
-        if running_nodes(self._connection.node, [SHAPE_SEQUENCER])[SHAPE_SEQUENCER]:
-            draw_around(axes, self.obstacles.known, chain.arm.length)
-        axes.set_ylabel('z in mm')
-        return axes
+                              + (self.state.node('kinematics').message or 'nothing'))
+        return plot(observed, description, axes, self.obstacles.known if running_nodes(
+            self._connection.node, [SHAPE_SEQUENCER])[SHAPE_SEQUENCER] else ())
 
     def measure(self, duration: float = 1.0) -> 'dict[int, MeasuredDisc]':
         """

@@ -32,7 +32,6 @@ if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
     from trajectory_msgs.msg import JointTrajectory
 
     from soft_continuum.client.observed import ObservedArm
-    from soft_continuum.mechanics.arm import Arm as Description
     from soft_continuum.mechanics.either import AnyArm
 
 CLOSED_LOOP = 'closed_loop'  # parameter of shape_sequencer
@@ -122,15 +121,6 @@ class Operations(Tasks):
                               'from the same version')
         try:
             return any_arm_from_parameters(values)
-        except ParameterError as error:
-            raise ClientError(f'{KINEMATICS}: {error}') from None
-
-    async def planar_description(self) -> 'Description':
-        """Return the description for what works with planar arms only; else a ClientError."""
-        from soft_continuum.parameters.arm import planar
-        from soft_continuum.parameters.parameter import ParameterError
-        try:
-            return planar(await self.description())
         except ParameterError as error:
             raise ClientError(f'{KINEMATICS}: {error}') from None
 

@@ -60,39 +60,46 @@ class CalibrationError(ValueError):
 
 
 class TendonBench:
-    """Tendons that may move a little, slowly, and only while one segment is soft."""
+    """Tendons that may move a little, slowly, and only while some segments are soft."""
 
-    def __init__(self, tendons: TendonDriver, jamming: JammingDriver, segment: int,
-                 limits: TendonLimits, soft_pressure: float, clock: Clock = STEADY) -> None:
+    def __init__(self, tendons: TendonDriver, jamming: JammingDriver | None,
+                 segments: Sequence[int], limits: TendonLimits, soft_pressure: float,
+                 clock: Clock = STEADY) -> None:
         """
         Use opened drivers; nothing is switched or moved yet.
 
-        segment: the one that must be soft (0-based).  soft_pressure: absolute pressure from which
-        on it is, Pa.
+        segments: those that must be soft (0-based), none of an arm without ``jamming``.
+        soft_pressure: absolute pressure from which on they are, Pa.
         """
         self._tendons = tendons
         self._jamming = jamming
-        self._segment = segment
+        self._segments = tuple(segments)
         self._limits = limits
         self._soft_pressure = soft_pressure
         self._clock = clock
 
     @property
-    def soft(self) -> bool:
-        """Whether the segment is vented, by its valve and by its pressure."""
+    def stiff(self) -> tuple[int, ...]:
+        """Which of the segments are not vented, by their valves or by their pressures."""
+        if self._jamming is None:
+            return ()
         reading = retry(self._jamming.read, self._clock)
-        return (not reading.evacuated[self._segment]
-                and reading.pressures[self._segment] >= self._soft_pressure)
+        return tuple(segment for segment in self._segments if reading.evacuated[segment]
+                     or not reading.pressures[segment] >= self._soft_pressure)
 
     def soften(self) -> None:
-        """Vent the segment and wait until it is soft; raises HardwareError when it does not."""
-        retry(lambda: self._jamming.set_evacuated(self._segment, False), self._clock)
+        """Vent the segments and wait until they are soft; raises HardwareError if they are not."""
+        jamming = self._jamming
+        if jamming is None:
+            return
+        for segment in self._segments:
+            retry(partial(jamming.set_evacuated, segment, False), self._clock)
         deadline = self._clock() + RESPONSE_TIME
-        while not self.soft:
+        while stiff := self.stiff:
             if self._clock() > deadline:
-                pressure = retry(self._jamming.read, self._clock).pressures[self._segment]
+                pressure = retry(jamming.read, self._clock).pressures[stiff[0]]
                 raise HardwareError(
-                    f'segment {self._segment + 1} is not soft {RESPONSE_TIME:g} s after it was '
+                    f'segment {stiff[0] + 1} is not soft {RESPONSE_TIME:g} s after it was '
                     f'vented: {pressure:.0f} Pa, needed: {self._soft_pressure:.0f} Pa; check its '
                     'vent, valve and pressure sensor (doctor checks them)')
             self._clock.sleep(POLL_INTERVAL)
@@ -117,9 +124,9 @@ class TendonBench:
                 f'this leads to pulls of {describe_pulls(tendons, target)}; pull_limits: '
                 f'{_mm((low, high))}. '
                 'Take up the slack by hand, or give wider pull_limits')
-        if not self.soft:
+        if stiff := self.stiff:
             raise HardwareError(
-                f'segment {self._segment + 1} is no longer soft, so nothing is moved; check '
+                f'segment {stiff[0] + 1} is no longer soft, so nothing is moved; check '
                 'that no other program switches the valves')
         duration = max(abs(d) for d in distances) / min(SPEED, self._limits.speed_limit)
         try:

@@ -1,11 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that follows a moving target with the segment that is soft."""
+"""The node that follows a moving target with one segment: that which is soft, or is chosen."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
-from geometry_msgs.msg import PointStamped
+from geometry_msgs.msg import PointStamped, Vector3
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -13,16 +15,17 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import State, statics_of
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.arm_commander import MotionCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.entries import guarded, repeat, serve, subscribe
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, Status, WARN
-from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
+from soft_continuum.nodes.threads import on_ros_thread, Worker
+from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.names import SERVO, SHAPE_SEQUENCER
@@ -45,6 +48,7 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Targets: only the newest counts, from any publisher."""
 MAX_TARGET_BYTES = 1000
 SEQUENCE_TIMEOUT = 3.0  # s after its last state for a sequence to count as ended
+CLOSE_TIMEOUT = 5.0  # s
 REFUSAL_PERIOD = 5.0  # s for which a refused target is reported
 
 
@@ -52,7 +56,7 @@ REFUSAL_PERIOD = 5.0  # s for which a refused target is reported
 class Estimate:
     """A shape of the arm, when it had it, and when it was measured last, s (steady) or None."""
 
-    shape: Equilibrium
+    shape: State
     time: float
     measured_time: float | None
 
@@ -80,13 +84,15 @@ class Servo(Node):
     """
     Follows a moving target with the segment that is soft, while it is enabled.
 
-    Subscribes to ~/target_angle (std_msgs/Float64), ~/target_tip (geometry_msgs/PointStamped),
-    tendon_states, segment_N/pressure and the ~/state of the four nodes of an arm.  Publishes
-    tendon_actuation/joint_trajectory, ~/status and /diagnostics.  Serves ~/enable
-    (std_srvs/SetBool).
+    Of an arm without jamming it is the segment that servo.segment names.  Subscribes to
+    ~/target_angle (std_msgs/Float64), ~/target_bending (geometry_msgs/Vector3), ~/target_tip
+    (geometry_msgs/PointStamped), tendon_states, segment_N/pressure and the ~/state of the nodes
+    of an arm.  Publishes tendon_actuation/joint_trajectory, ~/status and
+    /diagnostics.  Serves ~/enable (std_srvs/SetBool).
 
     It moves nothing unless it is enabled, and whatever interferes disables it.  All happens on the
-    thread that spins the node.
+    thread that spins the node; but what a segment of a spatial arm can be bent to is found on a
+    thread of its own, when the servo is enabled.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -94,10 +100,16 @@ class Servo(Node):
         super().__init__(SERVO, **options)
         self.parameters = NodeParameters(self, NODE_PARAMETERS[SERVO])
         self.status = Status(self, 'servo')
-        arm = arm_from_parameters(self.parameters)
-        check_jamming(self.parameters)
+        arm = any_arm_from_parameters(self.parameters)
+        self._planar = isinstance(arm, Arm)
+        if self._planar:  # two tendons alone bend no segment for itself
+            check_jamming(self.parameters)
+        self._jamming: bool = self.parameters['arm.jamming']
+        self._segments = len(arm.segments)
         self._compiled = False
         self._servo: AngleServo | None = None  # while it is enabled
+        self._preparing: object = None  # while a servo is made; another one each time
+        self._worker = Worker('servo', self._on_failure)
         self._level, self._ended = OK, 'not enabled yet'  # why it is not
         self._stiff: tuple[bool | None, ...] = ()  # when it was enabled
         self._stops = 0
@@ -111,6 +123,7 @@ class Servo(Node):
                   EVERY_STATE)
         self._receive(Float64, '~/target_angle')
         self._receive(PointStamped, '~/target_tip')
+        self._receive(Vector3, '~/target_bending')
         serve(self, SetBool, '~/enable', self._on_enable)
         repeat(self, 1.0 / self.parameters['servo.rate'], self._tick)
         self._report()
@@ -126,12 +139,16 @@ class Servo(Node):
         """Hold the tendons before the process ends, if it moves them."""
         self._hold('the node ended', OK)
         self._report()
+        self._worker.close(CLOSE_TIMEOUT)
 
     def callback_failed(self, error: Exception) -> None:
         """Hold, and report what a callback raised."""
         text = f'{type(error).__name__}: {error}'
         self.status.alarm('callback', text, FAILURE_PERIOD)
         self._hold(f'servo failed: {text}')
+
+    def _on_failure(self, error: Exception) -> None:
+        on_ros_thread(self, self.callback_failed, error)
 
     # Messages.
 
@@ -162,10 +179,14 @@ class Servo(Node):
             response.success, response.message = True, 'disabled'
         elif self._servo is not None:
             response.success, response.message = True, 'already enabled'
+        elif self._preparing is not None:
+            response.success, response.message = True, 'already being prepared'
         else:
             problem = self._refusal() or self._enable()
             response.success = not problem
-            response.message = problem or f'enabled with segment {self._stiff.index(False) + 1}'
+            response.message = problem or (
+                f'{"enabled with" if self._servo else "being prepared for"} segment '
+                f'{self._segment + 1}')
         self._report()
         return response
 
@@ -180,6 +201,20 @@ class Servo(Node):
             return 'a sequence runs; wait for its end, or cancel it'
         if observed.moves:
             return 'the tendons move; wait until they rest'
+        if problem := self._choice_problem():
+            return problem
+        if observed.shape is None or observed.estimate is None:
+            return 'the shape of the arm is not known'
+        if observed.shape.stiff != observed.stiff:
+            return 'kinematics does not know yet which segment is soft; try again'
+        return ''
+
+    def _choice_problem(self) -> str:
+        """Return why there is no segment that could follow; empty if there is one."""
+        observed, chosen = self._observed, self.parameters['servo.segment']
+        if not self._jamming:
+            return '' if chosen <= self._segments else (
+                f'servo.segment is {chosen}; this arm has {self._segments}')
         soft = [n for n, stiff in enumerate(observed.stiff, start=1) if not stiff]
         if len(soft) != 1:
             return ('exactly one segment has to be soft; soft: '
@@ -188,11 +223,14 @@ class Servo(Node):
         if not vacuum <= self.parameters['soft_vacuum']:
             return (f'segment {soft[0]} is not soft yet: its vacuum is {vacuum:.0f} Pa; '
                     f'soft_vacuum: {self.parameters["soft_vacuum"]:g} Pa')
-        if observed.shape is None or observed.estimate is None:
-            return 'the shape of the arm is not known'
-        if observed.shape.stiff != observed.stiff:
-            return 'kinematics does not know yet which segment is soft; try again'
         return ''
+
+    @property
+    def _segment(self) -> int:
+        """The segment (0-based) that follows."""
+        if self._jamming:
+            return self._observed.stiff.index(False)
+        return int(self.parameters['servo.segment'] or self._segments) - 1
 
     def _enable(self) -> str:
         """Enable the servo; return why that failed, empty when it did not."""
@@ -209,12 +247,31 @@ class Servo(Node):
             **{name: parameters[f'servo.{name}'] for name in (
                 'horizon', 'integral_time', 'response_time', 'extrapolation', 'friction_band',
                 'target_timeout', 'measurement_timeout')})
-        try:
-            self._servo = AngleServo(Statics(model.chain.arm), settings, shape,
-                                     observed.stiff.index(False))
-        except StaticsError as error:
-            return str(error)
+        make = partial(AngleServo, statics_of(model.chain.arm), settings, shape, self._segment,
+                       self._jamming)
         self._stiff, self._stops = observed.stiff, observed.tendons.stops
+        self._preparing = this = object()
+        if self._planar:
+            return self._begin(this, *_made(make))
+        self._level, self._ended = OK, 'what the segment can be bent to is being found'
+        self._worker.submit(lambda: on_ros_thread(self, self._on_made, this, *_made(make)))
+        return ''
+
+    def _on_made(self, this: object, servo: AngleServo | None, problem: str) -> None:
+        self._begin(this, servo, problem)
+        self._report()
+
+    def _begin(self, this: object, servo: AngleServo | None, problem: str) -> str:
+        """Begin with a servo, unless it is not wanted any more; return why not."""
+        if this is not self._preparing:
+            return ''
+        self._preparing = None
+        if servo is not None and not self._planar:  # that took a while
+            problem = self._problem()
+        if servo is None or problem:
+            self._level, self._ended = WARN, problem
+            return problem
+        self._servo = servo
         self._targets.clear()  # an old one must not move the arm
         self._estimate, self._refused = None, ''
         self._commander.begin()
@@ -251,6 +308,8 @@ class Servo(Node):
 
     def _hold(self, reason: str, level: bytes = WARN) -> None:
         """Disable the servo, and let the tendons brake at once if it moves them."""
+        if self._preparing is not None:
+            self._preparing, self._level, self._ended = None, level, reason
         if self._servo is not None:
             self._commander.hold()
             self._disable(reason, level)
@@ -298,11 +357,18 @@ class Servo(Node):
         if kind is Float64:
             servo.set_angle(message.data, time)
             return
+        if kind is Vector3:
+            if self._planar and message.y != 0.0:
+                raise TargetError(f'a bending of {message.y:.4g} rad towards y; allowed: 0, since '
+                                  'this arm bends in one plane')
+            servo.set_angle(message.x if self._planar else complex(message.x, message.y), time)
+            return
         frame = self.parameters['frame_id']
         if message.header.frame_id != frame:
             raise TargetError(f'a tip in frame {plain(message.header.frame_id)!r}; needed: '
                               f'{frame!r}')
-        servo.set_tip(message.point.x, message.point.z, time)
+        point = message.point
+        servo.set_tip(point.x, point.z, time, 0.0 if self._planar else point.y)
 
     # What is published.
 
@@ -319,3 +385,11 @@ class Servo(Node):
             WARN if notes else OK, '; '.join([text, *notes]), enabled='true',
             segment=servo.segment + 1, refused=refused, limited=limited,
             corrected='by measurements' if servo.is_measured(now) else 'no: only predicted')
+
+
+def _made(make: Callable[[], AngleServo]) -> tuple[AngleServo | None, str]:
+    """Return a servo, or why there is none."""
+    try:
+        return make(), ''
+    except StaticsError as error:
+        return None, str(error)

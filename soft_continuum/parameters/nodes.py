@@ -193,6 +193,8 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         *ARM_PARAMETERS, FRAME, PULL_LIMITS, TENSION_LIMIT, STALE_AFTER, AMBIENT, SPEED,
         ACCELERATION, ANTAGONIST_SLACK, SOFT_VACUUM,
         Parameter('servo.rate', 25.0, 'rate of the motion that is sent', 20.0, 100.0, unit='Hz'),
+        Parameter('servo.segment', 0, 'segment that follows, of an arm without jamming, 1 at the '
+                  'base; 0: the last', 0, 100, read_only=False),
         Parameter('servo.horizon', 0.35, 'time after which the tendons rest when nothing more is '
                   'sent', 0.3, 2.0, read_only=False, unit='s'),
         Parameter('servo.integral_time', 0.5, 'time constant of the correction by what is '

@@ -13,6 +13,7 @@ from math import ceil, degrees, radians
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
+from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import Statics
 
@@ -33,6 +34,17 @@ class CurveLimits:
     tension_limit: float = 60.0
     antagonist_slack: float = 0.0005
     offsets: tuple[float, ...] = (0.0, 0.0)
+
+    def problem(self, found: State, pulls: Array) -> str:
+        """Return which of them a state exceeds, with its pulls (tendons,), m; or ''."""
+        low, high = self.pull_limits
+        if found.jumped:
+            return 'beyond it the arm jumps to another shape'
+        if found.tensions.max() > self.tension_limit:
+            return f'the tension_limit of {self.tension_limit:g} N'
+        if pulls.min() - self.antagonist_slack < low or pulls.max() > high:
+            return f'the pull_limits of {low:g} to {high:g} m'
+        return ''
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +86,12 @@ class BendingCurve:
         off = np.abs(np.interp(fine, self.angles, self.pulls[:, tendon]) - pulls[tendon])
         return float(fine[off.argmin()])
 
-    def angle_for_tip(self, x: float, z: float) -> float:
-        """Return the angle (rad) at which the tip is nearest to a point (m)."""
+    def end(self, angle: float) -> str:
+        """Return why the curve ends on the side of an angle."""
+        return self.ends[int(angle > self.angles.mean())]
+
+    def angle_for_tip(self, x: float, z: float, _: float = 0.0) -> float:
+        """Return the angle (rad) at which the tip is nearest to a point (m), whatever its y."""
         start, step = self.tips[:-1], np.diff(self.tips, axis=0)
         away = np.array([x, z]) - start
         length = np.maximum((step**2).sum(axis=1), 1e-30)
@@ -109,7 +125,7 @@ def bending_curve(statics: Statics, state: Equilibrium, segment: int,
                 ends[end] = str(error)
                 break
             pulls = statics.commanded_pulls(found, (turn, -turn)) - limits.offsets
-            if problem := _problem(found, pulls, limits):
+            if problem := limits.problem(found, pulls):
                 ends[end] = problem
                 break
             branch.append((present + turn * float(part), found, pulls))
@@ -123,17 +139,6 @@ def bending_curve(statics: Statics, state: Equilibrium, segment: int,
         np.array([pulls for _, _, pulls in rows]) - _slack(tensions, limits.antagonist_slack),
         np.array([found.tip[:2] for _, found, _ in rows]), tensions.argmax(axis=1),
         (ends[0], ends[1]))
-
-
-def _problem(found: Equilibrium, pulls: Array, limits: CurveLimits) -> str:
-    low, high = limits.pull_limits
-    if found.jumped:
-        return 'beyond it the arm jumps to another shape'
-    if found.tensions.max() > limits.tension_limit:
-        return f'the tension_limit of {limits.tension_limit:g} N'
-    if pulls.min() - limits.antagonist_slack < low or pulls.max() > high:
-        return f'the pull_limits of {low:g} to {high:g} m'
-    return ''
 
 
 def _slack(tensions: Array, slack: float) -> Array:

@@ -1,7 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Following a moving target with the one segment that is soft.
+Following a moving target with one segment: that which is soft, or, without jamming, any one.
+
+A bending is its angle or, of a spatial arm, the complex number angle times e^(i direction), rad,
+as of a BendingDisc; what follows is the same for both.
 
 The pulls come from the model, at a reference angle: the target plus a correction.  The correction
 is what the reference was when the arm was measured, less the angle that was measured, through a
@@ -10,17 +13,21 @@ the stamps does not count as one: docs/how_to/follow_a_moving_target.md has the 
 stable.
 """
 
+from cmath import isfinite
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import copysign, degrees, inf, isfinite, sqrt
+from math import degrees, expm1, inf, sqrt
+from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.bending_curve import bending_curve, CurveLimits
+from soft_continuum.sequencing.bending_disc import bending_disc, bending_of
 
 LEAD = 0.035
 """s from now from which a piece may change what was sent before: tendon_actuation reads ahead."""
@@ -33,7 +40,9 @@ MAX_MEASURING_GAP = 0.2
 """s that one measurement counts for: the first after a gap is no more certain than others."""
 MEMORY = 5.0  # s for which it is remembered where the reference was
 MAX_HELD_CHANGE = 0.17
-"""rad by which a stiff segment may turn; the curve is that of the shape it had."""
+"""rad by which another segment may turn; the curve is that of the shape it had."""
+
+Bending = float | complex
 
 
 class TargetError(ValueError):
@@ -41,7 +50,7 @@ class TargetError(ValueError):
 
 
 class HeldSegmentMovedError(RuntimeError):
-    """A stiff segment does not have the shape any more with which the curve was made."""
+    """Another segment does not have the shape any more with which the curve was made."""
 
 
 @dataclass(frozen=True)
@@ -98,13 +107,13 @@ class Piece:
 
 @dataclass
 class _Target:
-    """Bending angle (rad) at a time (s), and how fast it moves (rad/s)."""
+    """Bending (rad) at a time (s), and how fast it moves (rad/s)."""
 
-    angle: float
+    angle: Bending
     time: float
-    speed: float = 0.0
+    speed: Bending = 0.0
 
-    def at(self, time: float, extrapolation: float) -> float:
+    def at(self, time: float, extrapolation: float) -> Bending:
         return self.angle + self.speed * min(max(0.0, time - self.time), extrapolation)
 
 
@@ -112,14 +121,14 @@ class _Target:
 class _Correction:
     """Low-pass filter of what the reference was too large by; wanted, and sent: rad."""
 
-    wanted: float = 0.0
-    sent: float = 0.0
+    wanted: Bending = 0.0
+    sent: Bending = 0.0
     time: float = -inf  # of the last measurement, s
     seen: float = -inf  # when it came, s
 
-    def update(self, error: float, time: float, seconds: float, seen: float) -> None:
+    def update(self, error: Bending, time: float, seconds: float, seen: float) -> None:
         gap = min(max(0.0, time - self.time), MAX_MEASURING_GAP)
-        self.wanted += (error - self.wanted) * -np.expm1(-gap / seconds)
+        self.wanted += (error - self.wanted) * -expm1(-gap / seconds)
         self.time, self.seen = time, seen
 
 
@@ -132,7 +141,7 @@ class _Point:
     """
 
     time: float
-    angle: float
+    angle: Bending
     followed: float = 0.0
 
 
@@ -141,7 +150,7 @@ class _Motion:
     """What was planned last, its speed (rad/s), and what was before."""
 
     last: _Point
-    speed: float = 0.0
+    speed: Bending = 0.0
     past: deque[_Point] = field(default_factory=deque)
 
     def go_to(self, point: _Point) -> None:
@@ -151,31 +160,40 @@ class _Motion:
         while self.past[0].time < point.time - MEMORY:
             self.past.popleft()
 
-    def was(self, time: float) -> float:
-        return float(np.interp(time, [point.time for point in self.past],
-                               [point.angle for point in self.past]))
+    def was(self, time: float) -> Bending:
+        found: Bending = np.interp(time, [point.time for point in self.past],
+                                   [point.angle for point in self.past]).item()
+        return found
 
 
 class AngleServo:
     """
-    Follows a target with the soft segment (0-based); all times are of one steady clock, s.
+    Follows a target with one segment; all times are of one steady clock, s.
 
     It is made for the shape that the arm has when it is enabled, and moves nothing before a
     target was given.
     """
 
-    def __init__(self, statics: Statics, settings: ServoSettings, state: Equilibrium,
-                 segment: int) -> None:
-        """Find what the segment can be bent to; raises StaticsError when that is nothing."""
+    def __init__(self, statics: Any, settings: ServoSettings, state: Any, segment: int,
+                 jamming: bool = True) -> None:
+        """
+        Find what a segment (0-based) can be bent to; raises StaticsError when that is nothing.
+
+        statics, state: of a planar arm or of a spatial one.  jamming: whether the other segments
+        are stiff.
+        """
         self.settings, self.segment = settings, segment
-        self.curve = bending_curve(statics, state, segment, settings.limits)
+        self._planar = isinstance(statics, Statics)
+        self.curve: Any = (  # a BendingCurve; of a spatial arm a BendingDisc, by complex numbers
+            bending_curve(statics, state, segment, settings.limits) if self._planar else
+            bending_disc(statics, state, segment, settings.limits, jamming))
         self.limited = ''  # by what, as the target was followed last
         self._limit = statics.chain.arm.segments[segment].bending_angle_limit
         self._state = self._made_for = state
         self._target: _Target | None = None
         self._correction = _Correction()
         self._motion: _Motion | None = None
-        self._offset, self._offset_time = np.zeros(2), 1.0
+        self._offset, self._offset_time = np.zeros(len(state.pulls)), 1.0
         self._sent: Array | None = None  # the pulls at the end of the last piece
         share = 1.0 - OFFSET_SHARE
         self._acceleration = share * settings.acceleration / self.curve.slope
@@ -185,13 +203,13 @@ class AngleServo:
 
     # Targets.
 
-    def set_angle(self, angle: float, now: float) -> None:
-        """Follow a bending angle, rad; raises TargetError and goes on as before."""
+    def set_angle(self, angle: Bending, now: float) -> None:
+        """Follow a bending, rad; raises TargetError and goes on as before."""
         if not isfinite(angle):
             raise TargetError(f'a bending angle of {angle} rad; needed: a finite number')
         if abs(angle) > self._limit:
             raise TargetError(
-                f'a bending angle of {angle:.4g} rad; allowed by bending_angle_limits: '
+                f'a bending angle of {_shown(angle)} rad; allowed by bending_angle_limits: '
                 f'{-self._limit:.4g} to {self._limit:.4g} rad')
         before, self._target = self._target, _Target(angle, now)
         if before is None or not 0.0 < now - before.time < MAX_GAP:
@@ -200,11 +218,11 @@ class AngleServo:
         if abs(speed) <= self._speed:  # else it jumped
             self._target.speed = (before.speed + speed) / 2.0
 
-    def set_tip(self, x: float, z: float, now: float) -> None:
+    def set_tip(self, x: float, z: float, now: float, y: float = 0.0) -> None:
         """Follow a point (m) with the tip, as near as this segment can bring it."""
-        if not (isfinite(x) and isfinite(z)):
-            raise TargetError(f'a tip at {x}, {z} m; needed: finite numbers')
-        self.set_angle(self.curve.angle_for_tip(x, z), now)
+        if not (isfinite(x) and isfinite(y) and isfinite(z)):
+            raise TargetError(f'a tip at {x}, {y}, {z} m; needed: finite numbers')
+        self.set_angle(self.curve.angle_for_tip(x, z, y), now)
 
     def has_target(self, now: float) -> bool:
         """Whether a target is followed, and not too old."""
@@ -213,7 +231,7 @@ class AngleServo:
 
     # Measurements.
 
-    def observe(self, state: Equilibrium, time: float, measured_time: float | None,
+    def observe(self, state: State, time: float, measured_time: float | None,
                 now: float) -> None:
         """
         Take in an estimate of the arm.
@@ -222,11 +240,13 @@ class AngleServo:
         None without: then the correction is held.  Raises HeldSegmentMovedError.
         """
         self._state = state
-        turned = np.abs(state.bending_angles - self._made_for.bending_angles)
+        change = state.bending - self._made_for.bending
+        turned = np.linalg.norm(change.reshape(len(change), -1), axis=1)
         turned[self.segment] = 0.0
         if turned.max() > MAX_HELD_CHANGE:
+            held = 'is stiff' if any(state.stiff) else 'is held by its tendons'
             raise HeldSegmentMovedError(
-                f'segment {int(turned.argmax()) + 1} is stiff, but turned by '
+                f'segment {int(turned.argmax()) + 1} {held}, but turned by '
                 f'{degrees(turned.max()):.1f} degrees')
         correction = self._correction
         if (measured_time is None or measured_time <= correction.time
@@ -236,15 +256,21 @@ class AngleServo:
             correction.time, correction.seen = measured_time, now
             return
         then = self._motion.was(time - self.settings.response_time)
-        error = then - float(state.bending_angles[self.segment])
+        error = then - self._bending(state)
         correction.update(error, measured_time, self.settings.integral_time, now)
 
     def is_measured(self, now: float) -> bool:
         """Whether the arm was measured, and not too long ago."""
         return now - self._correction.seen <= self.settings.measurement_timeout
 
+    def _bending(self, state: State) -> Bending:
+        """Return how the segment bends."""
+        if self._planar:
+            return float(state.bending[self.segment])
+        return bending_of(state.bending, self.segment)
+
     @property
-    def correction(self) -> float:
+    def correction(self) -> Bending:
         """What is added to the target, rad."""
         return self._correction.sent
 
@@ -294,7 +320,7 @@ class AngleServo:
     def _begin(self, now: float, pulls: Array) -> _Motion:
         """Begin at the angle that the arm has, or, measured, at that which the pulls stand for."""
         curve, correction = self.curve, self._correction
-        present = float(self._state.bending_angles[self.segment])
+        present = self._bending(self._state)
         angle = curve.clipped(present)
         if self.is_measured(now):
             angle = curve.angle_for_pulls(pulls, angle)
@@ -326,28 +352,38 @@ class AngleServo:
         last, period = motion.last, self.settings.period
         most, followed = self._acceleration * period, last.followed
         if target is None:
-            speed = copysign(max(0.0, abs(motion.speed) - most), motion.speed)
+            speed = _limited(motion.speed, max(0.0, abs(motion.speed) - most))
         else:
             speed = self._speed_towards(target, motion)
-            speed = float(np.clip(speed, motion.speed - most, motion.speed + most))
-            speed = float(np.clip(speed, -self._speed, self._speed))
+            speed = motion.speed + _limited(speed - motion.speed, most)
+            speed = _limited(speed, self._speed)
             followed += period
         return _Point(last.time + period, self.curve.clipped(last.angle + speed * period),
                       followed)
 
-    def _speed_towards(self, target: _Target, motion: _Motion) -> float:
+    def _speed_towards(self, target: _Target, motion: _Motion) -> Bending:
         """Return the speed (rad/s) that the target asks for."""
         period = self.settings.period
         time = motion.last.time + period + self.settings.response_time
         wanted = target.at(time, self.settings.extrapolation) + self._correction.sent
         reference = self.curve.clipped(wanted)
-        self.limited = '' if reference == wanted else self.curve.ends[int(wanted > reference)]
+        self.limited = '' if reference == wanted else self.curve.end(wanted)
         moves = target.speed if reference == wanted else 0.0
-        away = reference - motion.last.angle
+        away: Bending = reference - motion.last.angle
         # As fast as it can still come to rest relative to the target, in whole periods.
         step = self._acceleration * period / 2.0
         fastest = sqrt(2.0 * self._acceleration * abs(away) + step**2) - step
-        speed = away / period
+        speed: Bending = away / period
         if abs(speed - moves) > fastest:
-            speed = moves + copysign(fastest, speed - moves)
+            speed = moves + _limited(speed - moves, fastest)
         return speed
+
+
+def _limited(value: Bending, most: float) -> Bending:
+    """Return a number of at most that size."""
+    size = abs(value)
+    return value if size <= most else value * (most / size)
+
+
+def _shown(bending: Bending) -> str:
+    return f'{abs(bending) if isinstance(bending, complex) else bending:.4g}'

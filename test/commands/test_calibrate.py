@@ -17,6 +17,7 @@ from emulated_rig import (
 import pytest
 
 from soft_continuum.cli import calibrate
+from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.parameters.files import load_rig
 
 STEPS_PER_MM = 200
@@ -393,3 +394,65 @@ def test_an_option_of_another_procedure_is_a_usage_error(run):
     status, _, errors = run('vacuum', '--measured', 5, 5)
     assert status == 2
     assert '--measured is for calibrate steps and calibrate all' in errors
+
+
+# More tendons than one board has, and no segment that could be stiff.
+
+SPATIAL = {
+    'segment_lengths': [0.08], 'outer_diameters': [0.02], 'bending_stiffnesses': [7e-4],
+    'segment_masses': [0.004], 'disc_heights': [0.01, 0.005], 'disc_masses': [0.01, 0.003],
+    'bending_angle_limits': [1.5], 'guide_offsets': [0.008], 'jamming': False,
+    'tendon_names': ['north', 'east', 'south', 'west'],
+    'tendon_angles': [0.0, 1.5708, 3.1416, 4.7124], 'tendon_ends': [1, 1, 1, 1]}
+
+
+@pytest.fixture
+def two_boards(rig, tmp_path):
+    """Change the rig to an arm with two tendons on each of two boards; return both boards."""
+    with GrblEmulator(str(tmp_path / 'grbl_2')) as second:
+        rig.parameters(
+            arm=SPATIAL, grbl__port=f'{tmp_path / "grbl"} {tmp_path / "grbl_2"}',
+            grbl__steps_per_mm=[200.0] * 4, grbl__signs=[1.0] * 4, jamming_driver='simulated')
+        yield rig.grbl, second
+
+
+def test_signs_and_steps_of_tendons_on_several_boards(rig, two_boards, answer):
+    moved = []
+
+    def seen(text):
+        def look():
+            moved.append([board.motors[:2] for board in two_boards])
+            return text
+        return look
+    words = ('pulled-in', 'paid-out', 'pulled-in', 'paid-out')
+    status, output, errors = answer([('Ready?', 'yes'), *(
+        (f'Was the {name} tendon pulled in', seen(word))
+        for name, word in zip(SPATIAL['tendon_names'], words, strict=True))], 'signs')
+    assert status == 0, errors
+    assert moved == [[(400, 0), (0, 0)], [(0, 400), (0, 0)], [(0, 0), (400, 0)],
+                     [(0, 0), (0, 400)]]
+    assert with_results(rig, 'calibration_signs.yaml')['grbl.signs'] == (1.0, -1.0, 1.0, -1.0)
+    status, output, _ = answer([], 'steps', '--measured', 5, 4, 5, 10)
+    assert status == 0
+    assert with_results(rig, 'calibration_steps.yaml')['grbl.steps_per_mm'] == (
+        200.0, 250.0, 200.0, 100.0)
+
+
+def test_the_zero_of_tendons_on_several_boards(rig, two_boards, answer):
+    status, output, errors = answer([
+        ('Ready?', 'yes'), ('done', 'w 1'), ('done', 'north -0.5'), ('done', 'done'),
+        ('Ready?', 'yes')], 'zero')
+    assert status == 0, errors
+    assert [board.motors[:2] for board in two_boards] == [(-100, 0), (0, 200)]
+    assert 'The controller keeps it' in output
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    (('steps', '--measured', '1', '2'),
+     '--measured has 2 values; needed: one for each of north, east, south, west'),
+    (('vacuum',), 'arm.jamming is false'),
+    (('zero', '--yes'), 'give --take-up NORTH EAST SOUTH WEST')])
+def test_what_is_not_of_this_arm_is_refused(two_boards, run, arguments, words):
+    status, _, errors = run(*arguments)
+    assert status == 2
+    assert words in errors

@@ -52,7 +52,7 @@ def bench_of(time, tendons=None, initially_stiff=False):
     tendons = tendons or SimulatedTendons(time, TENDONS, 0.03, 0.3, 5e-6)
     jamming = SimulatedJamming(time, 3, JammingPlant(), initially_stiff)
     return tendons, jamming, TendonBench(
-        tendons, jamming, 2, TendonLimits(TENDONS, (-0.06, 0.06), 0.03), 101325.0 - SOFT, time)
+        tendons, jamming, [2], TendonLimits(TENDONS, (-0.06, 0.06), 0.03), 101325.0 - SOFT, time)
 
 
 @pytest.mark.parametrize('plant', [

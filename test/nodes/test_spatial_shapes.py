@@ -6,10 +6,13 @@
 from collections.abc import Callable, Iterator
 from math import radians
 
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Vector3
 import numpy as np
 import pytest
-from ros_rig import Rig
+from ros_rig import LATCHED, Rig
 from scipy.spatial.transform import Rotation
+from std_srvs.srv import SetBool
 from test_spatial_arm import given
 from test_spatial_description import JAMMING, TENDON_ARM
 
@@ -124,3 +127,27 @@ def test_a_goal_that_the_arm_cannot_do_is_rejected_with_the_reason(
     goal = tendon_arm.goal(shape)
     assert not goal.accepted
     assert words in tendon_arm.rejection(goal)
+
+
+def test_the_servo_bends_a_segment_of_an_arm_without_jamming_to_any_side(tendon_arm: Rig) -> None:
+    rig = tendon_arm
+    statuses = rig.record(DiagnosticStatus, 'servo/status', LATCHED)
+    servo, = rig.start('servo', ready=False, **given(TENDON_ARM) | {'servo__segment': 3})
+    targets = rig.publisher(Vector3, 'servo/target_bending')
+    rig.wait_for(lambda: rig.call(SetBool, 'servo/enable', data=True).success, 'a servo')
+    rig.wait_for(lambda: statuses.last and 'no target' in statuses.last.message, 'its disc')
+    wanted = 0.3 * np.exp(2.0j)
+
+    def follows() -> bool:
+        targets.publish(Vector3(x=wanted.real, y=wanted.imag))
+        poses = rig.disc_poses.last.poses
+        below, above = (Rotation.from_quat([p.orientation.x, p.orientation.y, p.orientation.z,
+                                            p.orientation.w]) for p in (poses[-3], poses[-1]))
+        axis = (below.inv() * above).apply([0.0, 0.0, 1.0])
+        leans = np.sin(abs(wanted)) * wanted / abs(wanted)
+        return abs(complex(*axis[:2]) - leans) < 2.0 * ANGLE_ERROR
+    rig.wait_for(follows, 'the last segment to lean there')
+    assert rig.trigger('tendon_actuation/stop').success
+    rig.wait_for(lambda: 'stopped' in statuses.last.message, 'its end')
+    assert rig.trigger('tendon_actuation/resume').success
+    rig.end(servo)
