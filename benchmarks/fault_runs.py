@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs of the twin in which something breaks, or nothing, as recordings of the truth."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from soft_continuum.mechanics import Arm, Statics
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
 from soft_continuum.twin.differences import Differences
-from soft_continuum.twin.plant import Plant, TIME_STEP
+from soft_continuum.twin.plant import plant_of, TIME_STEP
 
 PERIOD = 0.02  # s of the motors' positions
 VACUUM_TIME = 0.2  # s, time constant of the valves
@@ -70,6 +72,8 @@ class Run:
 class SyntheticCamera:
     """Sees discs with errors that are the same in all pictures, and with noise."""
 
+    covariance = COVARIANCE
+
     def __init__(self, random: np.random.Generator) -> None:
         """Put it up."""
         self._random = random
@@ -94,23 +98,22 @@ class _Push:
     force: float = 0.0
 
 
-class _Rig:
+class Rig:
     """The plant with its boards."""
 
-    def __init__(self, arm: Arm, differences: Differences, fault: Fault, seed: int,
+    def __init__(self, arm: Any, differences: Differences, fault: Fault, seed: int,
                  harmless: bool) -> None:
         self.harmless = harmless
-        self.plant = Plant(arm, differences)
+        self.plant: Any = plant_of(arm, differences)
         self.random = np.random.default_rng([seed, list(Fault).index(fault)])
         self.fault = fault
-        self.pulls = np.zeros(2)  # as the motors say
-        self.lost = np.zeros(2)  # m that the motors are behind
-        self.to_lose = np.zeros(2)
+        self.pulls, self.lost, self.to_lose = np.zeros((3, len(arm.tendon_names)))
+        # As the motors say, m; m that they are behind, and will be.
         self.soft = [False] * len(arm.segments)
         self.leaking = np.zeros(len(arm.segments))  # 1: of which only a little arrives
         self.keeping = np.zeros(len(arm.segments), dtype=bool)
         self.vacuum = np.ones(len(arm.segments))
-        self.poses = _seen_straight
+        self.poses: Callable[[Array], Array] = _seen_straight
         self.rows: list[tuple[float, Array, Array, Array]] = []
         self.pushed: _Push | None = None
         self.carrying = 0  # the tendon that will, after the motion
@@ -132,12 +135,12 @@ class _Rig:
                     pulls = np.array([np.interp(now, move.times, one) for one in move.pulls.T])
                 self._step(pulls)
             self.rows.append((self.plant.time, self.pulls.copy(), np.array(self.soft),
-                              self.poses(self.plant.points[::2])))
+                              self.poses(self._discs())))
 
     def _push(self) -> None:
         one = self.pushed
         if one is None or one.force >= MAX_PUSH or np.linalg.norm(
-                self.plant.points[:, :2] - one.before[:, :2], axis=1).max() > one.distance:
+                self._places() - one.before, axis=1).max() > one.distance:
             return
         one.force += PUSH * PERIOD
         self.plant._data.xfrc_applied[one.body, :3] = one.force * one.direction
@@ -184,33 +187,62 @@ class _Rig:
             self.broke(f'tendon {tendon}, {self.to_lose[tendon] * 1e3:.1f} mm, '
                        f'{far * 1e3:.1f} mm of motion')
         elif fault is Fault.NOT_STIFF:
-            bent = np.abs(plant.joint_angles.reshape(len(self.soft), -1).sum(axis=1))
+            bent = self._bent()
             bent[np.array(self.soft)] = 0.0
             segment = int(np.argmax(bent))
             self.leaking[segment] = random.uniform(0.1, 0.15)
             self.broke(f'segment {segment + 1}, bent by {np.degrees(bent[segment]):.0f} degrees')
         elif fault is Fault.LOAD:
             disc = int(random.integers(self.soft.index(True), len(self.soft))) + 1
-            # Against a taut tendon nothing moves: it pushes more or less towards that.
-            side = 1.0 if tendon == 0 else -1.0
-            way = side * random.uniform(np.pi / 6.0, 5.0 * np.pi / 6.0)
+            way = self._way(tendon)
             self.pushed = _Push(plant._model.body(f'b{disc * plant._per_segment - 1}').id,
-                                np.array([sin(way), 0.0, cos(way)]), random.uniform(*LOAD),
-                                plant.points)
-            self.broke(f'disc {disc}, {np.degrees(way):.0f} degrees')
+                                way, random.uniform(*LOAD), self._places())
+            self.broke(f'disc {disc}, towards {way.round(2).tolist()}')
         elif fault is Fault.SENSOR:
-            disc = int(random.integers(1, len(self.soft) + 1))
-            way, size = random.uniform(-np.pi, np.pi), random.uniform(*TAG)
-            jump = np.zeros((len(self.soft) + 1, 3))
-            jump[disc] = size * sin(way), size * cos(way), np.radians(random.uniform(-10, 10))
-            self.poses = lambda poses: poses + jump
-            self.broke(f'disc {disc}, {size * 1e3:.1f} mm, {np.degrees(jump[disc, 2]):.1f} deg')
+            self._knock_tag(int(random.integers(1, len(self.soft) + 1)))
         elif fault is Fault.CAMERA:
-            way, size = random.uniform(-np.pi, np.pi), random.uniform(*CAMERA)
-            turn = np.radians(random.uniform(-4.0, 4.0))
-            shift = np.array([size * sin(way), size * cos(way)])
-            self.poses = lambda poses: moved(poses, shift, turn)
-            self.broke(f'{size * 1e3:.1f} mm, {np.degrees(turn):.1f} degrees')
+            self._knock_camera()
+
+    # What differs in space.
+
+    def _discs(self) -> Array:
+        """Return where the discs are, (discs, 3)."""
+        return np.asarray(self.plant.points[::2])
+
+    def _places(self) -> Array:
+        """Return where the discs are without their angles, (2 * discs, 2), m."""
+        return np.asarray(self.plant.points[:, :2])
+
+    def _bent(self) -> Array:
+        """Return by how much each segment bends, (segments,), rad."""
+        return np.asarray(np.abs(self.plant.joint_angles.reshape(len(self.soft), -1).sum(axis=1)))
+
+    def _way(self, tendon: int) -> Array:
+        """Return a direction (3,) in which to push, while a tendon is taut."""
+        # Against a taut tendon nothing moves: it pushes more or less towards that.
+        side = 1.0 if tendon == 0 else -1.0
+        way = side * self.random.uniform(np.pi / 6.0, 5.0 * np.pi / 6.0)
+        return np.array([sin(way), 0.0, cos(way)])
+
+    def _knock_tag(self, disc: int) -> None:
+        way, size = self.random.uniform(-np.pi, np.pi), self.random.uniform(*TAG)
+        jump = np.zeros((len(self.soft) + 1, 3))
+        jump[disc] = size * sin(way), size * cos(way), np.radians(self.random.uniform(-10, 10))
+        self.poses = lambda poses: poses + jump
+        self.broke(f'disc {disc}, {size * 1e3:.1f} mm, {np.degrees(jump[disc, 2]):.1f} deg')
+
+    def _knock_camera(self) -> None:
+        way, size = self.random.uniform(-np.pi, np.pi), self.random.uniform(*CAMERA)
+        turn = np.radians(self.random.uniform(-4.0, 4.0))
+        shift = np.array([size * sin(way), size * cos(way)])
+        self.poses = lambda poses: moved(poses, shift, turn)
+        self.broke(f'{size * 1e3:.1f} mm, {np.degrees(turn):.1f} degrees')
+
+    @staticmethod
+    def plan(arm: Any, random: np.random.Generator, shapes: int
+             ) -> tuple[list[Move], list[int | None]]:
+        """Return moves, as _plan."""
+        return _plan(arm, random, shapes)
 
 
 def _seen_straight(poses: Array) -> Array:
@@ -226,18 +258,18 @@ def moved(poses: Array, shift: Array, turn: float) -> Array:
     return np.column_stack([middle + shift + turned, poses[:, 2] + turn])
 
 
-def simulate(arm: Arm, differences: Differences, fault: Fault, seed: int, shapes: int = 1,
-             harmless: bool = False) -> Run:
+def simulate(arm: Any, differences: Differences, fault: Fault, seed: int, shapes: int = 1,
+             harmless: bool = False, kind: type[Rig] = Rig) -> Run:
     """
     Return a sequence of random shapes in which a fault happens in a random move.
 
     With a fault it ends WATCHED after it, at the earliest after that move.  harmless: nothing
-    breaks, and all else is the same.
+    breaks, and all else is the same.  kind: Rig, or in space what takes its place.
     """
-    rig = _Rig(arm, replace(differences, seed=seed), fault, seed, harmless)
+    rig = kind(arm, replace(differences, seed=seed), fault, seed, harmless)
     in_motion = fault in (Fault.SLIP_MOVING, Fault.STEPS)
     more = 2 if in_motion or fault is Fault.SLIP else 0  # until a tendon does what it has to
-    moves, carrying = _plan(arm, rig.random, shapes + more)
+    moves, carrying = kind.plan(arm, rig.random, shapes + more)
     # A jam that holds nothing shows when the next segment moves.
     chosen, last = -1, len(moves) - (fault is Fault.NOT_STIFF)
     if in_motion:  # of a tendon that moves and carries then, and that did so before

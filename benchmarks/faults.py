@@ -5,13 +5,13 @@
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
 from benchmarks.fault_runs import (
     closed_loop,
-    COVARIANCE,
     displacement,
     Fault,
     PERIOD,
@@ -27,7 +27,8 @@ from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.hypotheses import Cause
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
-from soft_continuum.mechanics import Arm, StaticsError
+from soft_continuum.mechanics import StaticsError
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.nodes.up import description_file
 from soft_continuum.twin.differences import read_differences
 
@@ -44,6 +45,7 @@ RIGHT = {
     Fault.SENSOR: (Cause.SENSOR_MOVED,), Fault.CAMERA: (Cause.CAMERA_MOVED,)}
 HEAD = ('what breaks', 'named rightly', 'first named otherwise', 'not noticeable',
         's until named, median', 'worst', 'named later beside it')
+ALARMS = ('', 'minutes watched', 'causes named', 'an hour', 'at most, at 95 %')
 
 
 @dataclass(frozen=True)
@@ -64,10 +66,11 @@ class Outcome:
     unseen: bool = False
 
 
-def observe(arm: Arm, run: Run) -> list[Anomaly]:
+def observe(arm: AnyArm, run: Run, camera: Any = None) -> list[Anomaly]:
     """Return what is named in a run, seen by a camera with a delay, with errors and noise."""
-    shape, camera = ArmShape(arm, 5e-4), SyntheticCamera(np.random.default_rng(run.seed))
-    sliding, before = np.zeros(2, dtype=int), run.pulls[0]
+    camera = camera or SyntheticCamera(np.random.default_rng(run.seed))
+    shape, before = ArmShape(arm, 5e-4), run.pulls[0]
+    sliding = np.zeros(len(before), dtype=int)
     pictures: list[tuple[float, np.ndarray]] = []
     found: dict[Anomaly, None] = {}
     for k, (time, pulls, soft) in enumerate(zip(run.times, run.pulls, run.soft, strict=True)):
@@ -82,7 +85,7 @@ def observe(arm: Arm, run: Run) -> list[Anomaly]:
             pictures.append((time, camera(run.poses[k])))
         while pictures and pictures[0][0] < time - DELAY:
             stamp, poses = pictures.pop(0)
-            shape.measure(stamp, [DiscMeasurement(n, pose, COVARIANCE)
+            shape.measure(stamp, [DiscMeasurement(n, pose, camera.covariance)
                                   for n, pose in enumerate(poses)])
         found.update(dict.fromkeys(shape.anomalies))
     return list(found)
@@ -97,7 +100,8 @@ def judge(run: Run, named: list[Anomaly]) -> Outcome:
                    len(named) - len(after), begin - float(run.times[0]))
 
 
-def _row(fault: Fault, outcomes: list[Outcome]) -> tuple[str, ...]:
+def row(fault: Fault, outcomes: list[Outcome]) -> tuple[str, ...]:
+    """Return the runs of a fault as a row under HEAD."""
     rightly = [one for one in outcomes if one.first in RIGHT[fault]]
     others = Counter('nothing' if one.first is None else f'`{one.first.name}`'
                      for one in outcomes if one.first not in RIGHT[fault])
@@ -109,7 +113,8 @@ def _row(fault: Fault, outcomes: list[Outcome]) -> tuple[str, ...]:
             str(sum(one.later for one in outcomes)))
 
 
-def _alarms(name: str, outcomes: Iterable[Outcome]) -> tuple[str, ...]:
+def alarms(name: str, outcomes: Iterable[Outcome]) -> tuple[str, ...]:
+    """Return what was named without a fault as a row under ALARMS."""
     hours = sum(one.watched for one in outcomes) / 3600.0
     false = sum(one.false for one in outcomes)
     most = float(chi2.ppf(0.95, 2 * false + 2)) / 2.0 / hours
@@ -150,12 +155,10 @@ def run(quick: bool) -> Section:
         'counts as right, whichever disc or segment it is said of. Not noticeable: of those that '
         f'were not named rightly, those that moved no disc by {UNSEEN * 1e3:g} mm, against the '
         'same run without the fault. ' + machine(),
-        table(HEAD, [_row(fault, outcomes) for fault, outcomes in broken.items()]),
+        table(HEAD, [row(fault, outcomes) for fault, outcomes in broken.items()]),
         f'All in all {right} of {len(runs)} ({100.0 * right / len(runs):.1f} %).',
         'Without a fault:',
-        table(('', 'minutes watched', 'causes named', 'an hour', 'at most, at 95 %'), [
-            _alarms('sequences in open loop', sequences),
-            _alarms('closed loop', closed),
-            _alarms('before the faults above', runs),
-            _alarms('all', sequences + closed + runs)])])
+        table(ALARMS, [alarms('sequences in open loop', sequences), alarms('closed loop', closed),
+                       alarms('before the faults above', runs),
+                       alarms('all', sequences + closed + runs)])])
     return Section('estimation.md', 'faults', body)

@@ -16,17 +16,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.dimensions import Dimensions, PLANE
+from soft_continuum.estimation.dimensions import Dimensions
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
 from soft_continuum.estimation.hypotheses import (
-    camera_directions,
     Cause,
     hypotheses,
     judge,
     log_likelihood,
     otherwise,
-    SHIFT,
-    TURN,
+    sensor_scales,
     Verdict,
 )
 from soft_continuum.estimation.measuring import (
@@ -200,17 +198,17 @@ class Watch:
             if self._changed or time > self._taken + RENEWAL:
                 self.refer_to(estimator, time)
             return
-        planar = reference.layout.dimensions is PLANE  # in space no cause is known yet
-        causes = hypotheses(point, self._last, reference, self._moved) if planar else []
+        causes = hypotheses(point, self._last, reference, self._moved)
         causes += [otherwise(one.cause, one.segment + 1, point, one.estimator, discs)
                    for one in self._others
                    if one.cause is Cause.NOT_SOFT or self._last.stiff[one.segment]]
-        if self._stiffened is not None and planar:
+        if self._stiffened is not None:
             # What happened before a segment became stiff is held since then.
             then, was = self._stiffened
             before = was.expected(discs)
-            became = ~np.array(then.stiff) & self._last.stiff
-            locked = point.rows[:, :len(became)][:, became] * was.prior.lock_in
+            became = np.repeat(~np.array(then.stiff) & self._last.stiff,
+                               was.layout.dimensions.bendings)
+            locked = point.rows[:, was.layout.held][:, became] * was.prior.lock_in
             before = replace(before, noise=before.noise + locked @ locked.T)
             causes += [one for one in hypotheses(before, then, was, self._moved)
                        if one.cause not in (Cause.SENSOR_MOVED, Cause.CAMERA_MOVED)]
@@ -226,7 +224,7 @@ class Watch:
             self._suspected = found
         self._attempts += 1
         if self._attempts == MAX_ATTEMPTS:
-            of_shift = point.coordinates < reference.layout.dimensions.shifts
+            of_shift = point.parts[:, :reference.layout.dimensions.shifts].any(axis=1)
             if (np.abs(point.values) > np.where(of_shift, LARGE_SHIFT, LARGE_TURN)).any():
                 self.active += (_unknown(time, verdicts, self._moved),)
             self.forget()
@@ -234,16 +232,17 @@ class Watch:
     def _name(self, time: float, found: Verdict, point: Point, reference: Estimator,
               estimator: Estimator) -> None:
         one, layout = found.hypothesis, estimator.layout
-        cause = _cause(found, self._moved)
-        rows = np.zeros((layout.size, 3))
+        cause, dimensions = _cause(found, self._moved), layout.dimensions
+        rows = np.zeros((layout.size, dimensions.pose))
         if cause is Cause.SENSOR_MOVED:
-            rows[layout.bias(one.number)] = np.eye(3)
+            rows[layout.bias(one.number)] = np.eye(dimensions.pose)
         elif cause is Cause.CAMERA_MOVED:
             of_discs = slice(layout.bias(0).start, layout.bias(layout.segments).stop)
-            rows[of_discs] = camera_directions(point.state.points[::2]).reshape(-1, 3)
+            rows[of_discs] = dimensions.camera_moved(
+                dimensions.poses(point.state)).reshape(-1, dimensions.pose)
         if rows.any():
             self._instead = reference.copy()
-            self._instead.loosen(rows * (SHIFT, SHIFT, TURN))
+            self._instead.loosen(rows * sensor_scales(dimensions))
             self._instead.measured, self._instead.updated = estimator.measured, estimator.updated
         self.active += (_anomaly(time, cause, one.number, found.size, estimator.arm.tendon_names[
             one.number] if one.step else ''),)
@@ -278,16 +277,12 @@ class _Other:
 
 
 def _stuck(segment: int, estimator: Estimator) -> list[_Other]:
-    """Return what a segment would be that did not become soft; in space nothing follows it."""
-    if estimator.layout.dimensions is not PLANE:
-        return []
+    """Return what a segment would be that did not become soft."""
     return [_Other(Cause.NOT_SOFT, segment, 1.0, estimator.copy())]
 
 
 def _leaking(segment: int, estimator: Estimator) -> list[_Other]:
-    """Return what a stiff segment would be that leaks; in space nothing follows it."""
-    if estimator.layout.dimensions is not PLANE:
-        return []
+    """Return what a stiff segment would be that leaks."""
     return [_Other(Cause.NOT_STIFF, segment, left, estimator.copy()) for left in LEAKS]
 
 
@@ -307,8 +302,7 @@ def _still(before: Sequence[DiscMeasurement], now: Sequence[DiscMeasurement],
            dimensions: Dimensions) -> bool:
     """Whether the same discs are where they were, by what is new in each picture."""
     return bool(before) and [one.disc for one in before] == [one.disc for one in now] and all(
-        (np.abs(dimensions.apart(one.pose, other.pose, one.known)) < STILL * np.sqrt(
-            OWN_SHARE * np.diag(one.covariance)))[one.known].all()
+        bool((one.differs(other, dimensions) < STILL * np.sqrt(OWN_SHARE)).all())
         for one, other in zip(before, now, strict=True))
 
 

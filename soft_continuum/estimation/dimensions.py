@@ -14,13 +14,13 @@ from math import inf
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.arm import Arm, PointForce
 from soft_continuum.mechanics.chain import Array, RigidChain
 from soft_continuum.mechanics.either import AnyArm, AnyChain
 from soft_continuum.mechanics.joints import wrapped
 from soft_continuum.mechanics.sensitivity import Linearisation
+from soft_continuum.mechanics.spatial.arm import Wrench
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.mechanics.spatial.sensitivity import SpatialLinearisation
 from soft_continuum.sensing.rigid import displacement, mean_pose
@@ -56,9 +56,13 @@ class Dimensions(Protocol):
     def poses(self, state: Any) -> Array:
         """Return the poses of the bottoms of all discs, base first, (discs, 3 or 7)."""
 
-    def apart(self, pose: Array, other: Array, known: NDArray[np.bool_],
+    def apart(self, pose: Array, other: Array, about: Array | None = None,
               bias: Array | float = 0.0) -> Array:
-        """Return by how much a pose that is off by a bias differs from another, (pose,)."""
+        """
+        Return by how much a pose that is off by a bias differs from another, (pose,).
+
+        about: direction (3,) about which alone it is not known how the pose is turned.
+        """
 
     def mean(self, poses: Sequence[Array]) -> Array:
         """Return the mean of poses that lie close together."""
@@ -79,6 +83,25 @@ class Dimensions(Protocol):
 
         Those by the stiffness are per ``unit`` of the segment.
         """
+
+    def sprung(self, state: Any) -> Array:
+        """Return by how much the jams of the segments are bent, (bendings * segments,), rad."""
+
+    def bent_evenly(self, state: Any) -> Array:
+        """
+        Return how the discs move when segments alone bend evenly, per rad.
+
+        That is (discs, pose, bendings * segments).
+        """
+
+    def pushed(self, statics: Any, state: Any, sliding: Sequence[int], disc: int) -> Array:
+        """Return how forces on a disc move all of them, per N, (discs, pose, shifts)."""
+
+    def with_force(self, arm: Any, disc: int, force: Array) -> Any:
+        """Return an arm with one more force (shifts,) N on a disc."""
+
+    def camera_moved(self, poses: Array) -> Array:
+        """Return how discs seem to move when the camera does, (discs, pose, pose)."""
 
     def unit(self, segment: Any) -> float:
         """Return by what its stiffness is derived."""
@@ -111,7 +134,7 @@ class Plane:
         found: Array = state.points[::2]
         return found
 
-    def apart(self, pose: Array, other: Array, known: NDArray[np.bool_],
+    def apart(self, pose: Array, other: Array, about: Array | None = None,
               bias: Array | float = 0.0) -> Array:
         """Return the difference."""
         away: Array = pose - other - bias
@@ -148,6 +171,33 @@ class Plane:
         bending = joints.reshape(chain.segments, chain.joints_per_segment, -1).sum(axis=1)
         return Derivatives(disc_rows(chain, state.joint_angles, joints), bending,
                            found.tensions * scales, found.paths * scales)
+
+    def sprung(self, state: Any) -> Array:
+        """Return it by the joint angles."""
+        away = (state.joint_angles - state.held_angles).reshape(len(state.stiff), -1)
+        found: Array = away.sum(axis=1)
+        return found
+
+    def bent_evenly(self, state: Any) -> Array:
+        """Return it by the joint angles."""
+        chain = state.chain
+        evenly = np.repeat(np.eye(chain.segments), chain.joints_per_segment, axis=0)
+        return disc_rows(chain, state.joint_angles, evenly / chain.joints_per_segment)
+
+    def pushed(self, statics: Any, state: Any, sliding: Sequence[int], disc: int) -> Array:
+        """Return those of Linearisation."""
+        rates = Linearisation(statics, state, sliding).forces().joint_angles
+        return disc_rows(statics.chain, state.joint_angles, rates[:, 2 * disc - 2:2 * disc])
+
+    def with_force(self, arm: Any, disc: int, force: Array) -> Any:
+        """Return it with a PointForce."""
+        return replace(arm, forces=(*arm.forces, PointForce(disc, *force.tolist())))
+
+    def camera_moved(self, poses: Array) -> Array:
+        """Return it about the origin."""
+        found = np.tile(np.eye(3), (len(poses), 1, 1))
+        found[:, 0, 2], found[:, 1, 2] = poses[:, 1], -poses[:, 0]
+        return found
 
     def unit(self, segment: Any) -> float:
         """Return E I."""
@@ -186,12 +236,10 @@ class Space:
         found: Array = state.poses[::2]
         return found
 
-    def apart(self, pose: Array, other: Array, known: NDArray[np.bool_],
+    def apart(self, pose: Array, other: Array, about: Array | None = None,
               bias: Array | float = 0.0) -> Array:
-        """Return shift and rotation vector; about an axis that alone is not known it is none."""
-        unknown = np.flatnonzero(~known[3:])
-        axis = int(unknown[0]) if len(unknown) == 1 else None
-        return displacement(pose, other, axis) - bias
+        """Return shift and rotation vector; about what alone is not known it is none."""
+        return displacement(pose, other, about) - bias
 
     def mean(self, poses: Sequence[Array]) -> Array:
         """Return the mean pose."""
@@ -220,6 +268,44 @@ class Space:
         poses = np.concatenate([found.points[::2], found.orientations], axis=1)
         return Derivatives(poses * scales, found.bending.reshape(-1, len(scales)) * scales,
                            found.tensions * scales, found.paths * scales)
+
+    def sprung(self, state: Any) -> Array:
+        """Return it by the rotation vectors of the joints."""
+        away = (state.chain.joints(state.rotations) - state.held)[:, :2]
+        found: Array = away.reshape(len(state.stiff), -1, 2).sum(axis=1).ravel()
+        return found
+
+    def bent_evenly(self, state: Any) -> Array:
+        """Return it about the axes of the body below each joint."""
+        chain = state.chain
+        axes = np.concatenate([np.eye(3)[None], state.rotations[:-1]])[:, :, :2]
+        discs, joints = state.points[::2], state.backbone[:-1]
+        found = np.zeros((chain.segments + 1, 6, chain.segments, 2))
+        for k, (axis, joint) in enumerate(zip(axes, joints, strict=True)):
+            segment = k // chain.joints_per_segment
+            above = slice(segment + 1, None)
+            levers = (discs[above] - joint)[:, :, None]
+            found[above, :3, segment] += np.cross(axis[None], levers, axis=1)
+            found[above, 3:, segment] += axis
+        evenly: Array = found.reshape(len(discs), 6, -1) / chain.joints_per_segment
+        return evenly
+
+    def pushed(self, statics: Any, state: Any, sliding: Sequence[int], disc: int) -> Array:
+        """Return those of SpatialLinearisation."""
+        found = SpatialLinearisation(statics, state).forces()
+        poses = np.concatenate([found.points[::2], found.orientations], axis=1)
+        return poses[:, :, 3 * disc - 3:3 * disc]
+
+    def with_force(self, arm: Any, disc: int, force: Array) -> Any:
+        """Return it with a Wrench."""
+        x, y, z = force.tolist()
+        return replace(arm, wrenches=(*arm.wrenches, Wrench(disc, (x, y, z))))
+
+    def camera_moved(self, poses: Array) -> Array:
+        """Return it about the origin."""
+        found = np.tile(np.eye(6), (len(poses), 1, 1))
+        found[:, :3, 3:] = np.cross(np.eye(3)[None], poses[:, None, :3]).transpose(0, 2, 1)
+        return found
 
     def unit(self, segment: Any) -> float:
         """Return 1: the derivatives are by a factor."""

@@ -127,8 +127,7 @@ class Estimator:
     def _moved_from(self, before: Any) -> Array:
         """Return by how much all discs are elsewhere than in another state, (discs, pose)."""
         dimensions = self.layout.dimensions
-        known = np.ones(dimensions.pose, dtype=bool)
-        return np.array([dimensions.apart(now, then, known) for now, then in zip(
+        return np.array([dimensions.apart(now, then) for now, then in zip(
             dimensions.poses(self.state), dimensions.poses(before), strict=True)])
 
     def _note(self, now: Commands, before: Commands) -> None:
@@ -359,7 +358,7 @@ class Estimator:
                            start=start, state=there, values=values)
         found = [one.observation(expected) for one in measurements]
         for one in found:
-            self._expect_biases(one.biases, np.diag(one.covariance))
+            self._expect_biases(one.biases, one.variances)
         jacobian = np.concatenate([one.rows for one in found])
         noise, end = np.zeros((len(jacobian),) * 2), 0
         for one in found:
@@ -367,10 +366,10 @@ class Estimator:
             noise[begin:end, begin:end] = OWN_SHARE * one.covariance
         # A moving arm is behind its statics as if its tendons were.
         late = jacobian[:, layout.offset] * (self._speeds * LAG)
-        discs, coordinates = np.divmod(
-            np.concatenate([one.biases for one in found]) - layout.model, layout.dimensions.pose)
-        return Point(change, unknowns, statics, start, there, discs, coordinates, values,
-                     jacobian, noise + late @ late.T)
+        discs = np.repeat([one.disc for one in found], [len(one.rows) for one in found])
+        return Point(change, unknowns, statics, start, there, discs,
+                     np.concatenate([one.parts for one in found]), values, jacobian,
+                     noise + late @ late.T)
 
     def _expect_biases(self, biases: NDArray[np.intp], variances: Array) -> None:
         """Take what a sensor says of itself as what is wrong in all its measurements alike."""

@@ -7,12 +7,13 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import log, pi
+from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.dimensions import disc_rows, PLANE
+from soft_continuum.estimation.dimensions import Dimensions
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import (
     DiscMeasurement,
@@ -21,10 +22,9 @@ from soft_continuum.estimation.measuring import (
     relative_distance,
 )
 from soft_continuum.estimation.unknowns import Layout
-from soft_continuum.mechanics.arm import PointForce
-from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.mechanics.statics import Statics, StaticsError
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import statics_of
+from soft_continuum.mechanics.errors import StaticsError
 
 LONGER = (-1.5e-3, -2.5e-3, -4e-3, -6.5e-3)
 OFFSETS = (*LONGER, 1.5e-3, 2.5e-3, 4e-3)
@@ -67,6 +67,7 @@ class Hypothesis:
     is measured, were it so.
     """
 
+    dimensions: Dimensions
     cause: Cause
     number: int
     point: Point
@@ -99,7 +100,7 @@ class Verdict:
         one = self.hypothesis
         if one.step:
             return -one.step * (1.0 + PART * float(self.sizes[0]))
-        return one.unit * float(np.linalg.norm(self.sizes[:2]))
+        return one.unit * float(np.linalg.norm(self.sizes[:one.dimensions.shifts]))
 
 
 def log_likelihood(values: Array, covariance: Array) -> float:
@@ -129,22 +130,21 @@ def _blur(one: Hypothesis, moved: Array) -> Array:
     They know how it bends each segment to a part of that, and evenly along it to a smaller one.
     """
     point = one.point
-    chain = point.statics.chain
-    evenly = np.repeat(np.eye(chain.segments), chain.joints_per_segment, axis=0)
-    turning = _measured(point, disc_rows(
-        chain, point.state.joint_angles, evenly / chain.joints_per_segment))
+    turning = point.measured(one.dimensions.bent_evenly(point.state))
     bends = np.linalg.lstsq(turning, moved, rcond=None)[0]
     bent = turning * bends
-    uneven = np.maximum(np.abs(moved - bent.sum(axis=1)), UNEVEN * _extent(moved, point))
+    uneven = np.maximum(np.abs(moved - bent.sum(axis=1)), UNEVEN * _extent(moved, one))
     return np.asarray(one.blur**2 * (bent @ bent.T + np.diag(uneven**2)))
 
 
-def _extent(moved: Array, point: Point) -> Array:
+def _extent(moved: Array, one: Hypothesis) -> Array:
     """Return for every value how far its disc is displaced (m), or turned (rad), (k,)."""
-    found = np.abs(moved)
-    for disc in np.unique(point.discs):
-        along = (point.discs == disc) & (point.coordinates < 2)
-        found[along] = np.linalg.norm(moved[along])
+    found, discs = np.abs(moved), one.point.discs
+    is_shift = one.point.parts[:, :one.dimensions.shifts].any(axis=1)
+    for disc in np.unique(discs):
+        for alike in (is_shift, ~is_shift):
+            of_disc = (discs == disc) & alike
+            found[of_disc] = np.linalg.norm(moved[of_disc])
     return found
 
 
@@ -156,6 +156,7 @@ def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion
     point: of the reference, with these commands.  in_motion: whether the motors moved since.
     """
     state, statics, layout = point.state, point.statics, reference.layout
+    dimensions = layout.dimensions
     pulled = commands.pulls + point.unknowns[layout.offset]
     covariance, nothing = point.covariance(reference.covariance), np.zeros(len(point.values))
     found = []
@@ -168,9 +169,10 @@ def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion
             sliding=commands.sliding)
         rows = _rows_at(point, statics, other, layout, commands)
         directions = np.column_stack([
-            PART * step * rows[:, layout.offset.start + tendon], _yielding(other, rows)])
+            PART * step * rows[:, layout.offset.start + tendon], _yielding(other, rows, layout)])
         return Hypothesis(
-            Cause.TENDON_SLIPPED, tendon, point, _displaced(point, other), directions,
+            dimensions, Cause.TENDON_SLIPPED, tendon, point, _displaced(point, other, layout),
+            directions,
             rows @ reference.covariance @ rows.T + point.noise, step=step)
 
     for tendon in range(layout.tendons):
@@ -180,14 +182,21 @@ def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion
                     found.append(slipped(tendon, step))
     for segment in range(layout.segments):
         found += loads(point, commands, reference, segment + 1)
-    poses = state.points[::2]
+    scales = sensor_scales(dimensions)
     for disc in np.unique(point.discs).tolist():
-        free = (point.discs == disc)[:, None] * np.eye(PLANE.pose)[point.coordinates]
-        found.append(Hypothesis(Cause.SENSOR_MOVED, disc, point, nothing,
-                                free * (SHIFT, SHIFT, TURN), covariance, SHIFT, blur=0.0))
-    found.append(Hypothesis(Cause.CAMERA_MOVED, 0, point, nothing, _measured(
-        point, camera_directions(poses)) * (SHIFT, SHIFT, TURN), covariance, SHIFT, blur=0.0))
+        free = (point.discs == disc)[:, None] * point.parts
+        found.append(Hypothesis(dimensions, Cause.SENSOR_MOVED, disc, point, nothing,
+                                free * scales, covariance, SHIFT, blur=0.0))
+    moved = point.measured(dimensions.camera_moved(dimensions.poses(state)))
+    found.append(Hypothesis(dimensions, Cause.CAMERA_MOVED, 0, point, nothing, moved * scales,
+                            covariance, SHIFT, blur=0.0))
     return found
+
+
+def sensor_scales(dimensions: Dimensions) -> Array:
+    """Return the deviations of a sensor or camera that moved, (pose,), m and rad."""
+    turns = dimensions.pose - dimensions.shifts
+    return np.array([SHIFT] * dimensions.shifts + [TURN] * turns)
 
 
 def loads(point: Point, commands: Commands, reference: Estimator, disc: int
@@ -198,26 +207,26 @@ def loads(point: Point, commands: Commands, reference: Estimator, disc: int
     The arguments are those of ``hypotheses``.
     """
     state, arm, found = point.state, point.statics.chain.arm, []
+    dimensions = reference.layout.dimensions
     pulls = commands.pulls + point.unknowns[reference.layout.offset]
     covariance = point.covariance(reference.covariance)
 
-    def about(statics: Statics, there: Equilibrium, force: Array) -> Hypothesis:
+    def about(statics: Any, there: Any, force: Array) -> Hypothesis:
         """Return that of forces near one with which the arm has another shape."""
-        rates = Linearisation(statics, there, commands.sliding).forces().joint_angles
-        pushed = FORCE * _measured(point, disc_rows(
-            statics.chain, there.joint_angles, rates[:, 2 * disc - 2:2 * disc]))
+        pushed = FORCE * point.measured(
+            dimensions.pushed(statics, there, commands.sliding, disc))
         rows = _rows_at(point, statics, there, reference.layout, commands)
         return Hypothesis(
-            Cause.LOAD, disc, point, _displaced(point, there) - pushed @ force / FORCE,
-            pushed, rows @ reference.covariance @ rows.T + point.noise, FORCE)
+            dimensions, Cause.LOAD, disc, point,
+            _displaced(point, there, reference.layout) - pushed @ force / FORCE, pushed,
+            rows @ reference.covariance @ rows.T + point.noise, FORCE)
 
     for tensions in (state.tensions, np.zeros_like(state.tensions)):
-        one = about(point.statics, replace(state, tensions=tensions), np.zeros(2))
+        one = about(point.statics, replace(state, tensions=tensions), np.zeros(dimensions.shifts))
         force = FORCE * judge(one).sizes
         with suppress(StaticsError):
             for part in LOAD_STEPS:
-                statics = Statics(replace(arm, forces=(
-                    *arm.forces, PointForce(disc, *force.tolist()))))
+                statics: Any = statics_of(dimensions.with_force(arm, disc, force))
                 one = about(statics, statics.solve(
                     replace(state, chain=statics.chain), pulls,
                     [not stiff for stiff in state.stiff], vacuum=state.vacuum or None,
@@ -242,47 +251,37 @@ def otherwise(cause: Cause, segment: int, point: Point, other: Estimator,
     segment: as in topic names.  point: of the reference.  other: the estimate that took it to be
     so.  discs: what is measured.
     """
-    there = other.expected(discs)
+    there, layout = other.expected(discs), other.layout
     moved = point.values - there.values
-    if cause is Cause.NOT_SOFT:
-        return Hypothesis(cause, segment, point, moved, _yielding(there.state, there.rows),
-                          there.covariance(other.covariance))
-    return Hypothesis(cause, segment, point, moved, GIVEN * moved[:, None],
+    directions = (_yielding(there.state, there.rows, layout) if cause is Cause.NOT_SOFT
+                  else GIVEN * moved[:, None])
+    return Hypothesis(layout.dimensions, cause, segment, point, moved, directions,
                       there.covariance(other.covariance))
 
 
-def _yielding(state: Equilibrium, rows: Array) -> Array:
+def _yielding(state: Any, rows: Array, layout: Layout) -> Array:
     """
-    Return by how much more what bends a stiff segment may bend it: (k, segments) m and rad.
+    Return by how much more what bends a stiff segment may bend it, m and rad.
 
-    Tendons that pull against jams bend them by an amount that is hardly known, and they yield.
+    That is (k, bendings * segments).  Tendons that pull against jams bend them by an amount that
+    is hardly known, and they yield.
     """
-    bent = (state.joint_angles - state.held_angles).reshape(len(state.stiff), -1).sum(axis=1)
-    return np.asarray(YIELDING * bent * state.stiff * rows[:, :len(bent)])
+    stiff = np.repeat(state.stiff, layout.dimensions.bendings)
+    bent = layout.dimensions.sprung(state) * stiff
+    return np.asarray(YIELDING * bent * rows[:, layout.held])
 
 
-def _measured(point: Point, of_discs: Array) -> Array:
-    """Return those that are measured, of (discs, 3, n) or (discs, 3)."""
-    picked: Array = of_discs[point.discs, point.coordinates]
-    return picked
-
-
-def _displaced(point: Point, other: Equilibrium) -> Array:
+def _displaced(point: Point, other: Any, layout: Layout) -> Array:
     """Return by how much a shape displaces what is measured, (k,) m and rad."""
-    return _measured(point, other.points[::2] - point.state.points[::2])
+    dimensions = layout.dimensions
+    return point.measured(np.array([dimensions.apart(now, then) for now, then in zip(
+        dimensions.poses(other), dimensions.poses(point.state), strict=True)]))
 
 
-def _rows_at(point: Point, statics: Statics, other: Equilibrium, layout: Layout,
-             commands: Commands) -> Array:
+def _rows_at(point: Point, statics: Any, other: Any, layout: Layout, commands: Commands
+             ) -> Array:
     """Return the rows of a point (k, size) as they are in another shape."""
     rows = point.rows.copy()
-    rows[:, :layout.model] = _measured(point, predicted(
+    rows[:, :layout.model] = point.measured(predicted(
         statics, layout, other, commands.sliding).pose_rows)[:, :layout.model]
     return rows
-
-
-def camera_directions(poses: Array) -> Array:
-    """Return how poses (n, 3) are seen displaced by a camera that moved, (n, 3, 3)."""
-    found = np.tile(np.eye(PLANE.pose), (len(poses), 1, 1))
-    found[:, 0, 2], found[:, 1, 2] = poses[:, 1], -poses[:, 0]
-    return found

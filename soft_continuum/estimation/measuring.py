@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.estimation.dimensions import Derivatives, model_error
+from soft_continuum.estimation.dimensions import Derivatives, Dimensions, model_error, SPACE
 from soft_continuum.estimation.unknowns import Layout
 from soft_continuum.mechanics.chain import Array
 
 MAX_VARIANCE = 1.0  # m^2 or rad^2, from which a coordinate counts as not measured
+ALONG_AXIS = 1.0 - 1e-9  # cosine of a direction to an axis that it is along
 CARRIES = 3.0  # deviations of a tension, beyond which the tendon is not slack
 FORETOLD = 1e-6  # squared distance over its expected value, by which derivatives may be wrong
 
@@ -57,11 +58,16 @@ class Observation:
     """
     How k measured values depend on the unknowns.
 
-    biases: (k,) where in the unknowns stands what is wrong alike in all such measurements.  rows:
-    (k, size) derivatives of what is predicted.  covariance: (k, k) of sensor and model.
+    disc: of which it is; beyond the discs for tensions.  parts: (k, pose), of a difference of its
+    poses that each value is.  biases: (m,) where in the unknowns stands what is wrong alike in all
+    such measurements.  variances: (m,) of those, by what the sensor says of itself.  rows: (k,
+    size) derivatives of what is predicted.  covariance: (k, k) of sensor and model.
     """
 
+    disc: int
+    parts: Array
     biases: NDArray[np.intp]
+    variances: Array
     rows: Array
     covariance: Array
 
@@ -72,7 +78,8 @@ class DiscMeasurement:
     A measured pose of a disc's bottom.
 
     disc: 0 at the base.  pose: (3,) or (7,), and covariance: (3, 3) or (6, 6), as in Dimensions; a
-    variance of MAX_VARIANCE or more: not measured.
+    variance of MAX_VARIANCE or more: not measured.  In space also about one direction that is
+    along no axis, such as the vertical of a base that is tilted.
     """
 
     disc: int
@@ -85,20 +92,55 @@ class DiscMeasurement:
         found: NDArray[np.bool_] = np.diag(self.covariance) < MAX_VARIANCE
         return found
 
+    @cached_property
+    def about(self) -> Array | None:
+        """Direction (3,) in space about which alone it is not known how the disc is turned."""
+        if len(self.covariance) < SPACE.pose:
+            return None
+        variances, directions = np.linalg.eigh(self.covariance[3:, 3:])
+        if np.count_nonzero(variances >= MAX_VARIANCE) != 1:
+            return None
+        found: Array = directions[:, -1]
+        return found
+
+    @cached_property
+    def parts(self) -> Array:
+        """What is measured of a difference of poses, (k, pose)."""
+        count = len(self.covariance)
+        if self.about is None or np.abs(self.about).max() > ALONG_AXIS:
+            return np.eye(count)[self.known]
+        across = np.zeros((2, count))
+        across[:, 3:] = np.linalg.eigh(self.covariance[3:, 3:])[1][:, :2].T
+        return np.concatenate([np.eye(count)[:3][self.known[:3]], across])
+
     def away(self, predicted: Predicted, unknowns: Array) -> Array:
         """Return by how much it differs from what is predicted with ``unknowns``, (k,)."""
         layout = predicted.layout
-        return layout.dimensions.apart(self.pose, predicted.poses[self.disc], self.known,
-                                       unknowns[layout.bias(self.disc)])[self.known]
+        return np.asarray(self.parts @ layout.dimensions.apart(
+            self.pose, predicted.poses[self.disc], self.about,
+            unknowns[layout.bias(self.disc)]))
+
+    def differs(self, other: 'DiscMeasurement', dimensions: Dimensions) -> Array:
+        """Return by how many standard deviations another one of the disc is elsewhere, (k,)."""
+        away = self.parts @ dimensions.apart(self.pose, other.pose, self.about)
+        return np.asarray(np.abs(away) / np.sqrt(np.diag(self._covariance_of(self.covariance))))
 
     def observation(self, predicted: Predicted) -> Observation:
         """Return how it depends on the unknowns."""
-        layout, known = predicted.layout, np.flatnonzero(self.known)
+        layout, parts = predicted.layout, self.parts
         bias, rows = layout.bias(self.disc), predicted.pose_rows[self.disc].copy()
         rows[:, bias] = np.eye(layout.dimensions.pose)
         # However good the sensor is, the model is not better than its own error.
-        covariance = self.covariance + model_error(layout.dimensions)
-        return Observation(bias.start + known, rows[known], covariance[np.ix_(known, known)])
+        covariance = self._covariance_of(self.covariance + model_error(layout.dimensions))
+        touched = np.flatnonzero(parts.any(axis=0))
+        variances = np.where(parts[:, touched] != 0.0, np.diag(covariance)[:, None], 0.0)
+        return Observation(self.disc, parts, bias.start + touched,
+                           variances.max(axis=0, initial=0.0), parts @ rows, covariance)
+
+    def _covariance_of(self, poses: Array) -> Array:
+        """Return that of what is measured, of one of poses."""
+        found: Array = self.parts @ poses @ self.parts.T
+        return found
 
 
 @dataclass(frozen=True)
@@ -128,8 +170,10 @@ class TensionMeasurement:
         if self._slack(predicted):
             row[:] = 0.0
         row[bias] = 1.0
+        variance, layout = self._deviation(predicted)**2, predicted.layout
         return Observation(
-            np.array([bias]), row[None], np.array([[self._deviation(predicted)**2]]))
+            layout.segments + 1, np.zeros((1, layout.dimensions.pose)), np.array([bias]),
+            np.array([variance]), row[None], np.array([[variance]]))
 
     def _slack(self, predicted: Predicted) -> bool:
         """Whether it is slack as predicted: that says nothing of how much."""
@@ -150,9 +194,10 @@ class Point:
     What would be measured after a change of the unknowns.
 
     change, unknowns: (size,).  statics, start: of the arm that has them, and the state from which
-    to follow it.  state: at the time of the measurement.  discs, coordinates: (k,) of which disc
-    each value is, and which coordinate of its pose; tensions are beyond the discs.  values: (k,)
-    measured less predicted.  rows: (k, size) derivatives of what is predicted.  noise: (k, k).
+    to follow it.  state: at the time of the measurement.  discs: (k,) of which disc each value is;
+    tensions are beyond the discs.  parts: (k, pose), which part of a difference of its poses.
+    values: (k,) measured less predicted.  rows: (k, size) derivatives of what is predicted.
+    noise: (k, k).
     """
 
     change: Array
@@ -161,7 +206,7 @@ class Point:
     start: Any
     state: Any
     discs: NDArray[np.int64]
-    coordinates: NDArray[np.int64]
+    parts: Array
     values: Array
     rows: Array
     noise: Array
@@ -169,6 +214,11 @@ class Point:
     def covariance(self, unknowns: Array) -> Array:
         """Return that of ``values``, given that of the unknowns."""
         return np.asarray(self.rows @ unknowns @ self.rows.T + self.noise)
+
+    def measured(self, of_discs: Array) -> Array:
+        """Return what is measured of differences of poses (discs, pose, ...), (k, ...)."""
+        found: Array = np.einsum('kp,kp...->k...', self.parts, of_discs[self.discs])
+        return found
 
     @property
     def misfit(self) -> float:

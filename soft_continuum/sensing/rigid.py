@@ -49,17 +49,16 @@ def angle_between(one: Array, other: Array) -> float:
     return 2.0 * float(np.arctan2(np.linalg.norm(turn[:3]), abs(turn[3])))
 
 
-def displacement(pose: Array, other: Array, unless_about: int | None = None) -> Array:
+def displacement(pose: Array, other: Array, unless_about: Array | None = None) -> Array:
     """
     Return by how much a pose is shifted (m) and turned (rad) from another, (6,).
 
-    The turn is a rotation vector in the frame that both are in.  unless_about: number of an axis
-    of it about which the pose may be turned anyhow; the turn about it is none.
+    The turn is a rotation vector in the frame that both are in.  unless_about: direction (3,) in
+    it about which the pose may be turned anyhow; the turn about it is none.
     """
     turn = _product(pose[3:], other[3:] * np.array([-1.0, -1.0, -1.0, 1.0]))
-    if unless_about is not None and np.hypot(turn[unless_about], turn[3]) > 0.0:
-        twist = np.zeros(4)
-        twist[unless_about], twist[3] = -turn[unless_about], turn[3]
+    if unless_about is not None and np.hypot(turn[:3] @ unless_about, turn[3]) > 0.0:
+        twist = np.array([*(-(turn[:3] @ unless_about) * unless_about), turn[3]])
         turn = _product(twist / np.linalg.norm(twist), turn)
     sine = float(np.linalg.norm(turn[:3]))
     angle = 2.0 * np.arctan2(sine, abs(turn[3]))

@@ -9,7 +9,8 @@ import pytest
 
 from soft_continuum.estimation.anomalies import Anomaly, REPORTED
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.hypotheses import camera_directions, Cause
+from soft_continuum.estimation.dimensions import PLANE
+from soft_continuum.estimation.hypotheses import Cause
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import Arm, Jam, PointForce, Statics
@@ -174,7 +175,7 @@ def test_a_tag_that_was_knocked_is_named_and_then_followed(rig):
 
 def test_a_camera_that_was_knocked_is_named_and_then_taken_to_be_where_it_is(rig):
     rig.bend()
-    rig.seen = lambda poses: poses + camera_directions(poses) @ [5e-3, 2e-3, 0.02]
+    rig.seen = lambda poses: poses + PLANE.camera_moved(poses) @ [5e-3, 2e-3, 0.02]
     rig.run(2.4)
     assert rig.causes == [Cause.CAMERA_MOVED]
     rig.run(REPORTED)

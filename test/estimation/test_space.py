@@ -14,7 +14,7 @@ from true_arm import ARM as PLANAR
 from true_arm import only, Session, STIFF, TrueArm
 
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.dimensions import dimensions_of, SPACE
+from soft_continuum.estimation.dimensions import SPACE
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
 from soft_continuum.estimation.hypotheses import Cause
 from soft_continuum.estimation.measuring import DiscMeasurement, predicted
@@ -22,13 +22,12 @@ from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, UnknownShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of
 from soft_continuum.mechanics.chain import full_poses
-from soft_continuum.mechanics.spatial import spatial, SpatialStatics
+from soft_continuum.mechanics.spatial import spatial, SpatialStatics, Wrench
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_any_arm
 
 TENDON_ARM = load_any_arm(description_file().with_name('tendon_arm.yaml'))
 UNSEEN = 1e6  # m^2 or rad^2
-ALL = np.ones(6, dtype=bool)
 IN_PLANE = np.ix_([0, 2, 4], [0, 2, 4])
 NEAR = {'factors': (1.2, 0.9, 0.8), 'ratio': 20.0, 'offsets': (4e-4, -3e-4, 2e-4),
         'payload': 0.02}
@@ -74,7 +73,7 @@ def test_derivatives_are_those_of_solves():
     for row in (2, 5, layout.stiffness.start, layout.ratio.start + 1, layout.offset.start,
                 layout.offset.start + 1, layout.payload):
         more, less = (at(sign * step * np.eye(layout.size)[row]) for sign in (1.0, -1.0))
-        poses = [SPACE.apart(a, b, ALL) / (2.0 * step)
+        poses = [SPACE.apart(a, b) / (2.0 * step)
                  for a, b in zip(more.poses, less.poses, strict=True)]
         assert here.pose_rows[:, :, row] == pytest.approx(np.array(poses), rel=1e-4, abs=1e-6)
         tensions = (more.tensions - less.tensions) / (2.0 * step)
@@ -167,7 +166,7 @@ def test_the_deviations_of_the_tip_are_those_of_its_errors():
             bias=(1.0 - OWN_SHARE)**0.5 * DEVIATIONS * rng.standard_normal((4, 6)))
 
         def error(session=session, truth=truth):
-            away = SPACE.apart(session.estimator.state.poses[-2], truth.state.poses[-2], ALL)
+            away = SPACE.apart(session.estimator.state.poses[-2], truth.state.poses[-2])
             return away @ np.linalg.solve(session.estimator.pose_covariances()[-1], away)
 
         session.look(2)
@@ -212,8 +211,7 @@ def test_any_part_of_a_pose_corrects_the_arm(known):
     session.seen['covariance'] = covariance
 
     def error():
-        away = SPACE.apart(*(one.state.poses[-2] for one in (session.estimator, session.truth)),
-                           ALL)
+        away = SPACE.apart(*(one.state.poses[-2] for one in (session.estimator, session.truth)))
         return np.linalg.norm((away / DEVIATIONS)[list(known)])
 
     before = error()
@@ -272,13 +270,89 @@ def test_a_bent_arm_is_found_by_its_discs():
     assert shape.state.points == pytest.approx(state.points, abs=5e-4)
 
 
-def test_what_no_covariance_allows_is_reported_as_unknown():
-    chain, shape, time = SpatialStatics(ARM).chain, ArmShape(ARM, 1e-3), 100.0
-    for state, alarmed in ((chain.straight(), False),
-                           (chain.uniform([[0.0, 0.0], [0.05, 0.05], [0.1, 0.0]]), True)):
-        for _ in range(35):
-            time += 0.1
-            shape.follow(Commands(time, np.zeros(3), (True,) * 3))
-            shape.measure(time, discs_of(state))
-        assert [one.cause for one in shape.anomalies] == [Cause.UNKNOWN] * alarmed
-    assert dimensions_of(ARM) is SPACE
+def off(pose, shift, turn):
+    """Return a pose that is shifted (m) and turned (rad)."""
+    turned = Rotation.from_rotvec(turn) * Rotation.from_quat(pose[3:])
+    return np.concatenate([pose[:3] + shift, turned.as_quat()])
+
+
+def named(spoil, within=3.0):
+    """Return what is named when a bent arm is spoilt, within some s; and the truth."""
+    truth = SpatialTruth(factors=(1.1, 0.9, 1.05), ratio=25.0)
+    shape, time, now_soft = ArmShape(ARM, 1e-3), 100.0, soft(1)
+    rng, seen, longer, found = np.random.default_rng(5), lambda discs: discs, np.zeros(3), []
+
+    def rest(seconds, pulls, stiff):
+        nonlocal time
+        for _ in range(round(seconds / 0.2)):
+            time += 0.2
+            truth.follow(pulls - longer, [not one for one in stiff])
+            shape.follow(Commands(time, pulls, stiff))
+            shape.measure(time, seen(truth.seen(rng, discs=range(4))))
+            found.extend(one for one in shape.anomalies if one not in found)
+
+    rest(1.6, np.zeros(3), (True,) * 3)
+    stiff = tuple(not one for one in now_soft)
+    rest(2.0, np.zeros(3), stiff)
+    for part in np.linspace(0.0, 1.0, 6):
+        rest(0.2, part * toward(0.4, 0.3), stiff)
+    rest(2.4, toward(0.4, 0.3), stiff)
+    assert found == []  # it is as stiff as that, which is no anomaly
+    spoilt = spoil(truth)
+    if callable(spoilt):
+        seen = spoilt
+    else:
+        longer = spoilt
+    rest(within, toward(0.4, 0.3), stiff)
+    return found, truth
+
+
+def test_a_tendon_that_slips_in_space_is_named():
+    found, truth = named(lambda truth: 3e-3 * np.eye(3)[int(np.argmax(truth.state.tensions))])
+    assert [one.cause for one in found] == [Cause.TENDON_SLIPPED]
+    assert found[0].tendon == ARM.tendon_names[int(np.argmax(truth.state.tensions))]
+    assert found[0].size == pytest.approx(3e-3, rel=0.3)
+
+
+def knocked(*numbers):
+    """Return what makes of measurements those after the tags of some discs were knocked."""
+    def seen(discs):
+        return [replace(one, pose=off(one.pose, (4e-3 * (-1.0) ** one.disc, 8e-3, -2e-3),
+                                      (0.05, 0.0, 0.1))) if one.disc in numbers else one
+                for one in discs]
+    return seen
+
+
+def test_a_tag_that_is_knocked_in_space_is_named():
+    found, _ = named(lambda truth: knocked(2))
+    assert [(one.cause, one.disc) for one in found] == [(Cause.SENSOR_MOVED, 2)]
+    assert found[0].size == pytest.approx(np.linalg.norm([4e-3, 8e-3, 2e-3]), rel=0.3)
+
+
+def test_a_camera_that_is_knocked_in_space_is_named():
+    turn = Rotation.from_rotvec([0.02, -0.03, 0.01])
+
+    def seen(discs):
+        return [replace(one, pose=off(
+            np.concatenate([turn.apply(one.pose[:3]), one.pose[3:]]), (6e-3, 0.0, 2e-3),
+            turn.as_rotvec())) for one in discs]
+
+    found, _ = named(lambda truth: seen)
+    assert [one.cause for one in found] == [Cause.CAMERA_MOVED]
+
+
+def test_a_load_in_space_is_named():
+    def push(truth):
+        arm = replace(truth.statics.chain.arm, wrenches=(Wrench(3, (0.2, -0.9, 0.0)),))
+        truth.statics = SpatialStatics(arm)
+        truth.state = replace(truth.state, chain=truth.statics.chain)
+        return np.zeros(3)
+
+    found, _ = named(push)
+    assert [one.cause for one in found] == [Cause.LOAD]
+    assert found[0].size == pytest.approx(np.hypot(0.2, 0.9), rel=0.4)
+
+
+def test_what_no_cause_in_space_explains_is_unknown():
+    found, _ = named(lambda truth: knocked(1, 2), within=8.0)
+    assert [one.cause for one in found] == [Cause.UNKNOWN]
