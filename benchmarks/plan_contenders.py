@@ -1,0 +1,123 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Ways to bring the tip of a planar arm somewhere without the suite's own planner by tip."""
+
+from collections.abc import Sequence
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from benchmarks.lab import Description
+from benchmarks.queries import MARGIN, Query
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.inverse import angles_for_tip, set_shape
+from soft_continuum.obstacles import Surroundings
+from soft_continuum.sequencing.planner import Move, PlanError, planner_of, Shape
+from soft_continuum.sequencing.reach import reach, ReachSettings
+
+STEP = 0.05  # rad between two states that OMPL has looked at
+
+
+class NoPlanError(RuntimeError):
+    """A contender found none."""
+
+
+def ours(description: Description, query: Query, limit: float) -> Sequence[Move]:
+    """Return the first plan of the suite."""
+    found = next(reach(
+        planner_of(description.arm, description.settings), query.state, query.pulls.tolist(),
+        query.goal, Surroundings(description.arm, query.obstacles),
+        ReachSettings(margin=MARGIN, time_limit=limit)))
+    if found.why or found.plan is None:
+        raise NoPlanError(found.why)
+    return found.plan.moves
+
+
+def base_to_tip(description: Description, query: Query, limit: float) -> Sequence[Move]:
+    """Return the moves to angles for the tip, set base first; obstacles are not looked at."""
+    planner = planner_of(description.arm, description.settings)
+    shapes = _goals(planner, query)
+    if not shapes:
+        raise NoPlanError('no angles for the tip')
+    plan, = planner.plan(query.state, query.pulls.tolist(), [Shape('tip', tuple(shapes[0].tolist()))])
+    return plan.moves
+
+
+def rrt_connect(description: Description, query: Query, limit: float) -> Sequence[Move]:
+    """
+    Return what OMPL's RRT-Connect finds over angles, each of its steps set base first.
+
+    It looks at states alone: whether the arm, set to these angles, is clear by the margin.
+    """
+    from ompl import base, geometric, util
+    util.setLogLevel(util.LogLevel.LOG_NONE)
+    util.RNG.setSeed(1)
+    began = process_time()
+    planner = planner_of(description.arm, description.settings)
+    around = Surroundings(description.arm, query.obstacles)
+    limits = [s.bending_angle_limit for s in description.arm.segments]
+    space = base.RealVectorStateSpace(len(limits))
+    bounds = base.RealVectorBounds(len(limits))
+    for axis, most in enumerate(limits):
+        bounds.setLow(axis, -most)
+        bounds.setHigh(axis, most)
+    space.setBounds(bounds)
+    information = base.SpaceInformation(space)
+
+    def free(state: Any) -> bool:
+        angles = [state[axis] for axis in range(len(limits))]
+        try:
+            there = set_shape(planner.statics, angles)
+        except StaticsError:
+            return False
+        return around.clearance(there).distance >= MARGIN
+
+    information.setStateValidityChecker(free)
+    information.setStateValidityCheckingResolution(STEP / float(space.getMaximumExtent()))
+    information.setup()
+
+    def state_of(angles: Array) -> Any:
+        state = information.allocState()
+        for axis, angle in enumerate(angles.tolist()):
+            state[axis] = min(max(angle, -limits[axis]), limits[axis])
+        return state
+
+    problem = base.ProblemDefinition(information)
+    problem.addStartState(state_of(np.array(query.state.bending_angles)))
+    goals = base.GoalStates(information)
+    shapes = _goals(planner, query)
+    if not shapes:
+        raise NoPlanError('no angles for the tip')
+    for shape in shapes:
+        goals.addState(state_of(shape))
+    problem.setGoal(goals)
+    search = geometric.RRTConnect(information)
+    search.setProblemDefinition(problem)
+    search.setup()
+    left = limit - (process_time() - began)
+    if left <= 0.0 or not search.solve(base.timedPlannerTerminationCondition(left)):
+        raise NoPlanError('OMPL found none')
+    path = problem.getSolutionPath()
+    geometric.PathSimplifier(information).simplifyMax(path)
+    steps = [tuple(path.getState(k)[axis] for axis in range(len(limits)))
+             for k in range(1, path.getStateCount())]
+    plans = planner.plan(query.state, query.pulls.tolist(),
+                         [Shape(f'step {k}', step) for k, step in enumerate(steps)])
+    return [move for plan in plans for move in plan.moves]
+
+
+def _goals(planner: Any, query: Query) -> list[Array]:
+    """Return angles that bring the tip to the goal: from where the arm is, and from straight."""
+    goal, found = query.goal, []
+    turn = None if goal.rotation is None else float(
+        np.arctan2(goal.rotation[0, 2], goal.rotation[2, 2]))
+    for start in (query.state, planner.statics.chain.straight()):
+        try:
+            fit = angles_for_tip(planner.statics, goal.position[0], goal.position[2], turn, start)
+        except (StaticsError, PlanError):
+            continue
+        if fit.distance <= goal.position_tolerance:
+            found.append(fit.state.bending_angles)
+    return found
