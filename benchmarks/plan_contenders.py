@@ -41,7 +41,8 @@ def base_to_tip(description: Description, query: Query, limit: float) -> Sequenc
     shapes = _goals(planner, query)
     if not shapes:
         raise NoPlanError('no angles for the tip')
-    plan, = planner.plan(query.state, query.pulls.tolist(), [Shape('tip', tuple(shapes[0].tolist()))])
+    plan, = planner.plan(query.state, query.pulls.tolist(),
+                         [Shape('tip', tuple(shapes[0].tolist()))])
     return plan.moves
 
 

@@ -167,22 +167,25 @@ def distances(obstacle: Obstacle, points: Array) -> Array:
         obstacle.orientation).as_matrix()
     shape = obstacle.shape
     if isinstance(shape, Sphere):
-        found: Array = np.linalg.norm(local, axis=1) - shape.radius
-        return found
+        away: Array = np.linalg.norm(local, axis=1)
+        away -= shape.radius
+        return away
     if isinstance(shape, Box):
         beyond = np.abs(local) - 0.5 * np.array(shape.size)
     elif isinstance(shape, Capsule):
         along = np.clip(local[:, 2], -0.5 * shape.length, 0.5 * shape.length)
         local = local - np.column_stack([np.zeros((len(local), 2)), along])
-        found = np.linalg.norm(local, axis=1) - shape.radius
-        return found
+        away = np.linalg.norm(local, axis=1)
+        away -= shape.radius
+        return away
     elif isinstance(shape, Cylinder):
         beyond = np.column_stack([np.hypot(local[:, 0], local[:, 1]) - shape.radius,
                                   np.abs(local[:, 2]) - 0.5 * shape.length])
     else:
         raise TypeError(f'no formula for {shape}')
-    found = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-    return found + np.minimum(beyond.max(axis=1), 0.0)
+    outside: Array = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+    outside += np.minimum(beyond.max(axis=1), 0.0)
+    return outside
 
 
 def nearest(obstacles: Sequence[Obstacle], points: Array) -> float:
