@@ -3,9 +3,10 @@
 """
 Sequences of settings whose tip is at the goal, by constant curvature, the promising ones first.
 
-The last settings of a sequence, as many as the goal has numbers to determine, are fitted to it;
-the one before them takes values from a grid, those before that are drawn.  A segment may be set
-twice.
+The last settings of a sequence, as many as the goal has numbers to determine, are fitted to it,
+and the one before them takes values from a grid.  Of longer sequences there are too many: they are
+drawn, with an end that is known by then and values from the grid where a segment is set before
+that.  A segment may be set twice.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,7 +27,7 @@ WHOLE_VALUES = 60  # shapes of an arm without jamming
 STARTS, FEW_STARTS = 24, 3  # shapes that fits in space begin at; the latter after given settings
 NEAR, NEAR_TURN = 0.01, 0.1  # m, rad: what arcs reach so nearly may be reached by the statics
 ALIKE = 0.02  # rad: shapes that differ by less are one
-CHUNK, CHUNKS = 24, 400  # first settings drawn at a time, and how often
+CHUNK, CHUNKS = 100, 400  # sequences drawn at a time, and how often
 PEAK = 15 / 8  # of the speed of a minimum-jerk motion over the mean
 NUMBERS = {'position': 3, 'direction': 5, 'pose': 6}  # that a goal in space determines
 
@@ -63,6 +64,8 @@ class Candidates:
         if arcs.planar:
             numbers = 2 if numbers == 3 else 3
         each = min(len(arcs.columns([mover])) for mover in self.movers) or 1
+        self._grid = {mover: self._values(mover) for mover in self.movers}
+        self._ends: list[Array] = []  # shapes whose tip is at the goal
         self.determining = min(len(self.movers), ceil(numbers / each))
 
     def of(self, count: int) -> Iterator[list[Candidate]]:
@@ -74,10 +77,10 @@ class Candidates:
         elif first == 1:
             yield self._ended(
                 [((mover,), np.stack([self.start, self._set(self.start, mover, value)]))
-                 for mover in self.movers for value in self._values(mover)], last, FEW_STARTS)
+                 for mover in self.movers for value in self._grid[mover]], last, FEW_STARTS)
         else:
-            for _ in range(CHUNKS):
-                yield self._ended([self._drawn(first) for _ in range(CHUNK)], last, FEW_STARTS)
+            for _ in range(CHUNKS * bool(self._ends)):
+                yield [self._drawn(count) for _ in range(CHUNK)]
 
     def nearest(self) -> list[Candidate]:
         """Return those that set each segment once and come nearest, whether they arrive or not."""
@@ -117,15 +120,24 @@ class Candidates:
         there[some] = values.reshape(-1)[some]
         return there.reshape(shape.shape)
 
-    def _drawn(self, count: int) -> tuple[tuple[int, ...], Array]:
-        """Return that many settings by chance."""
+    def _drawn(self, count: int) -> Candidate:
+        """Return that many settings by chance, the last ones of which lead to a known end."""
         movers: list[int] = []
-        shapes = [self.start]
-        for values in self.arcs.drawn(self.draw, count):
-            others = [m for m in self.movers if len(self.movers) == 1 or m not in movers[-1:]]
+        while len(movers) < count:  # backwards; those fitted are different ones
+            near = movers[-1:] if len(movers) >= self.determining else movers
+            others = [m for m in self.movers if len(self.movers) == 1 or m not in near]
             movers.append(others[self.draw.integers(len(others))])
-            shapes.append(self._set(shapes[-1], movers[-1], values))
-        return tuple(movers), np.array(shapes)
+        movers.reverse()
+        end = self._ends[self.draw.integers(len(self._ends))]
+        shapes = [self.start]
+        for k, mover in enumerate(movers):
+            values = end
+            if mover in movers[k + 1:]:
+                some = self._grid[mover]
+                values = some[self.draw.integers(len(some))]
+            shapes.append(self._set(shapes[-1], mover, values))
+        return Candidate(tuple(movers), np.array(shapes), self.determining,
+                         self._seconds(np.array(shapes)), 0.0)
 
     def _ended(self, first: Sequence[tuple[tuple[int, ...], Array]], last: int, starts: int,
                near: float = NEAR) -> list[Candidate]:
@@ -165,6 +177,7 @@ class Candidates:
             if key in seen:
                 continue
             seen.add(key)
+            self._ends.append(bent[row])
             movers, shapes = first[which[row]]
             for order in orders:
                 if movers and movers[-1] == order[0] != WHOLE_ARM:

@@ -56,7 +56,15 @@ class Node:
     locked: frozenset[int] = field(default_factory=frozenset)
 
 
-def moved(one: State, other: State, radius: float) -> float:
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Where the bodies of a state are: backbone and rotations, as of State."""
+
+    backbone: Array
+    rotations: Array
+
+
+def moved(one: State | Placed, other: State | Placed, radius: float) -> float:
     """Return how far no point within ``radius`` (m) of the backbone is from itself, m."""
     ends = np.linalg.norm(one.backbone[1:] - other.backbone[1:], axis=1)
     turns = np.linalg.norm(one.rotations - other.rotations, axis=(1, 2)) / np.sqrt(2.0)

@@ -35,7 +35,8 @@ class Reach:
     plan: its moves and the state after them; None where nothing better than to stay is known.
     why: empty; or why the goal is not reached, and then the plan is to the nearest that is known.
     steps: one for each move.  tip_error: m from the tip to the goal in the end, of a path the
-    largest distance of the tip from it on the way.  turn_error: rad, likewise.
+    largest distance of the tip from it on the way.  turn_error: rad, likewise.  blocked_by: the
+    names of obstacles that stopped what was tried, the most frequent first, if there is no plan.
     """
 
     plan: ShapePlan | None
@@ -43,6 +44,7 @@ class Reach:
     steps: tuple[PlannedStep, ...] = ()
     tip_error: float = 0.0
     turn_error: float = 0.0
+    blocked_by: tuple[str, ...] = ()
 
     @property
     def softenings(self) -> int:

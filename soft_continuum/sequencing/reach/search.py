@@ -10,6 +10,7 @@ at once.
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from math import inf
 from time import monotonic
 from typing import Any
@@ -21,10 +22,11 @@ from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan, Shape
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
 from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
 from soft_continuum.sequencing.reach.goal import Distance, ReachSettings, Surroundings, TipGoal
-from soft_continuum.sequencing.reach.passage import BlockedError, moved, Node, Passages
+from soft_continuum.sequencing.reach.passage import BlockedError, moved, Node, Passages, Placed
 from soft_continuum.sequencing.reach.result import Reach
 
-ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is
+ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is, at least
+ARC_FACTOR = 1.5  # of how far arcs are off in one shape: in others they may be more
 FINE = 0.004  # m: points of arcs that move by less are not looked at in between
 CORRECTIONS = 8  # of bendings, by the statics
 AIM = 0.3  # of the tolerances: so near the correction ends
@@ -75,7 +77,8 @@ class Search:
         self.nearest = self.last = start
         self.blocked: Counter[tuple[str, str]] = Counter()  # obstacle or limit, and how often
         self.end = monotonic() + (1.0 - KEPT) * settings.time_limit
-        self._shapes: dict[bytes, tuple[Any, Distance]] = {}
+        self._arc_error = ARC_ERROR
+        self._shapes: dict[bytes, tuple[Placed, Distance]] = {}
         self._lines: dict[tuple[bytes, bytes], str] = {}
         self._nodes: dict[tuple[bytes, ...], Node | BlockedError] = {}
 
@@ -85,6 +88,8 @@ class Search:
             yield self._result(self.start)
             return
         every = self.candidates.nearest()[:NEAREST]
+        if self.start.near.distance < inf:
+            self._arc_error = self._found_arc_error(every[0])
         out_of_reach = every[0].near > 1.0
         if out_of_reach:  # of arcs; the statics may say otherwise
             yield from self._tried(iter(every), anyway=True)
@@ -227,6 +232,15 @@ class Search:
 
     # A look at arcs.
 
+    def _found_arc_error(self, candidate: Candidate) -> float:
+        """Return how far the arm may be from its arcs, m, by the statics of one candidate."""
+        try:
+            state = self._predicted(self.start, candidate.movers, candidate.shapes[-1])[-1]
+        except (BlockedError, PlanError):
+            return ARC_ERROR
+        arcs = self.arcs.chain.uniform(state.bending)
+        return max(ARC_ERROR, ARC_FACTOR * moved(state, arcs, 0.0))
+
     def _look(self, candidate: Candidate) -> None:
         """Raise BlockedError where an obstacle is far in the way of arcs."""
         if self.start.near.distance == inf:
@@ -241,22 +255,23 @@ class Search:
             if self._lines[key]:
                 raise BlockedError('an obstacle is in the way', self._lines[key])
 
-    def _shape(self, bending: Array) -> tuple[Any, Distance]:
+    def _shape(self, bending: Array) -> tuple[Placed, Distance]:
         key = bending.tobytes()
         if key not in self._shapes:
             state = self.arcs.chain.uniform(bending)
-            self._shapes[key] = state, self.passages.surroundings.clearance(state)
+            self._shapes[key] = (Placed(state.backbone, state.rotations),
+                                 self.passages.surroundings.clearance(state))
         return self._shapes[key]
 
     def _free(self, near: Distance) -> None:
-        if near.distance < min(self.settings.margin, self.start.near.distance) - ARC_ERROR:
+        if near.distance < min(self.settings.margin, self.start.near.distance) - self._arc_error:
             raise BlockedError('an obstacle is in the way', near.obstacle)
 
     def _line(self, one: Array, other: Array) -> str:
         """Return which obstacle is in the way between two shapes; empty for none."""
         (state, near), (there, near_there) = self._shape(one), self._shape(other)
         way = moved(state, there, self.passages.radius)
-        least = min(self.settings.margin, self.start.near.distance) - ARC_ERROR
+        least = min(self.settings.margin, self.start.near.distance) - self._arc_error
         if way < FINE or near.distance + near_there.distance - way > 2.0 * least:
             return ''
         middle = 0.5 * (one + other)
@@ -286,7 +301,8 @@ class Search:
         if not out_of_reach:
             why = (f'no plan was found: {self._in_the_way()}; the nearest that was found is '
                    f'{left} from the goal')
-        return self._result(self.nearest, why)
+        names = dict.fromkeys(name for (name, _), _ in self.blocked.most_common() if name)
+        return replace(self._result(self.nearest, why), blocked_by=tuple(names))
 
     def _in_the_way(self) -> str:
         """Say what stopped the candidates, the most frequent first."""

@@ -1,0 +1,311 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""A goal of the tip is reached with few softenings, clear of obstacles, by the statics."""
+
+from dataclasses import replace
+from itertools import permutations, product
+from math import inf, nan, pi, radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from soft_continuum.mechanics import Statics
+from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings
+from soft_continuum.sequencing.reach import (
+    follow,
+    NoObstacles,
+    reach,
+    ReachSettings,
+    TipGoal,
+)
+from soft_continuum.sequencing.reach.passage import BlockedError, moved, Passages
+
+ARM = load_arm(Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml')
+HANGING = replace(ARM, mounting_angle=pi)
+TWO = replace(HANGING, segments=ARM.segments[:2], discs=ARM.discs[:3])
+PATIENT = ReachSettings(time_limit=600.0)  # the machine's speed must not matter
+MARGIN = PATIENT.margin
+
+
+class Query:
+    """A search from the straight arm."""
+
+    def __init__(self, goal, obstacles=(), arm=ARM, settings=PATIENT, **limits):
+        self.arm, self.goal, self.settings = arm, goal, settings
+        self.limits = PlanSettings(**limits)
+        self.surroundings = Surroundings(arm, obstacles)
+        self.planner = Planner(arm, self.limits)
+        self.start = self.planner.statics.chain.straight()
+
+    def all(self, function=reach):
+        return function(self.planner, self.start, (0.0, 0.0), self.goal, self.surroundings,
+                        self.settings)
+
+    def first(self):
+        return next(self.all())
+
+    def last(self, function=reach):
+        *_, found = self.all(function)
+        return found
+
+    def run(self, found, between=4):
+        """The states of new statics that follow the pulls of a plan, more densely than it did."""
+        statics, state = Statics(self.arm), self.start
+        states = []
+        for move in found.plan.moves:
+            soft = [s == move.segment for s in range(len(self.arm.segments))]
+            parts = np.linspace(0.0, len(move.pulls) - 1, between * (len(move.pulls) - 1) + 1)
+            for part in parts:
+                pulls = [np.interp(part, range(len(move.pulls)), pull) for pull in move.pulls.T]
+                state = statics.solve(state, pulls, soft)
+                states.append(state)
+        return states
+
+
+def angles(found):
+    return np.array([(move.segment, move.bending_angle) for move in found.plan.moves])
+
+
+def at(x, z, **tolerances):
+    return TipGoal((x, 0.0, z), **tolerances)
+
+
+def wall(x, z, width=0.02, height=0.02, name='wall'):
+    return Obstacle(name, Box((width, 0.2, height)), (x, 0.0, z))
+
+
+BEHIND = [wall(0.17, 0.3, 0.02, 0.04, 'beam'), Obstacle('ball', Sphere(0.03), (0.12, 0.0, 0.36))]
+
+
+@pytest.fixture(scope='module')
+def behind():
+    """A plan around a beam and a ball, without which another one would be taken."""
+    query = Query(at(0.24, 0.16), BEHIND)
+    return query, query.first()
+
+
+def test_a_plan_ends_with_the_tip_at_the_goal_when_its_pulls_are_run(behind):
+    query, found = behind
+    end = query.run(found)[-1]
+    assert not found.why
+    assert np.linalg.norm(end.backbone[-1] - query.goal.position) <= query.goal.position_tolerance
+    assert np.linalg.norm(end.backbone[-1] - query.goal.position) == pytest.approx(
+        found.tip_error, abs=1e-6)
+    assert end.bending_angles == pytest.approx(found.plan.state.bending_angles, abs=1e-5)
+    assert found.plan.shape.bending_angles == pytest.approx(end.bending_angles, abs=1e-5)
+
+
+def test_between_the_states_that_it_looked_at_the_arm_stays_as_clear_as_a_plan_says(behind):
+    query, found = behind
+    states = query.run(found)
+    least = min(near.distance for near in query.surroundings.clearances(states))
+    assert MARGIN <= found.clearance[0] <= least
+    assert found.clearance[1] in ('beam', 'ball')
+    assert not any(state.jumped for state in states)
+    assert max(state.tensions.max() for state in states) <= found.tension + 0.05
+    assert found.tension <= query.limits.tension_limit
+
+
+def test_obstacles_change_the_plan_and_without_them_it_would_touch_them(behind):
+    query, found = behind
+    free = Query(query.goal).first()
+    assert not np.array_equal(angles(free), angles(found))
+    states = query.run(free)
+    assert min(near.distance for near in query.surroundings.clearances(states)) < MARGIN
+
+
+def test_a_mirrored_goal_among_mirrored_obstacles_has_the_mirrored_plan(behind):
+    query, found = behind
+    mirrored = Query(at(-0.24, 0.16), [
+        replace(one, position=(-one.position[0], *one.position[1:])) for one in BEHIND]).first()
+    assert angles(found) * (1, -1) == pytest.approx(angles(mirrored), abs=1e-4)
+
+
+def test_gravity_from_the_other_side_is_the_mirror_image_too():
+    one = Query(at(0.12, 0.26), arm=replace(ARM, mounting_angle=1.2)).first()
+    other = Query(at(-0.12, 0.26), arm=replace(ARM, mounting_angle=-1.2)).first()
+    upright = Query(at(0.12, 0.26)).first()
+    assert angles(one) * (1, -1) == pytest.approx(angles(other), abs=1e-4)
+    assert not np.array_equal(angles(upright).round(3), angles(one).round(3))
+
+
+TWICE = [Obstacle(f'ball {k}', Sphere(radius), (x, 0.0, z)) for k, (x, z, radius) in enumerate((
+    (0.1019, 0.1485, 0.0254), (-0.1781, 0.0673, 0.0239), (0.0817, 0.0972, 0.0108),
+    (-0.1101, 0.2160, 0.0132), (-0.0762, 0.0176, 0.0142), (0.0711, 0.1886, 0.0117)))]
+
+
+def test_a_segment_is_set_twice_where_no_two_settings_of_a_whole_grid_get_there():
+    query = Query(at(-0.14174, 0.15564, position_tolerance=2e-3), TWICE, TWO)
+    found = query.first()
+    assert not found.why
+    assert angles(found)[:, 0].tolist() == [1, 0, 1]
+    passages = Passages(query.planner, query.surroundings, query.settings)
+    start = passages.start(query.start, np.zeros(2))
+    grid = 0.9 * TWO.segments[0].bending_angle_limit * np.linspace(-1.0, 1.0, 7)
+    ends = 0
+    for first, second in permutations(range(2)):
+        for one, other in product(grid, grid):
+            goal = np.zeros(2)
+            goal[first], goal[second] = one, other
+            try:
+                node = passages.go(passages.go(start, first, goal), second, goal)
+            except BlockedError:
+                continue
+            ends += 1
+            away = np.linalg.norm(node.state.backbone[-1] - query.goal.position)
+            assert away > query.goal.position_tolerance
+    assert ends > 10
+
+
+def test_one_seed_has_one_plan_however_often_it_is_made():
+    def plans(seed):
+        query = Query(at(0.1, 0.28), BEHIND, settings=replace(PATIENT, seed=seed))
+        return [(angles(found).tolist(), found.duration) for found in query.all()]
+
+    assert plans(3) == plans(3)
+
+
+def test_later_plans_are_better_than_those_before():
+    found = list(Query(at(0.05, 0.31), [wall(0.1, 0.3, name='post')]).all())
+    costs = [(one.softenings, round(one.duration / 0.1), one.tension) for one in found]
+    assert costs == sorted(costs)
+    assert all(not one.why for one in found)
+
+
+def test_by_weights_less_tension_may_be_worth_another_softening():
+    goal = at(0.14, 0.24)
+    default = Query(goal).last()
+    gentle = Query(goal, settings=replace(
+        PATIENT, weights=(0.0, 0.0, 1.0), max_softenings=3)).last()
+    assert gentle.tension < default.tension - 0.01
+    assert gentle.softenings >= default.softenings
+
+
+def test_a_tip_that_is_there_already_needs_no_move():
+    found = Query(at(0.0, ARM.length)).last()
+    assert found.plan.moves == ()
+    assert not found.why
+
+
+def test_what_is_out_of_reach_says_by_how_much():
+    found = Query(at(0.0, ARM.length + 0.05)).last()
+    assert found.why == ('the goal is out of reach: the nearest that was found is 50.0 mm from it')
+    aside = Query(at(0.31, 0.1)).last()
+    assert aside.plan is not None
+    end = aside.plan.state.backbone[-1]
+    assert np.linalg.norm(end - (0.31, 0.0, 0.1)) == pytest.approx(aside.tip_error)
+    assert f'{aside.tip_error * 1e3:.1f} mm' in aside.why
+    # No shape of a grid of evenly bent segments comes nearer by more than gravity bends them.
+    chain = Statics(ARM).chain
+    grid = np.linspace(-1.0, 1.0, 13) * ARM.segments[0].bending_angle_limit
+    best = min(np.linalg.norm(chain.uniform(shape).backbone[-1] - (0.31, 0.0, 0.1))
+               for shape in product(grid, repeat=3))
+    assert aside.tip_error < best + 0.01
+
+
+QUICK = replace(PATIENT, max_softenings=2)
+
+
+def test_what_is_blocked_says_by_which_obstacle_and_comes_near():
+    query = Query(at(0.15, 0.25), [Obstacle('lamp', Sphere(0.01), (0.165, 0.0, 0.26))],
+                  settings=QUICK)
+    found = query.last()
+    assert 'lamp is in the way' in found.why
+    assert found.blocked_by == ('lamp',)
+    assert found.plan is not None
+    states = query.run(found)
+    assert min(near.distance for near in query.surroundings.clearances(states)) >= MARGIN
+    end = np.linalg.norm(states[-1].backbone[-1] - query.goal.position)
+    assert query.goal.position_tolerance < end < 0.08
+
+
+@pytest.mark.parametrize(('name', 'value'), [('tension_limit', 0.5),
+                                             ('pull_limits', (-0.004, 0.004))])
+def test_what_a_limit_forbids_names_the_limit(name, value):
+    assert f'{name} would be passed' in Query(at(0.2, 0.2), settings=QUICK, **{name: value}
+                                              ).last().why
+
+
+def test_a_direction_is_reached_as_well():
+    turn = radians(50.0)
+    rotation = np.array([[np.cos(turn), 0.0, np.sin(turn)], [0.0, 1.0, 0.0],
+                         [-np.sin(turn), 0.0, np.cos(turn)]])
+    query = Query(at(0.15, 0.26, rotation=rotation, kind='direction'))
+    found = query.first()
+    assert not found.why
+    end = query.run(found, 1)[-1]
+    assert abs(end.tip[2] - turn) <= query.goal.angle_tolerance
+    assert np.hypot(*(end.tip[:2] - (0.15, 0.26))) <= query.goal.position_tolerance
+
+
+def refused(*words, **changes):
+    with pytest.raises(PlanError) as refusal:
+        Query(**changes).first()
+    assert all(word in str(refusal.value) for word in words), refusal.value
+
+
+def test_goals_that_are_none_are_refused_with_what_is_needed():
+    for goal, word in (({'position': (nan, 0.0, 0.2)}, 'finite'),
+                       ({'position': (0.1, 0.2)}, 'three'),
+                       ({'position': (0.1, 0.0, 0.2), 'position_tolerance': 0.0}, 'allowed'),
+                       ({'position': (0.1, 0.0, 0.2), 'angle_tolerance': inf}, 'allowed'),
+                       ({'position': (0.1, 0.0, 0.2), 'kind': 'pose'}, 'needs a rotation'),
+                       ({'position': (0.1, 0.0, 0.2), 'kind': 'pose',
+                         'rotation': np.diag([1.0, 1.0, -1.0])}, 'rotation matrix'),
+                       ({'position': (0.1, 0.0, 0.2), 'kind': 'place'}, 'position, direction')):
+        with pytest.raises(PlanError, match=word):
+            TipGoal(**goal)
+    refused('y = 0.05', 'planar', goal=TipGoal((0.1, 0.05, 0.2)))
+    aside = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    refused('out of the plane', goal=TipGoal((0.1, 0.0, 0.2), aside, 'direction'))
+
+
+def test_a_start_or_a_goal_in_an_obstacle_is_refused_by_its_name():
+    refused('touches beam', goal=at(0.1, 0.2), obstacles=[wall(0.0, 0.25, name='beam')])
+    refused('is in beam', 'mm deep', goal=at(0.2, 0.2), obstacles=[wall(0.2, 0.2, name='beam')])
+
+
+def test_no_point_of_the_body_moves_farther_than_the_bound(behind):
+    states = behind[0].run(behind[1], 1)
+    draw = np.random.default_rng(0)
+    radius = 0.03
+    for one, other in zip(states, states[5:], strict=False):
+        body = draw.integers(len(one.rotations))
+        local = draw.normal(size=3)
+        local *= radius / np.linalg.norm(local)
+        places = [state.backbone[body + 1] + state.rotations[body] @ local
+                  for state in (one, other)]
+        assert np.linalg.norm(places[1] - places[0]) <= moved(one, other, radius) + 1e-12
+
+
+def test_a_path_along_which_one_segment_leads_is_followed_with_it_alone():
+    chain = Statics(ARM).chain
+    tips = [chain.uniform([0.5, angle, 0.3]).backbone[-1] for angle in np.linspace(-0.3, 0.3, 4)]
+    query = Query([TipGoal(tip, position_tolerance=4e-3) for tip in tips])
+    found = next(one for one in query.all(follow) if not one.why)
+    assert found.tip_error <= 4e-3
+    assert found.softenings <= 3
+    run = np.array([state.backbone[-1] for state in query.run(found, 2)])
+    for tip in tips:
+        assert np.linalg.norm(run - tip, axis=1).min() <= 4e-3
+    assert np.linalg.norm(run[-1] - tips[-1]) <= 4e-3
+
+
+def test_a_path_that_cannot_be_followed_so_exactly_says_how_far_off_it_will_be():
+    line = [at(x, 0.25, position_tolerance=1e-4) for x in (0.1, 0.14, 0.18)]
+    query = Query(line, settings=replace(PATIENT, max_softenings=4))
+    found = next(query.all(follow))
+    assert f'within {found.tip_error * 1e3:.1f} mm' in found.why
+    assert 1e-4 < found.tip_error < 0.05
+    with pytest.raises(PlanError, match='2 to 200'):
+        next(follow(query.planner, query.start, (0.0, 0.0), line[:1], NoObstacles()))
+
+
+def test_turns_are_told_in_degrees():
+    flat = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    found = Query(at(0.0, ARM.length, rotation=flat, kind='pose'), settings=QUICK).last()
+    assert 'degrees' in found.why
+    assert found.turn_error > radians(2.0)
