@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from typing import Any
 
 from matplotlib.collections import PolyCollection
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 import numpy as np
 from scipy.spatial import ConvexHull
 
@@ -32,14 +31,15 @@ def patches(obstacles: Iterable[Obstacle], planar: bool) -> list[Array]:
 
 
 def draw_patches(axes: Any, polygons: list[Array], planar: bool) -> None:
-    """Draw them behind the arm, into axes in mm, whose limits stay."""
+    """Draw them, into axes in mm; of a planar arm behind it, and the limits of the axes stay."""
     if planar:
         axes.add_collection(PolyCollection(
             polygons, facecolor=COLOUR, alpha=FLAT_OPACITY, edgecolor='none', zorder=0.5),
             autolim=False)
-    else:
-        axes.add_collection3d(Poly3DCollection(
-            polygons, facecolor=COLOUR, alpha=OPACITY, edgecolor='none'), autolim=False)
+    elif polygons:
+        corners = np.vstack(polygons)
+        axes.plot_trisurf(*corners.T, triangles=np.arange(len(corners)).reshape(-1, 3),
+                          color=COLOUR, alpha=OPACITY)
 
 
 def draw_around(axes: Any, obstacles: Iterable[Obstacle], reach: float) -> None:

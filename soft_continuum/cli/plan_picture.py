@@ -21,9 +21,10 @@ from soft_continuum.sequencing.reach import Reach
 
 SUFFIXES = '.png', '.svg', '.pdf', '.gif'
 COLUMNS = 4
-FRAMES = 24  # of each step of a moving picture
-RATE, REST = 12, 8  # frames per second, and that many at the end of each step
+FRAMES = 20  # of each step of a moving picture
+RATE, REST = 12, 6  # frames per second, and that many at the end of each step
 PATH, GOAL = 'tab:blue', 'tab:green'
+GIF_DPI = 90
 MARGIN = 0.03  # m around all that is drawn
 
 
@@ -81,7 +82,7 @@ class _Picture:
         """Write a moving picture."""
         figure = Figure(figsize=(5.0, 5.0))
         writer = PillowWriter(fps=RATE)
-        with writer.saving(figure, path, DPI):
+        with writer.saving(figure, path, GIF_DPI):
             for number, step in enumerate(self.steps):
                 chosen = np.unique(np.linspace(0, len(step.states) - 1, FRAMES).round())
                 for i in chosen.astype(int).tolist():

@@ -12,10 +12,13 @@ from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from math import inf, isnan, nan
 
+import numpy as np
+
+from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.aiming import Aim, Step
 from soft_continuum.sequencing.arm_port import ArmPort
 from soft_continuum.sequencing.loop_settings import ABORT, LoopSettings, PAUSE
-from soft_continuum.sequencing.planner import Shape, ShapePlan, WHOLE_ARM
+from soft_continuum.sequencing.planner import Move, Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.progress import Code, Outcome, Phase
 from soft_continuum.sequencing.runner import EndError, Plan, Runner, RunnerSettings
 
@@ -89,11 +92,11 @@ class ClosedLoopRunner(Runner):
             self.move = done
             self._check_plan()
             self._report(index, done / (len(segments) + 1), Phase.PREPARING)
-            left = segments[done:]
-            if len(set(left)) == len(left):
-                yield from self._set_segment(index, left, segment, aim)
-            else:  # on the way one is set twice: up to there it is done as planned
-                yield from self._set_segment(index, (segment,), segment, _way_point(plan, done))
+            left, here = segments[done:], aim
+            if len(set(left)) < len(left):  # one is set twice: up to there it is done as planned
+                left, here = (segment,), _way_point(plan, done)
+            on_path = plan.moves[done] if len(shape.tips) > 1 else None
+            yield from self._set_segment(index, left, segment, here, on_path)
         self.move = len(segments)
         yield from self._measure(index, None)
         for _ in range(1, self.loop_settings.max_passes):
@@ -176,13 +179,17 @@ class ClosedLoopRunner(Runner):
         self.progress = replace(self.progress, error=error)
         return nan if error is None else error
 
-    def _set_segment(self, index: int, left: Sequence[int], segment: int, aim: Aim
-                     ) -> Iterator[None]:
+    def _set_segment(self, index: int, left: Sequence[int], segment: int, aim: Aim,
+                     on_path: Move | None = None) -> Iterator[None]:
+        """Set a segment; on_path: how it is moved first, where the way there counts."""
         yield from self._pause(None)
         self._report(index, self._part(index), Phase.SOFTENING, segment=segment + 1)
         yield from self._soften(segment)
         before = inf
-        for correction in range(self.loop_settings.max_corrections + 1):
+        if on_path is not None and on_path.duration:
+            self._report(index, self._part(index), Phase.MOVING)
+            yield from self._move(self._from_here(on_path), index, self._part(index), 0.0)
+        for correction in range(on_path is not None, self.loop_settings.max_corrections + 1):
             yield from self._measure(index, segment)
             step = yield from self._planned(self._loop.step(left, aim), segment)
             self.progress = replace(self.progress, error=step.error, correction=correction)
@@ -197,6 +204,12 @@ class ClosedLoopRunner(Runner):
         self._report(index, self._part(index), Phase.STIFFENING)
         yield from self._stiffen(segment)
         self.progress = replace(self.progress, correction=0)
+
+    def _from_here(self, move: Move) -> Move:
+        """Return a move that begins at the present pulls and ends as planned."""
+        off = np.asarray(self._observed.pulls) - move.pulls[0]
+        fades = 1.0 - minimum_jerk.progress(move.times / move.duration)
+        return replace(move, pulls=move.pulls + fades[:, None] * off)
 
     def _part(self, index: int) -> float:
         """Return the part of the running shape that is done."""

@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Distances between arms and obstacles, against the arm as a dense cloud of points."""
 
+from dataclasses import replace
 from math import inf, pi
 from pathlib import Path
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -193,7 +196,8 @@ def test_an_arm_that_reaches_through_a_mesh_is_not_clear_of_it(chain):
 
 @pytest.mark.parametrize(('shape', 'z'), [
     (Sphere(0.01), 0.005), (Box((0.2, 0.2, 0.1)), 0.05), (box_mesh((1, 1, 1)), 0.0),
-    (bowl(), 0.075)], ids=['sphere', 'box', 'mesh around it', 'bottom of a bowl'])
+    (bowl(), 0.075), (Mesh(5 * bowl().vertices, bowl().triangles), 0.39)],
+    ids=['sphere', 'box', 'mesh around it', 'bottom of a bowl', 'within that of a large one'])
 def test_an_obstacle_in_the_base_disc_is_refused(chain, shape, z):
     place = (0.0, 0.0, z)
     with pytest.raises(ObstacleError, match='obstacle it is in the base disc'):
@@ -241,3 +245,26 @@ def test_the_outside_of_a_sharp_bend_belongs_to_the_arm(chain):
         found = Surroundings(chain.arm, [needle]).clearance(state).distance
         assert found <= 0.003
         assert found > 0.003 - 2.0 * radius * (1.0 / np.cos(0.15) - 1.0)
+
+
+def test_guides_outside_of_the_segments_belong_to_the_arm():
+    arm = load_any_arm(CONFIG / 'tendon_arm.yaml')  # 20 mm thick, with spacers
+    wide = replace(arm, tendons=tuple(replace(tendon, offset=0.015) for tendon in arm.tendons))
+    straight = chain_of(wide).straight()
+    x, y = 0.03 * np.cos(pi / 9), 0.03 * np.sin(pi / 9)  # between two tendons
+    beside = [Obstacle('it', Sphere(0.005), (x, y, z)) for z in (0.05, 0.0925)]
+    for one in beside:  # a segment, a disc
+        assert Surroundings(wide, [one]).clearance(straight).distance == pytest.approx(
+            0.01, abs=1e-5)
+        assert Surroundings(arm, [one]).clearance(chain_of(arm).straight()
+                                                  ).distance == pytest.approx(0.015, abs=1e-5)
+
+
+def test_without_obstacles_nothing_of_coal_is_loaded():
+    # It takes memory and time of every start.
+    script = ('import sys; from soft_continuum.obstacles import Surroundings; from soft_continuum.'
+              'parameters.files import load_any_arm; Surroundings(load_any_arm(sys.argv[1])); '
+              'print(*sys.modules)')
+    done = subprocess.run([sys.executable, '-c', script, CONFIG / 'manipulator.yaml'],
+                          capture_output=True, text=True, check=True)
+    assert {'coal', 'trimesh'}.isdisjoint(done.stdout.split())

@@ -25,7 +25,8 @@ from soft_continuum.sequencing.reach.goal import Distance, ReachSettings, Surrou
 from soft_continuum.sequencing.reach.passage import BlockedError, moved, Node, Passages, Placed
 from soft_continuum.sequencing.reach.result import Reach
 
-ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is
+ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is, at least
+ARC_FACTOR = 1.5  # of how far arcs are off in one shape: in others they may be more
 FINE = 0.004  # m: points of arcs that move by less are not looked at in between
 CORRECTIONS = 8  # of bendings, by the statics
 AIM = 0.3  # of the tolerances: so near the correction ends
@@ -76,6 +77,7 @@ class Search:
         self.nearest = self.last = start
         self.blocked: Counter[tuple[str, str]] = Counter()  # obstacle or limit, and how often
         self.end = monotonic() + (1.0 - KEPT) * settings.time_limit
+        self._arc_error = ARC_ERROR
         self._shapes: dict[bytes, tuple[Placed, Distance]] = {}
         self._lines: dict[tuple[bytes, bytes], str] = {}
         self._nodes: dict[tuple[bytes, ...], Node | BlockedError] = {}
@@ -86,6 +88,8 @@ class Search:
             yield self._result(self.start)
             return
         every = self.candidates.nearest()[:NEAREST]
+        if self.start.near.distance < inf:
+            self._arc_error = self._found_arc_error(every[0])
         out_of_reach = every[0].near > 1.0
         if out_of_reach:  # of arcs; the statics may say otherwise
             yield from self._tried(iter(every), anyway=True)
@@ -228,6 +232,15 @@ class Search:
 
     # A look at arcs.
 
+    def _found_arc_error(self, candidate: Candidate) -> float:
+        """Return how far the arm may be from its arcs, m, by the statics of one candidate."""
+        try:
+            state = self._predicted(self.start, candidate.movers, candidate.shapes[-1])[-1]
+        except (BlockedError, PlanError):
+            return ARC_ERROR
+        arcs = self.arcs.chain.uniform(state.bending)
+        return max(ARC_ERROR, ARC_FACTOR * moved(state, arcs, 0.0))
+
     def _look(self, candidate: Candidate) -> None:
         """Raise BlockedError where an obstacle is far in the way of arcs."""
         if self.start.near.distance == inf:
@@ -251,14 +264,14 @@ class Search:
         return self._shapes[key]
 
     def _free(self, near: Distance) -> None:
-        if near.distance < min(self.settings.margin, self.start.near.distance) - ARC_ERROR:
+        if near.distance < min(self.settings.margin, self.start.near.distance) - self._arc_error:
             raise BlockedError('an obstacle is in the way', near.obstacle)
 
     def _line(self, one: Array, other: Array) -> str:
         """Return which obstacle is in the way between two shapes; empty for none."""
         (state, near), (there, near_there) = self._shape(one), self._shape(other)
         way = moved(state, there, self.passages.radius)
-        least = min(self.settings.margin, self.start.near.distance) - ARC_ERROR
+        least = min(self.settings.margin, self.start.near.distance) - self._arc_error
         if way < FINE or near.distance + near_there.distance - way > 2.0 * least:
             return ''
         middle = 0.5 * (one + other)

@@ -1,0 +1,206 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plans by tip and among obstacles while they run: watched, left, made again, measured."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+import pytest
+from test_closed_loop import at_rest_and_stiff, MeasuredRig
+from virtual_rig import one_soft_at_most_and_none_moved_stiff, TICK_STEPS
+
+from soft_continuum.mechanics.either import chain_of
+from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
+from soft_continuum.sequencing.arm_port import Observation
+from soft_continuum.sequencing.plan_watch import PlanWatch
+from soft_continuum.sequencing.planner import ObstructedError, PlanError, Planner, Shape
+from soft_continuum.sequencing.progress import Code
+from soft_continuum.sequencing.reach import ReachSettings, TipGoal
+from soft_continuum.sequencing.shape_plans import plan_of, plan_shapes
+
+MARGIN, DEPARTURE = 0.005, 0.02  # m
+PLACE = np.array([0.15, 0.0, 0.22])
+SETTINGS = ReachSettings(margin=MARGIN, time_limit=60.0)
+
+
+def tip_shape(*places, tolerance=1e-3):
+    return Shape('tip', (), tips=tuple(
+        TipGoal(np.array(place), position_tolerance=tolerance) for place in places))
+
+
+def ball(x, z, radius=0.02, name='ball'):
+    return Obstacle(name, Sphere(radius), (float(x), 0.0, float(z)))
+
+
+@dataclass
+class TipRig(MeasuredRig):
+    """A rig whose goals are of the tip, and whose plans are watched, as the nodes do it."""
+
+    watched: object = None
+
+    def planned(self, shape):
+        planner, state = self.estimated()
+        around = Surroundings(self.arm)
+        found, = plan_shapes(
+            planner, state, self.tendons.reading.pulls, [shape], around, SETTINGS, first=True)
+        return plan_of(found, shape, around)
+
+    def aim(self, shape):
+        from soft_continuum.nodes.planning import tip_aim
+        return tip_aim(shape, self.arm) if shape.tips else super().aim(shape)
+
+    def observe(self):
+        observation: Observation = super().observe()
+        runner = getattr(self, 'runner', None)
+        if runner is None or runner.plan is None or not runner.plan.ways:
+            return observation
+        if self.count % TICK_STEPS:  # it is for the runner
+            return observation
+        if self.watched is not runner.plan:
+            self.watched, self.watch = runner.plan, PlanWatch(runner.plan, MARGIN, DEPARTURE)
+        watch, state = self.watch, self.estimated()[1]
+        return replace(observation, obstructed=watch.obstructed(runner.move, state),
+                       departed=watch.departed(runner.move, state))
+
+    @property
+    def miss(self):
+        """How far the tip is from the goal, m."""
+        return float(np.linalg.norm(self.state.backbone[-1] - PLACE))
+
+
+# A plan that is watched.
+
+
+@cache
+def plan():
+    """Return a plan of the described arm: segment 2, then segment 3."""
+    from virtual_rig import ARM, PLAN_SETTINGS
+    planner = Planner(ARM, PLAN_SETTINGS)
+    around = Surroundings(ARM)
+    found, = plan_shapes(planner, chain_of(ARM).straight(), (0.0, 0.0), [tip_shape(PLACE)],
+                         around, SETTINGS, first=True)
+    return plan_of(found, tip_shape(PLACE), around)
+
+
+def watch(*obstacles):
+    watching = PlanWatch(plan(), MARGIN, DEPARTURE)
+    watching.look(Surroundings(plan().state.chain.arm, obstacles))
+    return watching
+
+
+def test_an_obstacle_is_in_the_way_until_the_arm_is_past_it():
+    before, after = plan().ways[0][0], plan().ways[0][-1]
+    side = before.backbone[-1] + [-0.04, 0.0, 0.0]  # beside the tip of the straight arm
+    watching = watch(ball(side[0], side[2]))
+    assert watching.obstructed(0, before).startswith('ball is ')
+    assert 'where segment 2 is set' in watching.obstructed(0, before)
+    assert watching.obstructed(0, after) == ''
+    assert watching.obstructed(1, after) == ''
+
+
+def test_an_obstacle_at_the_end_counts_to_the_end():
+    end = plan().state.backbone[-1]
+    watching = watch(ball(end[0], end[2] - 0.03))
+    for move in (0, 1, 2):
+        assert 'ball' in watching.obstructed(move, plan().ways[0][0])
+
+
+def test_the_arm_may_depart_from_its_plan_by_what_obstacles_leave():
+    state = plan().ways[0][5]
+
+    def leaning(angle):
+        """The arm as in that state, but for segment 1, which leans the other way."""
+        joints = state.joint_angles.copy()
+        per_segment = state.chain.joints_per_segment
+        joints[:per_segment] -= angle / per_segment
+        return state.chain.state(joints)
+
+    def departed(angle):
+        return min(np.linalg.norm(leaning(angle).backbone - one.backbone, axis=1).max()
+                   for one in plan().ways[0])
+
+    assert MARGIN < departed(0.15) < DEPARTURE < departed(0.4)
+    tip = state.backbone[-1]
+    assert watch().departed(0, leaning(0.15)) == ''
+    assert watch(ball(tip[0], tip[2] + 0.2)).departed(0, leaning(0.15)) == ''
+    near = watch(ball(tip[0], tip[2] + 0.027))
+    assert 'from where it was planned to be' in near.departed(0, leaning(0.15))
+    assert 'allowed: 20.0 mm' in watch().departed(0, leaning(0.4))
+
+
+# Angles among obstacles.
+
+
+def test_angles_are_set_in_another_order_where_an_obstacle_is_in_the_way_of_the_first():
+    arm = plan().state.chain.arm
+    planner = Planner(arm, plan_settings())
+    shape = Shape('hook', tuple(np.radians([0.0, 41.2, 59.9])))
+    arguments = planner, chain_of(arm).straight(), (0.0, 0.0), [shape]
+    free, = plan_shapes(*arguments, Surroundings(arm), SETTINGS)
+    assert [move.segment for move in free.plan.moves] == [1, 2]
+    around = Surroundings(arm, [ball(0.09, 0.33)])
+    found, = plan_shapes(*arguments, around, SETTINGS)
+    assert [move.segment for move in found.plan.moves] == [2, 1]
+    assert found.clearance[0] >= MARGIN
+    shut = Surroundings(arm, [ball(0.15, 0.22)])
+    blocked, = plan_shapes(*arguments, shut, SETTINGS)
+    with pytest.raises(ObstructedError, match='ball is in the way.*no other order'):
+        plan_of(blocked, shape, shut)
+
+
+def plan_settings():
+    from virtual_rig import PLAN_SETTINGS
+    return PLAN_SETTINGS
+
+
+def test_what_is_out_of_reach_is_no_obstacle_s_fault():
+    arm = plan().state.chain.arm
+    around, shape = Surroundings(arm, [ball(-0.2, 0.3)]), tip_shape([0.5, 0.0, 0.5])
+    found, = plan_shapes(Planner(arm, plan_settings()), chain_of(arm).straight(), (0.0, 0.0),
+                         [shape], around, SETTINGS)
+    with pytest.raises(PlanError, match='tip: .*out of reach') as caught:
+        plan_of(found, shape, around)
+    assert not isinstance(caught.value, ObstructedError)
+
+
+# Runs by measurements.
+
+
+@pytest.mark.parametrize('open_loop', [False, True])
+def test_measurements_bring_the_tip_to_its_goal(open_loop):
+    rig = TipRig((tip_shape(PLACE),), open_loop=open_loop)
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
+    assert outcome.code is Code.SUCCESSFUL
+    assert (rig.miss < 1.5e-3) == (not open_loop)
+    at_rest_and_stiff(rig)
+
+
+def test_a_path_is_followed_with_measurements():
+    path = [[0.15, 0.0, 0.22], [0.148, 0.0, 0.235], [0.14, 0.0, 0.25]]
+    rig = TipRig((tip_shape(*path, tolerance=3e-3),))
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
+    assert outcome.code is Code.SUCCESSFUL
+    assert np.linalg.norm(rig.state.backbone[-1] - path[-1]) < 3e-3
+
+
+def test_a_shape_is_planned_again_so_many_times_only():
+    rig = TipRig((tip_shape(PLACE),))
+    rig.settings = replace(rig.settings, max_replans=2)
+    rig.runner = rig.run_of(rig.shapes)
+    rig.observe_really, rig.observe = rig.observe, lambda: replace(
+        rig.observe_really(), departed='gone astray' if rig.runner.plan else '')
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
+    assert (outcome.code, outcome.replans) == (Code.HARDWARE_FAULT, 2)
+    assert outcome.message == 'gone astray; it was planned again 2 times'
+    fractions = [p.fraction for p in rig.progress]
+    assert fractions == sorted(fractions)
+    at_rest_and_stiff(rig)
+
+
+def test_a_segment_that_slips_is_noticed_and_the_rest_is_planned_again():
+    rig = TipRig((tip_shape(PLACE),), shift={1: -0.3})
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
+    assert outcome.code is Code.SUCCESSFUL
+    assert outcome.replans >= 1
+    assert rig.miss < 4e-3  # 10 mm where it is not planned again
