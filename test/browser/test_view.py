@@ -272,7 +272,7 @@ def test_the_tip_goes_where_it_was_planned_to(page: Page, rig: Rig) -> None:
     page.wait_for_text('softenings: ')
     page.click('Go')
     page.wait_for_bar('Setting tip at (120, 260) mm')
-    page.wait_for_bar('Sequence done')
+    page.wait_for_bar('Ready')
     tip = rig.disc_poses.last.poses[-1].position
     assert (tip.x, tip.y, tip.z) == pytest.approx((0.12, 0.0, 0.26), abs=2e-3)
     page.view.get_by_label('Drag the tip').first.click()
