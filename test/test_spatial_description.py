@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.cli.operate import _bendings
+from soft_continuum.cli.operate import bendings
 from soft_continuum.client.sequence import goal
 from soft_continuum.client.state import Pose, Reached
 from soft_continuum.client.state_text import reached_text
@@ -360,11 +360,11 @@ def test_what_is_no_bending_is_refused(bend):
 
 
 def test_degrees_on_the_command_line_have_directions_behind_an_at():
-    assert _bendings('10,20@120,-30@-60') == (
+    assert bendings('10,20@120,-30@-60') == (
         radians(10.0), (radians(20.0), radians(120.0)), (radians(-30.0), radians(-60.0)))
     for text in '10@', '@20', '10@20@30', '10@nan', '10;20':
         with pytest.raises(ArgumentTypeError, match='such as 10@0,20@120,30@-60'):
-            _bendings(text)
+            bendings(text)
 
 
 def test_what_was_reached_in_space_has_directions():

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 
-from soft_continuum.client.requests import PLANNING_TIMEOUT, Requests
+from soft_continuum.client.requests import PLANNING_TIMEOUT, Requests, TIP_TIMEOUT
 from soft_continuum.client.sequence import goal, ShapeLike
 from soft_continuum.client.state import Pose
 from soft_continuum.ros.names import SHAPE_SEQUENCER
@@ -89,7 +89,8 @@ async def plan_shapes(requests: Requests, shapes: Sequence[ShapeLike], time_limi
     messages = goal(shapes, 0.0).shapes
     return plan_from_ros(await requests.call(
         PlanShapes, f'{SHAPE_SEQUENCER}/plan_shapes', shapes=messages, time_limit=time_limit,
-        within=PLANNING_TIMEOUT + 2.0 * time_limit * len(messages)))
+        within=PLANNING_TIMEOUT + TIP_TIMEOUT * len(messages)
+        + 2.0 * time_limit * len(messages)))
 
 
 def plan_from_ros(response: PlanShapes.Response) -> Plan:

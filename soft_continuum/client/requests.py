@@ -47,6 +47,7 @@ CLOSED_LOOP = 'closed_loop'  # parameter of shape_sequencer
 JOG_SPEED = 0.01  # m/s
 JOG_MINIMUM = 0.2  # s
 PLANNING_TIMEOUT = 30.0  # s that the shape_sequencer may take to plan before it answers
+TIP_TIMEOUT = 10.0  # s more for each goal of the tip
 LOST_TIMEOUT = 10.0  # s without a message of the shape_sequencer until a sequence counts as lost
 SWITCHING_TIMEOUT = 15.0  # s for a segment to be evacuated or vented
 REASON_TIMEOUT = 1.0  # s between the answer to a goal and the reason of its rejection
@@ -342,10 +343,11 @@ class Requests(Tasks):
                          SHAPE_SEQUENCER)
         sequence = RunningSequence()
         answer = self._action.send_goal_async(message, feedback_callback=sequence.on_feedback)
-        if not await self.done(answer, PLANNING_TIMEOUT):
+        timeout = PLANNING_TIMEOUT + TIP_TIMEOUT * sum(
+            bool(shape.tips) for shape in message.shapes)
+        if not await self.done(answer, timeout):
             answer.add_done_callback(lambda late: late.result().cancel_goal_async())
-            raise NoAnswerError(
-                f'no answer of {SHAPE_SEQUENCER} within {PLANNING_TIMEOUT:g} s')
+            raise NoAnswerError(f'no answer of {SHAPE_SEQUENCER} within {timeout:g} s')
         handle = answer.result()
         if not handle.accepted:
             observed = self.observed

@@ -141,7 +141,8 @@ def reached_text(reached: Reached) -> str:
     again = f', planned again {reached.replans} times' if reached.replans else ''
     if not reached.measured:
         return ('predicted: nothing was measured; '
-                + (f'angles{angles}'.replace('  ', ' ') if directions
+                + (f'angles{angles}'.replace('  ', ' ')
+                   if directions and not isfinite(reached.tip_error)
                    else f'{error} by the model') + again)
     deviation = position_deviation(reached.tip_deviations)
     within = '' if deviation is None else f', +-{millimetres(deviation)} mm'

@@ -26,7 +26,7 @@ from soft_continuum_interfaces.msg import TipGoal as TipGoalMessage
 MAX_SHAPES = 100
 """Shapes of one goal; to plan one takes some tens of milliseconds, in space some hundreds."""
 MAX_TIPS = 200
-"""Goals of the tip on one path."""
+"""Goals of the tip in all."""
 
 
 def shape_library(parameters: Mapping[str, Any], arm: AnyArm) -> dict[str, Shape]:
@@ -54,6 +54,8 @@ def shapes_of(items: Sequence[ShapeMessage], library: Mapping[str, Shape], arm: 
         raise PlanError('the sequence is empty; give at least one shape: ' + ', '.join(library))
     if len(items) > MAX_SHAPES:
         raise PlanError(f'{len(items)} shapes; allowed: {MAX_SHAPES}; send them in several goals')
+    if (tips := sum(len(item.tips) for item in items)) > MAX_TIPS:
+        raise PlanError(f'{tips} tips; allowed: {MAX_TIPS}; send them in several goals')
     return [_shape(number, item, library, arm, parameters)
             for number, item in enumerate(items, start=1)]
 
@@ -92,8 +94,6 @@ def _tips(label: str, item: ShapeMessage, arm: AnyArm, parameters: Mapping[str, 
     """Return the goals of the tip of a shape; raises PlanError."""
     if len(item.bending_angles) or len(item.bending_directions):
         raise PlanError(f'{label}: tips and bending angles or directions; give one of both')
-    if len(item.tips) > MAX_TIPS:
-        raise PlanError(f'{label}: {len(item.tips)} tips; allowed: {MAX_TIPS}')
     goals = []
     for number, tip in enumerate(item.tips, start=1):
         try:

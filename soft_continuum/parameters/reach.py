@@ -34,7 +34,9 @@ REACH_PARAMETERS = (
     Parameter('obstacles.margin', 0.005, 'distance that the arm keeps from '
               'obstacles', 0.0, 1.0, read_only=False, unit='m'),
     Parameter('obstacles.on_change', REPLAN, 'what a sequence does when an obstacle comes into '
-              'the way of a motion: stop it and plan again, or abort', choices=ON_OBSTACLE,
+              'the way of a motion: stop it and plan again, or abort; counts from the next goal '
+              'on',
+              choices=ON_OBSTACLE,
               read_only=False),
 )
 
