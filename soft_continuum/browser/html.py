@@ -291,7 +291,7 @@ def plan_html(planned: Planned | None, late: bool) -> str:
     plan = planned.plan
     chip = (_chip('PLANNING', UNKNOWN) if late else _chip('NO ANSWER', WARNING) if plan is None
             else _chip('REACHABLE', GHOST) if plan.found
-            else _chip('NOT REACHABLE', WRONG) if plan.steps else _chip('NO PLAN', WARNING))
+            else _chip('NO PLAN YET', UNKNOWN) if planned.quick else _chip('NO PLAN', WARNING))
     rows: list[tuple[str, ...]] = [(chip, _text(planned.problem))]
     if plan is not None and plan.found and not plan.steps:
         rows.append(('the tip is there',))

@@ -7,8 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 from soft_continuum.browser.log import LOG
-from soft_continuum.client.own_file import own_file, read_saved
+from soft_continuum.client.own_file import read_saved
 from soft_continuum.client.own_shapes import OwnShapesError, Saved
+from soft_continuum.user_files import saved_shapes
 
 if TYPE_CHECKING:
     from soft_continuum.browser.session import Session
@@ -20,7 +21,8 @@ class SavedShapes:
     """
     Follows the file, which other programs change too, and changes it.
 
-    A disk may take its time: nothing else waits for it, least of all STOP.
+    A disk may take its time, and STOP does not wait for it then.  Only what is run by its name is
+    read where the node spins.
     """
 
     def __init__(self, session: 'Session') -> None:
@@ -48,7 +50,7 @@ class SavedShapes:
 
     def _read(self) -> None:
         try:
-            found = own_file().stat()
+            found = saved_shapes().stat()
             signature = found.st_mtime_ns, found.st_ino
         except OSError:  # no file, mostly; else a change says why
             signature = None

@@ -31,6 +31,7 @@ from soft_continuum.client.observed import KINEMATICS_STATE, TENDON_STATE
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.state import ArmState, SequenceResult
 from soft_continuum.client.state_text import reached_text
+from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.nodes.up import nodes_for
@@ -279,8 +280,18 @@ class Session:
 
         self._sequences += 1
         number = self._sequences
-        self._start('Sequence', self.requests.run(
-            shapes, hold, aim, rounds, lambda: self._sequences == number), done)
+        self._start('Sequence', self._run(number, shapes, aim, hold, rounds), done)
+
+    async def _run(self, number: int, shapes: 'Sequence[ShapeLike]', aim: str,
+                   hold: 'float | Sequence[float]', rounds: int) -> SequenceResult:
+        """Run a sequence, each round as a goal of its own, until another number is given out."""
+        done = 0
+        while True:
+            sequence = await self.requests.send(shapes, hold, aim)
+            await until(lambda now=sequence: now.done, inf)  # type: ignore[misc]
+            result, done = sequence.result(), done + 1
+            if done == rounds or self._sequences != number:
+                return result
 
     def refuse(self, title: str, reason: str) -> None:
         """Say that a request cannot be carried out, and why."""

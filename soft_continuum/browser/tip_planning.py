@@ -24,7 +24,7 @@ class Planned:
     The answer for a goal: a plan, or why there is none.
 
     points: along the backbone in the end of the plan, of its nearest if it does not get there.
-    path: of the tip.
+    path: of the tip.  quick: so little time was given that more may find another.
     """
 
     goal: Tip
@@ -32,11 +32,12 @@ class Planned:
     problem: str = ''
     points: Points = ()
     path: Points = ()
+    quick: bool = False
 
     @property
-    def is_empty(self) -> bool:
-        """Whether there is no plan, not even to the nearest that can be had."""
-        return self.plan is not None and not (self.plan.found or self.plan.steps)
+    def found(self) -> bool:
+        """Whether there is a plan that gets there."""
+        return self.plan is not None and self.plan.found
 
 
 class TipPlanning:
@@ -63,8 +64,8 @@ class TipPlanning:
     @property
     def found(self) -> bool:
         """Whether there is a plan to the goal."""
-        return (self.planned is not None and self.planned.plan is not None
-                and self.planned.plan.found and self.planned.goal == self.goal)
+        return (self.planned is not None and self.planned.found
+                and self.planned.goal == self.goal)
 
     @property
     def late(self) -> bool:
@@ -97,7 +98,8 @@ class TipPlanning:
             if limit == WHILE_DRAGGED:
                 self._awaited = now
             try:
-                planned = _planned(goal, await plan_shapes(self._requests, [goal], limit), arm)
+                planned = _planned(goal, await plan_shapes(self._requests, [goal], limit), arm,
+                                   limit == WHILE_DRAGGED)
             except ClientError as error:
                 planned = Planned(goal, None, str(error))
             finally:
@@ -105,19 +107,17 @@ class TipPlanning:
                     self._awaited = None
             if self._asked is not now:
                 return  # something else was asked for since, or nothing is wanted
-            if limit == WHILE_DRAGGED and planned.is_empty:
-                if self._wanted is now:
-                    self._wanted = goal, arm, AT_REST
-                continue  # it takes longer to say why
             self.planned, self._answered = planned, monotonic()
+            if limit == WHILE_DRAGGED and not planned.found and self._wanted is now:
+                self._wanted = goal, arm, AT_REST  # the handle rests where more time is needed
 
 
-def _planned(goal: Tip, plan: Plan, arm: AnyArm) -> Planned:
+def _planned(goal: Tip, plan: Plan, arm: AnyArm, quick: bool) -> Planned:
     end = next((step for step in reversed(plan.steps) if _fits(step, arm)), None)
     path = tuple(pose.position for step in plan.steps for pose in step.tip
                  if all(abs(value) < MAX_PLACE for value in pose.position))
     return Planned(goal, plan, plan.message, () if end is None else points_of(
-        chain_of(arm), end.bending_angles, end.bending_directions), path)
+        chain_of(arm), end.bending_angles, end.bending_directions), path, quick)
 
 
 def _fits(step: PlanStep, arm: AnyArm) -> bool:

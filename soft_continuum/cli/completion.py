@@ -8,12 +8,11 @@ Names of shapes come from a cache that ``soft_continuum shapes`` writes: TAB wai
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-import os
-from pathlib import Path
 from typing import Any
 
 from soft_continuum.arguments import DONE, Parser
 from soft_continuum.text import read_bytes
+from soft_continuum.user_files import shape_names
 
 MAX_CACHE = 100_000  # bytes
 
@@ -33,15 +32,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     return DONE
 
 
-def _cache() -> Path:
-    folder = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
-    return Path(folder, 'soft_continuum', 'shapes')
-
-
 def cached_shapes(**_: Any) -> list[str]:
     """Return the names of the shape library when it was last listed."""
     try:
-        return read_bytes(_cache(), MAX_CACHE).decode('utf-8').splitlines()
+        return read_bytes(shape_names(), MAX_CACHE).decode('utf-8').splitlines()
     except (OSError, ValueError):
         return []
 
@@ -49,5 +43,5 @@ def cached_shapes(**_: Any) -> list[str]:
 def cache_shapes(names: Iterable[str]) -> None:
     """Keep the names of the shape library for the next TAB, where there is a cache."""
     with suppress(OSError):
-        _cache().parent.mkdir(parents=True, exist_ok=True)
-        _cache().write_text('\n'.join(names), encoding='utf-8')
+        shape_names().parent.mkdir(parents=True, exist_ok=True)
+        shape_names().write_text('\n'.join(names), encoding='utf-8')

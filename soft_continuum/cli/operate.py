@@ -29,6 +29,7 @@ from soft_continuum.cli.output import Output
 from soft_continuum.cli.registry import VERBS
 from soft_continuum.sequencing.progress import AIMS
 from soft_continuum.text import MAX_NAME, printable
+from soft_continuum.user_files import saved_shapes
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
@@ -149,7 +150,7 @@ def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
     rounds = options.repeat
     if rounds is None:
         rounds = 1
-        if len(options.shapes) == 1 and not options.angles:
+        if len(options.shapes) == 1 and not options.angles and saved_shapes().exists():
             from soft_continuum.client.own_file import read_saved
             name, = options.shapes
             saved = read_saved().sequences

@@ -44,6 +44,7 @@ from soft_continuum.client.sequence import Bending, bendings
 from soft_continuum.parameters.files import MAX_SIZE, read_yaml
 from soft_continuum.parameters.parameter import name_hint, ParameterError
 from soft_continuum.text import MAX_NAME, printable, write_whole
+from soft_continuum.user_files import saved_shapes
 from soft_continuum_interfaces.action import RunShapeSequence
 
 if TYPE_CHECKING:
@@ -54,15 +55,9 @@ HEADER = '# Saved shapes and sequences. A program writes all of this file at eve
 KINDS: tuple[Kind, ...] = ('shapes', 'sequences')
 
 
-def own_file() -> Path:
-    """Return where the file of the user is, whether there is one or not."""
-    folder = os.environ.get('XDG_CONFIG_HOME') or Path.home() / '.config'
-    return Path(folder, 'soft_continuum', 'shapes.yaml')
-
-
 def read_saved() -> Saved:
     """Return what the user has saved, and what of the file cannot be read."""
-    path = own_file()
+    path = saved_shapes()
     try:
         document = read_yaml(path)
     except FileNotFoundError:
@@ -185,7 +180,7 @@ def _check_name(name: str, taken: Collection[str]) -> None:
 
 def _change(changed: Callable[[Saved], tuple[Saved, str]]) -> str:
     """Change the file while no other client does; return what was done."""
-    path = own_file().resolve()  # a link stays one
+    path = saved_shapes().resolve()  # a link stays one
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with _locked(path.parent):

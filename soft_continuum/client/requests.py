@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What can be asked of the arm, as coroutines on the node that observes it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from math import inf
 from typing import Any, TYPE_CHECKING
@@ -13,6 +13,7 @@ from soft_continuum.client.tasks import until
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.sequencing.progress import AIMS
+from soft_continuum.user_files import saved_shapes
 
 if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
     from soft_continuum.client.sequence import RunningSequence, ShapeLike
@@ -43,10 +44,11 @@ class Requests(Operations):
         Raises RefusedError with the reason of the shape_sequencer; ValueError for a hold time
         or an aim that is none.
         """
-        from soft_continuum.client.own_file import look_up_saved
         from soft_continuum.client.sequence import goal, RunningSequence
         message = goal(shapes, hold, aim)
-        await look_up_saved(message, self)
+        if saved_shapes().exists():
+            from soft_continuum.client.own_file import look_up_saved
+            await look_up_saved(message, self)
         await self.found(self._action.server_is_ready, 'the action run_shape_sequence',
                          SHAPE_SEQUENCER)
         sequence = RunningSequence()
@@ -89,23 +91,6 @@ class Requests(Operations):
         if result.outcome != 'SUCCESSFUL':
             raise SequenceError(result)
         return result
-
-    async def run(self, shapes: 'Sequence[ShapeLike]', hold: 'float | Sequence[float]',
-                  aim: str = AIMS[0], rounds: int = 1,
-                  goes_on: Callable[[], bool] = lambda: True) -> 'SequenceResult':
-        """
-        Set one shape after the other, as ``send`` does; return when all is done.
-
-        rounds: how often, each a goal of its own, until one ends early or ``goes_on`` is false at
-        the end of one; 0: without an end.
-        """
-        done = 0
-        while True:
-            sequence = await self.send(shapes, hold, aim)
-            await until(lambda now=sequence: now.done, inf)  # type: ignore[misc]
-            result, done = sequence.result(), done + 1
-            if done == rounds or not goes_on():
-                return result
 
     async def cancel_all(self) -> None:
         """Cancel every sequence, whoever started it."""

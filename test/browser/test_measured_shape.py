@@ -226,7 +226,7 @@ def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(
     assert read_saved().shapes['there'].angles == pytest.approx((-0.3, -0.4, -0.2))
     arm.plan.success, arm.plan.message = False, 'out of reach by 12 mm'
     page.fill('Tip z [mm]', '300')
-    for text in ('NOT REACHABLE', 'out of reach by 12 mm', 'the nearest that can be had'):
+    for text in ('NO PLAN', 'out of reach by 12 mm', 'the nearest that can be had'):
         page.wait_for_text(text)
     expect(page.button('Go')).to_be_disabled(timeout=DEADLINE * 1e3)
     page.view.get_by_label('Drag the tip').first.click()

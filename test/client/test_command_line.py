@@ -12,7 +12,8 @@ from time import monotonic
 import pytest
 
 from soft_continuum.cli.completion import cached_shapes
-from soft_continuum.client.own_file import own_file, save_sequence, save_shape
+from soft_continuum.client.own_file import save_sequence, save_shape
+from soft_continuum.user_files import saved_shapes
 
 DONE, FAILED, NO_NODES, INTERRUPTED = 0, 1, 3, 130
 REACHED = 1e-2  # rad
@@ -58,7 +59,7 @@ def test_what_was_saved_is_listed_and_run_by_its_name_as_often_as_it_says(arm, c
         assert {d['shape'] for d in ran if 'shape' in d} == {'lean'}
         assert len([d for d in documents('run', 'lean', '--repeat', '1') if 'result' in d]) == 1
     finally:
-        own_file().unlink()
+        saved_shapes().unlink()
 
 
 def test_a_run_on_a_terminal_shows_a_bar_that_fills(arm, command):
