@@ -10,7 +10,9 @@ from benchmarks.reference import MissingCompilerError, Reference
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import interleave, progress, Sampler, sampler
 from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.spatial import spatial, SpatialStatics
 
+MOST_IN_SPACE = 1000  # joints
 BODIES = (12, 24, 49, 99, 199, 332, 665, 999)  # per segment
 
 
@@ -27,6 +29,10 @@ def run(quick: bool) -> Section:
         samplers[f'kernel {n}'] = sampler(kernel.run)
         samplers[f'statics {n}'] = sampler(
             lambda s=statics, t=task: s.solve(t.start, t.pulls, paper.ALL_SOFT))  # type: ignore[misc]
+        if joints[n] <= MOST_IN_SPACE:
+            solid = SpatialStatics(spatial(statics.chain.arm))
+            samplers[f'space {n}'] = sampler(lambda s=solid, t=task: s.solve(  # type: ignore[misc]
+                s.chain.straight(), t.pulls, paper.ALL_SOFT))
         try:
             reference = Reference(statics.chain)
             shape = reference.solve(np.cumsum(task.start.joint_angles), 0.0, pull)
@@ -39,16 +45,17 @@ def run(quick: bool) -> Section:
     rows = []
     for n in BODIES:
         kernel_time, statics_time = times[f'kernel {n}'].median, times[f'statics {n}'].median
-        c = times.get(f'c {n}')
+        c, space = times.get(f'c {n}'), times.get(f'space {n}')
         per_joint = kernel_time / (joints[n] * iterations[n])
         rows.append([
             str(joints[n]), str(iterations[n]), number(c.median * 1e6) if c else '',
             number(kernel_time * 1e6), number(statics_time * 1e6), number(per_joint * 1e9),
+            number(space.median * 1e6) if space else '',
             f'{off[n]:.0e}' if c else ''])
     slope = np.polyfit(np.log([joints[n] for n in BODIES[3:]]), np.log(
         [times[f'kernel {n}'].median / iterations[n] for n in BODIES[3:]]), 1)[0]
     head = ['joints', 'iterations', 'C, µs', 'compiled solver, µs', 'Statics.solve, µs',
-            'compiled solver per joint and iteration, ns', 'off, m']
+            'compiled solver per joint and iteration, ns', 'SpatialStatics.solve, µs', 'off, m']
     return Section('performance.md', 'joints', '\n'.join([
         machine(), '', table(head, rows), '',
         f'From {joints[BODIES[3]]} joints on the time of an iteration grows like the number of '

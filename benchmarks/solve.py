@@ -14,6 +14,7 @@ from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import interleave, progress, Sampler, sampler, Timing
 from soft_continuum.mechanics import _kernel, Arm, Equilibrium, RigidChain, SLACK, Statics
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.spatial import spatial, SpatialStatics
 
 C = 'C, called in a loop in C'
 C_REPEATS = 200
@@ -118,6 +119,14 @@ def _contenders(statics: Statics, task: paper.Task, residuals: list[float],
         sampler(kernel.run), off(kernel.joint_angles))
     found['Statics.solve'] = Contender(
         sampler(lambda: statics.solve(start, task.pulls, paper.ALL_SOFT)), 0.0)
+    solid = SpatialStatics(spatial(chain.arm))
+    begun = solid.chain.straight()
+    if tension > 0.0:
+        begun = solid.solve(begun, (float(start.pulls[0]), SLACK), paper.ALL_SOFT)
+    found['SpatialStatics.solve, the same arm'] = Contender(
+        sampler(lambda: solid.solve(begun, task.pulls, paper.ALL_SOFT)),
+        float(np.abs(solid.solve(begun, task.pulls, paper.ALL_SOFT).points[:, ::2]
+                     - state.points[:, :2]).max()))
     found |= _in_mujoco(statics, task, notes)
     def plain() -> Equilibrium:
         with patch.object(_kernel, 'functions', lambda: _kernel.SOURCE):
@@ -168,6 +177,15 @@ def _c_form(statics: Statics) -> dict[str, Contender]:
         sampler(repeated(kernels)),
         paper.apart(statics, kernels[-1].joint_angles, states[-1].joint_angles))
     found['Statics.solve'] = Contender(sampler(lambda: paper.walk(statics, steps, starts[0])), 0.0)
+
+    def bent() -> Equilibrium:
+        state = starts[0]
+        for segment, sign in enumerate(paper.FORMS['C']):
+            state = statics.bend(state, segment, sign * paper.ANGLE)
+        return state
+
+    found['Statics.bend, to angles'] = Contender(
+        sampler(bent), paper.apart(statics, bent().joint_angles, states[-1].joint_angles))
     return found
 
 

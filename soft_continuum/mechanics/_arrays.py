@@ -18,6 +18,10 @@ TENSION = 1  # the tension is given
 ANGLE = 2  # the bending angle of one segment is given: the tension, of either sign, is found
 
 
+BOTH_LENGTHS = np.zeros(2, dtype=np.int64)
+"""The mode of both tendons, or the segment of none."""
+
+
 class State(NamedTuple):
     """
     What a solve changes in place.

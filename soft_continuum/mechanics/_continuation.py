@@ -9,16 +9,17 @@ finds the next stable equilibrium.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple, Self
+from math import isfinite
 
 import numpy as np
 
 from soft_continuum.mechanics import _kernel, _newton
 from soft_continuum.mechanics._active_set import LENGTH_TOLERANCE, NO_TENSION, TAUT_TOLERANCE
-from soft_continuum.mechanics._arrays import ANGLE, Drive, LENGTH, State, System, TENSION
+from soft_continuum.mechanics._arrays import ANGLE, Drive, LENGTH, State, TENSION
+from soft_continuum.mechanics._problem import Point, Problem
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
-from soft_continuum.mechanics.joints import compliances, JointLaws, tension_ratios
+from soft_continuum.mechanics.joints import JointLaws
 
 # Amplitudes of the waves, rad, that make a straight arm between two taut tendons buckle.
 BUCKLING_PERTURBATIONS = (1e-3, -2e-3, 4e-3, -8e-3, 0.016, -0.032)
@@ -28,62 +29,6 @@ MAX_FRICTION_ITERATIONS = 100
 MAX_DAMPING = 1e9  # N m/rad
 DEGENERATE = 0.05  # of the slopes of the tendons' lengths, relative: taken as zero
 MAX_MOTION, SLOW_MOTION, AT_REST = 0.3, 0.02, 0.1  # rad per step of the overdamped motion
-
-# How far a segment may turn in one solve, rad; beyond, the path is followed in smaller steps.
-TURN_LIMIT = 2.0
-TURN_LIMIT_NOT_CONVEX = 0.1  # where loads can outweigh springs, so that paths may end
-TURN_LIMIT_BOTH_TAUT = 0.05  # where both tendons are taut, so that the arm may buckle
-
-
-class Point(NamedTuple):
-    """
-    A state on the path, and how the solve for it ended.
-
-    theta: (bodies,) rad, absolute angles.  tension: (2,) N.  lengths: (2,) m, as in State.  slack:
-    (2,) m, of the tendons at the start, inf where unknown.
-    turned: rad, the largest sum over the joints of one segment of how far they turned: what folds
-    up inside a segment may end as it began.
-    """
-
-    theta: Array
-    tension: Array
-    lengths: Array
-    status: int = _newton.FAILED
-    residual: float = np.inf
-    iterations: int = 0
-    turned: float = 0.0
-    slack: Array | None = None
-
-
-class Problem(NamedTuple):
-    """
-    What is free, what acts, and what drives the tendons in one solve.
-
-    groups: number of rigid groups.  turn_limit: rad, of a segment in one solve.  tolerance: (3,),
-    as in _newton.newton.  locked_angles: (joints,) rad, kept by locked joints.  stiff, vacuum: as
-    in Equilibrium.
-    """
-
-    system: System
-    drive: Drive
-    groups: int
-    turn_limit: float
-    tolerance: Array
-    locked_angles: Array
-    stiff: tuple[bool, ...]
-    vacuum: tuple[float, ...] = ()
-
-    def with_friction(self, chain: RigidChain, angles: Array, sliding: Sequence[int]) -> Self:
-        """Return the problem with the tendons' friction and stretch at joint angles (joints,)."""
-        return self._replace(
-            system=self.system._replace(ratios=tension_ratios(chain, angles, sliding)),
-            drive=self.drive._replace(compliance=compliances(chain, angles, sliding)))
-
-    def reached_by(self, end: Point) -> bool:
-        """Return whether a solve found the equilibrium that continues the one it began at."""
-        both_taut = end.tension[RIGHT] > NO_TENSION and end.tension[LEFT] > NO_TENSION
-        limit = TURN_LIMIT_BOTH_TAUT if both_taut else self.turn_limit
-        return end.status == _newton.CONVERGED and end.turned <= limit
 
 
 class Continuation:
@@ -101,18 +46,49 @@ class Continuation:
         return np.array([max(1e-11, 1e-14 * stiffest), max(1e-10, 1e-13 * stiffest),
                          max(1e-13, 1e-15 * self._tendon)])
 
-    def solve(self, point: Point, problem: Problem, sliding: Sequence[int] = (0, 0)
+    def solve(self, start: Equilibrium, problem: Problem, sliding: Sequence[int] = (0, 0)
               ) -> Equilibrium:
         """
-        Return the equilibrium of ``problem`` that continues the state ``point``.
+        Return the equilibrium of ``problem`` that continues a state.
 
         sliding: as in Statics.solve.  Raises StaticsError or OverconstrainedError.
         """
-        end, problem, jumped = self._step(point, problem)
-        if self.chain.arm.tendon.friction > 0.0 and any(sliding):
+        rubs = self.chain.arm.tendon.friction > 0.0 and any(sliding)
+        if not rubs and (found := self.in_one_step(start, problem)) is not None:
+            return found
+        end, problem, jumped = self._step(self.point_of(start), problem)
+        if rubs:
             end, problem, also = self._with_friction(end, problem, sliding)
             jumped = jumped or also
         return self.result(end, problem, jumped=jumped)
+
+    def in_one_step(self, start: Equilibrium, problem: Problem, hold: bool = False
+                    ) -> Equilibrium | None:
+        """
+        Return the equilibrium that a full step finds, or None if it is not that wanted.
+
+        hold: as of _newton.equilibrium.
+        """
+        chain = self.chain
+        angles, tensions, pulls, slack = found = (
+            np.empty(chain.joints), np.empty(2), np.empty(2), np.empty(2))
+        status, iterations, residual, turned = _kernel.functions().equilibrium(
+            (start.joint_angles, start.tensions), tuple(problem.system), tuple(problem.drive),
+            (problem.groups, chain.straight_length), hold, problem.tolerance, found)
+        if not problem.reached(status, turned, tensions):
+            return None
+        return Equilibrium(
+            angles, tensions, pulls, slack, residual, iterations, problem.stiff,
+            self.laws.held(angles, problem.system.joints, problem.stiff), False, problem.vacuum,
+            chain=chain)
+
+    def point_of(self, start: Equilibrium) -> Point:
+        """Return a state as a point; raises ValueError for joint angles that are not finite."""
+        theta = start.joint_angles.cumsum()
+        if not isfinite(theta[-1]):  # as the last is when any is not
+            raise ValueError('the joint angles of the start must be finite numbers')
+        return Point(theta, np.nan_to_num(start.tensions),
+                     self.chain.straight_length - start.pulls, slack=start.slack)
 
     def newton(self, start: Point, problem: Problem, target: Array | None = None,
                bias: Array | None = None, damping: float = 0.0) -> Point:

@@ -32,20 +32,24 @@ from soft_continuum.mechanics._compile import Function, jit, MARKED
 from soft_continuum.mechanics.spatial import _assembly as _spatial_assembly
 from soft_continuum.mechanics.spatial import _path
 
-# Arrays of any strides: an extension does not check those that it is given.
+# States may be arrays of any strides, for an extension does not check those that it is given;
+# what the solver lays out for itself is contiguous, which is faster.
 VECTOR, MATRIX, TENSOR, INDICES = 'f8[:]', 'f8[:, :]', 'f8[:, :, :]', 'i8[:]'
+LIST, TABLE, BLOCKS, NUMBERS = 'f8[::1]', 'f8[:, ::1]', 'f8[:, :, ::1]', 'i8[::1]'
 STATE = f'UniTuple({VECTOR}, 3)'
-SYSTEM = f'Tuple(({MATRIX}, {MATRIX}, {TENSOR}, {MATRIX}, {MATRIX}, {INDICES}))'
+SYSTEM = f'Tuple(({TABLE}, {TABLE}, {BLOCKS}, {TABLE}, {TABLE}, {NUMBERS}))'
 DRIVE = f'Tuple(({INDICES}, {VECTOR}, {VECTOR}, {INDICES}))'
-LINKS = (f'Tuple(({TENSOR}, {TENSOR}, {TENSOR}, {MATRIX}, {INDICES}, {MATRIX}, i8[:, :], '
-         f'{MATRIX}, {TENSOR}, {VECTOR}))')
+LINKS = (f'Tuple(({BLOCKS}, {BLOCKS}, {BLOCKS}, {TABLE}, {NUMBERS}, {TABLE}, i8[:, ::1], '
+         f'{TABLE}, {BLOCKS}, {LIST}))')
 ROUTING = f'Tuple(({MATRIX}, {INDICES}, {INDICES}, {INDICES}, {MATRIX}))'
-LEAD = f'Tuple(({INDICES}, {VECTOR}, {MATRIX}, {TENSOR}, f8))'
 SIGNATURES = {
     'newton': f'Tuple((i8, i8, f8, f8))({STATE}, {SYSTEM}, {DRIVE}, {VECTOR}, f8, {VECTOR})',
+    'equilibrium':
+        f'Tuple((i8, i8, f8, f8))(UniTuple({VECTOR}, 2), {SYSTEM}, {DRIVE}, Tuple((i8, f8)), b1, '
+        f'{VECTOR}, UniTuple({VECTOR}, 4))',
     'newton_batch':
         f'void(Tuple(({MATRIX}, {MATRIX}, {MATRIX})), '
-        f'Tuple(({TENSOR}, {TENSOR}, {TENSOR}, {TENSOR}, {MATRIX}, i8[:, :])), {INDICES}, '
+        f'Tuple(({BLOCKS}, {BLOCKS}, {BLOCKS}, {BLOCKS}, {TABLE}, i8[:, ::1])), {INDICES}, '
         f'Tuple(({INDICES}, {MATRIX}, {MATRIX}, {INDICES})), {MATRIX}, '
         f'{INDICES}, {VECTOR}, {VECTOR}, i8, i8)',
     'moment_balance': f'f8[::1]({VECTOR}, {VECTOR}, {SYSTEM}, i8)',
@@ -56,18 +60,15 @@ SIGNATURES = {
         'f8[:, ::1], i8[::1], f8[::1]))'
         f'({TENSOR}, {INDICES}, {VECTOR}, {MATRIX}, {MATRIX}, '
         f'{ROUTING}, i8)',
-    'spatial_lead':
-        f'Tuple((f8, i8, f8, i8, b1))(f8[:, :, :, :], {MATRIX}, b1[:, :], {LINKS}, '
-        f'{LEAD}, f8, f8, i8)',
     'spatial_follow':
-        f'Tuple((f8, i8, f8))(Tuple(({TENSOR}, {VECTOR}, {VECTOR})), '
+        f'Tuple((f8, i8, f8, b1))(Tuple(({TENSOR}, {VECTOR}, {VECTOR})), '
         f'Tuple(({VECTOR}, {MATRIX}, {MATRIX}, {ROUTING}, {VECTOR})), '
-        f'Tuple(({INDICES}, {TENSOR}, {TENSOR}, {VECTOR})), '
-        f'Tuple((f8[:, :, :, :], {MATRIX}, b1[:, :], {TENSOR})), {LEAD}, b1, b1)',
-    'spatial_carry': f'void({TENSOR}, {TENSOR}, {INDICES}, {TENSOR})',
-    'spatial_balance': f'f8[::1]({TENSOR}, {VECTOR}, {LINKS})',
+        f'Tuple(({INDICES}, {BLOCKS}, {BLOCKS}, {LIST})), '
+        f'Tuple((f8[:, :, :, ::1], {TABLE}, b1[:, ::1], {BLOCKS})), '
+        f'Tuple(({NUMBERS}, {LIST}, {TABLE}, {BLOCKS}, f8)), b1, b1)',
+    'spatial_balance': f'f8[::1]({BLOCKS}, {LIST}, {LINKS})',
     'spatial_linearise':
-        f'Tuple((f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1]))({TENSOR}, {VECTOR}, {LINKS})',
+        f'Tuple(({TABLE}, {TABLE}, {LIST}, {TABLE}))({BLOCKS}, {LIST}, {LINKS})',
 }
 PASSING = 3  # exit status of a build that may do another time: no numba yet, no space
 KEPT = 8  # versions in the cache of the user
@@ -88,21 +89,21 @@ class Functions(NamedTuple):
     """The functions, and what runs them: ``extension``, ``numba`` or ``python``."""
 
     newton: Function
+    equilibrium: Function
     newton_batch: Function
     moment_balance: Function
     dense_system: Function
     spatial_lay_out: Function
-    spatial_lead: Function
     spatial_follow: Function
-    spatial_carry: Function
     spatial_balance: Function
     spatial_linearise: Function
     runs_in: str
 
 
-SOURCE = Functions(_newton.newton, _newton.newton_batch, _assembly.moment_balance,
-                   _assembly.dense_system, _path.lay_out, _path.lead, _path.follow, _path.carry,
-                   _spatial_assembly.balance, _spatial_assembly.linearise, 'python')
+SOURCE = Functions(
+    _newton.newton, _newton.equilibrium, _newton.newton_batch, _assembly.moment_balance,
+    _assembly.dense_system, _path.lay_out, _path.follow, _spatial_assembly.balance,
+    _spatial_assembly.linearise, 'python')
 """The functions as they are written."""
 
 

@@ -15,7 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from soft_continuum.mechanics._active_set import active_set_step, held_tendons, negative_curvature
+from soft_continuum.mechanics._active_set import (
+    active_set_step,
+    held_tendons,
+    negative_curvature,
+    NO_TENSION,
+)
 from soft_continuum.mechanics._arrays import (
     ANGLE,
     Drive,
@@ -253,14 +258,65 @@ def newton(state, system, drive, bias, damping, tolerance):  # type: ignore[no-u
         if not solved:
             return FAILED, iteration, residual, 0.0
         held_tendons(state.tension, drive, work)
-        # A given angle says nothing about stability.
+        angle, pull = move(state, system, drive, work, used)
+        # A given angle says nothing about stability; that of a step that is large is not asked.
         if drive.mode[0] == ANGLE or drive.mode[1] == ANGLE:
             negatives = 0
-        elif negatives > 0:
+        elif negatives > 0 and angle < SETTLED_ANGLE:
             negatives = negative_curvature(drive, work, used, negatives)
-        angle, pull = move(state, system, drive, work, used)
         last = Change(angle, pull, negatives)
     return FAILED, MAX_ITERATIONS, residual, 0.0
+
+
+@compiled
+def equilibrium(  # type: ignore[no-untyped-def]
+        start, system, drive, straight, hold, tolerance, found):
+    """
+    Find the equilibrium that is one full step away from joint angles, and write it.
+
+    start: joint angles (bodies,), rad, and tensions (2,), N, nan for none.  straight: (groups, m):
+    number of rigid groups, and length of a tendon through the segments of the straight arm.
+    hold: whether the tendons then hold the arm at the lengths that were found, those that carry
+    nothing being slack, so that it is judged whether that is stable.  found: room for joint
+    angles (bodies,), tensions, pulls and slack (2,), as in Equilibrium; on the way they are the
+    absolute angles, tensions, lengths and targets.
+    Returns what ``newton`` does.
+    """
+    angles, tensions = start
+    groups, length = straight
+    mode, target, compliance, segment = drive
+    theta, tension, lengths, slack = found
+    total = 0.0
+    for i in range(len(angles)):
+        total += angles[i]
+        theta[i] = total
+    for t in range(2):
+        tension[t] = tensions[t] if tensions[t] == tensions[t] else 0.0  # unless nan
+        slack[t] = target[t]
+    state, bias = (theta, tension, lengths), np.zeros(groups)
+    status, iterations, residual, turned = newton(
+        state, system, drive, bias, 0.0, tolerance)
+    if hold and status == CONVERGED and min(tension[0], tension[1]) >= -NO_TENSION:
+        first, other, carry = mode[0], mode[1], max(tension[0], tension[1]) > NO_TENSION
+        for t in range(2):
+            mode[t] = LENGTH
+            slack[t] = lengths[t] - compliance[t] * tension[t]
+            if carry and not tension[t] > NO_TENSION:
+                slack[t] = np.inf
+        status, iterations, residual, _ = newton(
+            state, system, (mode, slack, compliance, segment), bias, 0.0, tolerance)
+        mode[0], mode[1] = first, other
+    for t in range(2):
+        loose = tension[t] <= 0.0 and (hold or mode[t] == LENGTH)
+        slack[t] = max(slack[t] - lengths[t], 0.0) if loose else 0.0
+        lengths[t] = length - lengths[t]
+    group = system[5]
+    for i in range(len(angles) - 1, -1, -1):
+        below = theta[i - 1] if i > 0 else 0.0
+        before = group[i - 1] if i > 0 else -1
+        # Locked joints keep theirs to the last bit.
+        theta[i] = theta[i] - below if group[i] != before else angles[i]
+    return status, iterations, residual, turned
 
 
 @compiled

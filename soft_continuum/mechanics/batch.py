@@ -16,7 +16,7 @@ from soft_continuum.mechanics import _kernel, _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._batches import common_count, Masks, rows_of, Solutions
 from soft_continuum.mechanics._checks import listed, real_array, refuse_friction, sliding_signs
-from soft_continuum.mechanics._continuation import Point, Problem, TURN_LIMIT_BOTH_TAUT
+from soft_continuum.mechanics._problem import Point, Problem, TURN_LIMIT_BOTH_TAUT
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import check_start, Statics, StaticsError
 

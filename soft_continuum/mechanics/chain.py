@@ -29,7 +29,7 @@ SLACK = -np.inf
 """A pull that leaves the tendon slack in every shape."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Equilibrium:
     """
     A state of the arm in which all moments balance.
@@ -54,6 +54,16 @@ class Equilibrium:
     jumped: bool = False
     vacuum: tuple[float, ...] = ()
     chain: 'RigidChain' = field(kw_only=True, repr=False)
+
+    def __init__(self, joint_angles: Array, tensions: Array, pulls: Array, slack: Array,
+                 residual: float, iterations: int, stiff: tuple[bool, ...], held_angles: Array,
+                 jumped: bool = False, vacuum: tuple[float, ...] = (), *, chain: 'RigidChain'
+                 ) -> None:
+        """Take all values at once: one by one, as dataclass does, takes as long as a solve."""
+        vars(self).update(
+            joint_angles=joint_angles, tensions=tensions, pulls=pulls, slack=slack,
+            residual=residual, iterations=iterations, stiff=stiff, held_angles=held_angles,
+            jumped=jumped, vacuum=vacuum, chain=chain)
 
     @property
     def bending_angles(self) -> Array:

@@ -45,10 +45,12 @@ class JointLaws:
                 jam[rows, 0] = (segment.jam.ratio - 1.0) * chain.joint_stiffness[rows]
             elif not segment.jam.rigid:
                 jam[rows] = segment.jam.ratio - 1.0, len(tables) - 1
-        self._soft, self._jam = soft, jam
+        self.soft, self._jam = soft, jam
+        """The joints array where no segment is stiff."""
         self.least_stiffness = np.concatenate(
             [self._least(s, chain) for s in range(chain.segments)])
-        self._jams = not all(s.jam.rigid for s in self._segments)
+        self.rigid_only = all(s.jam.rigid for s in self._segments)
+        """Whether no stiff segment can bend."""
         rows_needed = max([len(t.curvatures) for t in tables], default=2)
         # Shorter tables go on with their last slope.
         self.tables = np.zeros((max(1, len(tables)), 2, rows_needed))
@@ -76,7 +78,7 @@ class JointLaws:
             if law is not None:
                 slope = np.max(np.diff(law.moments) / np.diff(law.curvatures))
             factor = 1.0 if jam.rigid or jam.law else jam.ratio
-            greatest = max(greatest, factor * slope / self._soft[self._rows(s), LENGTH].min())
+            greatest = max(greatest, factor * slope / self.soft[self._rows(s), LENGTH].min())
         return float(greatest)
 
     def _rows(self, segment: int) -> slice:
@@ -95,9 +97,9 @@ class JointLaws:
                 raise ValueError(
                     f'vacuum of segment {s + 1} is {part:g}; its jam is rigid and knows 0 (soft) '
                     'and 1 (stiff) only; give the jam a ratio K or a law')
-        if not self._jams:
-            return self._soft
-        joints = self._soft.copy()
+        if self.rigid_only:
+            return self.soft
+        joints = self.soft.copy()
         for s, segment in enumerate(self._segments):
             if not stiff[s] or segment.jam.rigid:
                 continue
@@ -130,7 +132,7 @@ class JointLaws:
 
     def held(self, angles: Array, joints: Array, stiff: Sequence[bool]) -> Array:
         """Return the angles (joints,) rad that the jams hold, after creep; others as they are."""
-        if not self._jams:
+        if self.rigid_only:
             return angles
         crept = self.crept(angles, joints)[:, HELD]
         jammed = np.repeat([s and not segment.jam.rigid for s, segment in
@@ -145,7 +147,7 @@ class JointLaws:
         The jam then bears just its yield moment (perfect plasticity).  The array itself comes
         back when nothing yields.
         """
-        if not self._jams or np.isinf(joints[:, YIELD]).all():
+        if self.rigid_only or np.isinf(joints[:, YIELD]).all():
             return joints
         offset = angles - joints[:, HELD]
         limit = self._yield_offsets(joints)
@@ -177,7 +179,7 @@ def tension_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int
     A tendon loses exp(-mu beta) at every guide where it turns by beta, seen in the direction in
     which it slides: 1 towards the base (it is pulled), -1 towards the tip, 0 without friction.
     """
-    ratios: Array = _run_ratios(chain, joint_angles, sliding)[:, 1::2]
+    ratios: Array = _run_ratios(chain, joint_angles, sliding)[:, 1::2].copy()
     return ratios
 
 

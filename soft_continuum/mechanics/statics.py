@@ -11,16 +11,15 @@ Equilibria depend on the path, so every solve starts from the state before it.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
-from math import inf, isfinite
+from math import inf
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics import _kernel, _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
-from soft_continuum.mechanics._arrays import ANGLE, Drive, System, TENSION
+from soft_continuum.mechanics._arrays import ANGLE, BOTH_LENGTHS, Drive, LENGTH, System, TENSION
 from soft_continuum.mechanics._checks import (
     finite,
     real_array,
@@ -29,13 +28,8 @@ from soft_continuum.mechanics._checks import (
     vacuum_parts,
     whole,
 )
-from soft_continuum.mechanics._continuation import (
-    Continuation,
-    Point,
-    Problem,
-    TURN_LIMIT,
-    TURN_LIMIT_NOT_CONVEX,
-)
+from soft_continuum.mechanics._continuation import Continuation
+from soft_continuum.mechanics._problem import Problem, TURN_LIMIT, TURN_LIMIT_NOT_CONVEX
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
@@ -44,6 +38,7 @@ from soft_continuum.mechanics.joints import compliances, JointLaws, outweigh
 __all__ = ['SLACK', 'SLACK_ALLOWANCE', 'OverconstrainedError', 'Statics', 'StaticsError',
            'warm_up']
 
+UNMOVED = (0, 0)  # how tendons slide where nothing is said of it
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
 SLACK_ALLOWANCE = 1e-4
 """m of pull that rope and guides absorb; the model's inextensible tendons would buckle the arm."""
@@ -67,9 +62,10 @@ class Statics:
         self.compliance = compliances(self.chain, np.zeros(self.chain.joints), (0, 0))
         self._no_friction = np.ones((2, self.chain.segments))
         self._groups = cache(self._find_groups)
+        self._stiff = cache(self._find_stiff)
 
     def solve(self, start: Equilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
-              vacuum: Sequence[float] | None = None, sliding: Sequence[int] = (0, 0)
+              vacuum: Sequence[float] | None = None, sliding: Sequence[int] = UNMOVED
               ) -> Equilibrium:
         """
         Return the equilibrium for given pulls, followed from ``start``.
@@ -93,7 +89,7 @@ class Statics:
         return self._find(start, problem, sliding)
 
     def solve_tensions(self, start: Equilibrium, tensions: ArrayLike, soft: Sequence[bool], *,
-                       vacuum: Sequence[float] | None = None, sliding: Sequence[int] = (0, 0)
+                       vacuum: Sequence[float] | None = None, sliding: Sequence[int] = UNMOVED
                        ) -> Equilibrium:
         """
         Return the equilibrium for given tensions (right, left), N >= 0, followed from ``start``.
@@ -105,14 +101,14 @@ class Statics:
         if target.shape != (2,) or not np.all(np.isfinite(target)) or np.any(target < 0.0):
             raise ValueError(f'{wanted}; given: {tensions!r}')
         problem = self.problem(start, soft, target, vacuum)
-        problem.drive.mode[:] = TENSION
+        problem = problem._replace(drive=problem.drive._replace(mode=np.full(2, TENSION)))
         if problem.groups == 0:
             return self._unmoved(start, target, np.zeros(2), problem.stiff)
         return self._find(start, problem, sliding)
 
     def bend(self, start: Equilibrium, segment: int, angle: float,
              soft: Sequence[bool] | None = None, *, vacuum: Sequence[float] | None = None,
-             sliding: Sequence[int] = (0, 0)) -> Equilibrium:
+             sliding: Sequence[int] = UNMOVED) -> Equilibrium:
         """
         Return the equilibrium in which ``segment`` (0-based) has bending angle ``angle`` (rad).
 
@@ -134,14 +130,26 @@ class Statics:
             raise ValueError(
                 f'the bending angle must be a finite number in rad; given: {angle!r}')
         # What the tendons carried before may be far too much for the segment that is soft now.
-        start = replace(start, tensions=np.zeros(2))
+        start = Equilibrium(
+            start.joint_angles, np.zeros(2), start.pulls, start.slack, start.residual, 0,
+            start.stiff, start.held_angles, False, start.vacuum, chain=self.chain)
         reasons: dict[int, str] = {}
-        turn = angle - float(start.bending_angles[segment]) or angle
+        # What a jam holds depends on where it was stiffened, so on both solves.
+        at_once = self.laws.rigid_only and not (any(sliding) and self.chain.arm.tendon.friction)
+        rows = slice(segment * self.chain.joints_per_segment,
+                     (segment + 1) * self.chain.joints_per_segment)
+        turn = angle - float(start.joint_angles[rows].sum()) or angle
         for tendon in (RIGHT, LEFT) if turn >= 0.0 else (LEFT, RIGHT):
             problem = self.problem(start, mask, np.full(2, np.inf), vacuum)
-            drive = problem.drive
-            drive.mode[tendon], drive.segment[tendon], drive.target[tendon] = ANGLE, segment, angle
+            modes = [ANGLE, LENGTH] if tendon == RIGHT else [LENGTH, ANGLE]
+            problem.drive.target[tendon] = angle
+            problem = problem._replace(drive=Drive(
+                np.array(modes), problem.drive.target, self.compliance,
+                np.array([segment, segment])))
             try:
+                if at_once and (held := self.continuation.in_one_step(start, problem, hold=True)
+                                ) is not None and held.tensions[tendon] >= -NO_TENSION:
+                    return held
                 found = self._find(start, problem, sliding)
                 if found.tensions[tendon] >= -NO_TENSION:
                     return self._hold(found, mask, vacuum, sliding)
@@ -153,7 +161,7 @@ class Statics:
         raise StaticsError(f'no tendon holds segment {segment + 1} at {np.degrees(angle):.1f} '
                            f'degrees ({why})', start)
 
-    def commanded_pulls(self, state: Equilibrium, sliding: Sequence[int] = (0, 0)) -> Array:
+    def commanded_pulls(self, state: Equilibrium, sliding: Sequence[int] = UNMOVED) -> Array:
         """Return the pulls (2,) m at the steppers that give a state: its paths and stretch."""
         compliance = compliances(self.chain, state.joint_angles, sliding_signs(sliding))
         pulls: Array = state.pulls + compliance * np.nan_to_num(state.tensions)
@@ -169,7 +177,7 @@ class Statics:
         problem = self.problem(found, soft, self.chain.straight_length - pulls, vacuum)
         if any(sliding):
             problem = problem.with_friction(self.chain, found.joint_angles, sliding)
-        point = self.continuation.newton(self._start(found), problem)
+        point = self.continuation.newton(self.continuation.point_of(found), problem)
         if point.status != _newton.CONVERGED:
             raise StaticsError(
                 'the tendons can bend the arm to this shape but not hold it there: the '
@@ -185,56 +193,54 @@ class Statics:
         Raises ValueError for input that is not of this arm.
         """
         check_start(start)
-        segments, flags = self.chain.segments, soft_flags(soft, self.chain.segments)
+        segments = self.chain.segments
+        try:
+            stiff = self._stiff(tuple(soft))
+        except (TypeError, ValueError):  # which is said of what was given
+            stiff = self._find_stiff(soft)
         parts = vacuum_parts(vacuum, segments)
         if start.joint_angles.shape != (self.chain.joints,) or len(start.stiff) != segments:
             raise ValueError(
                 f'the start has {start.joint_angles.size} joints in {len(start.stiff)} segments, '
                 f'this arm has {self.chain.joints} in {segments}')
-        stiff = tuple(not s for s in flags)
         if parts:  # without any vacuum there is no jam
             stiff = tuple(s and part > 0.0 for s, part in zip(stiff, parts, strict=True))
-        group, groups, turn_limit, tolerance = self._groups(stiff)
+        system, groups, turn_limit, tolerance = self._groups(stiff)
+        if parts or not self.laws.rigid_only:
+            system = system._replace(joints=self.laws.joints(start, stiff, parts))
         return Problem(
-            System(self._bodies, self.laws.joints(start, stiff, parts), self.laws.tables,
-                   self.chain.guides, self._no_friction, group),
-            Drive(np.zeros(2, dtype=np.int64), target, self.compliance,
-                  np.zeros(2, dtype=np.int64)),
-            groups, turn_limit, tolerance, start.joint_angles, stiff, parts)
+            system, Drive(BOTH_LENGTHS, target, self.compliance, BOTH_LENGTHS), groups,
+            turn_limit, tolerance, start.joint_angles, stiff, parts)
 
-    def _find_groups(self, stiff: tuple[bool, ...]
-                     ) -> tuple[NDArray[np.int64], int, float, Array]:
+    def _find_stiff(self, soft: Sequence[bool]) -> tuple[bool, ...]:
+        return tuple(not one for one in soft_flags(soft, self.chain.segments))
+
+    def _find_groups(self, stiff: tuple[bool, ...]) -> tuple[System, int, float, Array]:
         """
         Number the rigid groups: every body of a free segment with what is locked onto it.
 
-        Also return their number, how far (rad) a segment may turn in one solve, and the solver's
-        tolerance.  Where the springs outweigh the loads no path of an arm with a slack tendon was
-        seen to end.
+        Return the system with soft joints, the number of groups, how far (rad) a segment may turn
+        in one solve, and the solver's tolerance.  Where the springs outweigh the loads no path of
+        an arm with a slack tendon was seen to end.
         """
         locked = [s and segment.jam.rigid
                   for s, segment in zip(stiff, self.chain.arm.segments, strict=True)]
         free = np.repeat(np.logical_not(locked), self.chain.joints_per_segment)
         group, groups = np.cumsum(free) - 1, int(free.sum())
+        system = System(self._bodies, self.laws.soft, self.laws.tables, self.chain.guides,
+                        self._no_friction, group)
         tolerance = self.continuation.tolerance(stiff)
         if groups == 0:
-            return group, groups, TURN_LIMIT, tolerance
+            return system, groups, TURN_LIMIT, tolerance
         springs = self.laws.least_stiffness[free]
         worst: Array = np.bincount(
             group[group >= 0], np.hypot(*self._bodies[group >= 0, 1:].T)).astype(float)
         limit = TURN_LIMIT if outweigh(springs, worst) else TURN_LIMIT_NOT_CONVEX
-        return group, groups, limit, tolerance
-
-    def _start(self, start: Equilibrium) -> Point:
-        theta = start.joint_angles.cumsum()
-        if not isfinite(theta[-1]):  # as the last is when any is not
-            raise ValueError('the joint angles of the start must be finite numbers')
-        tension = start.tensions
-        if not isfinite(tension[0] + tension[1]):
-            tension = np.nan_to_num(tension)
-        return Point(theta, tension, self.chain.straight_length - start.pulls, slack=start.slack)
+        return system, groups, limit, tolerance
 
     def _find(self, start: Equilibrium, problem: Problem, sliding: Sequence[int]) -> Equilibrium:
-        return self.continuation.solve(self._start(start), problem, sliding_signs(sliding))
+        return self.continuation.solve(
+            start, problem, sliding if sliding is UNMOVED else sliding_signs(sliding))
 
     def _locked(self, start: Equilibrium, target: Array,
                 stiff: tuple[bool, ...]) -> Equilibrium:

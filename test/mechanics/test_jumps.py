@@ -323,7 +323,7 @@ def test_tendons_are_called_too_short_only_where_they_are():
     bent = statics.solve(straight, (0.02, SLACK), soft)
     failure = statics.continuation._failure
     target = statics.chain.straight_length - np.array([0.02, -np.inf])
-    at_bent = statics._start(bent)._replace(tension=np.array([5.0, 0.0]))
+    at_bent = statics.continuation.point_of(bent)._replace(tension=np.array([5.0, 0.0]))
     problem = statics.problem(straight, soft, target)
     assert type(failure(at_bent, problem, target)) is StaticsError
     beyond = statics.chain.straight_length - np.array([0.075, -np.inf])

@@ -412,15 +412,12 @@ def test_an_arm_that_is_pulled_beyond_every_equilibrium_is_soon_given_up(
         name, pulls, monkeypatch):
     functions, iterations = _kernel.functions(), []
 
-    def counted(function):
-        def run(*arguments):
-            found = function(*arguments)
-            iterations.append(found[1])
-            return found
-        return run
+    def follow(*arguments):
+        found = functions.spatial_follow(*arguments)
+        iterations.append(found[1])
+        return found
 
-    counting = functions._replace(spatial_lead=counted(functions.spatial_lead),
-                                  spatial_follow=counted(functions.spatial_follow))
+    counting = functions._replace(spatial_follow=follow)
     monkeypatch.setattr(_kernel, 'functions', lambda: counting)
     statics = SpatialStatics(load_any_arm(CONFIG / f'{name}.yaml'))
     with pytest.raises(StaticsError, match='loses its equilibrium after .* pay out a tendon'):

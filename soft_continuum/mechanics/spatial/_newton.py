@@ -29,7 +29,7 @@ from soft_continuum.mechanics.spatial._rotations import rotate
 
 LENGTH, TENSION = 0, 1
 CONVERGED, DIVERGED, SINGULAR, CYCLED, UNSTABLE = 0, 1, 2, 3, 4
-MAX_STEP = 0.3  # rad of a link in one step
+MAX_STEP = 0.7  # rad of a link in one step
 MAX_SETS = 30  # of taut tendons that are tried
 LENGTH_TOLERANCE = 1e-11  # m
 SET_TOLERANCE = 1e-4  # rad: near enough to see which tendons carry

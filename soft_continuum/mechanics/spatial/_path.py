@@ -12,14 +12,16 @@ from math import asin, sqrt
 
 import numpy as np
 
+from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._compile import borrowing, compiled
 from soft_continuum.mechanics.spatial._arrays import System, workspace
 from soft_continuum.mechanics.spatial._assembly import assemble, span_lengths
-from soft_continuum.mechanics.spatial._newton import CONVERGED, LENGTH, newton
+from soft_continuum.mechanics.spatial._newton import CONVERGED, least_stiffness, LENGTH, newton
 from soft_continuum.mechanics.spatial._rotations import (
     apply,
     matrix_at,
     multiply,
+    rotate,
     transposed,
     write,
 )
@@ -30,8 +32,10 @@ STEP = 0.003  # m of pull in one step at first
 LEAST_STEP = 1.0 / 4096.0  # of the way to the target
 AT_REST = 1e-7  # N m that may be out of balance at a start whose tensions are kept
 DIRECT_ITERATIONS = 12  # of Newton's method, straight to the target
-DIRECT_TURN = 2.0  # rad of all joints together: beyond, it may be another equilibrium
-NO_TENSION = 1e-7  # N: rounding of a tension of zero
+DIRECT_TURN = 3.0  # rad of all joints together: beyond, it may be another equilibrium
+OIL, OIL_STEPS = 5e-3, 800  # of the stiffness of a joint, at first; steps until it rests
+OIL_TRIED, OIL_ITERATIONS = 10, 20  # steps after which it is tried without: near its rest a few do
+NUDGE = 1e-5  # rad
 UNTURNED = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
 
 
@@ -145,45 +149,63 @@ def try_step(  # type: ignore[no-untyped-def]
 
 
 @borrowing
-def on_the_way(  # type: ignore[no-untyped-def]
-        rotations, tension, taut, system, drive, step, least, most, work):
-    """Do what ``lead`` does."""
-    done, total, residual, status, downhill = 0.0, 0, 0.0, CONVERGED, True
+def in_steps(  # type: ignore[no-untyped-def]
+        rotations, tension, taut, system, drive, step, work):
+    """Go to the target in steps, at first this part of the way; return as ``follow`` does."""
+    done, total, residual = 0.0, 0, 0.0
     while done < 1.0:
         part = min(1.0, done + step)
-        status, used, residual, downhill = try_step(
-            part, rotations, tension, taut, system, drive, most, work)
+        status, used, residual, _ = try_step(
+            part, rotations, tension, taut, system, drive, ITERATIONS, work)
         total += used
         if status == CONVERGED:
             take_over(rotations, tension, taut, 1, 0)
             done, step = part, 2.0 * step
             continue
         step *= 0.5
-        if step < least or total > MAX_ITERATIONS:
+        if step < LEAST_STEP or total > MAX_ITERATIONS:
             break
-    span_lengths(rotations[1], system, work.units, work.lengths, drive[2][3])
-    return done, total, residual, status, downhill
+    return done, total, residual
 
 
-@compiled
-def lead(  # type: ignore[no-untyped-def]
-        rotations, tension, taut, system, drive, step, least, most):
+@borrowing
+def relax(rotations, tension, taut, system, drive, work):  # type: ignore[no-untyped-def]
     """
-    Lead targets and what is out of balance from those at the start to those at the end.
+    Let an arm come to rest that has lost its equilibrium, as if in thick oil.
 
-    rotations (2, links, 3, 3), tension (2, tendons), taut (2, tendons): the first is changed in
-    place, the other is where Newton's method ended last.
-    drive: (kind, compliance, targets, bias, damping)
-        kind, compliance (tendons,), damping: as of _newton.  targets (4, tendons): at the start,
-        at the end, room for those between, and room for the paths.  bias (2, links, 3): at the
-        start, and room.
-    step, least: parts of the way, at first and at least.  most: iterations of Newton's method.
-    Returns the part of the way that was reached, iterations, residual in N m, and how Newton's
-    method ended last: its status, and whether that was downhill.
+    The oil is thinned as long as each step goes downhill.  Returns whether it rests in the end;
+    iterations, and residual in N m.
     """
-    system = System(*system)
-    work = workspace(system, tension.shape[1])
-    return on_the_way(rotations, tension, taut, system, drive, step, least, most, work)
+    kind, compliance, targets, bias, _ = drive
+    damping, total, residual = 0.0, 0, 0.0
+    for k in range(len(system.joints)):
+        rotate(rotations[0, k], NUDGE, NUDGE, 0.0)  # off an unstable balance
+        damping += OIL * least_stiffness(system.joints, k) / len(system.joints)
+        for i in range(3):
+            bias[0, k, i] = 0.0
+    for step in range(OIL_STEPS):
+        status, used, residual, downhill = try_step(
+            1.0, rotations, tension, taut, system, (kind, compliance, targets, bias, damping), 1,
+            work)
+        total += used
+        if not downhill:
+            damping *= 4.0
+            continue
+        damping *= 0.5
+        take_over(rotations, tension, taut, 1, 0)
+        span_lengths(rotations[0], system, work.units, work.lengths, work.paths)
+        for t in range(len(kind)):
+            tension[0, t] = max(tension[0, t], 0.0)
+            taut[0, t] = tension[0, t] > 0.0 or (
+                kind[t] == LENGTH and work.paths[t] > targets[1, t])
+        if step % OIL_TRIED == 0:
+            status, used, residual, _ = try_step(
+                1.0, rotations, tension, taut, system, drive, OIL_ITERATIONS, work)
+            total += used
+            if status == CONVERGED:
+                take_over(rotations, tension, taut, 1, 0)
+                return True, total, residual
+    return False, total, residual
 
 
 @compiled
@@ -194,13 +216,17 @@ def follow(start, arm, links, room, drive, direct, held):  # type: ignore[no-unt
     start: (rotations (bodies, 3, 3), pulls, slack (tendons,)).
     arm: (lengths, forces, torques, routing, straight paths), as of ``lay_out``.
     links: (link of each body, joints, tables, ratios of all spans).
-    room: (rotations, tension, taut, found).  The first three as of ``lead``, with the first
-    tension and taut those at the start; found (bodies, 3, 3): where the bodies are at last.
-    drive: as of ``lead``, with pulls or tensions at the end; the last targets become the paths.
+    room: (rotations (2, links, 3, 3), tension (2, tendons), taut (2, tendons), found).  First
+    what was reached, then where Newton's method ended last; the first tension and taut are those
+    at the start.  found (bodies, 3, 3): where the bodies are at last.
+    drive: (kind, compliance, targets, bias, damping)
+        kind, compliance (tendons,), damping: as of _newton.  targets (4, tendons): room for those
+        at the start, pulls or tensions at the end, room for those between, and for the paths.
+        bias (2, links, 3): room for what is out of balance at the start, and on the way.
     direct: whether a full step is tried first.  held: whether to go on where tensions do not
     balance the start.
-    Returns the part of the way that was reached, negative where it was not begun; iterations, and
-    residual in N m.
+    Returns the part of the way that was reached, negative where it was not begun; iterations;
+    residual in N m; and whether the arm is at rest, at the end of the way or having jumped there.
     """
     begin, pulls, slack = start
     lengths, forces, torques, routing, straight = arm
@@ -222,7 +248,7 @@ def follow(start, arm, links, room, drive, direct, held):  # type: ignore[no-unt
             bias[0, k, i] = work.gradient[3 * k + i]
             out = max(out, abs(bias[0, k, i]))
     if out > AT_REST and not held:
-        return -1.0, 0, out
+        return -1.0, 0, out, False
     way = 0.0
     for t in range(len(kind)):
         targets[0, t] = tension[0, t]
@@ -231,23 +257,25 @@ def follow(start, arm, links, room, drive, direct, held):  # type: ignore[no-unt
             targets[0, t] = length - pulls[t] + slack[t] - compliance[t] * tension[0, t]
             targets[1, t] = length - targets[1, t]
             way = max(way, abs(targets[1, t] - targets[0, t]))
-    done, total, residual = 0.0, 0, 0.0
+    done, total, residual, rests = 0.0, 0, 0.0, True
     if direct and way > STEP:
         status, total, residual, _ = try_step(
             1.0, rotations, tension, taut, system, drive, DIRECT_ITERATIONS, work)
         if status == CONVERGED and not may_be_another(rotations, tension):
             take_over(rotations, tension, taut, 1, 0)
-            span_lengths(rotations[0], system, work.units, work.lengths, targets[3])
             done = 1.0
     if done < 1.0:
-        done, used, residual, _, _ = on_the_way(
-            rotations, tension, taut, system, drive, min(1.0, STEP / max(way, STEP)), LEAST_STEP,
-            ITERATIONS, work)
+        done, used, residual = in_steps(rotations, tension, taut, system, drive,
+                                        min(1.0, STEP / max(way, STEP)), work)
         total += used
+    if done < 1.0:
+        rests, used, residual = relax(rotations, tension, taut, system, drive, work)
+        total += used
+    span_lengths(rotations[0], system, work.units, work.lengths, targets[3])
     for t in range(len(kind)):
         targets[3, t] += unchanged[t]
     carry(rotations[0], begin, link, found)
-    return done, total, residual
+    return done, total, residual, rests
 
 
 @borrowing

@@ -9,7 +9,7 @@ whose Lagrange multipliers are the tensions, followed from the state before it.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -20,24 +20,17 @@ from soft_continuum.mechanics._checks import vacuum_parts
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.joints import outweigh
-from soft_continuum.mechanics.spatial._laws import HELD, LAW, STIFFNESS, YIELD
-from soft_continuum.mechanics.spatial._newton import LENGTH
-from soft_continuum.mechanics.spatial._path import ITERATIONS
-from soft_continuum.mechanics.spatial._rotations import rotate
+from soft_continuum.mechanics.spatial._laws import HELD, LAW, YIELD
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import (
     Integers,
     SpatialChain,
     SpatialEquilibrium,
     sums,
-    System,
 )
 from soft_continuum.mechanics.spatial.friction import carried
 
 Booleans = NDArray[np.bool_]
-OIL, OIL_STEPS = 5e-3, 800  # of the stiffness of a joint, at first; steps until it rests
-OIL_TRIED, OIL_ITERATIONS = 10, 20  # steps after which it is tried without: near its rest a few do
-NUDGE = 1e-5  # rad
 MAX_FRICTION_ITERATIONS = 100
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
 
@@ -89,80 +82,39 @@ class _Links:
         self.joints = locks.joints.copy()
         self.joints[:, HELD] = start.held[locks.free]
 
-    def follow(self, target: Array, held: bool) -> tuple[float, int, float]:
+    def follow(self, target: Array, held: bool) -> tuple[float, int, float, bool]:
         """Go to pulls or tensions (tendons,), as _path.follow, and return what that does."""
         self.targets[1] = target
         locks, start = self.locks, self.start
-        found: tuple[float, int, float] = _kernel.functions().spatial_follow(
+        found: tuple[float, int, float, bool] = _kernel.functions().spatial_follow(
             (start.rotations, start.pulls, start.slack), self.chain.layout,
             (locks.link, self.joints, self.chain.laws.tables, self.ratios),
             (self.rotations, self.tension, self.taut, self.bodies),
             (self.kind, self.compliance, self.targets, self.bias, 0.0), locks.direct, held)
         return found
 
-    @cached_property
-    def _system(self) -> tuple[System, Array]:
-        return self.chain.system(self.start.rotations, self.locks.link, self.joints, self.ratios)
-
-    def balance(self, tension: Array) -> Array:
-        """Return the unbalanced moments with tensions (tendons,) in N, (3 links,), N m."""
-        found: Array = _kernel.functions().spatial_balance(
-            self.rotations[0], tension, self._system[0])
-        return found
-
-    def lead(self, begin: Array, end: Array, step: float, least: float, damping: float = 0.0,
-             most: int = ITERATIONS) -> tuple[float, int, float, int, bool]:
-        """Go from targets (tendons,) to others, as _path.lead, and return what that does."""
-        self.targets[0], self.targets[1] = begin, end
-        found: tuple[float, int, float, int, bool] = _kernel.functions().spatial_lead(
-            self.rotations, self.tension, self.taut, self._system[0],
-            (self.kind, self.compliance, self.targets, self.bias, damping), step, least, most)
-        return found
-
     def hold(self, others: Booleans) -> None:
         """Take the tensions that hold the shape best, those of ``others`` as they are."""
+        system, _ = self.chain.system(
+            self.start.rotations, self.locks.link, self.joints, self.ratios)
+
+        def balance(tension: Array) -> Array:
+            found: Array = _kernel.functions().spatial_balance(self.rotations[0], tension, system)
+            return found
+
         tension, unit = self.tension[0], np.eye(len(self.kind))
         tension[~others] = 0.0
-        alone = self.balance(tension)
+        alone = balance(tension)
         tendons = np.flatnonzero(~others)
         if len(tendons):
             from scipy.optimize import nnls  # 0.3 s that who has no tendons need not wait for
-            levers = [self.balance(tension + unit[t]) - alone for t in tendons]
+            levers = [balance(tension + unit[t]) - alone for t in tendons]
             each = np.column_stack(levers)
             try:
                 tension[tendons] = nnls(each, -alone)[0]
             except RuntimeError:  # it did not end: others do as well, for what they leave is led
                 tension[tendons] = np.maximum(0.0, np.linalg.lstsq(each, -alone)[0])
         self.taut[0] = tension > 0.0
-
-    def relax(self) -> bool:
-        """
-        Let an arm come to rest that has lost its equilibrium, as if in thick oil.
-
-        The oil is thinned as long as each step goes downhill.  False when that does not end.
-        """
-        target = self.targets[1].copy()
-        self.bias[:] = 0.0
-        for rotation in self.rotations[0]:  # off an unstable balance
-            rotate(rotation, NUDGE, NUDGE, 0.0)
-        damping = OIL * float(self.joints[:, STIFFNESS].min(axis=1).mean())
-        for step in range(OIL_STEPS):
-            *_, downhill = self.lead(target, target, 1.0, 1.0, damping, 1)
-            if not downhill:
-                damping *= 4.0
-                continue
-            damping *= 0.5
-            self.rotations[0] = self.rotations[1]
-            np.maximum(self.tension[1], 0.0, out=self.tension[0])
-            self.taut[0] = (self.tension[0] > 0.0) | (
-                (self.kind == LENGTH) & (self.targets[3] > target))
-            if step % OIL_TRIED == 0 and self.lead(
-                    target, target, 1.0, 1.0, most=OIL_ITERATIONS)[0] == 1.0:
-                self.targets[3] += self._system[1]
-                _kernel.functions().spatial_carry(
-                    self.rotations[0], self.start.rotations, self.locks.link, self.bodies)
-                return True
-        return False
 
 
 class SpatialStatics:
@@ -305,11 +257,11 @@ class SpatialStatics:
         if locks.still.any():
             self._refuse_short(np.where(locks.still & ~by_force, target - start.pulls, 0.0), start)
         links = _Links(self.chain, start, locks, by_force, (compliance, ratios))
-        done, total, residual = links.follow(target, False)
+        done, total, residual, rests = links.follow(target, False)
         if done < 0.0:
             links.hold(by_force | (start.slack > 0.0))
-            done, total, residual = links.follow(target, True)
-        if done < 1.0 and not links.relax():
+            done, total, residual, rests = links.follow(target, True)
+        if not rests:
             raise StaticsError(
                 f'the arm loses its equilibrium after {100.0 * done:.0f} % of the way to '
                 'these pulls and loads, and no other was found near it; pay out a tendon, '
