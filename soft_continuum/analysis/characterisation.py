@@ -231,18 +231,19 @@ def _fit_law(curves: Sequence[Curve], line: Regression, length: float, lever_arm
                 np.array([bent, forces]))
 
 
-def question_soft(result: Characterisation, leaf_spring: float) -> str:
+def question_soft(result: Characterisation, expected: float, of: str) -> str:
     """
     Say why E I of a soft segment looks like a wrong unit; empty when it does not.
 
-    leaf_spring: E I of the leaf spring inside, N m^2, which the filling can only add to.
+    expected: another E I, N m^2, and of what it is, such as that of the leaf spring inside, which
+    the filling can only add to.
     """
     low, high = SOFT_OVER_LEAF
-    ratio = result.bending_stiffness / leaf_spring
+    ratio = result.bending_stiffness / expected
     if low <= ratio <= high:
         return ''
-    return (f'E I = {result.bending_stiffness:.4g} N m^2 is {ratio:.3g} times that of the leaf '
-            f'spring alone ({leaf_spring:.4g}); {low:g} to {high:g} times would be usual'
+    return (f'E I = {result.bending_stiffness:.4g} N m^2 is {ratio:.3g} times that of '
+            f'{of} ({expected:.4g}); {low:g} to {high:g} times would be usual'
             + _power_of_ten(ratio / 2.2))
 
 

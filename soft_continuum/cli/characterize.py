@@ -1,6 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Stiffness of a segment from force-displacement curves (paper, IV-A)."""
+"""
+Stiffness of a segment from force-displacement curves (paper, IV-A).
+
+A segment of a spatial arm may be another one about x than about y: it is pushed along x, which
+bends it about y, and to the side, along y.
+"""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -20,16 +25,20 @@ from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.result_figures import MeasuredState, stiffness_figure
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser
-from soft_continuum.cli.common import described_arm, run_verb
-from soft_continuum.mechanics.arm import Arm, ArmError, Segment
+from soft_continuum.cli.common import any_described_arm, run_verb
+from soft_continuum.mechanics.arm import Arm, ArmError
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.stiffness import joint_stiffness
-from soft_continuum.parameters.arm import arm_from_parameters, table_parameters
+from soft_continuum.parameters.arm import any_arm_from_parameters, table_parameters
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.parameter import Value
 
 NAME = 'characterize'
 COLUMNS = ('force', 'displacement', 'time', 'repetition')
 UNITS = ('force', 'displacement', 'time')
+SOFT, LATERAL, STIFF = 'soft', 'lateral', 'stiff'
+REPLACED = {SOFT: 'arm.bending_stiffnesses', LATERAL: 'arm.lateral_bending_stiffnesses',
+            STIFF: 'arm.stiffness_ratios'}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -38,6 +47,9 @@ def main(argv: Sequence[str] | None = None) -> int:
                     'force-displacement curves of a testing machine.', *FOR_ANALYSIS)
     parser.add_argument('soft', type=Path, nargs='*', metavar='FILE',
                         help='CSV files of the soft segment, one repetition or more in each')
+    parser.add_argument('--lateral', type=Path, nargs='+', default=[], metavar='FILE',
+                        help='CSV files of the soft segment of a spatial arm, pushed along y of '
+                        'its lower disc; the others are of one that is pushed along x')
     parser.add_argument('--stiff', type=Path, nargs='+', default=[], metavar='FILE',
                         help='CSV files of the stiff segment')
     parser.add_argument('--segment', type=int, required=True, metavar='N',
@@ -57,18 +69,23 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    if not options.soft and not options.stiff:
+    if not (options.soft or options.lateral or options.stiff):
         raise MeasurementError('no file given; name the CSV files of the soft segment, or of the '
                                'stiff one after --stiff')
-    values, arm = described_arm(options)
+    values, arm = any_described_arm(options)
+    planar = isinstance(arm, Arm)
+    if planar and options.lateral:
+        raise ArmError('--lateral is of spatial arms; a planar one does not bend to the side')
     if not 1 <= options.segment <= len(arm.segments):
         raise ArmError(f'there is no segment {options.segment}; --segment is 1 to '
                        f'{len(arm.segments)} for this arm')
     index = options.segment - 1
     segment = arm.segments[index]
-    leaf = arm_from_parameters(values | {'arm.bending_stiffnesses': (0.0,)}).segments[index]
-    files = {state: paths for state, paths in (('soft', options.soft), ('stiff', options.stiff))
-             if paths}
+    described = _stiffnesses(arm, index)
+    leaf = _stiffnesses(any_arm_from_parameters(
+        values | {'arm.bending_stiffnesses': (0.0,)}), index)[SOFT] if planar else None
+    files = {state: paths for state, paths in (
+        (SOFT, options.soft), (LATERAL, options.lateral), (STIFF, options.stiff)) if paths}
     states = []
     for name, paths in files.items():
         _refuse_twice(paths)
@@ -76,26 +93,27 @@ def _run(options: argparse.Namespace) -> None:
         states.append(MeasuredState(
             name, curves, characterise(curves, segment.length, options.lever_arm)))
     results = {state.name: state.result for state in states}
-    soft = (results['soft'].bending_stiffness if 'soft' in results
-            else segment.bending_stiffness)
+    soft = results[SOFT].bending_stiffness if SOFT in results else described[SOFT]
     if not options.trust_stiffness:
-        _question(files, results, leaf.bending_stiffness, soft)
-    parameters = _parameters(results, values, arm, index, soft)
-    arm_from_parameters(values | parameters)  # what the nodes would refuse is not written
+        _question(files, results, leaf, described, soft)
+    parameters, tables = _parameters(results, values, arm, index, soft)
+    any_arm_from_parameters(values | parameters)  # what the nodes would refuse is not written
     figure, layer = reserve_outputs(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
 
     print(f'Segment {options.segment}, bending length {segment.length:g} m, lever arm '
           f'{options.lever_arm:g} m\n')
-    print(_table(states, arm.bodies_per_segment, leaf, segment))
-    if 'stiff' in results:
-        ratio = results['stiff'].bending_stiffness / soft
-        over = 'the soft one' if 'soft' in results else f'E I = {soft:.4g} N m^2 as described'
+    print(_table(states, arm.bodies_per_segment, leaf, segment.length))
+    if STIFF in results:
+        ratio = results[STIFF].bending_stiffness / soft
+        over = 'the soft one' if SOFT in results else f'E I = {soft:.4g} N m^2 as described'
         print(f'\nStiffness ratio K over {over}: {ratio:.4g}')
     for state in (s for s in states if s.result.table):
         print(f'\nThe {state.name} segment is not linear: {100 * state.result.linearity_error:.1f}'
               f' % of the largest force off a line (more than {100 * NONLINEAR:g} % counts). Its '
-              'moment over curvature is written as a table, which takes the place of '
-              + {'soft': 'E I.', 'stiff': 'K.'}[state.name])
+              'moment over curvature is '
+              + ('written as a table, which takes the place of '
+                 f'{"K" if state.name == STIFF else "E I"}.' if state.name in tables else
+                 'not written: a description has one table, that of the softer axis.'))
     for state in states:
         if not isfinite(state.result.linearity_error):
             print(f'\nE I of the {state.name} segment is a mean only: its curves are no line '
@@ -128,24 +146,39 @@ def _given(options: argparse.Namespace, what: str) -> dict[str, str]:
 
 
 def _question(files: Mapping[str, Sequence[Path]], results: Mapping[str, Characterisation],
-              leaf: float, soft: float) -> None:
+              leaf: float | None, described: Mapping[str, float], soft: float) -> None:
     """Raise MeasurementError when a stiffness looks like a wrong unit."""
     for name, paths in files.items():
-        doubt = (question_soft(results[name], leaf) if name == 'soft'
-                 else question_stiff(results[name], soft))
+        if name == STIFF:
+            doubt = question_stiff(results[name], soft)
+        elif leaf is not None:
+            doubt = question_soft(results[name], leaf, 'the leaf spring alone')
+        else:
+            doubt = question_soft(results[name], described[name], 'the described segment')
         if doubt:
             raise MeasurementError(
                 f'{", ".join(map(str, paths))}: {doubt}? State the right one with '
                 '--force-unit, --displacement-unit or --lever-arm; --trust-stiffness accepts it')
 
 
-def _table(states: Sequence[MeasuredState], bodies: int, leaf: Segment, segment: Segment) -> str:
-    alone = joint_stiffness(leaf.bending_stiffness, segment.length, bodies)
+def _stiffnesses(arm: AnyArm, index: int) -> dict[str, float]:
+    """Return E I of a soft segment (0-based), of a spatial arm about y and about x, N m^2."""
+    if isinstance(arm, Arm):
+        return {SOFT: arm.segments[index].bending_stiffness}
+    segment = arm.segments[index]
+    return {SOFT: segment.stiffness_y, LATERAL: segment.stiffness_x}
+
+
+def _table(states: Sequence[MeasuredState], bodies: int, leaf: float | None, length: float) -> str:
+    alone = None if leaf is None else joint_stiffness(leaf, length, bodies)
 
     def column(state: MeasuredState) -> dict[str, str]:
         result = state.result
         line, stiffness = result.regression, result.bending_stiffness
-        joint = joint_stiffness(stiffness, segment.length, bodies)
+        joint = joint_stiffness(stiffness, length, bodies)
+        beside = {} if alone is None else {
+            '  leaf spring alone, N m/rad': f'{alone:.4g}',
+            '  error of the leaf spring alone': f'{100 * (1 - alone / joint):.3g} %'}
         return {
             'repetitions': str(len(state.curves)),
             'points on the way up': str(sum(len(c.loading[0]) for c in state.curves)),
@@ -155,10 +188,9 @@ def _table(states: Sequence[MeasuredState], bodies: int, leaf: Segment, segment:
             '  R^2': f'{line.determination:.5f}',
             'E I, N m^2 (eq. 8)': f'{stiffness:.4g}',
             '  95 % confidence, +- N m^2': _cell(result.half_width),
-            'c_phi = E I / l, N m/rad': f'{stiffness / segment.length:.4g}',
+            'c_phi = E I / l, N m/rad': f'{stiffness / length:.4g}',
             f'c_phi_i, n = {bodies}, N m/rad (eq. 5)': f'{joint:.4g}',
-            '  leaf spring alone, N m/rad': f'{alone:.4g}',
-            '  error of the leaf spring alone': f'{100 * (1 - alone / joint):.3g} %',
+            **beside,
             'furthest from a line, of largest force':
                 _cell(100 * result.linearity_error, ' %'),
             'spread between repetitions, N': _cell(result.spread),
@@ -182,20 +214,29 @@ def _listed(items: Sequence[str]) -> str:
 
 
 def _parameters(results: Mapping[str, Characterisation], values: Mapping[str, Value],
-                arm: Arm, index: int, soft: float) -> dict[str, Value]:
-    """Return what replaces the lists of the description, whole lists as these are."""
+                arm: AnyArm, index: int, soft: float
+                ) -> tuple[dict[str, Value], tuple[str, ...]]:
+    """
+    Return what replaces the lists of the description, and of which states tables are in them.
+
+    Whole lists, as those are.  The table of the soft segment is that about its softer axis.
+    """
     parameters: dict[str, Value] = {}
-    laws = {'soft': [s.soft_law for s in arm.segments], 'stiff': [s.jam.law for s in arm.segments]}
     for name, result in results.items():
-        before = laws[name][index]
-        laws[name][index] = result.table
-        if before != result.table:
-            parameters |= table_parameters(laws[name], name)
-        stiffness = result.bending_stiffness
-        replaced, value = {'soft': ('arm.bending_stiffnesses', stiffness),
-                           'stiff': ('arm.stiffness_ratios', stiffness / soft)}[name]
-        given: Any = values[replaced]
+        given: Any = values[REPLACED[name]]
         whole = [*given] if len(given) == len(arm.segments) else [*given] * len(arm.segments)
-        whole[index] = value
-        parameters[replaced] = tuple(whole)
-    return parameters
+        whole[index] = result.bending_stiffness / (soft if name == STIFF else 1.0)
+        parameters[REPLACED[name]] = tuple(whole)
+    about = _stiffnesses(any_arm_from_parameters(
+        {**values, **parameters, **{f'arm.{of}_{what}': (0.0,) for of in (SOFT, STIFF)
+                                    for what in ('curvatures', 'moments')}}), index)
+    softer = min(about, key=lambda name: about[name])
+    laws = {SOFT: [s.soft_law for s in arm.segments], STIFF: [s.jam.law for s in arm.segments]}
+    # Stiff, it was pushed along x alone.
+    tables = [name for name in (softer, *([STIFF] if softer == SOFT else [])) if name in results]
+    for name in tables:
+        state = STIFF if name == STIFF else SOFT
+        if laws[state][index] != results[name].table:
+            laws[state][index] = results[name].table
+            parameters |= table_parameters(laws[state], state)
+    return parameters, tuple(tables)

@@ -13,12 +13,12 @@ from soft_continuum.analysis.recording import Recording
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.analysis.unknowns import IdentificationError
 from soft_continuum.arguments import DONE, FOR_ANALYSIS, INTERRUPTED, Parser, WRONG_USAGE
-from soft_continuum.mechanics.arm import Arm, ArmError
+from soft_continuum.mechanics.arm import ArmError
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.laws import LawError
 from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.obstacles import ObstacleError
-from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
+from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.sensing.lens import LensError
@@ -65,14 +65,8 @@ def given_recording(options: argparse.Namespace, done: str) -> tuple[Recording, 
     return recording, beside if options.output is BESIDE else options.output
 
 
-def described_arm(options: argparse.Namespace) -> tuple[dict[str, Value], Arm]:
-    """Return the parameters and the planar arm of ``--params-file``; raises ParameterError."""
-    values = load_description(*options.params_file)
-    return values, arm_from_parameters(values)
-
-
 def any_described_arm(options: argparse.Namespace) -> tuple[dict[str, Value], AnyArm]:
-    """Return the same where the arm may be a spatial one."""
+    """Return the parameters and the arm of ``--params-file``; raises ParameterError."""
     values = load_description(*options.params_file)
     return values, any_arm_from_parameters(values)
 

@@ -214,7 +214,7 @@ class DiscSensors(Node):
             except SensorError as error:
                 raise SensorError(f'disc {n}, {source}: {error}; nothing was tared') from None
         if not followed + tilted:
-            raise SensorError(f'nothing is measured; {self._nothing()}')
+            raise SensorError(f'nothing was measured; {self._nothing()}')
         self._tracker, self._angles = replace(self._tracker, mounts=tuple(mounts)), angles
         self._tared = [f'{what} of disc {", ".join(discs)}' for what, discs in (
             ('pose', followed), ('tilt', tilted)) if discs]

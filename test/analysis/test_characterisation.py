@@ -137,8 +137,8 @@ def test_a_force_that_falls_is_refused():
 def test_a_soft_stiffness_off_by_10_or_1000_is_questioned(factor, over_leaf):
     slope = files.SLOPE * over_leaf / 2.2256
     right, wrong = (result_of((UP, k * UP)) for k in (slope, factor * slope))
-    assert question_soft(right, LEAF) == ''
-    assert 'times that of the leaf spring' in question_soft(wrong, LEAF)
+    assert question_soft(right, LEAF, 'the leaf spring') == ''
+    assert 'times that of the leaf spring' in question_soft(wrong, LEAF, 'the leaf spring')
 
 
 @pytest.mark.parametrize(('ratio', 'message'), [

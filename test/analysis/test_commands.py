@@ -15,8 +15,9 @@ import pytest
 
 from soft_continuum.cli import characterize, converge, identify, validate, workspace
 from soft_continuum.mechanics.laws import MomentCurvature
+from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_arm, load_description
+from soft_continuum.parameters.files import load_any_arm, load_arm, load_description
 
 DATA = Path(__file__).resolve().parents[2] / 'data' / 'simulated_specimen'
 DOCUMENT = DATA.parents[1] / 'docs' / 'how_to' / 'measure_your_arm.md'
@@ -161,6 +162,36 @@ def test_soft_and_stiff_give_the_ratio_and_keep_what_is_known_of_other_segments(
     assert arm.segments[1].bending_stiffness == pytest.approx(0.0202, abs=5e-6)
     assert arm.segments[0].bending_stiffness == pytest.approx(0.02335, abs=5e-6)
     assert arm.segments[0].jam.rigid
+
+
+def test_a_segment_in_space_is_characterized_along_x_and_to_the_side(run, tmp_path):
+    up, arm = files.ramp(), str(description_file().with_name('spatial_jamming.yaml'))
+    along, side, stiff = (files.export(tmp_path / f'{name}.csv', [(part * up, slope * part * up)])
+                          for name, slope, part in (
+                              ('along', 72.0, 1.0), ('side', 90.0, 1.0), ('stiff', 720.0, 0.1)))
+    given = ('--segment', '2', '--lever-arm', '0.025', '--params-file', arm)
+    status, text, error = run(characterize, along, '--lateral', side, '--stiff', stiff, *given)
+    assert status == 0, error
+    before, after = load_any_arm(arm), load_any_arm(arm, 'characterize.yaml')
+    one, other = after.segments[1], before.segments[1]
+    assert (one.stiffness_y, one.stiffness_x) == pytest.approx(
+        (0.0202, 0.0202 * 90.0 / 72.0), rel=2e-3)
+    assert one.jam.ratio == pytest.approx(10.0)
+    assert (after.segments[0], after.segments[2]) == (before.segments[0], before.segments[2])
+    assert one.torsional_stiffness == other.torsional_stiffness
+    assert 'leaf spring' not in text
+    # A curve that is no line is written for the softer axis alone.
+    for curvatures, softer in (((0.0, 10.0, 40.0), True), ((0.0, 1.0, 4.0), False)):
+        law = MomentCurvature(curvatures, (0.0, 0.1, 0.2))  # E I 0.01 to 0.003, or 0.1 to 0.03
+        force = np.linspace(0.0, 0.2 / 0.095, 60)
+        bent = files.export(tmp_path / 'bent.csv', [(files.cantilever(law, force), force)])
+        status, text, error = run(characterize, along, '--lateral', bent, *given, '--force',
+                                  '--trust-stiffness')
+        assert status == 0, error
+        assert ('is written as a table' if softer else 'a description has one table') in text
+        assert (load_any_arm(arm, 'characterize.yaml').segments[1].soft_law is not None) == softer
+    status, _, error = run(characterize, along, '--lateral', side, *CHARACTERIZE)
+    assert (status, 'does not bend to the side' in error) == (2, True)
 
 
 def test_stiffness_in_wrong_units_is_questioned_and_can_be_insisted_on(run, tmp_path):

@@ -79,6 +79,16 @@ def test_a_report_of_hundreds_of_shapes_shows_the_first_and_says_so(tmp_path, mo
     assert 'The first 1000 of 1101 events' in page
 
 
+@pytest.mark.parametrize(('side', 'views'), [(0.0, 1), (30.0, 2)])
+def test_a_report_of_an_arm_in_space_shows_it_from_two_sides(tmp_path, monkeypatch, side, views):
+    shown = []
+    monkeypatch.setattr(report, '_image', lambda figure, _: shown.append(figure) or '')
+    found = run()
+    found.points[:, 3] = side
+    report_html(found, 'one', {})
+    assert len(shown[0].axes[0].get_lines()) == views
+
+
 def test_a_report_says_which_arm_was_recorded_when_and_by_which_version(tmp_path, monkeypatch):
     monkeypatch.setattr(report, '_image', lambda *_: '')
     write(tmp_path)

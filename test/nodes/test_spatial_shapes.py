@@ -8,6 +8,7 @@ from math import radians
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Vector3
+from matplotlib.figure import Figure
 import numpy as np
 import pytest
 from ros_rig import LATCHED, Rig
@@ -16,8 +17,10 @@ from std_srvs.srv import SetBool
 from test_spatial_arm import given
 from test_spatial_description import JAMMING, TENDON_ARM
 
+from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
-from soft_continuum.parameters.files import load_description
+from soft_continuum.client.plot import plot
+from soft_continuum.parameters.files import load_any_arm, load_description
 from soft_continuum_interfaces.msg import Shape
 
 HELIX = load_description(JAMMING)['shapes.helix'], load_description(
@@ -101,6 +104,14 @@ def test_a_client_has_all_of_an_arm_without_jamming_though_no_valves_report(
     assert [line.partition('  ')[0] for line in lines if 'end at' in line] == [
         'segment 1', 'segment 2', 'segment 3']
     assert observed.snapshot().stiff == ()
+    assert 'jamming_valves' not in str(observed.snapshot())
+    arm = load_any_arm(TENDON_ARM)
+    drawn = plot(observed, arm, None)
+    tip = observed.snapshot().tip.position
+    assert [part[-1] for part in drawn.get_lines()[0].get_data_3d()] == pytest.approx(
+        [1e3 * part for part in tip], abs=0.05)
+    with pytest.raises(ClientError, match="projection='3d'"):
+        plot(observed, arm, Figure().subplots())
 
 
 def test_a_stop_ends_a_motion_of_all_tendons_and_a_resumed_arm_goes_on(tendon_arm: Rig) -> None:

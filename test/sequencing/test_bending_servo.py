@@ -76,9 +76,8 @@ def followed(servo, arm, target, end, delay=0.0):
     return np.array([time for time, _ in rows]), np.array([bending for _, bending in rows])
 
 
-@pytest.mark.parametrize('gain', [0.5, 1.5])
-@pytest.mark.parametrize('askew', [-35.0, 35.0])
-@pytest.mark.parametrize('delay', [0.0, 0.3])
+@pytest.mark.parametrize(('gain', 'askew', 'delay'), [
+    (0.5, 35.0, 0.3), (1.5, -35.0, 0.0), (1.5, 35.0, 0.3)])
 def test_it_settles_where_the_arm_turns_too_far_or_in_another_direction(
         servo, disc, gain, askew, delay):
     """The proof asks for gain < 2 cos(askew)."""
