@@ -20,20 +20,20 @@ from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.parameter import as_yaml, ParameterError
+from soft_continuum.parameters.parameter import as_yaml
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import (
     measured_pose_to_ros,
     pose_from_ros,
     seconds,
     tracked_pose_to_ros,
-    UNKNOWN,
 )
 from soft_continuum.ros.names import DISC_SENSORS, MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.sensing.imu_axes import imu_rotations
-from soft_continuum.sensing.tare import mount_of, straight_heights, tilt_of, Window
-from soft_continuum.sensing.tilt import ImuSample, ImuSettings, SensorError, TiltFilter
+from soft_continuum.sensing.mounted_imus import imus_of
+from soft_continuum.sensing.tare import mount_of, straight_heights, Window
+from soft_continuum.sensing.tilt import ImuSample, SensorError
 from soft_continuum.sensing.tracker import Tracker
 
 ALL_POSES = 'tracker/disc_poses'
@@ -67,19 +67,10 @@ class DiscSensors(Node):
         position, angle = (values[f'tracker.{name}_deviation'] for name in ('position', 'angle'))
         self._covariance = np.diag([position**2] * 3 + [angle**2] * 3)
         self._rotations = imu_rotations(values['imu.axes'], count)
-        angles = values['imu.mounting_angles']
-        if len(angles) not in (1, count):
-            raise ParameterError(f'parameter imu.mounting_angles has {len(angles)} values; '
-                                 f'needed: one for all or for each of {count} discs')
-        self._angles = list(angles) * (count // len(angles))
-        self._settings = ImuSettings(arm.gravity, arm.mounting_angle, *(
-            values[f'imu.{name}'] for name in ('acceleration_deviation', 'rate_deviation',
-                                               'bias_deviation', 'motion_acceleration',
-                                               'deviation'))) if isinstance(arm, Arm) else None
-        self._filters: list[TiltFilter | None] = [None] * count
+        self._imus = imus_of(arm, values, count)
+        self._to_ros = measured_pose_to_ros if isinstance(arm, Arm) else tracked_pose_to_ros
         self._sources: list[str] = [''] * count  # topic of the pose of each disc
         self._followed = [Window[Any]() for _ in range(count)]
-        self._tilts = [Window[float]() for _ in range(count)]
         self._tared: list[str] = []
         self._publishers = [self.create_publisher(
             PoseWithCovarianceStamped, MEASURED_POSE.format(n), STREAM) for n in range(count)]
@@ -143,12 +134,6 @@ class DiscSensors(Node):
         feed.take(self._take_imu, n, feed, message)
 
     def _take_imu(self, n: int, feed: '_Feed', message: Imu) -> None:
-        tilt = self._filters[n]
-        if self._settings is None:
-            raise SensorError('IMUs measure planar arms only so far; discs in space need a '
-                              'tracker, or the node camera')
-        if tilt is None:  # raises where there is no gravity
-            tilt = self._filters[n] = TiltFilter(self._settings)
         self._check_clock(message.header.stamp)
         a, w, turn = message.linear_acceleration, message.angular_velocity, self._rotations[n]
         acceleration, rates = turn @ (a.x, a.y, a.z), turn @ (w.x, w.y, w.z)
@@ -159,16 +144,11 @@ class DiscSensors(Node):
             message.linear_acceleration_covariance.tobytes(), 'linear_acceleration') @ turn.T
         of_rate = turn @ _covariance(
             message.angular_velocity_covariance.tobytes(), 'angular_velocity') @ turn.T
-        sample = ImuSample(seconds(message.header.stamp), tuple(acceleration.tolist()),
-                           float(rates[1]), float(max(of_acceleration[0, 0],
-                                                      of_acceleration[2, 2])),
-                           float(of_rate[1, 1]))
-        if not tilt.update(sample):
-            return
-        self._tilts[n].add(monotonic(), tilt.angle)
-        self._publish(n, feed, message.header.stamp, measured_pose_to_ros(
-            np.array([0.0, 0.0, tilt.angle - self._angles[n]]),
-            np.diag([UNKNOWN, UNKNOWN, tilt.variance])))
+        found = self._imus.measure(
+            n, ImuSample(seconds(message.header.stamp), tuple(acceleration.tolist()), rates),
+            np.diag(of_acceleration), np.diag(of_rate), monotonic())
+        if found is not None:
+            self._publish(n, feed, message.header.stamp, self._to_ros(*found))
 
     # What both have.
 
@@ -199,7 +179,7 @@ class DiscSensors(Node):
     def _tare(self) -> str:
         """Take what is measured as that of the straight arm; all or nothing."""
         now = monotonic()
-        mounts, angles = list(self._tracker.mounts), list(self._angles)
+        mounts, imus = list(self._tracker.mounts), self._imus.mounts.copy()
         followed, tilted = [], []
         for n, height in enumerate(self._heights):
             source = self._sources[n] or 'pose'
@@ -208,20 +188,21 @@ class DiscSensors(Node):
                     mounts[n] = mount_of(poses, height)
                     followed.append(str(n))
                 source = 'imu'
-                if tilts := self._tilts[n].recent(now):
-                    angles[n] = tilt_of(tilts)
+                if (mount := self._imus.straight(n, now)) is not None:
+                    imus[n] = mount
                     tilted.append(str(n))
             except SensorError as error:
                 raise SensorError(f'disc {n}, {source}: {error}; nothing was tared') from None
         if not followed + tilted:
             raise SensorError(f'nothing was measured; {self._nothing()}')
-        self._tracker, self._angles = replace(self._tracker, mounts=tuple(mounts)), angles
+        self._tracker, self._imus.mounts = replace(self._tracker, mounts=tuple(mounts)), imus
         self._tared = [f'{what} of disc {", ".join(discs)}' for what, discs in (
             ('pose', followed), ('tilt', tilted)) if discs]
         self._report()
         flat = tuple(float(v) for mount in mounts for v in mount)
         kept = [f'tracker: {{mounts: {as_yaml(flat, 6)}}}'] if followed else []
-        kept += [f'imu: {{mounting_angles: {as_yaml(tuple(angles), 6)}}}'] if tilted else []
+        kept += [f'imu: {{{self._imus.parameter}: {as_yaml(tuple(imus.ravel().tolist()), 6)}}}'
+                 ] if tilted else []
         return (f'taken as straight: {"; ".join(self._tared)}. To keep it over a restart, write '
                 f'into the parameter file: {DISC_SENSORS}: {{ros__parameters: '
                 f'{{{", ".join(kept)}}}}}')
@@ -246,8 +227,8 @@ class DiscSensors(Node):
         if len(problems) > MAX_PROBLEMS:
             problems[MAX_PROBLEMS:] = [f'and {len(problems) - MAX_PROBLEMS} more']
         values = {'measured': ', '.join(good), 'tared': '; '.join(self._tared) or 'no',
-                  **{f'gyroscope_bias_{n}': f'{tilt.bias:.4f} rad/s'
-                     for n, tilt in enumerate(self._filters) if tilt is not None}}
+                  **{f'gyroscope_bias_{n}': f'{bias} rad/s'
+                     for n, bias in self._imus.biases().items()}}
         if problems:
             self.status.set(WARN if good else ERROR, '; '.join(problems), **values)
         elif good:

@@ -172,6 +172,9 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('imu.mounting_angles', (0.0,), 'angle that each IMU measures in the straight '
                   'arm, base first, as ~/tare prints them; one counts for all', -pi, pi,
                   unit='rad'),
+        Parameter('imu.mounting_turns', (0.0,), 'of a spatial arm, how each IMU is turned on its '
+                  'disc, base first: rotation vectors x, y, z, as ~/tare prints them; 0.0 alone: '
+                  'not at all', -pi, pi, unit='rad'),
         Parameter('imu.deviation', 0.01, 'standard deviation of what an IMU is off all the time: '
                   'how it is mounted, and the offset of its accelerometer', 1e-6, 0.5, unit='rad'),
         Parameter('imu.acceleration_deviation', 0.05, 'standard deviation of one acceleration, '

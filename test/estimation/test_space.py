@@ -270,6 +270,23 @@ def test_a_bent_arm_is_found_by_its_discs():
     assert shape.state.points == pytest.approx(state.points, abs=5e-4)
 
 
+@pytest.mark.parametrize('about_y', [0.0, 0.8])
+def test_where_up_is_corrects_an_arm_that_leans_but_not_its_heading(about_y):
+    """The vertical of a tilted base is along no axis; a turn about it changes nothing."""
+    base = Rotation.from_euler('y', about_y)
+    up = base.apply([0.0, 0.0, 1.0])
+    poses = SpatialStatics(ARM).chain.uniform([[0.3, 0.2], [-0.2, 0.25], [0.1, -0.4]]).poses[::2]
+    covariance = UNSEEN * np.eye(6)
+    covariance[3:, 3:] = 1e-4 * np.eye(3) + UNSEEN * np.outer(up, up)
+    one = DiscMeasurement(3, poses[3], covariance)
+    assert len(one.parts) == 2
+    headed = replace(one, pose=off(poses[3], 0.0, 0.9 * up))
+    assert one.differs(headed, SPACE) == pytest.approx([0.0, 0.0], abs=1e-6)
+    across = base.apply([0.6, 0.8, 0.0])
+    leaning = replace(one, pose=off(poses[3], 0.0, 0.02 * across))
+    assert np.linalg.norm(one.differs(leaning, SPACE)) == pytest.approx(2.0, abs=1e-3)
+
+
 def off(pose, shift, turn):
     """Return a pose that is shifted (m) and turned (rad)."""
     turned = Rotation.from_rotvec(turn) * Rotation.from_quat(pose[3:])

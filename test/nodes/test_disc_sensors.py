@@ -130,8 +130,8 @@ def test_a_tracker_of_all_discs_in_its_own_frame_is_turned_into_the_base(rig: Ri
         assert measured(recording)[0] == pytest.approx([0.01 * n, 0.1 * n, 0.2])
 
 
-def test_a_tracker_measures_discs_in_space_and_imus_do_not_yet(rig: Rig) -> None:
-    """The disc is turned by 90 degrees about x: far out of any plane."""
+def test_a_tracker_and_an_imu_measure_discs_in_space(rig: Rig) -> None:
+    """One disc is turned by 90 degrees about x: far out of any plane."""
     given = given_parameters(SPATIAL, ALL_PARAMETERS, 'disc_sensors', UNCHECKED)
     sensors, message = Sensors(rig, **given), PoseStamped()
     row = (0.02, -0.15, 0.1, sin(pi / 4), 0.0, 0.0, cos(pi / 4))
@@ -145,8 +145,11 @@ def test_a_tracker_measures_discs_in_space_and_imus_do_not_yet(rig: Rig) -> None
     pose, covariance = tracked_pose_from_ros(sensors.poses[1].last, 'base_link')
     assert pose == pytest.approx(row)
     assert np.sqrt(np.diag(covariance)) == pytest.approx([0.0005] * 3 + [0.005] * 3)
-    sensors.until_status(sensors.imu, 'IMUs measure planar arms only so far')
-    assert not len(sensors.poses[3])
+    sensors.until(sensors.imu, lambda: len(sensors.poses[3]) > 3, 'a tilt')
+    pose, covariance = tracked_pose_from_ros(sensors.poses[3].last, 'base_link')
+    assert pose[3:] == pytest.approx([0.0, sin(0.1), 0.0, cos(0.1)], abs=1e-3)
+    assert np.diag(covariance)[[0, 1, 2, 5]] == pytest.approx(1e6)  # nor the heading
+    assert np.diag(covariance)[3:5].max() < 0.1
 
 
 def _covariance(value: float) -> Callable[[Any], None]:
