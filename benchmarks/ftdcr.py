@@ -8,7 +8,17 @@ import time
 from matplotlib.figure import Figure
 import numpy as np
 
-from benchmarks.measured import aligned, IDENTIFIED, read, Recording, rms, SINGLE, SINGLES
+from benchmarks.measured import (
+    aligned,
+    IDENTIFIED,
+    MEMORYLESS,
+    read,
+    Recording,
+    repeats,
+    rms,
+    SINGLE,
+    SINGLES,
+)
 from benchmarks.tables import DOCUMENTS, machine, number, Section, table
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics.chain import Array
@@ -28,8 +38,11 @@ def run(quick: bool) -> Section:
     known = IDENTIFIED.deviations(train)
     process, wall = time.process_time() - process, time.perf_counter() - wall
     test = IDENTIFIED.deviations(val)
+    without = MEMORYLESS.deviations(train)
     rows = [_row('one segment moves', 'two segments move', SINGLES.deviations(single),
-                 SINGLES.deviations(pairs)), _row('`train.csv`', '`val.csv`', known, test)]
+                 SINGLES.deviations(pairs)), _row('`train.csv`', '`val.csv`', known, test),
+            _row('`train.csv`, without friction', '`val.csv`', without,
+                 MEMORYLESS.deviations(val))]
     head = ('identified on', 'tested on', 'poses', 'RMSE where identified, mm',
             '**RMSE of the test, mm**', 'mean', 'median', 'worst', 'RMSE, frame as identified')
     if not quick:
@@ -39,7 +52,10 @@ def run(quick: bool) -> Section:
     cost = (f'{len(known):,} poses take {number(process)} s of processor time, {number(wall)} s '
             'by the clock.')
     return Section('measured_arm.md', 'ftdcr', '\n\n'.join([
-        machine(), table(head, rows), _by_pattern(val, test), cost]))
+        machine(), table(head, rows), _by_pattern(val, test),
+        _repeatability(train, {'of measured tips': train.tips,
+                               'of their errors, without friction': without,
+                               'of their errors, with friction': known}), cost]))
 
 
 def _row(known: str, other: str, at: Array, test: Array) -> tuple[str, ...]:
@@ -48,6 +64,19 @@ def _row(known: str, other: str, at: Array, test: Array) -> tuple[str, ...]:
             f'**{number(1e3 * rms(aligned(test)))}**', number(float(errors.mean())),
             number(float(np.median(errors))), number(float(errors.max())),
             number(1e3 * rms(test - at.mean(axis=0))))
+
+
+def _repeatability(train: Recording, positions: dict[str, Array]) -> str:
+    """Return how far poses with the same pulls lie apart, for (n, 3) m of each pose."""
+    head, rows = ('pulls differ by less than, mm',), []
+    for within in (1e-4, 2e-4, 3e-4):
+        first, second = repeats(train, within)
+        if len(first):
+            rows.append((number(1e3 * within, 1), f'{len(first):,}',
+                         str(len({*first, *second})), *(
+                number(1e3 * rms(each[first] - each[second]) / 2**0.5)
+                for each in positions.values())))
+    return table((*head, 'pairs', 'poses', *(f'scatter {what}, mm' for what in positions)), rows)
 
 
 def _by_pattern(val: Recording, test: Array) -> str:

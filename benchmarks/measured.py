@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
+from scipy.spatial.distance import pdist
 
 from soft_continuum.mechanics.arm import SECOND_ORDER, STANDARD_GRAVITY
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial import (
+    solve_path,
     SpatialArm,
     SpatialDisc,
     SpatialSegment,
@@ -30,6 +31,8 @@ POISSON = 0.3
 BODIES, SPACERS = 6, 2  # per segment
 PRESLIDING = 0.7  # 1/m
 TENDONS = 3  # of each segment
+WITHIN, APART = 1e-4, 15.0  # m, s: the same pulls, at two times
+PAID_OUT = 0.003  # m: a tendon is slack
 
 
 @dataclass(frozen=True)
@@ -68,19 +71,21 @@ class MeasuredArm:
     What is identified of the arm; the defaults are where the search begins.
 
     offset: of the guides from the axis, m.  compliance: of a tendon and what pulls it, m/N.
-    angle_1, angle_2, angle_3: of the first tendon of each segment, rad.  pull_2, pull_3: by how
-    much those of segments 2 and 3 are pulled at zero, m.  tilt: of the base about x, rad.  mass:
-    of the arm, kg; it stands upright.  friction: N m.
+    angle: of the first tendon of the lowest segment, rad; turn: by how much further it is around
+    the axis in each segment above.  pull_2, pull_3: by how much the tendons of segments 2 and 3
+    are pulled at zero, m.  marker: how far beside the axis the tip is measured, along y of the
+    tip, m.  delay: of the motion capture behind the servos, s.  mass: of the arm, kg; it stands
+    upright.  friction: N m.
     """
 
     offset: float = 0.0045
     compliance: float = 1.5e-4
-    angle_1: float = -3.0589
-    angle_2: float = -2.5615
-    angle_3: float = -2.0506
+    angle: float = -3.0589
+    turn: float = 0.5
     pull_2: float = 1e-4
     pull_3: float = 3e-4
-    tilt: float = -0.05
+    marker: float = 0.0
+    delay: float = 0.0
     mass: float = 0.02
     friction: float = 1e-3
 
@@ -90,31 +95,45 @@ class MeasuredArm:
         segments = tuple(SpatialSegment(
             length, BENDING_STIFFNESS, BENDING_STIFFNESS, BENDING_STIFFNESS / (1.0 + POISSON),
             share * length, friction=self.friction, presliding=PRESLIDING) for length in LENGTHS)
-        angles = (self.angle_1, self.angle_2, self.angle_3)
         tendons = tuple(SpatialTendon(
-            f'segment_{s + 1}_{i + 1}', angle + 2.0 * pi * i / TENDONS, self.offset, s + 1,
-            compliance=self.compliance) for s, angle in enumerate(angles) for i in range(TENDONS))
+            f'segment_{s + 1}_{i + 1}', self.angle + s * self.turn + 2.0 * pi * i / TENDONS,
+            self.offset, s + 1, compliance=self.compliance)
+            for s in range(len(LENGTHS)) for i in range(TENDONS))
         return SpatialArm(segments, (SpatialDisc(),) * 4, tendons, BODIES, SPACERS, SECOND_ORDER,
                           gravity=(0.0, 0.0, -STANDARD_GRAVITY))
 
-    def tips(self, pulls: Array) -> Array:
-        """Return the tips (n, 3), m, that follow from straight by pulls (n, 9) in turn, m."""
+    def tips(self, recording: Recording) -> Array:
+        """Return where the tip is measured (n, 3), m, with the pulls set in turn from straight."""
         statics = SpatialStatics(self.arm())
-        state, tips = statics.chain.straight(), np.empty((len(pulls), 3))
-        more = np.repeat([0.0, self.pull_2, self.pull_3], TENDONS)
-        for tip, each in zip(tips, pulls, strict=True):
-            state = statics.solve(state, each + more, [True] * len(LENGTHS))
-            tip[:] = state.tip
-        turned: Array = Rotation.from_rotvec([self.tilt, 0.0, 0.0]).apply(tips)
-        return turned
+        then = recording.times - self.delay
+        pulls = np.column_stack([np.interp(then, recording.times, each)
+                                 for each in recording.pulls.T])
+        pulls += np.repeat([0.0, self.pull_2, self.pull_3], TENDONS)
+        path = solve_path(statics, statics.chain.straight(), pulls, [True] * len(LENGTHS))
+        found: Array = path.tips + self.marker * path.rotations[:, -1, :, 1]
+        return found
 
     def deviations(self, recording: Recording) -> Array:
         """Return measured minus computed tips (n, 3), m; the frames' origins differ."""
-        return recording.tips - self.tips(recording.pulls)
+        return recording.tips - self.tips(recording)
 
 
-SCALES = MeasuredArm(1e-4, 2e-5, 0.03, 0.03, 0.03, 1e-4, 1e-4, 0.03, 5e-3, 5e-4)
+SCALES = MeasuredArm(1e-4, 2e-5, 0.03, 0.03, 1e-4, 1e-4, 2e-3, 0.1, 5e-3, 5e-4)
 """Steps that change tips by about a millimetre."""
+
+
+def repeats(recording: Recording, within: float = WITHIN, apart: float = APART
+            ) -> tuple[Array, Array]:
+    """
+    Return the numbers (k,), (k,) of all pairs of poses with nearly the same pulls, at two times.
+
+    within: m by which no pull differs, where what is paid out by more than PAID_OUT counts as
+    equal.  apart: s.
+    """
+    first, second = np.triu_indices(len(recording.times), 1)
+    chosen = (pdist(np.maximum(recording.pulls, -PAID_OUT), 'chebyshev') < within) & (
+        pdist(recording.times[:, None]) > apart)
+    return first[chosen], second[chosen]
 
 
 def aligned(deviations: Array) -> Array:
@@ -155,10 +174,14 @@ def identify(recording: Recording, begin: MeasuredArm, steps: int = 5) -> Measur
 
 
 IDENTIFIED = MeasuredArm(
-    0.00444262, 1.87927e-4, -3.02333, -2.55543, -2.06127, 1.09496e-4, 3.99596e-4, -0.0500813,
-    0.0201150, 0.00154893)
+    0.00445197, 1.86998e-4, -3.02596, 0.479743, 1.18842e-4, 4.11952e-4, 0.00595415, 0.0504907,
+    0.0200325, 0.001305)
 """On the whole of train.csv."""
+MEMORYLESS = MeasuredArm(
+    0.00442142, 1.84327e-4, -3.02477, 0.478882, 1.22711e-4, 4.13802e-4, 0.0059325, 0.0898679,
+    0.0169798, 0.0)
+"""On the whole of train.csv, without friction."""
 SINGLES = MeasuredArm(
-    0.00445353, 1.73363e-4, -3.04045, -2.52590, -2.07302, 1.19644e-4, 3.79496e-4, -0.0516681,
-    0.0212135, 0.00133758)
+    0.00445506, 1.718e-4, -3.02532, 0.483441, 1.34197e-4, 3.89117e-4, 0.00581278, 0.056848,
+    0.0205745, 0.00114639)
 """On its first part, SINGLE."""
