@@ -10,14 +10,13 @@ from functools import partial
 from math import isfinite
 from pathlib import Path
 import signal
-from statistics import fmean
 import sys
 from time import monotonic, sleep
 from typing import Any
 
-from soft_continuum.analysis.results import reserve_outputs, text_table
+from soft_continuum.analysis.results import reserve_outputs
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, WRONG_USAGE
-from soft_continuum.cli import calibrate_camera, calibrate_load_cells
+from soft_continuum.cli import calibrate_camera, calibrate_load_cells, calibrate_vacuum
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number, one_of
 from soft_continuum.hardware.calibration import (
@@ -388,27 +387,12 @@ def _vacuum(job: Job) -> None:
             print(f'segment {segment + 1} ...', flush=True)
             results.append(measure_segment(
                 jamming, segment, segments, settings, job.values['soft_vacuum'], leak_time))
-    problems = [assess_vacuum(result, settings) for result in results]
-    print(text_table(
-        ['segment', 'to stiff s', 'reaches kPa', 'evacuates s', 'loses Pa/s', 'vents s', 'is'],
-        [[str(r.segment + 1), *map(_cell, (r.time_to_stiff, r.ultimate_vacuum / 1e3,
-                                           r.evacuation_time, r.leak_rate, r.venting_time)),
-          'not good' if problem else 'good']
-         for r, problem in zip(results, problems, strict=True)]))
-    print('evacuates, vents: time constants.')
-    for result, problem in zip(results, problems, strict=True):
-        for text in problem:
-            print(f'segment {result.segment + 1}: {text}')
+    calibrate_vacuum.show(results, [assess_vacuum(result, settings) for result in results])
     stiff = [r for r in results if isfinite(r.time_to_stiff)]
     job.failures += [f'segment {r.segment + 1} does not become stiff' for r in results
                      if r not in stiff]
-    if stiff:  # the simulation has one number for all segments
-        for name in ('ultimate_vacuum', 'evacuation_time', 'venting_time', 'leak_rate'):
-            job.results[f'simulated_jamming.{name}'] = fmean(getattr(r, name) for r in stiff)
-
-
-def _cell(value: float) -> str:
-    return f'{value:.4g}' if isfinite(value) else '-'
+    if stiff:
+        job.results |= calibrate_vacuum.simulated(stiff)
 
 
 PROCEDURES: dict[str, Callable[[Job], None]] = {
