@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # with it all of mechanics would be loaded
 
 REACH_PARAMETERS = (
     Parameter('reach.position_tolerance', 1e-3, 'how far the tip may be from its '
-              'goal, where the goal does not tell', 1e-5, 1.0, read_only=False, unit='m'),
+              'goal, where the goal does not tell', 1e-5, 0.5, read_only=False, unit='m'),
     Parameter('reach.angle_tolerance', radians(2.0), 'how far the tip may be turned from its '
               'goal, where the goal does not tell', 1e-4, pi, read_only=False, unit='rad'),
     Parameter('reach.time_limit', 5.0, 'how long a better plan to a goal of '
