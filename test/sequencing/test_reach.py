@@ -268,6 +268,19 @@ def test_a_start_or_a_goal_in_an_obstacle_is_refused_by_its_name():
     refused('is in beam', 'mm deep', goal=at(0.2, 0.2), obstacles=[wall(0.2, 0.2, name='beam')])
 
 
+def test_a_plan_that_is_not_wanted_any_more_ends():
+    query = Query(at(0.1, 0.28))
+    query.planner = Planner(ARM, query.limits, abandoned=lambda: True)
+    with pytest.raises(PlanError, match='abandoned'):
+        query.first()
+
+
+def test_when_the_time_is_out_what_is_known_is_the_answer():
+    found = Query(at(0.1, 0.28), settings=replace(PATIENT, time_limit=0.0)).last()
+    assert found.plan is None
+    assert 'the time was too short' in found.why
+
+
 def test_no_point_of_the_body_moves_farther_than_the_bound(behind):
     states = behind[0].run(behind[1], 1)
     draw = np.random.default_rng(0)

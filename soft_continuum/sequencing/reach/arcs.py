@@ -98,6 +98,12 @@ class Arcs:
         turned[..., 1, 1] = 1.0
         return np.stack([x, np.zeros_like(x), z], axis=-1), turned
 
+    def pulls(self, bending: Array) -> Array:
+        """Return the pulls (tendons,) m of one bending."""
+        if isinstance(self.arm, Arm):
+            return np.array(constant_curvature.pulls(self.arm, bending.tolist()))
+        return spatial_curvature.pulls(self.arm, bending)
+
     def columns(self, movers: Sequence[int]) -> NDArray[np.intp]:
         """Return which of the numbers of a bending some segments, or WHOLE_ARM, set."""
         chosen = np.zeros_like(self.free)

@@ -27,6 +27,7 @@ from soft_continuum.sequencing.reach.result import Reach
 
 ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is, at least
 ARC_FACTOR = 1.5  # of how far arcs are off in one shape: in others they may be more
+PULL_ERROR = 0.003  # m by which tendons of arcs may be pulled in or paid out too far
 FINE = 0.004  # m: points of arcs that move by less are not looked at in between
 CORRECTIONS = 8  # of bendings, by the statics
 AIM = 0.3  # of the tolerances: so near the correction ends
@@ -79,6 +80,7 @@ class Search:
         self.end = monotonic() + (1.0 - KEPT) * settings.time_limit
         self._arc_error = ARC_ERROR
         self._shapes: dict[bytes, tuple[Placed, Distance]] = {}
+        self._too_far: dict[bytes, bool] = {}
         self._lines: dict[tuple[bytes, bytes], str] = {}
         self._nodes: dict[tuple[bytes, ...], Node | BlockedError] = {}
 
@@ -110,24 +112,30 @@ class Search:
 
     def _tried(self, candidates: Iterator[Candidate], anyway: bool = False) -> Iterator[Reach]:
         """Yield what is better than all before it, until it is late."""
-        while not self._late() and (candidate := next(candidates, None)) is not None:
-            self.planner.check_wanted()
-            if self._bound(len(candidate.movers), candidate.seconds) >= self._best_cost():
-                continue
-            try:
-                node = self.planned(candidate, anyway)
-                found = self._result(node)
-                if size(self.miss.of_state(node.state)) > 1.0:
-                    raise BlockedError('the tip does not get there', limit='tip')
-            except BlockedError as error:
-                self.blocked[error.obstacle, error.limit] += 1
-                continue
-            except PlanError:
+        try:
+            while not self._late() and (candidate := next(candidates, None)) is not None:
                 self.planner.check_wanted()
-                return  # it was late
-            if self._cost(found) < self._best_cost():
-                self.best, self.best_candidate, self.last = found, candidate, node
-                yield found
+                if self._bound(len(candidate.movers), candidate.seconds) >= self._best_cost():
+                    continue
+                if (node := self._ended(candidate, anyway)) is None:
+                    continue
+                found = self._result(node)
+                if self._cost(found) < self._best_cost():
+                    self.best, self.best_candidate, self.last = found, candidate, node
+                    yield found
+        except PlanError:
+            self.planner.check_wanted()  # else it was late
+
+    def _ended(self, candidate: Candidate, anyway: bool) -> Node | None:
+        """Return where a candidate leads if that is the goal, or note what is in the way."""
+        try:
+            node = self.planned(candidate, anyway)
+            if size(self.miss.of_state(node.state)) <= 1.0:
+                return node
+            self.blocked['', 'tip'] += 1
+        except BlockedError as error:
+            self.blocked[error.obstacle, error.limit] += 1
+        return None
 
     def _late(self) -> bool:
         return monotonic() > self.end
@@ -242,7 +250,10 @@ class Search:
         return max(ARC_ERROR, ARC_FACTOR * moved(state, arcs, 0.0))
 
     def _look(self, candidate: Candidate) -> None:
-        """Raise BlockedError where an obstacle is far in the way of arcs."""
+        """Raise BlockedError where an obstacle, or the travel, is far in the way of arcs."""
+        for shape in candidate.shapes[1:]:
+            if self._is_too_far(shape):
+                raise BlockedError('the tendons do not go so far', limit='pull_limits')
         if self.start.near.distance == inf:
             return
         shapes = candidate.shapes
@@ -254,6 +265,15 @@ class Search:
                 self._lines[key] = self._line(one, other)
             if self._lines[key]:
                 raise BlockedError('an obstacle is in the way', self._lines[key])
+
+    def _is_too_far(self, bending: Array) -> bool:
+        key = bending.tobytes()
+        if key not in self._too_far:
+            low, high = self.planner.settings.pull_limits
+            pulls = self.arcs.pulls(bending)
+            self._too_far[key] = bool(
+                pulls.min() < low - PULL_ERROR or pulls.max() > high + PULL_ERROR)
+        return self._too_far[key]
 
     def _shape(self, bending: Array) -> tuple[Placed, Distance]:
         key = bending.tobytes()
