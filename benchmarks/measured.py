@@ -120,6 +120,7 @@ class MeasuredArm:
 
 SCALES = MeasuredArm(1e-4, 2e-5, 0.03, 0.03, 1e-4, 1e-4, 2e-3, 0.1, 5e-3, 5e-4)
 """Steps that change tips by about a millimetre."""
+NEVER_NEGATIVE = ('offset', 'compliance', 'mass', 'friction')
 
 
 def repeats(recording: Recording, within: float = WITHIN, apart: float = APART
@@ -169,7 +170,9 @@ def identify(recording: Recording, begin: MeasuredArm, steps: int = 5) -> Measur
         return np.column_stack([
             (residuals(steps_of + 0.3 * one) - at) / 0.3 for one in unit])
 
-    best = least_squares(residuals, np.zeros(len(names)), slopes, ftol=2e-3, max_nfev=steps + 1)
+    least = np.array([0.0 if name in NEVER_NEGATIVE else -np.inf for name in names])
+    best = least_squares(residuals, np.zeros(len(names)), slopes, ftol=2e-3, max_nfev=steps + 1,
+                         bounds=((least - first) / scales, np.inf))
     return found(best.x)
 
 

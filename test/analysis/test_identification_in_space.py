@@ -176,8 +176,8 @@ def real_shapes(name, numbers):
     """Return poses of FTDCR v4, as if each were set from the straight arm; tips in base_link."""
     recording = read(name)
     origin = np.array([-1.07e-3, 0.51e-3, 0.52e-3])  # m, of the frame, from the benchmark
-    leaning = [-0.0501, 0.0, 0.0]  # rad: of the base, if the marker sat on the axis
-    tips = Rotation.from_rotvec(leaning).apply(recording.tips - origin)
+    upright = [0.0501, 0.0, 0.0]  # rad: against the tilt of the base, with the marker on the axis
+    tips = Rotation.from_rotvec(upright).apply(recording.tips - origin)
     return [MeasuredShape(f'{name}_{k}', (Step(None, tuple(recording.pulls[k].tolist())),),
                           (7,), tips[k][None]) for k in numbers]
 
