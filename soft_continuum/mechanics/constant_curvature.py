@@ -103,4 +103,4 @@ def _check_angles(arm: Arm, angles: ArrayLike) -> None:
         raise ArmError(
             f'{count} bending angles given, the arm has {len(arm.segments)} segments')
     if not np.all(np.isfinite(angles)):
-        raise ArmError(f'bending angles must be finite numbers; given: {angles}')
+        raise ArmError(f'bending angles must be finite numbers; given: {angles!r}')
