@@ -55,10 +55,15 @@ def jam_law(q, joint, tables, secant):  # type: ignore[no-untyped-def]
 
 
 @borrowing
-def turn(theta, work):  # type: ignore[no-untyped-def]
-    """Fill the cosines and sines of the absolute angles."""
+def turn(theta, group, again, work):  # type: ignore[no-untyped-def]
+    """Fill the cosines and sines of the absolute angles; again: but for what cannot turn."""
     cosine, sine = work.cosine, work.sine
     for i in range(theta.shape[0]):
+        if again and group[i] < 0:
+            continue
+        if i > 0 and theta[i] == theta[i - 1]:  # locked in line
+            cosine[i], sine[i] = cosine[i - 1], sine[i - 1]
+            continue
         cosine[i] = cos(theta[i])
         sine[i] = sin(theta[i])
 
@@ -186,7 +191,7 @@ def add_springs_and_loads(theta, system, work, secant):  # type: ignore[no-untyp
 def _springs_and_loads(theta, system, groups):  # type: ignore[no-untyped-def]
     """Return a Work that holds the springs, the loads and the geometry of the tendons."""
     work = workspace(theta.shape[0], system.guides.shape[0], groups)
-    turn(theta, work)
+    turn(theta, system.group, False, work)
     tendon_geometry(system, work, np.empty(2))
     add_springs_and_loads(theta, system, work, False)
     return work

@@ -43,7 +43,7 @@ LINKS = (f'Tuple(({BLOCKS}, {BLOCKS}, {BLOCKS}, {TABLE}, {NUMBERS}, {TABLE}, i8[
          f'{TABLE}, {BLOCKS}, {LIST}))')
 ROUTING = f'Tuple(({MATRIX}, {INDICES}, {INDICES}, {INDICES}, {MATRIX}))'
 SIGNATURES = {
-    'newton': f'Tuple((i8, i8, f8, f8))({STATE}, {SYSTEM}, {DRIVE}, {VECTOR}, f8, {VECTOR})',
+    'newton': f'Tuple((i8, i8, f8, f8))({STATE}, {SYSTEM}, {DRIVE}, {LIST}, f8, {VECTOR})',
     'equilibrium':
         f'Tuple((i8, i8, f8, f8))(UniTuple({VECTOR}, 2), {SYSTEM}, {DRIVE}, Tuple((i8, f8)), b1, '
         f'{VECTOR}, UniTuple({VECTOR}, 4))',

@@ -66,15 +66,20 @@ class Change(NamedTuple):
 
 
 @inlined
-def assemble(state, system, drive, bias, damping, secant, work):  # type: ignore[no-untyped-def]
-    """Fill ``work`` with the linear system at ``state``; return the number of columns used."""
+def assemble(state, system, drive, bias, damping, iteration, work):  # type: ignore[no-untyped-def]
+    """
+    Fill ``work`` with the linear system at ``state``; return the number of columns used.
+
+    Newton's steps may go back and forth about a jam that yields; those with its secant, a majorant
+    of the energy, do not, and are taken in some iterations.
+    """
     gradient, diagonal, moved = work.gradient, work.diagonal, work.moved
     for k in range(gradient.shape[0]):
         gradient[k] = bias[k] + damping * moved[k]
         diagonal[k] = damping
-    turn(state.theta, work)
+    turn(state.theta, system.group, iteration > 0, work)
     tendon_geometry(system, work, state.lengths)
-    add_springs_and_loads(state.theta, system, work, secant)
+    add_springs_and_loads(state.theta, system, work, iteration % 16 >= 8)
     used = 1
     for t in range(2):
         work.column[t] = 0
@@ -242,9 +247,7 @@ def newton(state, system, drive, bias, damping, tolerance):  # type: ignore[no-u
     residual = 0.0
     best = 1e300
     for iteration in range(MAX_ITERATIONS):
-        # Newton's steps may go back and forth about a jam that yields; those with its secant,
-        # a majorant of the energy, do not.
-        used = assemble(state, system, drive, bias, damping, iteration % 16 >= 8, work)
+        used = assemble(state, system, drive, bias, damping, iteration, work)
         error = gaps(state, system, drive, work)
         residual = unbalanced(state.tension, work)
         if residual == np.inf:

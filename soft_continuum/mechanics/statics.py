@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics import _kernel, _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
-from soft_continuum.mechanics._arrays import ANGLE, BOTH_LENGTHS, Drive, LENGTH, System, TENSION
+from soft_continuum.mechanics._arrays import ANGLE, BOTH_LENGTHS, Drive, Indices, System, TENSION
 from soft_continuum.mechanics._checks import (
     finite,
     real_array,
@@ -100,8 +100,7 @@ class Statics:
         target = real_array(tensions, wanted)
         if target.shape != (2,) or not np.all(np.isfinite(target)) or np.any(target < 0.0):
             raise ValueError(f'{wanted}; given: {tensions!r}')
-        problem = self.problem(start, soft, target, vacuum)
-        problem = problem._replace(drive=problem.drive._replace(mode=np.full(2, TENSION)))
+        problem = self.problem(start, soft, target, vacuum, np.full(2, TENSION))
         if problem.groups == 0:
             return self._unmoved(start, target, np.zeros(2), problem.stiff)
         return self._find(start, problem, sliding)
@@ -140,12 +139,9 @@ class Statics:
                      (segment + 1) * self.chain.joints_per_segment)
         turn = angle - float(start.joint_angles[rows].sum()) or angle
         for tendon in (RIGHT, LEFT) if turn >= 0.0 else (LEFT, RIGHT):
-            problem = self.problem(start, mask, np.full(2, np.inf), vacuum)
-            modes = [ANGLE, LENGTH] if tendon == RIGHT else [LENGTH, ANGLE]
-            problem.drive.target[tendon] = angle
-            problem = problem._replace(drive=Drive(
-                np.array(modes), problem.drive.target, self.compliance,
-                np.array([segment, segment])))
+            modes, target = np.zeros(2, dtype=np.int64), np.full(2, np.inf)
+            modes[tendon], target[tendon] = ANGLE, angle
+            problem = self.problem(start, mask, target, vacuum, modes, segment)
             try:
                 if at_once and (held := self.continuation.in_one_step(start, problem, hold=True)
                                 ) is not None and held.tensions[tendon] >= -NO_TENSION:
@@ -185,11 +181,13 @@ class Statics:
         return self.continuation.result(point, problem)
 
     def problem(self, start: Equilibrium, soft: Sequence[bool], target: Array,
-                vacuum: Sequence[float] | None = None) -> Problem:
+                vacuum: Sequence[float] | None = None, modes: Indices = BOTH_LENGTHS,
+                segment: int = 0) -> Problem:
         """
-        Return one solve in compiled form, both tendons driven by length.
+        Return one solve in compiled form.
 
-        target: (2,) m, the lengths of the tendons; the other arguments are those of ``solve``.
+        target, modes, segment: of the tendons, as in Drive; by default both are driven by their
+        lengths, m.  The other arguments are those of ``solve``.
         Raises ValueError for input that is not of this arm.
         """
         check_start(start)
@@ -209,7 +207,8 @@ class Statics:
         if parts or not self.laws.rigid_only:
             system = system._replace(joints=self.laws.joints(start, stiff, parts))
         return Problem(
-            system, Drive(BOTH_LENGTHS, target, self.compliance, BOTH_LENGTHS), groups,
+            system, Drive(modes, target, self.compliance,
+                          np.array((segment, segment)) if segment else BOTH_LENGTHS), groups,
             turn_limit, tolerance, start.joint_angles, stiff, parts)
 
     def _find_stiff(self, soft: Sequence[bool]) -> tuple[bool, ...]:
