@@ -54,7 +54,7 @@ class Planning:
             return self._start(lambda planner, state, pulls: planner.plan(state, pulls, shapes))
         settings = reach_from_parameters(self._parameters)
         return self._start(lambda planner, state, pulls: [
-            plan_of(found, shape, around) for shape, found in zip(shapes, plan_shapes(
+            plan_of(found, shape) for shape, found in zip(shapes, plan_shapes(
                 planner, state, pulls, shapes, around, settings, first), strict=False)])
 
     def explain(self, shapes: Sequence[Shape], time_limit: float) -> 'Future[list[Reach]]':

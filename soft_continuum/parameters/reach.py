@@ -26,6 +26,8 @@ REACH_PARAMETERS = (
               '0.0 alone: fewest softenings, then least time, then least tension', 0.0, 1e6),
     Parameter('reach.seed', 0, 'of what is drawn at random; the same seed has '
               'the same plan, unless time is short', 0, 1_000_000, read_only=False),
+    Parameter('reach.softening_time', 4.0, 'how long it takes to soften a segment and to stiffen '
+              'it again, as plans compare their time', 0.0, 600.0, read_only=False, unit='s'),
     Parameter('reach.departure', 0.02, 'how far the arm may be from its plan before it is planned '
               'again; near an obstacle less, but never less than obstacles.margin', 1e-3, 1.0,
               read_only=False, unit='m'),
@@ -52,6 +54,7 @@ def reach_from_parameters(values: Mapping[str, Any]) -> 'ReachSettings':
     return ReachSettings(
         margin=values['obstacles.margin'],
         lock_in=values['loop.lock_in_deviation'] if values['arm.jamming'] else 0.0,
-        time_limit=values['reach.time_limit'], max_softenings=values['reach.max_softenings'],
+        softening_time=values['reach.softening_time'], time_limit=values['reach.time_limit'],
+        max_softenings=values['reach.max_softenings'],
         weights=None if len(weights) == 1 else weights,
         seed=values['reach.seed'])

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import permutations
-import re
 from typing import Any
 
 import numpy as np
@@ -65,13 +64,11 @@ def plan_shapes(planner: ShapePlanner, state: Any, pulls: Sequence[float],
         pulls = moves[-1].pulls[-1].tolist() if moves else pulls
 
 
-def plan_of(found: Reach, shape: Shape, surroundings: Surroundings) -> ShapePlan:
+def plan_of(found: Reach, shape: Shape) -> ShapePlan:
     """Return the plan to a shape; raises PlanError, or ObstructedError, where there is none."""
     if found.plan is not None and not found.why:
         return found.plan
-    blocked = any(re.search(rf'(?<!\w){re.escape(obstacle.name)}(?!\w)', found.why)
-                  for obstacle in surroundings.obstacles)
-    raise (ObstructedError if blocked else PlanError)(f'{shape.name}: {found.why}')
+    raise (ObstructedError if found.blocked_by else PlanError)(f'{shape.name}: {found.why}')
 
 
 def _by_tip(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
@@ -121,6 +118,7 @@ def _in_some_order(planner: ShapePlanner, state: Any, pulls: Sequence[float], sh
     arm, goals = planner.statics.chain.arm, planner.goals_of(shape)
     bending = bending_of(arm, shape.bending_angles, shape.bending_directions)
     start, why = passages.start(state, np.array(pulls, dtype=float)), ''
+    blocked_by: tuple[str, ...] = ()
     for _, order in zip(range(ORDERS), permutations(goals), strict=False):
         node, at = start, ''
         try:
@@ -129,8 +127,9 @@ def _in_some_order(planner: ShapePlanner, state: Any, pulls: Sequence[float], sh
                     node = passages.go(node, segment, bending)
         except BlockedError as error:
             why = why or f'{at}{error}'
+            blocked_by += (error.obstacle,) if error.obstacle else ()
             continue
         return Reach(ShapePlan(shape, node.moves, node.state,
                                tuple(step.states for step in node.steps)), '', node.steps)
     more = ', and no other order of the segments is free' if len(goals) > 1 else ''
-    return Reach(None, f'{why}{more}')
+    return Reach(None, f'{why}{more}', blocked_by=tuple(dict.fromkeys(blocked_by)))

@@ -44,7 +44,7 @@ class TipRig(MeasuredRig):
         around = Surroundings(self.arm)
         found, = plan_shapes(
             planner, state, self.tendons.reading.pulls, [shape], around, SETTINGS, first=True)
-        return plan_of(found, shape, around)
+        return plan_of(found, shape)
 
     def aim(self, shape):
         from soft_continuum.nodes.planning import tip_aim
@@ -80,7 +80,7 @@ def plan():
     around = Surroundings(ARM)
     found, = plan_shapes(planner, chain_of(ARM).straight(), (0.0, 0.0), [tip_shape(PLACE)],
                          around, SETTINGS, first=True)
-    return plan_of(found, tip_shape(PLACE), around)
+    return plan_of(found, tip_shape(PLACE))
 
 
 def watch(*obstacles):
@@ -146,7 +146,7 @@ def test_angles_are_set_in_another_order_where_an_obstacle_is_in_the_way_of_the_
     shut = Surroundings(arm, [ball(0.15, 0.22)])
     blocked, = plan_shapes(*arguments, shut, SETTINGS)
     with pytest.raises(ObstructedError, match='ball is in the way.*no other order'):
-        plan_of(blocked, shape, shut)
+        plan_of(blocked, shape)
 
 
 def plan_settings():
@@ -160,7 +160,7 @@ def test_what_is_out_of_reach_is_no_obstacle_s_fault():
     found, = plan_shapes(Planner(arm, plan_settings()), chain_of(arm).straight(), (0.0, 0.0),
                          [shape], around, SETTINGS)
     with pytest.raises(PlanError, match='tip: .*out of reach') as caught:
-        plan_of(found, shape, around)
+        plan_of(found, shape)
     assert not isinstance(caught.value, ObstructedError)
 
 

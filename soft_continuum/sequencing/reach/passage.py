@@ -234,6 +234,7 @@ def _of(goal: Array, mover: int) -> Any:
 
 
 def _too_near(near: Distance, needed: float) -> BlockedError:
-    return BlockedError(
-        f'{near.obstacle} is in the way: {near.distance * 1e3:.1f} mm away, where '
-        f'{needed * 1e3:.1f} mm are needed', obstacle=near.obstacle)
+    far = near.distance * 1e3
+    where = f'{far:.1f} mm away' if far >= 0.0 else f'the arm would be {-far:.1f} mm in it'
+    return BlockedError(f'{near.obstacle} is in the way: {where}; {needed * 1e3:.1f} mm of '
+                        'clearance are needed', obstacle=near.obstacle)
