@@ -53,6 +53,7 @@ class Page:
             self.view.get_by_role('textbox')).first
         field.fill(text)
         field.press('Tab')
+        self.page.wait_for_timeout(100.0)  # viser sends values later than clicks
 
     def choose(self, name: str, option: str) -> None:
         """Choose from a list of a name."""
