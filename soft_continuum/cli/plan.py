@@ -141,7 +141,8 @@ def _print(found: Reach, as_json: bool, path: bool) -> None:
                           'clearance mm', 'tip x, y, z mm'], rows))
     turned = f' and {np.degrees(found.turn_error):.1f} degrees' if found.turn_error else ''
     off = f'{1e3 * found.tip_error:.1f} mm{turned}'
-    print(f'{found.softenings} {"softening" if found.softenings == 1 else "softenings"}, '
+    what = 'move' if any(move.segment == WHOLE_ARM for move in moves) else 'softening'
+    print(f'{found.softenings} {what}{"" if found.softenings == 1 else "s"}, '
           f'{found.duration:.0f} s, up to {found.tension:.1f} N, clearance '
           f'{_clearance(*found.clearance)}; '
           + (f'the tip leaves its path by up to {off}' if path
@@ -149,7 +150,8 @@ def _print(found: Reach, as_json: bool, path: bool) -> None:
 
 
 def _angles(state: Any) -> str:
-    towards = [f'@{angle:.0f}' for angle in np.degrees(state.bending_directions)]
+    towards = [f'@{degrees % 360 - 360 * (degrees % 360 > 180)}' for degrees in np.degrees(
+        state.bending_directions).round().astype(int).tolist()]
     return ' '.join(f'{angle:+.1f}{direction}' for angle, direction in zip(
         np.degrees(state.bending_angles), towards or [''] * len(state.bending_angles),
         strict=True))

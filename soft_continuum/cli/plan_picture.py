@@ -115,4 +115,5 @@ class _Picture:
             axes.set(**{f'{name}lim': (self.low[k], self.high[k])})
         if not self.planar:
             axes.set_box_aspect(self.high - self.low, zoom=0.88)
+            axes.locator_params(axis='y', nbins=4)  # seen nearly end on
         axes.set_title(title, color='black' if soft is None else SOFT)

@@ -12,6 +12,7 @@ from soft_continuum.analysis.delimited import (
     Quantity,
     read_table,
 )
+from soft_continuum.cli.tip_options import MAX_POSITION
 from soft_continuum.tip import Tip
 
 MAX_POINTS = 200
@@ -35,6 +36,12 @@ def read_tip_path(path: Path, unit: str = 'm', tolerance: float = 0.0) -> list[T
     if len(rows) > MAX_POINTS:
         raise MeasurementError(f'{path}: {len(rows)} points; allowed: {MAX_POINTS}; leave some '
                                'out, such as every second one')
+    for number, row in enumerate(rows, start=1):
+        for name, value in zip(names, row, strict=True):
+            if abs(value) > MAX_POSITION:
+                raise MeasurementError(
+                    f'{path}: {name} of point {number} is {value:g} m; allowed: up to '
+                    f'{MAX_POSITION:g} m' + ('; in mm? add --unit mm' if unit == 'm' else ''))
     angles = (table.column('angle').numbers().tolist() if table.has('angle')
               else [None] * len(rows))
     for number, angle in enumerate(angles, start=1):
