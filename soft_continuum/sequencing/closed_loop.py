@@ -113,6 +113,7 @@ class ClosedLoopRunner(Runner):
         segments = yield from self._planned(self._loop.again(
             every if self._settings.jamming else (WHOLE_ARM,), aim, release_limit))
         for done, segment in enumerate(segments):
+            self._check_plan()
             yield from self._set_segment(index, segments[done:], segment, aim)
         yield from self._measure(index, None)
         return bool(segments)
@@ -148,8 +149,9 @@ class ClosedLoopRunner(Runner):
             self._lost()
             yield from self._all_stiff()
         except EndError as error:
-            if error.code is not Code.MODEL_FAILURE:
+            if error.code not in (Code.MODEL_FAILURE, Code.OBSTRUCTED):
                 raise
+            yield from self._wind_down()
             yield from self._all_stiff()
             self.warning += f'; it cannot be corrected: {error}'
         else:
