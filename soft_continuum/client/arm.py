@@ -272,8 +272,18 @@ class Arm:
 
     def start(self, *shapes: 'ShapeLike', hold: float = 0.0, aim: str = AIMS[0]
               ) -> 'RunningSequence':
-        """Send a sequence as ``run`` does; return as soon as it is accepted."""
-        sequence = self._do(self._requests.send(shapes, hold, aim))
+        """
+        Send a sequence as ``run`` does; return as soon as it is accepted.
+
+        Left by Ctrl-C while it is planned, it is canceled as soon as it is accepted.
+        """
+        sending = self._requests.start(self._requests.send(shapes, hold, aim))
+        try:
+            sequence = sending.result()
+        except BaseException:
+            if sending.exception() is None:  # which waits: else it would move with nobody there
+                self._end(sending.result())
+            raise
         self._sequences = [s for s in self._sequences if not s.done] + [sequence]
         return sequence
 
