@@ -20,7 +20,7 @@ from soft_continuum.sequencing.arm_port import ArmPort
 from soft_continuum.sequencing.loop_settings import ABORT, LoopSettings, PAUSE
 from soft_continuum.sequencing.planner import Move, Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.progress import Code, Outcome, Phase
-from soft_continuum.sequencing.runner import EndError, Plan, Runner, RunnerSettings
+from soft_continuum.sequencing.runner import EndError, LeaveError, Plan, Runner, RunnerSettings
 
 BETTER = 0.8  # of the last change: a correction that shrinks less does not help any more
 GROWS = 1e-3  # rad: nor is a change this small expected to shrink
@@ -149,7 +149,7 @@ class ClosedLoopRunner(Runner):
             self._lost()
             yield from self._all_stiff()
         except EndError as error:
-            if error.code not in (Code.MODEL_FAILURE, Code.OBSTRUCTED):
+            if not (error.code is Code.MODEL_FAILURE or isinstance(error, LeaveError)):
                 raise
             yield from self._wind_down()
             yield from self._all_stiff()

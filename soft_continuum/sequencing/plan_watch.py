@@ -69,7 +69,7 @@ class PlanWatch:
         if move == len(self._clear):  # all is done but to rest there
             move, first = move - 1, len(self._clear[-1]) - 1
         else:
-            first = self._nearest(move, state)[0]
+            first = 0 if state is None else int(self._away(move, state).argmin())
         left = [(clear.distance - self._least[number], number, i, clear)
                 for number in range(move, len(self._clear))
                 for i, (_, clear) in enumerate(self._clear[number])
@@ -88,26 +88,27 @@ class PlanWatch:
         Return how far the arm is from the plan, if that is too far; else nothing.
 
         It may always be the margin away; and more, up to ``departure``, where that leaves the
-        margin to every obstacle.
+        margin to every obstacle.  After the last move, when segments may be set again, only
+        obstacles limit how far.
         """
-        if move >= len(self._points):
+        if state is None:
             return ''
-        i, away = self._nearest(move, state)
+        done = move == len(self._points)
+        move, most = (move - 1, inf) if done else (move, self._departure)
+        far = self._away(move, state)
+        i = len(far) - 1 if done else int(far.argmin())
+        away = float(far[i])
         clear = self._clear[move][i][0].distance if self._clear else inf
-        allowed = max(self._margin, min(self._departure, clear - self._margin))
+        allowed = max(self._margin, min(most, clear - self._margin))
         if away <= allowed:
             return ''
         return (f'the arm is {_millimetres(away)} from where it was planned to be; allowed: '
                 f'{_millimetres(allowed)}')
 
-    def _nearest(self, move: int, state: Any) -> tuple[int, float]:
-        """Return the number of the state of a move that the arm is nearest to, and how near, m."""
-        if state is None:
-            return 0, 0.0
-        away: Array = np.linalg.norm(
-            self._points[move] - state.backbone, axis=2).max(axis=1)
-        i = int(away.argmin())
-        return i, float(away[i])
+    def _away(self, move: int, state: Any) -> Array:
+        """Return how far the arm is from each state of a move, m."""
+        away: Array = np.linalg.norm(self._points[move] - state.backbone, axis=2).max(axis=1)
+        return away
 
 
 def _millimetres(length: float) -> str:

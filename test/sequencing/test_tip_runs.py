@@ -129,6 +129,16 @@ def test_the_arm_may_depart_from_its_plan_by_what_obstacles_leave():
     assert 'allowed: 20.0 mm' in watch().departed(0, leaning(0.4))
 
 
+def test_after_its_last_move_the_arm_may_be_as_far_from_its_plan_as_obstacles_leave():
+    end, moves = plan().state, len(plan().moves)
+    x, _, z = end.backbone[-1]
+    straight = chain_of(end.chain.arm).straight()
+    assert watch().departed(moves, straight) == ''
+    near = watch(ball(x, z - 0.05))
+    assert near.departed(moves, end) == ''
+    assert 'from where it was planned to be' in near.departed(moves, straight)
+
+
 def test_what_fits_between_two_states_of_the_plan_is_in_the_way():
     one, other = max(zip(plan().ways[0], plan().ways[0][1:], strict=False), key=lambda pair:
                      np.linalg.norm(pair[0].backbone[-1] - pair[1].backbone[-1]))
