@@ -339,7 +339,7 @@ class Arm:
         Straighten the arm from whatever shape it was left in; return how straight it is.
 
         As a sequence, if the model finds a plan; else with all segments soft at once: the arm may
-        swing then.  Raises as ``run``, ``soften`` and ``jog``.
+        swing then, so that is refused where an obstacle is known.  Raises as ``run``, ``soften`` and ``jog``.
         """
         from soft_continuum.client.home import home
         return home(self)
@@ -365,7 +365,8 @@ class Arm:
         Take what every camera, and disc_sensors, sees as the straight arm; all must succeed.
 
         Return the answer of each node, by its name, with the lines that keep it over a restart.
-        Raises RefusedError with the reason of the one that refuses, NoAnswerError without any.
+        Raises RefusedError with the reason of the one that refuses, NodesMissingError without
+        any.
         """
         from soft_continuum.client.tare import tare
         return self._do(tare(self._requests))
