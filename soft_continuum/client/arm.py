@@ -339,7 +339,8 @@ class Arm:
         Straighten the arm from whatever shape it was left in; return how straight it is.
 
         As a sequence, if the model finds a plan; else with all segments soft at once: the arm may
-        swing then, so that is refused where an obstacle is known.  Raises as ``run``, ``soften`` and ``jog``.
+        swing then, so that is refused where an obstacle is known.  Raises as ``run``, ``soften``
+        and ``jog``.
         """
         from soft_continuum.client.home import home
         return home(self)
