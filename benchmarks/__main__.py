@@ -11,7 +11,7 @@ from benchmarks.timing import progress
 
 NAMES = ('startup', 'solve', 'batch', 'joints', 'accuracy', 'nodes', 'loops', 'camera', 'twin',
          'estimate', 'loop', 'servo', 'faults', 'spatial_faults', 'spatial_imus', 'spatial',
-         'spatial_camera', 'spatial_loop', 'tdcr', 'ftdcr', 'plan')
+         'spatial_camera', 'spatial_loop', 'tdcr', 'ftdcr', 'plan', 'study')
 
 
 def main() -> None:

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 import json
 from math import isfinite
+import os
 from pathlib import Path
 import sys
 from typing import Any
@@ -69,6 +70,9 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
         if options.picture.suffix not in SUFFIXES:
             parser.error(f'-o {options.picture}: allowed: names that end in '
                          f'{", ".join(SUFFIXES)}')
+        if not os.access(options.picture.parent, os.W_OK):
+            parser.error(f'-o {options.picture}: the directory does not exist, or nothing may be '
+                         'written there')
         if options.picture.exists() and not options.force:
             raise ResultError(f'{options.picture} exists; add --force to overwrite it')
     values, arm = any_described_arm(options)

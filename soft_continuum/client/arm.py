@@ -272,8 +272,18 @@ class Arm:
 
     def start(self, *shapes: 'ShapeLike', hold: float = 0.0, aim: str = AIMS[0]
               ) -> 'RunningSequence':
-        """Send a sequence as ``run`` does; return as soon as it is accepted."""
-        sequence = self._do(self._requests.send(shapes, hold, aim))
+        """
+        Send a sequence as ``run`` does; return as soon as it is accepted.
+
+        Left by Ctrl-C while it is planned, it is canceled as soon as it is accepted.
+        """
+        sending = self._requests.start(self._requests.send(shapes, hold, aim))
+        try:
+            sequence = sending.result()
+        except BaseException:
+            if sending.exception() is None:  # which waits: else it would move with nobody there
+                self._end(sending.result())
+            raise
         self._sequences = [s for s in self._sequences if not s.done] + [sequence]
         return sequence
 
@@ -329,7 +339,8 @@ class Arm:
         Straighten the arm from whatever shape it was left in; return how straight it is.
 
         As a sequence, if the model finds a plan; else with all segments soft at once: the arm may
-        swing then.  Raises as ``run``, ``soften`` and ``jog``.
+        swing then, so that is refused where an obstacle is known.  Raises as ``run``, ``soften``
+        and ``jog``.
         """
         from soft_continuum.client.home import home
         return home(self)
@@ -355,7 +366,8 @@ class Arm:
         Take what every camera, and disc_sensors, sees as the straight arm; all must succeed.
 
         Return the answer of each node, by its name, with the lines that keep it over a restart.
-        Raises RefusedError with the reason of the one that refuses, NoAnswerError without any.
+        Raises RefusedError with the reason of the one that refuses, NodesMissingError without
+        any.
         """
         from soft_continuum.client.tare import tare
         return self._do(tare(self._requests))

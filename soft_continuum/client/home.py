@@ -2,10 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The way back to the straight arm, from whatever shape it was left in."""
 
+from contextlib import suppress
 from math import degrees, inf
 from typing import TYPE_CHECKING
 
-from soft_continuum.client.errors import NoAnswerError, RefusedError, SequenceError
+from soft_continuum.client.errors import (
+    ClientError,
+    NoAnswerError,
+    RefusedError,
+    SequenceError,
+)
+from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.sequencing.progress import Code
 
 if TYPE_CHECKING:
@@ -25,7 +32,9 @@ def home(arm: 'Arm') -> str:
     By the sequence that sets all angles to 0.  Where that is refused, or the model finds no way,
     without a plan: the last segment is softened, tendons that are pulled in are paid out, so that
     they bend nothing any more, the other segments are softened, the tendons are moved to where
-    the straight arm has them, and the segments are stiffened.  Raises as Arm.run, Arm.soften and
+    the straight arm has them, and the segments are stiffened.  That looks at no obstacle, so it is
+    refused where shape_sequencer knows one.  Left by an error or Ctrl-C, the tendons rest and the
+    segments are stiffened; a stop leaves them as they are.  Raises as Arm.run, Arm.soften and
     Arm.jog.
     """
     state = arm.state
@@ -35,7 +44,12 @@ def home(arm: 'Arm') -> str:
         raise RefusedError('a sequence is running; cancel or stop it first')
     refused = _by_sequence(arm, state)
     if refused:
-        _without_a_plan(arm, state)
+        _check_free(arm, state, refused)
+        try:
+            _without_a_plan(arm, state)
+        except BaseException:
+            _leave_stiff(arm)
+            raise
     _settles(arm, lambda now: not _bent(now))
     bent = _bent(arm.state)
     done = f'went home without a plan, because {refused}; ' if refused else ''
@@ -47,7 +61,7 @@ def home(arm: 'Arm') -> str:
 
 def _by_sequence(arm: 'Arm', state: 'ArmState') -> str:
     """Return why no sequence straightens the arm, empty when one did."""
-    if all(node.name != 'shape_sequencer' or not node.running for node in state.nodes):
+    if not _has_sequencer(state):
         return 'no shape_sequencer runs'
     try:
         arm.run([0.0] * len(arm.description.segments))
@@ -58,6 +72,27 @@ def _by_sequence(arm: 'Arm', state: 'ArmState') -> str:
             raise
         return str(error)
     return ''
+
+
+def _check_free(arm: 'Arm', state: 'ArmState', refused: str) -> None:
+    """Raise RefusedError where there are obstacles: they are looked at in plans only."""
+    if not _has_sequencer(state):
+        return
+    if names := ', '.join(one.name for one in arm.obstacles.known):
+        raise RefusedError(f'{refused}; without a plan the arm could touch obstacles ({names}): '
+                           'move them away, then remove them by `soft_continuum obstacles '
+                           '--clear`')
+
+
+def _has_sequencer(state: 'ArmState') -> bool:
+    return any(node.name == SHAPE_SEQUENCER and node.running for node in state.nodes)
+
+
+def _leave_stiff(arm: 'Arm') -> None:
+    """Stiffen what was softened, unless motion is stopped."""
+    with suppress(ClientError):
+        if arm.state.stiff and not arm.state.stopped:
+            arm.stiffen()
 
 
 def _without_a_plan(arm: 'Arm', state: 'ArmState') -> None:

@@ -13,6 +13,7 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
 from soft_continuum.client.tasks import until
 from soft_continuum.estimation.dimensions import Dimensions, PLANE
+from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.mechanics.chain import Array, full_poses
 from soft_continuum.mechanics.spatial.orientations import matrices
 from soft_continuum.ros.conversions import (
@@ -116,8 +117,8 @@ def mean_of(samples: list[Sample], dimensions: Dimensions) -> MeasuredDisc:
     known = variances < MAX_VARIANCE
     turned = known[:, dimensions.shifts:].all(axis=1)
     first, _ = samples[int(turned.argmax())]  # one of which the orientation is measured, if any is
-    away = np.array([dimensions.apart(pose, first, which)
-                     for (pose, _), which in zip(samples, known, strict=True)])
+    away = np.array([dimensions.apart(pose, first, DiscMeasurement(0, pose, covariance).about)
+                     for pose, covariance in samples])
     mean, deviation = np.full(dimensions.pose, nan), np.full(dimensions.pose, inf)
     for i in np.flatnonzero(known.sum(axis=0) >= MIN_SAMPLES):
         values, weights = away[known[:, i], i], 1.0 / variances[known[:, i], i]

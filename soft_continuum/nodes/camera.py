@@ -86,6 +86,9 @@ class Camera(Node):
         self._layout = layout_of(self.parameters)
         self._draw = overlay
         self._in_space = isinstance(self._layout, RingLayout)
+        if self._in_space and any(self.parameters['tags.mounts']):
+            raise ParameterError('parameter tags.mounts is of planar arms; of a spatial one keep '
+                                 'tags.straight, which a tare answers: tare again')
         self._rings = from_numbers(self.parameters['tags.straight']) if self._in_space else {}
         self._camera: AnyCamera | None = None
         if path := self.parameters['camera.calibration']:

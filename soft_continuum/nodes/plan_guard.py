@@ -25,11 +25,11 @@ class PlanGuard:
         self._look: Future[None] | None = None
         self.close = self._thread.shutdown
 
-    def problems(self, plan: ShapePlan | None, move: int, state: Any) -> tuple[str, str]:
+    def problems(self, plan: ShapePlan | None, move: int, state: Any) -> tuple[str, str, bool]:
         """
-        Return which obstacle is in the way of the rest of a plan, and how far the arm is from it.
+        Return what an Observation has of a plan: obstructed, departed, and unseen.
 
-        Empty for none, and for near enough.  move: (0-based) that is made or comes next.  state:
+         move: (0-based) that is made or comes next.  state:
         of the arm, None where it is not known.  Where angles are set and no obstacle is known,
         the arm may be anywhere.
         """
@@ -40,11 +40,12 @@ class PlanGuard:
                                         self._parameters['reach.departure'])
         watch, around = self._watch, self._surroundings()
         if watch is None:
-            return '', ''
+            return '', '', False
         if self._look is not None and self._look.done():
-            self._look.result()
-            self._look = None
+            look, self._look = self._look, None
+            look.result()  # what it raises ends the run; it is not raised again while that is left
         if around is not self._seen and self._look is None:
             self._seen, self._look = around, self._thread.submit(watch.look, around)
         planned = bool(plan and plan.shape.tips) or bool(around.obstacles)
-        return watch.obstructed(move, state), watch.departed(move, state) if planned else ''
+        return (watch.obstructed(move, state), watch.departed(move, state) if planned else '',
+                not watch.looked)

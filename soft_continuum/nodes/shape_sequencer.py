@@ -308,11 +308,11 @@ class ShapeSequencer(Node):
             runner.cancel(Code.CANCELED, 'canceled by the client')
         if isinstance(runner, ClosedLoopRunner):
             runner.loop_settings = loop_from_parameters(self.parameters)
-        obstructed, departed = self._guard.problems(
+        obstructed, departed, unseen = self._guard.problems(
             runner.plan, runner.move, self._observed.shape)
         runner.tick(STEADY(), replace(self._observed.observation(
             self._commander.motion_failure, self._commander.switch_failure),
-            obstructed=obstructed, departed=departed))
+            obstructed=obstructed, departed=departed, unseen=unseen))
         progress, outcome, self._warning = runner.progress, runner.outcome, runner.warning
         shape = self._shapes[progress.shape_index]
         aim = RunShapeSequence.Goal.TIP if shape.tips else self._handle.request.aim

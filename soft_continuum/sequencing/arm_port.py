@@ -29,7 +29,8 @@ class Observation:
     motion was stopped, ever.  measured: when the arm was last measured, on the clock of the ticks;
     None for never.  anomaly: what the measurements say is wrong with the arm.  obstructed: which
     obstacle is now in the way of the plan that is followed.  departed: how far the arm is from
-    that plan, once it is too far.
+    that plan, once it is too far.  unseen: whether that plan has not been compared yet with the
+    obstacles that there are since it was made.
     """
 
     pulls: tuple[float, ...]
@@ -44,6 +45,7 @@ class Observation:
     anomaly: str = ''
     obstructed: str = ''
     departed: str = ''
+    unseen: bool = False
 
 
 class ArmPort(Protocol):

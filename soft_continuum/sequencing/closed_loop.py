@@ -20,7 +20,7 @@ from soft_continuum.sequencing.arm_port import ArmPort
 from soft_continuum.sequencing.loop_settings import ABORT, LoopSettings, PAUSE
 from soft_continuum.sequencing.planner import Move, Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.progress import Code, Outcome, Phase
-from soft_continuum.sequencing.runner import EndError, Plan, Runner, RunnerSettings
+from soft_continuum.sequencing.runner import EndError, LeaveError, Plan, Runner, RunnerSettings
 
 BETTER = 0.8  # of the last change: a correction that shrinks less does not help any more
 GROWS = 1e-3  # rad: nor is a change this small expected to shrink
@@ -113,6 +113,7 @@ class ClosedLoopRunner(Runner):
         segments = yield from self._planned(self._loop.again(
             every if self._settings.jamming else (WHOLE_ARM,), aim, release_limit))
         for done, segment in enumerate(segments):
+            self._check_plan()
             yield from self._set_segment(index, segments[done:], segment, aim)
         yield from self._measure(index, None)
         return bool(segments)
@@ -148,8 +149,9 @@ class ClosedLoopRunner(Runner):
             self._lost()
             yield from self._all_stiff()
         except EndError as error:
-            if error.code is not Code.MODEL_FAILURE:
+            if not (error.code is Code.MODEL_FAILURE or isinstance(error, LeaveError)):
                 raise
+            yield from self._wind_down()
             yield from self._all_stiff()
             self.warning += f'; it cannot be corrected: {error}'
         else:

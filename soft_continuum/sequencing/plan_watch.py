@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether the rest of a plan may still be followed: it has to be clear, and the arm on it."""
 
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from math import inf
 from typing import Any
 
@@ -10,6 +12,9 @@ import numpy as np
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.obstacles.surroundings import Clearance, Surroundings
 from soft_continuum.sequencing.planner import ShapePlan
+from soft_continuum.sequencing.reach.passage import between, body_radius
+
+ROUNDING = 1e-9  # m
 
 
 class PlanWatch:
@@ -23,16 +28,35 @@ class PlanWatch:
         """
         Watch ``plan``.
 
-        margin: m that every state has to stay away from obstacles.  departure: m by which the arm
-        may be away from the plan where nothing is near.
+        margin: m that the arm has to stay away from obstacles; a move that begins nearer to one
+        may be as near as it was planned.  departure: m by which the arm may be away from the plan
+        where nothing is near.
         """
         self._plan, self._margin, self._departure = plan, margin, departure
+        self._least = [min(margin, near) - ROUNDING for near in plan.clearances] or (
+            [margin] * len(plan.ways))
+        self._radius = body_radius(plan.state.chain)
         self._points = [np.array([state.backbone for state in way]) for way in plan.ways]
-        self._clear: list[list[Clearance]] = []  # of every state; before ``look`` of none
+        # Of every state, and from it to the next one; before ``look`` of none.
+        self._clear: list[list[tuple[Clearance, Clearance]]] = []
+
+    @property
+    def looked(self) -> bool:
+        """Whether any obstacles were looked at yet."""
+        return bool(self._clear)
 
     def look(self, surroundings: Surroundings) -> None:
-        """Find out how far the states are from obstacles."""
-        self._clear = [surroundings.clearances(way) for way in self._plan.ways]
+        """Find out how far the states, and what is between them, are from obstacles."""
+        self._clear = [list(zip(clear, self._onward(way, clear), strict=True)) for way, clear in (
+            (way, surroundings.clearances(way)) for way in self._plan.ways)]
+
+    def _onward(self, way: Sequence[Any], clear: Sequence[Clearance]) -> Iterator[Clearance]:
+        """Yield how near obstacles are between each state and the next, and at the last one."""
+        for (one, near), (other, there) in pairwise(zip(way, clear, strict=True)):
+            nearest = min(near, there, key=lambda found: found.distance)
+            yield Clearance(between(one, near.distance, other, there.distance, self._radius)[0],
+                            nearest.obstacle)
+        yield clear[-1]
 
     def obstructed(self, move: int, state: Any) -> str:
         """
@@ -45,12 +69,13 @@ class PlanWatch:
         if move == len(self._clear):  # all is done but to rest there
             move, first = move - 1, len(self._clear[-1]) - 1
         else:
-            first = self._nearest(move, state)[0]
-        left = [(number, i, clear) for number in range(move, len(self._clear))
-                for i, clear in enumerate(self._clear[number])
+            first = 0 if state is None else int(self._away(move, state).argmin())
+        left = [(clear.distance - self._least[number], number, i, clear)
+                for number in range(move, len(self._clear))
+                for i, (_, clear) in enumerate(self._clear[number])
                 if number > move or i >= first]
-        number, i, worst = min(left, key=lambda one: one[2].distance)
-        if worst.distance >= self._margin:
+        short, number, i, worst = min(left, key=lambda one: one[0])
+        if short >= 0.0:
             return ''
         tip = 1e3 * self._points[number][i][-1]
         return (f'{worst.obstacle} is {_millimetres(worst.distance)} from the rest of the motion, '
@@ -63,26 +88,27 @@ class PlanWatch:
         Return how far the arm is from the plan, if that is too far; else nothing.
 
         It may always be the margin away; and more, up to ``departure``, where that leaves the
-        margin to every obstacle.
+        margin to every obstacle.  After the last move, when segments may be set again, only
+        obstacles limit how far.
         """
-        if move >= len(self._points):
+        if state is None:
             return ''
-        i, away = self._nearest(move, state)
-        clear = self._clear[move][i].distance if self._clear else inf
-        allowed = max(self._margin, min(self._departure, clear - self._margin))
+        done = move == len(self._points)
+        move, most = (move - 1, inf) if done else (move, self._departure)
+        far = self._away(move, state)
+        i = len(far) - 1 if done else int(far.argmin())
+        away = float(far[i])
+        clear = self._clear[move][i][0].distance if self._clear else inf
+        allowed = max(self._margin, min(most, clear - self._margin))
         if away <= allowed:
             return ''
         return (f'the arm is {_millimetres(away)} from where it was planned to be; allowed: '
                 f'{_millimetres(allowed)}')
 
-    def _nearest(self, move: int, state: Any) -> tuple[int, float]:
-        """Return the number of the state of a move that the arm is nearest to, and how near, m."""
-        if state is None:
-            return 0, 0.0
-        away: Array = np.linalg.norm(
-            self._points[move] - state.backbone, axis=2).max(axis=1)
-        i = int(away.argmin())
-        return i, float(away[i])
+    def _away(self, move: int, state: Any) -> Array:
+        """Return how far the arm is from each state of a move, m."""
+        away: Array = np.linalg.norm(self._points[move] - state.backbone, axis=2).max(axis=1)
+        return away
 
 
 def _millimetres(length: float) -> str:

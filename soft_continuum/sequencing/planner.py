@@ -135,13 +135,15 @@ class ShapePlan:
     The moves that set one shape, and the state of the model after them.
 
     ways: of each move the states on its way, from soft to stiffened; empty where nobody needs
-    them.
+    them.  clearances: of each move the smallest distance to obstacles that it was planned with,
+    m; empty without obstacles.
     """
 
     shape: Shape
     moves: tuple[Move, ...]
     state: Any
     ways: tuple[tuple[Any, ...], ...] = ()
+    clearances: tuple[float, ...] = ()
 
 
 class ShapePlanner(ABC):

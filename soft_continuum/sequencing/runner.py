@@ -61,7 +61,7 @@ class EndError(Exception):
         self.code = code
 
 
-class _LeaveError(EndError):
+class LeaveError(EndError):
     """The plan must not be followed any further; ends the run unless there is another one."""
 
 
@@ -164,7 +164,7 @@ class Runner:
         for left in reversed(range(self._settings.max_replans + 1)):
             try:
                 yield from self._set(index, shape)
-            except _LeaveError as reason:
+            except LeaveError as reason:
                 self.plan = None
                 if not left:
                     raise EndError(reason.code, f'{reason}; it was planned again '
@@ -180,6 +180,11 @@ class Runner:
         """Plan a shape, from an arm of which every segment is stiff."""
         self.plan, self.move = None, 0
         plan = self.plan = (yield from self._planned(self._plan([shape])))[0]
+        if plan.ways:
+            yield  # what is observed from now on is of this plan
+        while self._observed.unseen:  # an obstacle may have come while it was made
+            self._check_stiff(None)
+            yield
         return plan
 
     def _set(self, index: int, shape: Shape) -> Iterator[None]:
@@ -337,10 +342,10 @@ class Runner:
     def _check_plan(self) -> None:
         """Leave the plan when an obstacle is in its way or the arm is too far from it."""
         if obstructed := self._observed.obstructed:
-            error = EndError if self._settings.on_obstacle == ABORT else _LeaveError
+            error = EndError if self._settings.on_obstacle == ABORT else LeaveError
             raise error(Code.OBSTRUCTED, obstructed)
         if departed := self._observed.departed:
-            raise _LeaveError(Code.HARDWARE_FAULT, departed)
+            raise LeaveError(Code.HARDWARE_FAULT, departed)
 
     def _check_stiff(self, soft: int | None) -> None:
         """Every segment but the one being set must stay stiff."""

@@ -85,7 +85,12 @@ def _by_tip(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Sh
     return replace(found, plan=ShapePlan(
         replace(shape, bending_angles=tuple(end.bending_angles.tolist()),
                 bending_directions=tuple(end.bending_directions.tolist())),
-        found.plan.moves, end, tuple(step.states for step in found.steps)))
+        found.plan.moves, end, *_watched(found.steps)))
+
+
+def _watched(steps: Sequence[PlannedStep]) -> tuple[tuple[Any, ...], tuple[float, ...]]:
+    """Return the ways of a plan, and how near to obstacles they were planned."""
+    return (tuple(step.states for step in steps), tuple(step.clearance for step in steps))
 
 
 def _from_base(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
@@ -130,6 +135,6 @@ def _in_some_order(planner: ShapePlanner, state: Any, pulls: Sequence[float], sh
             blocked_by += (error.obstacle,) if error.obstacle else ()
             continue
         return Reach(ShapePlan(shape, node.moves, node.state,
-                               tuple(step.states for step in node.steps)), '', node.steps)
+                               *_watched(node.steps)), '', node.steps)
     more = ', and no other order of the segments is free' if len(goals) > 1 else ''
     return Reach(None, f'{why}{more}', blocked_by=tuple(dict.fromkeys(blocked_by)))

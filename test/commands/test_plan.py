@@ -78,6 +78,7 @@ def test_a_plan_moves(plan, monkeypatch):
     (('0.15', '0.22', '--angle', '9', '--direction', '0,0,1'), 2, 'give --angle or --direction'),
     (('0.15', '0.22', '--from', '90,0,0'), 2, 'allowed: -1.047 to 1.047 rad'),
     (('0.15', '0.22', '-o', 'plan.doc'), 2, '.png, .svg, .pdf, .gif'),
+    (('0.15', '0.22', '-o', 'nowhere/plan.png'), 2, 'the directory does not exist'),
     (('-0.12', '0.33', '--obstacles', 'around.yaml'), 1, 'in post'),
     (('0.15', '0.22', '--obstacles', 'nothing.yaml'), 2, 'nothing.yaml: cannot be read'),
     (('--path', 'nothing.csv'), 2, 'nothing.csv: cannot be read'),

@@ -167,6 +167,12 @@ def test_a_folder_of_pictures_is_measured(rig: Rig, drawn: Any, picture: Any, tm
     wait_for(rig, heard, 'no more pictures')
 
 
+def test_the_mounts_of_a_planar_arm_are_refused_of_one_in_space(rig: Rig) -> None:
+    given = given_parameters(space_views.PATH, ALL_PARAMETERS, 'camera', UNCHECKED)
+    with pytest.raises(ParameterError, match='keep tags.straight'):
+        rig.start('camera', ready=False, **given, **{'tags.mounts': [0.001] * 12})
+
+
 def test_two_cameras_of_an_arm_in_space(rig: Rig) -> None:
     """Two of these nodes: each measures all six coordinates and has topics of its own name."""
     truth = space_views.discs((0.3, 0.2), (-0.2, 0.4), (0.1, -0.5))

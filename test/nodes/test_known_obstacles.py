@@ -133,7 +133,8 @@ def test_what_is_known_follows_the_topic(sequencer: Topics) -> None:
     assert sequencer.change(*removal(('pipe', 0))) == [
         *(name for name in of_file if name != 'pipe'), 'b', 'c']
     assert sequencer.change(Marker(action=Marker.DELETEALL)) == []
-    assert sequencer.rig.status_value('shape_sequencer', 'obstacles') == '0'
+    sequencer.rig.wait_for(
+        lambda: sequencer.rig.status_value('shape_sequencer', 'obstacles') == '0', 'none left')
 
 
 def test_an_ellipsoid_is_known_as_the_ball_around_it(sequencer: Topics) -> None:

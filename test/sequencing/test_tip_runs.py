@@ -129,6 +129,52 @@ def test_the_arm_may_depart_from_its_plan_by_what_obstacles_leave():
     assert 'allowed: 20.0 mm' in watch().departed(0, leaning(0.4))
 
 
+def test_after_its_last_move_the_arm_may_be_as_far_from_its_plan_as_obstacles_leave():
+    end, moves = plan().state, len(plan().moves)
+    x, _, z = end.backbone[-1]
+    straight = chain_of(end.chain.arm).straight()
+    assert watch().departed(moves, straight) == ''
+    near = watch(ball(x, z - 0.05))
+    assert near.departed(moves, end) == ''
+    assert 'from where it was planned to be' in near.departed(moves, straight)
+
+
+def test_what_fits_between_two_states_of_the_plan_is_in_the_way():
+    one, other = max(zip(plan().ways[0], plan().ways[0][1:], strict=False), key=lambda pair:
+                     np.linalg.norm(pair[0].backbone[-1] - pair[1].backbone[-1]))
+    coarse = replace(plan(), ways=((one, other), plan().ways[1]))
+    middle = plan().state.chain.state((one.joint_angles + other.joint_angles) / 2)
+    arm = plan().state.chain.arm
+    sideways = middle.rotations[-1, :, 2]
+
+    def at(distance):
+        x, _, z = middle.backbone[-1] + distance * sideways
+        return Surroundings(arm, [ball(x, z, 0.001)])
+
+    near = next(around for around in map(at, np.linspace(0.0, 0.05, 200))
+                if around.clearance(middle).distance > 0.5 * MARGIN)
+    assert near.clearance(middle).distance < MARGIN
+    watching = PlanWatch(coarse, MARGIN, DEPARTURE)
+    watching.look(near)
+    assert 'ball' in watching.obstructed(0, one)
+
+
+def test_an_arm_that_is_nearer_than_the_margin_may_go_away():
+    arm = plan().state.chain.arm
+    start = chain_of(arm).straight()
+    side = start.backbone[-1]
+    around = next(found for found in (Surroundings(arm, [ball(x, side[2])])
+                                      for x in np.arange(-0.03, -0.08, -2e-4))
+                  if found.clearance(start).distance > 0.4 * MARGIN)
+    assert around.clearance(start).distance < MARGIN
+    found, = plan_shapes(Planner(arm, plan_settings()), start, (0.0, 0.0), [tip_shape(PLACE)],
+                         around, SETTINGS, first=True)
+    watching = PlanWatch(plan_of(found, tip_shape(PLACE), around), MARGIN, DEPARTURE)
+    assert not watching.looked
+    watching.look(around)
+    assert watching.looked and watching.obstructed(0, start) == ''
+
+
 # Angles among obstacles.
 
 
@@ -204,3 +250,21 @@ def test_a_segment_that_slips_is_noticed_and_the_rest_is_planned_again():
     assert outcome.code is Code.SUCCESSFUL
     assert outcome.replans >= 1
     assert rig.miss < 4e-3  # 10 mm where it is not planned again
+
+
+def test_nothing_is_softened_before_a_plan_was_compared_with_the_obstacles_of_now():
+    rig = TipRig((tip_shape(PLACE),))
+    rig.runner = rig.run_of(rig.shapes)
+    ticks = []
+
+    def observe():
+        observation = rig.observe_really()
+        if rig.runner.plan is None or len(ticks) > 20:
+            return observation
+        assert not [command for command in rig.commands if command[1] != 'hold']
+        ticks.append(rig.now)
+        return replace(observation, unseen=len(ticks) <= 20)
+
+    rig.observe_really, rig.observe = rig.observe, observe
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
+    assert outcome.code is Code.SUCCESSFUL and len(ticks) == 21

@@ -29,7 +29,6 @@ from soft_continuum.mechanics.spatial._rotations import rotate
 
 LENGTH, TENSION = 0, 1
 CONVERGED, DIVERGED, SINGULAR, CYCLED, UNSTABLE = 0, 1, 2, 3, 4
-MAX_STEP = 0.7  # rad of a link in one step
 MAX_SETS = 30  # of taut tendons that are tried
 LENGTH_TOLERANCE = 1e-11  # m
 SET_TOLERANCE = 1e-4  # rad: near enough to see which tendons carry
@@ -67,11 +66,12 @@ def out_of_balance(tension, system, drive, work):  # type: ignore[no-untyped-def
 
 
 @borrowing
-def step(rotations, tension, system, drive, used, work):  # type: ignore[no-untyped-def]
+def step(rotations, tension, system, drive, used, limit, work):  # type: ignore[no-untyped-def]
     """
     Take one step; return whether there is one, its largest rotation, rad, and negative pivots.
 
-    used: what _assembly.assemble returns.  work.judged is left with the symmetric small system.
+    used: what _assembly.assemble returns.  limit: rad of a link.  work.judged is left with the
+    symmetric small system.
     """
     _, target, compliance, _, _ = drive
     chosen, forces, shift = used
@@ -113,7 +113,7 @@ def step(rotations, tension, system, drive, used, work):  # type: ignore[no-unty
         largest = max(largest, abs(columns[row, last]))
     if not largest < 1e6:  # nan too
         return False, largest, negatives
-    scale = min(1.0, MAX_STEP / max(largest, 1e-300))
+    scale = min(1.0, limit / max(largest, 1e-300))
     for k in range(len(rotations)):
         rotate(rotations[k], scale * columns[3 * k, last], scale * columns[3 * k + 1, last],
                scale * columns[3 * k + 2, last])
@@ -153,7 +153,7 @@ def just_taut(taut, drive, work):  # type: ignore[no-untyped-def]
 
 
 @borrowing
-def newton(rotations, tension, taut, system, drive, most, work):  # type: ignore[no-untyped-def]
+def newton(rotations, tension, taut, system, drive, most, limit, work):  # type: ignore[no-untyped-def]
     """
     Find the equilibrium near rotations (links, 3, 3).
 
@@ -161,6 +161,7 @@ def newton(rotations, tension, taut, system, drive, most, work):  # type: ignore
     minimum, under the lengths of the taut tendons, in the last step.  Also tension (tendons,) and
     taut (tendons,) are changed in place: tendons become slack that would push, and taut that would
     be too short; what joints hold beyond their yield moment is let go.  most: iterations.
+    limit: rad of a link in one step.
     """
     kind, target, _, _, _ = drive
     calm = least_stiffness(system.joints, 0)
@@ -184,7 +185,8 @@ def newton(rotations, tension, taut, system, drive, most, work):  # type: ignore
         done = near and residual <= calm and gap <= LENGTH_TOLERANCE and not judged_by_secant
         if not done:
             forces = used[1]
-            solved, largest, negatives = step(rotations, tension, system, drive, used, work)
+            solved, largest, negatives = step(
+                rotations, tension, system, drive, used, limit, work)
             if not solved:
                 return SINGULAR if largest == 0.0 else DIVERGED, iteration, residual, False
             near = largest <= SET_TOLERANCE and gap <= SET_TOLERANCE

@@ -27,6 +27,7 @@ from soft_continuum.mechanics.spatial._rotations import (
 )
 
 ITERATIONS = 40  # of Newton's method in one step
+MAX_STEP, DIRECT_STEP = 0.3, 0.7  # rad of a link in one iteration
 MAX_ITERATIONS = 4000  # on the way
 STEP = 0.003  # m of pull in one step at first
 LEAST_STEP = 1.0 / 4096.0  # of the way to the target
@@ -135,7 +136,7 @@ def may_be_another(rotations, tension):  # type: ignore[no-untyped-def]
 
 @borrowing
 def try_step(  # type: ignore[no-untyped-def]
-        part, rotations, tension, taut, system, drive, most, work):
+        part, rotations, tension, taut, system, drive, most, limit, work):
     """Solve for the targets at a part of the way, from the first state into the other."""
     kind, compliance, targets, bias, damping = drive
     take_over(rotations, tension, taut, 0, 1)
@@ -145,7 +146,7 @@ def try_step(  # type: ignore[no-untyped-def]
         for i in range(3):
             bias[1, k, i] = (1.0 - part) * bias[0, k, i]
     return newton(rotations[1], tension[1], taut[1], system,
-                  (kind, targets[2], compliance, bias[1], damping), most, work)
+                  (kind, targets[2], compliance, bias[1], damping), most, limit, work)
 
 
 @borrowing
@@ -156,7 +157,7 @@ def in_steps(  # type: ignore[no-untyped-def]
     while done < 1.0:
         part = min(1.0, done + step)
         status, used, residual, _ = try_step(
-            part, rotations, tension, taut, system, drive, ITERATIONS, work)
+            part, rotations, tension, taut, system, drive, ITERATIONS, MAX_STEP, work)
         total += used
         if status == CONVERGED:
             take_over(rotations, tension, taut, 1, 0)
@@ -186,7 +187,7 @@ def relax(rotations, tension, taut, system, drive, work):  # type: ignore[no-unt
     for step in range(OIL_STEPS):
         status, used, residual, downhill = try_step(
             1.0, rotations, tension, taut, system, (kind, compliance, targets, bias, damping), 1,
-            work)
+            MAX_STEP, work)
         total += used
         if not downhill:
             damping *= 4.0
@@ -200,7 +201,7 @@ def relax(rotations, tension, taut, system, drive, work):  # type: ignore[no-unt
                 kind[t] == LENGTH and work.paths[t] > targets[1, t])
         if step % OIL_TRIED == 0:
             status, used, residual, _ = try_step(
-                1.0, rotations, tension, taut, system, drive, OIL_ITERATIONS, work)
+                1.0, rotations, tension, taut, system, drive, OIL_ITERATIONS, MAX_STEP, work)
             total += used
             if status == CONVERGED:
                 take_over(rotations, tension, taut, 1, 0)
@@ -260,7 +261,8 @@ def follow(start, arm, links, room, drive, direct, held):  # type: ignore[no-unt
     done, total, residual, rests = 0.0, 0, 0.0, True
     if direct and way > STEP:
         status, total, residual, _ = try_step(
-            1.0, rotations, tension, taut, system, drive, DIRECT_ITERATIONS, work)
+            1.0, rotations, tension, taut, system, drive, DIRECT_ITERATIONS, DIRECT_STEP,
+            work)
         if status == CONVERGED and not may_be_another(rotations, tension):
             take_over(rotations, tension, taut, 1, 0)
             done = 1.0

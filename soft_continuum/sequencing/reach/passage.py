@@ -24,6 +24,8 @@ DETOUR = 1.2
 """A way between two neighbouring states over the straight distance: they differ by little."""
 SNAP = 0.02  # m between two states of a motion that were followed: farther, and it is no motion
 SHORT = 1e-3  # of the way between two pulls: no two states are nearer in time
+AWAY = 0.8
+"""Of the clearance at the start, where that is too small: what the first move keeps."""
 BEYOND = 2e-3  # rad by which a segment may be beyond its bending angle limit, as it gives way
 
 
@@ -71,6 +73,20 @@ def moved(one: State | Placed, other: State | Placed, radius: float) -> float:
     return float((ends + radius * turns).max())
 
 
+def body_radius(chain: Any) -> float:
+    """Return how far from the backbone the body of an arm reaches, m."""
+    # Bodies are longer than their radius at joints: a corner is sqrt(2) of it away.
+    return float(np.sqrt(2.0) * max(
+        chain.disc_radii.max(), max(s.outer_diameter for s in chain.arm.segments) / 2))
+
+
+def between(one: State | Placed, near_one: float, other: State | Placed, near_other: float,
+            radius: float) -> tuple[float, float]:
+    """Return how near obstacles are between two neighbouring states, how far points move, m."""
+    way = DETOUR * moved(one, other, radius)
+    return (near_one + near_other - way) / 2.0, way
+
+
 class Passages:
     """Moves of one arm among its surroundings."""
 
@@ -80,9 +96,7 @@ class Passages:
         self.planner, self.surroundings, self.settings = planner, surroundings, settings
         chain = planner.statics.chain
         arm = chain.arm
-        # Bodies are longer than their radius at joints: a corner is sqrt(2) of it away.
-        self.radius = float(np.sqrt(2.0) * max(
-            chain.disc_radii.max(), max(s.outer_diameter for s in arm.segments) / 2))
+        self.radius = body_radius(chain)
         self._limits = np.array([s.bending_angle_limit for s in arm.segments]) + BEYOND
         beyond = np.cumsum([s.length + d.height for s, d in zip(
             arm.segments[::-1], arm.discs[:0:-1], strict=True)])[::-1]
@@ -145,11 +159,13 @@ class Passages:
         soft = None if move.segment == WHOLE_ARM else move.segment
         state = self.planner.softened(node.state, node.pulls, move.segment)
         way = _Way(self, move, self.needed(node.locked, soft))
-        near = way.check(state)
         if not node.moves:  # from where the arm is nearer to something it may go away
+            near = self.surroundings.clearance(state)
             clear = min(node.near.distance, near.distance) - DETOUR * moved(
                 node.state, state, self.radius)
-            way.needed = min(way.needed, max(0.0, clear))
+            if clear < way.needed:
+                way.needed = AWAY * max(0.0, clear)
+        near = way.check(state)
         way.between(node.state, node.near, state, near)
         for before, pulls in zip(move.pulls, move.pulls[1:], strict=False):
             state, near = way.to(state, near, before, pulls)
@@ -197,9 +213,10 @@ class _Way:
 
     def between(self, one: Any, near_one: Distance, other: Any, near_other: Distance) -> float:
         """Note how near obstacles are between two states; return how far points move, m."""
-        way = DETOUR * moved(one, other, self.passages.radius)
+        distance, way = between(
+            one, near_one.distance, other, near_other.distance, self.passages.radius)
         nearest = min(near_one, near_other, key=lambda near: near.distance)
-        least = Clear((near_one.distance + near_other.distance - way) / 2.0, nearest.obstacle)
+        least = Clear(distance, nearest.obstacle)
         if least.distance < self.needed:
             raise _too_near(least, self.needed)
         if least.distance < self.least.distance:

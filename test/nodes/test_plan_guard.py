@@ -1,0 +1,45 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The guard of a plan tells once that it failed, and whether it has looked at a plan."""
+
+from pathlib import Path
+from threading import Event
+from types import SimpleNamespace
+
+import pytest
+
+from soft_continuum.mechanics.either import chain_of
+from soft_continuum.nodes.plan_guard import PlanGuard
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.sequencing.planner import Shape, ShapePlan
+
+ARM = load_arm(Path(__file__).parents[2] / 'config' / 'manipulator.yaml')
+STATE = chain_of(ARM).straight()
+PLAN = ShapePlan(Shape('straight', (0.0,) * 3), (), STATE, ((STATE,),))
+
+
+def guard(clearances):
+    around = SimpleNamespace(obstacles=('one',), clearances=clearances)
+    return PlanGuard({'obstacles.margin': 0.005, 'reach.departure': 0.02}, lambda: around)
+
+
+def test_a_look_that_fails_is_told_once_so_that_the_run_can_be_wound_down():
+    def fail(states):
+        raise MemoryError
+
+    watching = guard(fail)
+    watching.problems(PLAN, 0, STATE)
+    watching.close()  # waits for the look
+    with pytest.raises(MemoryError):
+        watching.problems(PLAN, 0, STATE)
+    assert watching.problems(PLAN, 0, STATE)[:2] == ('', '')
+
+
+def test_a_plan_is_unseen_until_its_states_were_looked_at():
+    go = Event()
+    watching = guard(lambda states: go.wait() and [SimpleNamespace(distance=1.0, obstacle='one')])
+    assert watching.problems(PLAN, 0, STATE) == ('', '', True)
+    go.set()
+    watching.close()
+    assert watching.problems(PLAN, 0, STATE) == ('', '', False)
+    assert watching.problems(None, 0, STATE) == ('', '', False)
