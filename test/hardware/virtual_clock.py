@@ -37,7 +37,7 @@ class VirtualClock(Clock):
         self._lock = threading.Lock()
         self._threads = {threading.current_thread()}
         self._waiters = {}
-        self._others = set(threading.enumerate()) - self._threads  # that have nothing to do with it
+        self._others = set(threading.enumerate()) - self._threads  # not concerned
         self._born = {}  # when threads were first seen that have not waited yet
 
     def __call__(self):
