@@ -41,7 +41,7 @@ def read_tip_path(path: Path, unit: str = 'm', tolerance: float = 0.0) -> list[T
             if abs(value) > MAX_POSITION:
                 raise MeasurementError(
                     f'{path}: {name} of point {number} is {value:g} m; allowed: up to '
-                    f'{MAX_POSITION:g} m' + ('; in mm? add --unit mm' if unit == 'm' else ''))
+                    f'{MAX_POSITION:g} m; in mm? use --unit mm, or {name} [mm] in the header')
     angles = (table.column('angle').numbers().tolist() if table.has('angle')
               else [None] * len(rows))
     for number, angle in enumerate(angles, start=1):

@@ -9,6 +9,7 @@ from pathlib import Path
 from matplotlib.image import imread
 import pytest
 
+from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.cli import plan_picture
 from soft_continuum.cli.plan import main
 from soft_continuum.cli.tip_path import read_tip_path
@@ -95,6 +96,9 @@ def test_a_path_is_read_with_units_of_its_header_or_of_the_option(tmp_path):
     first, last = read_tip_path(path, 'cm', 0.003)
     assert last.position == pytest.approx((0.14, 0.25))
     assert (first.angle, last.tolerance) == (pytest.approx(radians(90.0)), 0.003)
+    path.write_text('x,z\n150,220\n')
+    with pytest.raises(MeasurementError, match='x of point 1 is 150 m; allowed: up to 10 m'):
+        read_tip_path(path)
     path.write_text('x,y,z\n15,1,22\n')
     only, = read_tip_path(path, 'cm')
     assert only.place == pytest.approx((0.15, 0.01, 0.22)) and only.angle is None
