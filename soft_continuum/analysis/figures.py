@@ -89,9 +89,18 @@ def shapes_figure(path: str | Path, chain: RigidChain,
 
 
 def draw_in_space(axes: Any, state: SpatialEquilibrium) -> None:
-    """Draw backbone, discs and tendons of a spatial arm, in mm, into axes (an Axes3D)."""
+    """
+    Draw backbone, discs and tendons of a spatial arm, in mm, into axes (an Axes3D).
+
+    Segments that are soft while others are stiff are in colour.
+    """
     backbone = np.vstack([np.zeros(3), state.backbone]) * 1e3
     axes.plot(*backbone.T, color='0.55', linewidth=4, label='rigid chain')
+    count = state.chain.joints_per_segment
+    for s, stiff in enumerate(state.stiff):
+        if not stiff and any(state.stiff):
+            soft = backbone[1 + s * count:1 + (s + 1) * count]  # from its lower disc to the upper
+            axes.plot(*soft.T, color=SOFT, linewidth=4)
     for tendon, guides in enumerate(state.tendon_points):
         axes.plot(*(guides * 1e3).T, color='0.1', linewidth=0.8,
                   label='' if tendon else 'tendons')

@@ -161,8 +161,8 @@ class Arm:
         """
         Draw the present shape, in mm, into ``axes`` or a new figure; return the axes.
 
-        Soft segments of a planar arm are in colour; the obstacles that shape_sequencer knows are
-        seen along y.  A spatial arm needs axes that were made with ``projection='3d'``.
+        Soft segments are in colour; the obstacles that shape_sequencer knows are seen along y.  A
+        spatial arm needs axes that were made with ``projection='3d'``.
 
         Raises ClientError while the shape is unknown, and for axes of the wrong kind.
         """
