@@ -169,7 +169,7 @@ def test_an_arm_that_is_nearer_than_the_margin_may_go_away():
     assert around.clearance(start).distance < MARGIN
     found, = plan_shapes(Planner(arm, plan_settings()), start, (0.0, 0.0), [tip_shape(PLACE)],
                          around, SETTINGS, first=True)
-    watching = PlanWatch(plan_of(found, tip_shape(PLACE), around), MARGIN, DEPARTURE)
+    watching = PlanWatch(plan_of(found, tip_shape(PLACE)), MARGIN, DEPARTURE)
     assert not watching.looked
     watching.look(around)
     assert watching.looked and watching.obstructed(0, start) == ''
