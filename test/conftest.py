@@ -21,9 +21,9 @@ SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation
 """Tests below these start nodes, devices, programs or other solvers, or run whole analyses."""
 
 
-@pytest.fixture(scope='session', autouse=True)
+@pytest.fixture(scope='module', autouse=True)
 def _no_saved_shapes(tmp_path_factory):
-    """Keep what the user has saved out of the tests, and theirs out of the file of the user."""
+    """Give each module a file of saved shapes of its own, and leave that of the user alone."""
     os.environ['XDG_CONFIG_HOME'] = str(tmp_path_factory.mktemp('config'))
 
 

@@ -82,6 +82,7 @@ def test_nine_tendons_of_an_arm_in_space_move_the_twin_through_three_boards(
     rig.wait_for(lambda: 'Ctrl-C ends it' in twin.output, 'the twin')
     discs = rig.record(PoseArray, 'twin/disc_poses', STREAM)
     tendons = rig.record(JointState, 'twin/tendon_states', STREAM)
+    cells = rig.record(JointState, 'load_cells', STREAM)
     given = {name.replace('.', '__'): value for name, value in (
         given_parameters(file, ALL_PARAMETERS, prefixes=UNCHECKED) | driving_parameters(
             ' '.join(board_links(tmp_path / 'grbl', 9)), '', 9) | load_cell_parameters(9)).items()}
@@ -90,6 +91,7 @@ def test_nine_tendons_of_an_arm_in_space_move_the_twin_through_three_boards(
     publisher = rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory')
     rig.wait_for(lambda: len(rig.segment_poses), 'poses')
     assert rig.trigger('tendon_actuation/reference').success
+    rig.wait_for_more(cells, 20)  # without them it refuses to move
     names = given['arm__tendon_names']
     pulls = dict(zip(names, [0.0] * 6 + [0.004, -0.002, -0.002], strict=True))
     publisher.publish(trajectory([(1.0, list(pulls.values()))], names))
