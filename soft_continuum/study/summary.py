@@ -113,7 +113,8 @@ def text_row(one: Summary) -> list[str]:
             f'{100 * one.held:.1f}', f'{100 * one.falls:.1f}',
             f'{unit[0] * one.reach:.0f} {unit[1]}', f'{100 * one.dexterity:.1f}',
             f'{one.tension:.1f}', f'{one.worst_tension:.1f}', f'{one.softenings:.2f}',
-            f'{100 * one.success:.0f}', f'{one.plan_softenings:.2f}']
+            *('-' if np.isnan(value) else f'{value:.{digits}f}' for value, digits in (
+                (100.0 * one.success, 0), (one.plan_softenings, 2)))]
 
 
 def columns(found: Sequence[Summary]) -> dict[str, list[Any]]:
