@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text and files: what others wrote, within bounds, and what is written whole or not at all."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from errno import EFBIG, EINVAL
 import os
 from pathlib import Path
@@ -50,11 +52,18 @@ def read_bytes(path: str | Path, most: int) -> bytes:
     return data
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text to a file, whole or not at all; raises OSError."""
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Yield a path to write to, which becomes ``path`` at the end, whole or not at all."""
     partial = path.with_name(f'.{path.name}.{os.getpid()}')
     try:
-        partial.write_text(text, encoding='utf-8')
+        yield partial
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text to a file, whole or not at all; raises OSError."""
+    with written_whole(path) as partial:
+        partial.write_text(text, encoding='utf-8')

@@ -42,16 +42,21 @@ def reserve_outputs(directory: str | Path, names: Sequence[str], force: bool) ->
     return paths
 
 
-def progress(items: Sequence[T], what: str) -> Iterator[T]:
-    """Yield the items; show how far that is: by a bar, or now and then by a line in a pipe."""
+def progress(items: Iterable[T], what: str, count: int | None = None) -> Iterator[T]:
+    """
+    Yield the items; show how far that is: by a bar, or now and then by a line in a pipe.
+
+    count: how many there are, of items that cannot tell.
+    """
+    total = count if count is not None else len(items)  # type: ignore[arg-type]
     if sys.stderr.isatty():
-        yield from tqdm(items, what, leave=False)
+        yield from tqdm(items, what, total, leave=False)
         return
     shown = monotonic()
     for number, item in enumerate(items):
         if monotonic() - shown >= PROGRESS_PERIOD:
             shown = monotonic()
-            print(f'{what}: {number} of {len(items)}', file=sys.stderr, flush=True)
+            print(f'{what}: {number} of {total}', file=sys.stderr, flush=True)
         yield item
 
 

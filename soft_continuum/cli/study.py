@@ -3,7 +3,7 @@
 """``study``: how well arms that differ in their descriptions reach and hold."""
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 import csv
 from itertools import islice
 from pathlib import Path
@@ -12,9 +12,8 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
-from soft_continuum.analysis.results import PROGRESS_PERIOD, text_table
+from soft_continuum.analysis.results import progress, text_table
 from soft_continuum.arguments import FAILED, Parser, whole_number_in
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, DeclinedError, one_of
@@ -71,19 +70,19 @@ def _compute(client: Any, results: Results, todo: Sequence[Unit], yes: bool) -> 
     first = [todo[k] for k in sorted({round(k) for k in np.linspace(
         0, len(todo) - 1, min(len(todo), 4 * workers))})]
     rest = [unit for unit in todo if unit not in set(first)]
-    took: dict[str, list[float]] = {}
+    timed: dict[str, list[float]] = {}
     for unit, seconds in run(client, results, first):
-        took.setdefault(unit.kind, []).append(seconds)
+        timed.setdefault(unit.kind, []).append(seconds)
     if rest:
         # The median, because the first unit of a process includes what it imports.
-        every = [seconds for some in took.values() for seconds in some]
-        estimate = sum(float(np.median(took.get(unit.kind, every))) for unit in rest) / workers
+        every = [seconds for some in timed.values() for seconds in some]
+        estimate = sum(float(np.median(timed.get(unit.kind, every))) for unit in rest) / workers
         print(f'{len(results.study.designs)} designs, {len(rest)} units of work left on {workers} '
               f'processes: about {_duration(estimate)}', file=sys.stderr, flush=True)
         if estimate > ASK_AFTER and not yes:
             _consent()
         began = monotonic()
-        busy = sum(_shown(run(client, results, rest), len(rest)))
+        busy = sum(took for _, took in progress(run(client, results, rest), 'units', len(rest)))
         wall = monotonic() - began
         print(f'{_duration(wall)} on {workers} processes, which computed for '
               f'{100 * busy / (workers * wall):.0f} % of that', file=sys.stderr)
@@ -95,20 +94,6 @@ def _consent() -> None:
                             'is kept')
     if ask('Go on? (yes, no)', one_of('yes', 'y', 'no', 'n')) in ('no', 'n'):
         raise DeclinedError('not confirmed; what was computed so far is kept')
-
-
-def _shown(found: Iterator[tuple[Unit, float]], count: int) -> Iterator[float]:
-    """Yield how long each unit took; show how far it is."""
-    if sys.stderr.isatty():
-        for _, took in tqdm(found, 'units', count, leave=False):
-            yield took
-        return
-    shown = monotonic()
-    for number, (_, took) in enumerate(found):
-        if monotonic() - shown >= PROGRESS_PERIOD:
-            shown = monotonic()
-            print(f'units: {number} of {count}', file=sys.stderr, flush=True)
-        yield took
 
 
 def _duration(seconds: float) -> str:
@@ -135,8 +120,6 @@ def _report(results: Results, directory: Path) -> None:
     drawn = {one.design.number for one in widest[:DRAWN]}
     tips = {number: np.column_stack([table[axis].to_numpy() for axis in 'xyz'])[
         np.array(table['outcome'].to_pylist()) == HELD]
-        for number, table in results.tables() if number in drawn}
+        for number, table in results.tables(only=drawn)}
     figure(picture, found, [tips[one.design.number] for one in widest[:DRAWN]])
     print('Written: ' + ', '.join(map(str, (designs, *results.join(), picture))))
-
-

@@ -22,6 +22,7 @@ With ``sample``, ranges are drawn from evenly.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 import hashlib
 from itertools import product
 from math import prod
@@ -62,7 +63,7 @@ class Design:
     values: Mapping[str, Value]
     obstacles: tuple[Obstacle, ...] = ()
 
-    @property
+    @cached_property
     def arm(self) -> AnyArm:
         """The arm."""
         return any_arm_from_parameters(self.values)

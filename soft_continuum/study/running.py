@@ -7,13 +7,12 @@ Every unit is a Parquet file of its own below ``parts``, written whole or not at
 is interrupted goes on where it was, and a worker that dies costs the unit that it had.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from itertools import islice
 import json
 import logging
-import os
 from pathlib import Path
 import signal
 from typing import Any
@@ -21,6 +20,7 @@ from typing import Any
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.study.design import Study
 from soft_continuum.study.work import compute, QUERIES, SHAPES, Unit, units
+from soft_continuum.text import write_whole, written_whole
 
 PARTS, ABOUT = 'parts', 'study.json'
 WINDOW = 4  # units that each worker has waiting
@@ -60,10 +60,10 @@ class Results:
                         f'{about} is of another study, or of this one before it was changed; '
                         'choose another directory with --output, or remove that one')
             else:
-                _write(about, json.dumps({
+                write_whole(about, json.dumps({
                     'fingerprint': study.fingerprint, 'designs': len(study.designs),
                     'shapes': study.shapes, 'queries': study.queries,
-                    'seed': study.seed}, indent=2).encode())
+                    'seed': study.seed}, indent=2))
         except (OSError, ValueError) as error:
             raise ResultError(f'{about}: cannot be used: {error}; choose another directory with '
                               '--output') from None
@@ -77,21 +77,30 @@ class Results:
         """Write what a unit gave."""
         import pyarrow as pa
         import pyarrow.parquet as pq
-        sink = pa.BufferOutputStream()
-        pq.write_table(pa.table(rows), sink)
-        _write(self._parts / f'{unit.name}.parquet', sink.getvalue().to_pybytes())
+        with written_whole(self._parts / f'{unit.name}.parquet') as path:
+            pq.write_table(pa.table(rows), path)
 
-    def tables(self, kind: str = SHAPES) -> Iterator[tuple[int, Any]]:
-        """Yield number and table (pyarrow) of each design, as far as it was computed."""
+    def tables(self, kind: str = SHAPES, only: Collection[int] | None = None
+               ) -> Iterator[tuple[int, Any]]:
+        """
+        Yield number and table (pyarrow) of each design, as far as it was computed.
+
+        only: numbers of the designs that are read; None for all.
+        """
         import pyarrow as pa
         import pyarrow.parquet as pq
-        missing = {unit.name for unit in self.missing()}
-        by_design: dict[int, list[Any]] = {}
+        for number, paths in self._paths(kind).items():
+            if only is None or number in only:
+                yield number, pa.concat_tables([pq.read_table(path) for path in paths])
+
+    def _paths(self, kind: str) -> dict[int, list[Path]]:
+        """Return the parts of each design that were computed, in order."""
+        there = {path.stem for path in self._parts.glob('*.parquet')}
+        found: dict[int, list[Path]] = {}
         for unit in units(self.study):
-            if unit.kind == kind and unit.name not in missing:
-                by_design.setdefault(unit.design, []).append(self._parts / f'{unit.name}.parquet')
-        for number, paths in by_design.items():
-            yield number, pa.concat_tables([pq.read_table(path) for path in paths])
+            if unit.kind == kind and unit.name in there:
+                found.setdefault(unit.design, []).append(self._parts / f'{unit.name}.parquet')
+        return found
 
     def join(self) -> list[Path]:
         """Write all rows, sorted by design and number, a file for each kind; return the paths."""
@@ -102,31 +111,17 @@ class Results:
         import pyarrow as pa
         import pyarrow.parquet as pq
         path = self._directory / f'{kind}.parquet'
-        partial = path.with_name(f'.{path.name}.{os.getpid()}')
         names: dict[str, Any] = {}
-        for _, table in self.tables(kind):  # arms may have different numbers of segments
-            names |= {field.name: field.type for field in table.schema}
+        for first, *_ in self._paths(kind).values():  # arms may have other numbers of segments
+            names |= {field.name: field.type for field in pq.read_schema(first)}
         schema = pa.schema(list(names.items()))
-        try:
-            with pq.ParquetWriter(partial, schema) as writer:
-                for _, table in self.tables(kind):
-                    writer.write_table(pa.table({
-                        name: table[name] if name in table.column_names
-                        else pa.nulls(len(table), there)
-                        for name, there in names.items()}, schema))
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
+        with written_whole(path) as partial, pq.ParquetWriter(partial, schema) as writer:
+            for _, table in self.tables(kind):
+                writer.write_table(pa.table({
+                    name: table[name] if name in table.column_names
+                    else pa.nulls(len(table), there)
+                    for name, there in names.items()}, schema))
         return path
-
-
-def _write(path: Path, data: bytes) -> None:
-    partial = path.with_name(f'.{path.name}.{os.getpid()}')
-    try:
-        partial.write_bytes(data)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -25,6 +25,8 @@ CELLS = 25
 """Cells along the length of the arm."""
 SECTORS = 12
 """Directions of a planar tip that are told apart; in space the corners of an icosahedron."""
+DRAWN = 4
+"""Designs whose tips are drawn: those of the widest reach."""
 GOLDEN = (1.0 + 5.0**0.5) / 2.0
 CORNERS = np.array([v for a in (-1.0, 1.0) for b in (-GOLDEN, GOLDEN)
                     for v in ((0.0, a, b), (a, b, 0.0), (b, 0.0, a))])
@@ -160,7 +162,3 @@ def figure(path: Path, found: Sequence[Summary], tips: Iterable[Array]) -> None:
         axes.set_ylabel(label)
         axes.grid(alpha=0.3)
     picture.savefig(path, dpi=120)
-
-
-DRAWN = 4
-"""Designs whose tips are drawn: those of the widest reach."""
