@@ -73,6 +73,8 @@ class SyntheticCamera:
     """Sees discs with errors that are the same in all pictures, and with noise."""
 
     covariance = COVARIANCE
+    spread = DEVIATIONS
+    """Of each coordinate of a disc, m and rad."""
 
     def __init__(self, random: np.random.Generator) -> None:
         """Put it up."""
@@ -81,10 +83,15 @@ class SyntheticCamera:
 
     def __call__(self, poses: Array) -> Array:
         """Return poses (discs, 3) as they are seen."""
+        return np.asarray(poses + self._away(len(poses)))
+
+    def _away(self, discs: int) -> Array:
+        """Return how far discs are seen from where they are, (discs, coordinates)."""
+        shape = discs, len(self.spread)
         if self._errors is None:
-            self._errors = self._random.normal(size=poses.shape)
-        noise = self._random.normal(0.0, NOISE, poses.shape)
-        return np.asarray(poses + (self._errors + noise) * DEVIATIONS)
+            self._errors = self._random.normal(size=shape)
+        noise = self._random.normal(0.0, NOISE, shape)
+        return np.asarray((self._errors + noise) * self.spread)
 
 
 @dataclass(eq=False)

@@ -18,6 +18,7 @@ from benchmarks.fault_runs import (
     NOISE,
     Rig,
     simulate,
+    SyntheticCamera,
     TAG,
 )
 from benchmarks.faults import ALARMS, alarms, HEAD, judge, observe, Outcome, RIGHT, row
@@ -41,24 +42,16 @@ COVARIANCE = np.diag(SPREAD**2 * (1.0 + NOISE**2))
 MIDDLE = np.array([0.0, 0.0, 0.15])  # m, about which a camera turns
 
 
-class SpatialCamera:
-    """Sees discs (discs, 7) with errors that are the same in all pictures, and with noise."""
+class SpatialCamera(SyntheticCamera):
+    """The same of poses in space."""
 
     covariance = COVARIANCE
-
-    def __init__(self, random: np.random.Generator) -> None:
-        """Put it up."""
-        self._random = random
-        self._errors: Array | None = None
+    spread = SPREAD
 
     def __call__(self, poses: Array) -> Array:
-        """Return poses as they are seen."""
-        if self._errors is None:
-            self._errors = self._random.normal(size=(len(poses), 6))
-        noise = self._random.normal(0.0, NOISE, (len(poses), 6))
-        away = (self._errors + noise) * SPREAD
+        """Return poses (discs, 7) as they are seen."""
         return np.array([_off(pose, *np.split(one, 2)) for pose, one in zip(
-            poses, away, strict=True)])
+            poses, self._away(len(poses)), strict=True)])
 
 
 class SpatialRig(Rig):
