@@ -109,7 +109,7 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     ),
     KINEMATICS: (
         *ARM_PARAMETERS, FRAME, TENSION_LIMIT, AMBIENT,
-        FULL_VACUUM,
+        FULL_VACUUM, VACUUM_TOLERANCE,
         Parameter('straight_tolerance', 0.0005,
                   'largest pull at which ~/reset accepts a stiff arm as straight, and by which '
                   'the tendons may be too short for a stiff arm', 0.0, 0.1, unit='m'),
