@@ -17,6 +17,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
+from soft_continuum.nodes.about import About
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
@@ -83,6 +84,7 @@ class Camera(Node):
         from soft_continuum.sensing.overlay import overlay
         self.parameters = NodeParameters(self, NODE_PARAMETERS[CAMERA])
         self.status = Status(self, 'camera and printed tags')
+        self._about = About(self, self.parameters)
         self._layout = layout_of(self.parameters)
         self._draw = overlay
         self._in_space = isinstance(self._layout, RingLayout)

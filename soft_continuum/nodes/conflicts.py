@@ -1,58 +1,77 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A second node of the same name, and other publishers of the suite's topics."""
+"""Nodes that must not act as one arm: of one name, of two versions, for two arms."""
 
+from collections import defaultdict
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
-from uuid import uuid4
 
 from std_msgs.msg import String
 
+from soft_continuum.nodes.about import About, Instance, PERIOD
 from soft_continuum.nodes.entries import repeat, subscribe
+from soft_continuum.parameters.nodes import DESCRIBED
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.names import NODES
-from soft_continuum.ros.qos import SENSOR, STREAM
+from soft_continuum.ros.names import INSTANCE, NODES
+from soft_continuum.ros.qos import SENSOR
 from soft_continuum.ros.text import plain
 
-PERIOD = 0.2  # s between two signs of life, and two looks at the graph
 ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended
 TOPICS = ('tendon_states', 'joint_states', *(f'{node}/state' for node in NODES))
 MAX_NAMES = 5  # of publishers that are listed
 UNKNOWN = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node has not been discovered yet
 
 
+DIFFERENCES = (
+    ('version', 'version', 'install one version on every computer'),
+    ('description', 'a description of the arm with digest', 'start every node with the same '
+     'description; `soft_continuum doctor --network` names the parameters that differ'),
+)
+"""Of Instance: what must be the same, how it is said, and the remedy."""
+
+
 class Conflicts:
     """
-    Notices whatever would make two nodes act as one.
+    Notices whatever would make two nodes act as one, or two arms be taken for one.
 
     The graph alone would not do: a node that was killed stays in it for many seconds.  So every
-    node publishes on ~/instance that it runs, and receives this of another one with its name.
+    node publishes on ~/instance that it runs, by which version and for which arm, and this
+    receives it of another one with its name, and of all the other nodes of the arm.
     """
 
-    def __init__(self, node: Any, segments: int) -> None:
+    def __init__(self, node: Any, segments: int, parameters: Mapping[str, Any]) -> None:
         """Watch on behalf of ``node``, for an arm of so many segments."""
         self.problem = ''
-        self._node, self._own = node, String(data=uuid4().hex)
+        self._node, self._about = node, About(node, parameters)
         of_segments = [f'segment_{n}/{topic}' for n in range(1, segments + 1)
                        for topic in ('stiff', 'pressure')]
         self._topics = [node.resolve_topic_name(topic) for topic in (*TOPICS, *of_segments)]
-        self._other = Age()
-        self._publisher = node.create_publisher(String, '~/instance', STREAM)
-        subscribe(node, String, '~/instance', self._on_instance, SENSOR)
-        repeat(node, PERIOD, self._live)
+        self._same_name = Age()
+        subscribe(node, String, INSTANCE, self._on_same_name, SENSOR)
+        self._others = {name: (Instance(''), Age()) for name in DESCRIBED
+                        if name != node.get_name()}
+        for name in self._others:
+            subscribe(node, String, INSTANCE.replace('~', name), partial(self._on_other, name),
+                      SENSOR)
+        repeat(node, PERIOD, self._check_now)
 
-    def _on_instance(self, message: String) -> None:
-        if message.data != self._own.data:
-            self._other.refresh()
+    def _on_same_name(self, message: String) -> None:
+        if Instance.from_ros(message).process != self._about.own.process:
+            self._same_name.refresh()
             self._check_now()
 
-    def _live(self) -> None:
-        # Only here: an answer to every sign of life would be answered by the other node in turn.
-        self._publisher.publish(self._own)
-        self._check_now()
+    def _on_other(self, name: str, message: String) -> None:
+        before, age = self._others[name]
+        instance = Instance.from_ros(message)
+        age.refresh()
+        self._others[name] = instance, age
+        if instance != before:
+            self._check_now()
 
     def _check_now(self) -> None:
         node, problems = self._node, []
-        if self._other.seconds <= ENDED_AFTER:
+        if self._same_name.seconds <= ENDED_AFTER:
             problems.append(
                 f'another {node.get_fully_qualified_name()} is running; end one of the two, or '
                 'give one a namespace')
@@ -63,5 +82,20 @@ class Conflicts:
             if len(names) > 1:
                 some = ' and '.join(map(plain, names[:MAX_NAMES]))
                 problems.append(f'{topic} is published by {some}; end all but one')
+        for difference in DIFFERENCES:
+            problems += self._differences(*difference)
         self.problem = '; '.join(problems)
         node.status.alarm('conflict', self.problem)
+
+    def _differences(self, attribute: str, what: str, remedy: str) -> list[str]:
+        """Return how the nodes that run differ from this one in an attribute of Instance."""
+        own = self._about.own
+        found = defaultdict(list)
+        for name, (instance, age) in self._others.items():
+            if age.seconds <= ENDED_AFTER and getattr(instance, attribute) != getattr(
+                    own, attribute):
+                found[getattr(instance, attribute), instance.host].append(name)
+        return [
+            f'{" and ".join(names)} on {host or "an unknown computer"} has {what} '
+            f'{value or "unknown"}, {self._node.get_name()} on {own.host} '
+            f'{getattr(own, attribute)}: {remedy}' for (value, host), names in found.items()]

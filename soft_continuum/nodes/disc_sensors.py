@@ -15,6 +15,7 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 from soft_continuum.mechanics.arm import Arm
+from soft_continuum.nodes.about import About
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
@@ -60,6 +61,7 @@ class DiscSensors(Node):
         super().__init__(DISC_SENSORS, **options)
         self.parameters = values = NodeParameters(self, NODE_PARAMETERS[DISC_SENSORS])
         self.status = Status(self, 'trackers and IMUs')
+        self._about = About(self, values)
         arm = any_arm_from_parameters(values)
         self._heights = straight_heights(arm)
         count = len(self._heights)

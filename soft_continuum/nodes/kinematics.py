@@ -147,7 +147,7 @@ class Kinematics(Node):
         self._measured = MeasuredPoses(
             self, segments + 1, frame,
             measured_pose_from_ros if planar else tracked_pose_from_ros)
-        self.conflicts = Conflicts(self, segments)
+        self.conflicts = Conflicts(self, segments, self.parameters)
         repeat(self, CHECK_PERIOD, self._check)
         serve(self, Trigger, '~/reset', self._on_reset)
         self.status.set(OK, loading())

@@ -10,6 +10,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from soft_continuum.client.requests import Requests
+from soft_continuum.nodes.about import About
 from soft_continuum.nodes.entries import repeat, serve
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, StatePublisher, Status, WARN
@@ -37,6 +38,7 @@ class Recorder(Node):
         super().__init__(RECORDER, **options)
         self.parameters = NodeParameters(self, NODE_PARAMETERS[RECORDER])
         self.status = Status(self, 'recordings')
+        self._about = About(self, self.parameters)
         self._states = StatePublisher(self, RecorderState)
         self._recording: TopicRecorder | None = None  # that runs, or ran last
         self._file = ''

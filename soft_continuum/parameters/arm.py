@@ -3,6 +3,8 @@
 """The parameters that describe the arm, and the Arm that they describe."""
 
 from collections.abc import Mapping, Sequence
+import hashlib
+import json
 from math import inf, pi
 from typing import Any
 
@@ -102,6 +104,19 @@ ARM_PARAMETERS = (
 )
 MIN_GUIDE_OFFSET = 1e-4  # m
 MAX_SEGMENTS = 100
+
+
+def description_digest(values: Mapping[str, Any]) -> str:
+    """
+    Return 16 hexadecimal digits that are the same for the same arm only.
+
+    values: checked parameters, of which those in ARM_PARAMETERS count; empty if there are none.
+    The digits depend neither on their order nor on how their numbers were written.
+    """
+    described = {p.name: p.check(values[p.name]) for p in ARM_PARAMETERS if p.name in values}
+    # Python writes the shortest decimal fraction that is read as the same float, on any machine.
+    text = json.dumps(described, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16] if described else ''
 
 
 def arm_from_parameters(values: Mapping[str, Any]) -> Arm:

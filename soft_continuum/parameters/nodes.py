@@ -242,6 +242,9 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     ),
 }
 
+DESCRIBED = tuple(name for name, table in NODE_PARAMETERS.items()
+                  if set(ARM_PARAMETERS) <= set(table))
+"""The nodes that are given the description of the arm."""
 ALL_PARAMETERS = tuple({p.name: p for table in NODE_PARAMETERS.values() for p in table}.values())
 
 

@@ -1,0 +1,95 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Nodes of two versions, or of two descriptions of the arm, are no arm: nothing moves."""
+
+import socket
+
+import pytest
+from ros_rig import ALL, Rig, trajectory
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from soft_continuum import version
+from soft_continuum.nodes.about import Instance
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.arm import ARM_PARAMETERS, description_digest
+from soft_continuum.parameters.files import load_description
+from soft_continuum.ros.names import DISC_SENSORS, KINEMATICS, SERVO, TENDON_ACTUATION
+from soft_continuum_interfaces.srv import About
+
+HERE = socket.gethostname()
+OF_FILE = description_digest(load_description(description_file()))
+
+
+def test_a_digest_is_of_the_arm_alone_however_it_is_written() -> None:
+    # By sha256sum, of {"arm.jamming": true, "arm.payload": 0.5, "arm.tendon_names": ["a", "b"]}.
+    assert description_digest({
+        'arm.tendon_names': ['a', 'b'], 'tension_limit': 7.0, 'arm.payload': '5e-1',
+        'arm.jamming': True}) == '9c46f7a4206757ba'
+    assert description_digest({'recorder.pictures': True}) == ''
+
+
+@pytest.mark.parametrize('parameter', ARM_PARAMETERS, ids=lambda parameter: parameter.name)
+def test_every_parameter_of_the_arm_counts(parameter: object) -> None:
+    values = load_description(description_file())
+    value = values[parameter.name]
+    first, *rest = value if isinstance(value, tuple) else [value]
+    other = (not first if isinstance(first, bool) else 'second_order' if first == 'paper' else
+             'other' if isinstance(first, str) else first + 1 if isinstance(first, int) else
+             first * (1.0 - 2**-52) if first else 1e-9)
+    changed = (other, *rest) if isinstance(value, tuple) else other
+    assert description_digest(values | {parameter.name: changed}) != OF_FILE
+
+
+def test_every_node_answers_what_it_is(shared_arm: Rig) -> None:
+    for node in ALL:
+        answer = shared_arm.call(About, f'{node}/about')
+        assert (answer.host, answer.version, answer.description) == (HERE, version(), OF_FILE)
+        assert answer.stamp.sec
+
+
+def test_a_node_with_another_description_is_a_conflict_that_refuses_all_motion(
+        shared_arm: Rig) -> None:
+    running = shared_arm.goal((0.0, 0.0, 0.3), hold=60.0)
+    running.wait_for_phase('holding')
+    other, = shared_arm.start(DISC_SENSORS, ready=False, arm__payload=0.1)
+    theirs = shared_arm.call(About, f'{DISC_SENSORS}/about').description
+    status, result = running.result()
+    assert status == 'ABORTED'
+    words = (f'{DISC_SENSORS} on {HERE} has a description of the arm with digest {theirs}, '
+             f'{{}} on {HERE} {OF_FILE}: start every node with the same description')
+    assert words.format('shape_sequencer') in result.error_string
+    assert words.format('jamming_valves') in shared_arm.set_stiff(1, False).message
+    assert not shared_arm.goal((0.0, 0.0, 0.2)).accepted
+    shared_arm.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(
+        trajectory([(1.0, (0.001, -0.002))]))
+    shared_arm.wait_for(
+        lambda: words.format(TENDON_ACTUATION)
+        in shared_arm.states[TENDON_ACTUATION].last.refused.message, 'a refusal')
+    assert shared_arm.all_stiff
+    assert 'digest' in shared_arm.statuses[KINEMATICS].last.message
+    shared_arm.end(other)
+    shared_arm.wait_for(lambda: not any(
+        'digest' in shared_arm.statuses[node].last.message for node in ALL), 'its end')
+    assert shared_arm.goal_when_heard((0.0, 0.0, 0.2)).result()[0] == 'SUCCEEDED'
+
+
+@pytest.mark.parametrize(('said', 'words'), [
+    (Instance('process', '0.0.1', OF_FILE, 'rig').to_ros(),
+     f'servo on rig has version 0.0.1, {{}} on {HERE} {version()}: install one version'),
+    (String(data='only digits, as versions before this one say\x1b[2J' + '\n' * 60_000),
+     'servo on an unknown computer has version unknown')], ids=['older', 'oldest'])
+def test_a_node_of_another_version_is_a_conflict(
+        shared_arm: Rig, said: String, words: str) -> None:
+    publisher = shared_arm.publisher(String, f'{SERVO}/instance')
+
+    def heard() -> bool:
+        publisher.publish(said)
+        return all(words.format(node) in shared_arm.statuses[node].last.message for node in ALL)
+
+    shared_arm.wait_for(heard, 'a conflict')
+    assert all(shared_arm.statuses[node].last.message.isprintable() for node in ALL)
+    assert not shared_arm.goal((0.0, 0.0, 0.2)).accepted
+    shared_arm.wait_for(lambda: not any(
+        'servo' in shared_arm.statuses[node].last.message for node in ALL), 'its end')
