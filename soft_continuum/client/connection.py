@@ -14,6 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
+from soft_continuum.ros.enclaves import CLIENT, with_enclave
 from soft_continuum.ros.executor import BestExecutor
 from soft_continuum.ros.network import choose_own_network
 
@@ -38,7 +39,7 @@ class Connection:
         choose_own_network()
         self._open = True
         self._context = Context()
-        rclpy.init(args=list(arguments), context=self._context,
+        rclpy.init(args=with_enclave(arguments, CLIENT, namespace), context=self._context,
                    signal_handler_options=SignalHandlerOptions.NO)
         try:
             # Without rosout and parameter services it starts in half the time.

@@ -25,6 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from soft_continuum.parameters.files import load_description, read_parameter_file
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.ros.enclaves import with_enclave
 from soft_continuum.ros.executor import BestExecutor
 from soft_continuum.ros.network import reachable_addresses
 
@@ -95,7 +96,8 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
     nodes: list[Any] = []
     try:
         check_parameter_files(arguments, [name])
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=with_enclave(arguments, name),
+                   signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()
         nodes.append(node_class(name)())
         executor.add_node(nodes[0])
