@@ -16,6 +16,7 @@ from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description, read_parameter_file
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import KINEMATICS
+from soft_continuum.ros.network import SAID
 from soft_continuum.urdf import arm_urdf
 
 DRIVERS = {'tendon_driver': ('driver of the tendon steppers', TENDON_DRIVERS),
@@ -60,8 +61,9 @@ def start(context):
     drivers = {name: given[name] for name in DRIVERS if given[name] != FROM_FILE}
     nodes = [
         Node(package='soft_continuum', executable=name, name=name, output='screen',
-             namespace=namespace, parameters=[first, *files, *filter(None, [drivers])])
-        for name in nodes_of(files)
+             namespace=namespace, parameters=[first, *files, *filter(None, [drivers])],
+             additional_env={SAID: 'yes'} if others else {})
+        for others, name in enumerate(nodes_of(files))
     ]
     if with_rviz:
         arm = any_arm_from_parameters(load_description(*files, node=KINEMATICS))

@@ -35,7 +35,8 @@ NOT_OURS = {'. install/setup.bash', 'colcon build', 'ls -l /dev/serial/by-id',
             '/usr/bin/python3 -m venv --system-site-packages ~/soft_continuum_venv'}
 """Lines that start no program of this project."""
 OTHER_PROGRAMS = ('rosdep install ', 'dask ', 'colcon build --base-paths ',
-                  '~/soft_continuum_venv/bin/pip ', 'export PYTHONPATH=')
+                  '~/soft_continuum_venv/bin/pip ', 'export PYTHONPATH=', 'ros2 security ',
+                  'export ROS_', 'ROS_SECURITY_ENCLAVE_OVERRIDE=')
 OF_THE_READER = {'my_arm.yaml', 'my_rig.yaml', 'my_shapes.yaml', 'left_arm.yaml',
                  'right_arm.yaml', 'calibration.yaml', 'my_study.yaml'}
 EXAMPLES = {'tendon_driver:=servo', 'servo.address:=can1'}
@@ -74,7 +75,7 @@ LINES = {name: lines for name, page in PAGES.items() if (lines := [
 
 def is_ros2(line: str) -> bool:
     """Whether a line talks to running nodes by ros2, and does not start them."""
-    return line.startswith('ros2 ') and line.split()[1] not in ('launch', 'run')
+    return line.startswith('ros2 ') and line.split()[1] not in ('launch', 'run', 'security')
 
 
 def program(line: str) -> list[str]:

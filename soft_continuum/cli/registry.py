@@ -85,6 +85,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('twin', 'simulate a rig: the arm in MuJoCo behind both devices', 'cli.twin:main'),
         Verb('twin_camera', 'simulate a camera before that rig', 'cli.twin_camera:main'),
         Verb('tags', 'write the tags for discs and board, to print', 'cli.tags:main'),
+        Verb('policy', 'write who may do what over DDS, for SROS 2', 'cli.policy:main'),
     ),
     'analyse measurements': (
         Verb('characterize', 'bending stiffness from force-displacement curves',

@@ -3,10 +3,12 @@
 """A ROS node on a thread of its own, for programs that do not spin."""
 
 from collections.abc import Sequence
+import os
 import threading
 import traceback
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.context import Context
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
@@ -14,8 +16,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
+from soft_continuum.ros.enclaves import CLIENT, with_enclave
 from soft_continuum.ros.executor import BestExecutor
-from soft_continuum.ros.network import choose_own_network
+from soft_continuum.ros.network import choose_own_network, security_problem
 
 
 class Connection:
@@ -33,14 +36,15 @@ class Connection:
 
         timeout, discovery_timeout: as for Requests, s.  arguments: ROS arguments of the process.
 
-        Raises ClientError for a namespace that ROS does not take.
+        Raises ClientError for a namespace that ROS does not take, and without the keys that SROS 2
+        asks for.
         """
         choose_own_network()
         self._open = True
         self._context = Context()
-        rclpy.init(args=list(arguments), context=self._context,
-                   signal_handler_options=SignalHandlerOptions.NO)
         try:
+            rclpy.init(args=with_enclave(arguments, CLIENT, namespace), context=self._context,
+                       signal_handler_options=SignalHandlerOptions.NO)
             # Without rosout and parameter services it starts in half the time.
             self.node = Node(name, namespace='/' + namespace.strip('/'), context=self._context,
                              enable_rosout=False, start_parameter_services=False)
@@ -48,6 +52,11 @@ class Connection:
             self._context.try_shutdown()
             raise ClientError(f'namespace {namespace!r} is not one that ROS takes: '
                               f'{str(error).splitlines()[0]}') from None
+        except RCLError as error:
+            self._context.try_shutdown()
+            if problem := security_problem(error, os.environ):
+                raise ClientError(problem) from None
+            raise
         self.requests = Requests(self.node, timeout, discovery_timeout)
         self._executor = BestExecutor(context=self._context)
         self._executor.add_node(self.node)

@@ -17,11 +17,14 @@ import rclpy
 from rclpy.context import Context
 
 from soft_continuum.nodes.runtime import check_parameter_files, run
+from soft_continuum.ros.enclaves import CLIENT, with_enclave
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
+from soft_continuum.ros.network import SAID
 
 END_TIMEOUT = 5.0  # s that nodes are given to hold and end; they need a fraction of one
 SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
-CHILD = 'from soft_continuum.nodes.processes import child; child()'
+CHILD = ('import signal; signal.signal(signal.SIGINT, signal.SIG_DFL); '  # while it imports
+         'from soft_continuum.nodes.processes import child; child()')
 
 
 class NodeProcesses:
@@ -41,15 +44,15 @@ class NodeProcesses:
         """
         check_parameter_files(arguments, names)
         context = Context()
-        rclpy.init(args=list(arguments), context=context)
+        rclpy.init(args=with_enclave(arguments, (*names, CLIENT)[0]), context=context)
         context.shutdown()
         self._names, self._arguments = tuple(names), list(arguments[1:])
         self._children: list[Child] = []
 
     def __enter__(self) -> Self:
         """Start the nodes; to be called on the main thread, with which they end."""
-        self._children = [Child(name, self._arguments, 'the other nodes go on')
-                          for name in self._names]
+        self._children = [Child(name, self._arguments, 'the other nodes go on',
+                                alone=name == self._names[0]) for name in self._names]
         return self
 
     @property
@@ -66,13 +69,18 @@ class Child:
     """A node, or the twin, in a process that ends with this one; says when it ends by itself."""
 
     def __init__(self, name: str, arguments: Sequence[str], consequence: str,
-                 stdout: int | None = None) -> None:
-        """Start it; consequence: said when it ends by itself.  stdout: as of Popen."""
+                 stdout: int | None = None, alone: bool = True) -> None:
+        """
+        Start it; consequence: said when it ends by itself.
+
+        stdout: as of Popen.  alone: whether no other says who can command the arm.
+        """
         self.name, self._consequence, self._ending = name, consequence, False
         # Out of the terminal's process group: Ctrl-C comes to it through this process.
         self._process = subprocess.Popen(
             [sys.executable, '-c', CHILD, str(os.getpid()), name, *arguments],
-            stdin=subprocess.DEVNULL, stdout=stdout, start_new_session=True)
+            stdin=subprocess.DEVNULL, stdout=stdout, start_new_session=True,
+            env={**os.environ, SAID: '' if alone else 'yes'})
         threading.Thread(target=self._report_end, daemon=True).start()
 
     @property

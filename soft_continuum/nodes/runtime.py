@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 import gc
 from importlib import import_module
+import os
 from pathlib import Path
 import re
 import resource
@@ -25,17 +26,18 @@ from rclpy.signals import SignalHandlerOptions
 from soft_continuum.parameters.files import load_description, read_parameter_file
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.ros.enclaves import with_enclave
 from soft_continuum.ros.executor import BestExecutor
-from soft_continuum.ros.network import reachable_addresses
+from soft_continuum.ros.network import (
+    reachable_addresses,
+    SAID,
+    security_problem,
+    who_commands,
+)
 
 MEMORY = 2**30  # bytes that a node may use beyond those of its start; it needs a third of them
 
 ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
-
-
-OPEN_NETWORK = (
-    'DDS listens on {}: every computer that reaches it can move this arm, or make this node '
-    'unreachable; see docs/how_to/open_the_network.md')
 
 
 def node_class(name: str) -> Callable[..., Any]:
@@ -95,13 +97,15 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
     nodes: list[Any] = []
     try:
         check_parameter_files(arguments, [name])
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=with_enclave(arguments, name),
+                   signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()
         nodes.append(node_class(name)())
         executor.add_node(nodes[0])
         limit_memory()
-        if addresses := reachable_addresses():
-            get_logger(name).warning(OPEN_NETWORK.format(', '.join(addresses)))
+        if not os.environ.get(SAID):
+            addresses, log = reachable_addresses(), get_logger(name)
+            (log.warning if addresses else log.info)(who_commands(os.environ, addresses))
         nodes[0].start()
         gc.freeze()  # to look through all that was imported takes 0.1 s, in which nothing runs
         signals.spin(executor)
@@ -133,8 +137,9 @@ def limit_memory() -> None:
 
 
 def argument_error(arguments: Sequence[str], error: Exception) -> str:
-    """Say which arguments ROS did not take, and why."""
-    return (f'ROS does not take these arguments: {" ".join(arguments[1:])}: '
+    """Say which arguments ROS did not take, and why; or what is wrong with its security."""
+    return security_problem(error, os.environ) or (
+        f'ROS does not take these arguments: {" ".join(arguments[1:])}: '
             f'{str(error).splitlines()[0]}')
 
 

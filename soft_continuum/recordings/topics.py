@@ -19,7 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from soft_continuum.recordings.bag import BagWriter, Topic
 from soft_continuum.ros.definitions import definition, message_class
 from soft_continuum.ros.entry import LOG_PERIOD
-from soft_continuum.ros.names import TWIN
+from soft_continuum.ros.names import SHARED, TWIN
 from soft_continuum.text import MAX_NAME, printable
 
 LOOK_PERIOD = 0.5  # s between two looks for topics that are new
@@ -30,8 +30,6 @@ MAX_BYTES = 1_000_000  # of a message that is no picture
 MAX_WAITING = 10_000  # messages that wait for the disk
 MAX_WAITING_BYTES = 64_000_000
 CLOSE_TIMEOUT = 3.0  # s; what starts this process, and the browser, wait for five
-SHARED = ('/tf', '/tf_static', '/diagnostics', '/rosout', '/clock')
-"""Topics outside of the namespace of an arm that belong to it too."""
 PICTURES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
 QOS = """\
 - history: keep_last

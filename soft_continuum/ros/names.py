@@ -21,3 +21,5 @@ NODES = (TENDON_ACTUATION, JAMMING_VALVES, KINEMATICS, SHAPE_SEQUENCER)
 """The nodes that drive an arm, in the order in which they start; sensors come besides."""
 SENSORS = (CAMERA, DISC_SENSORS)
 """The nodes that look at it."""
+SHARED = ('/tf', '/tf_static', '/diagnostics', '/rosout', '/clock')
+"""Topics outside of the namespace of an arm that belong to it too."""

@@ -6,13 +6,18 @@ Who reaches the nodes over DDS: processes of this computer, unless the user open
 docs/how_to/open_the_network.md says how, and what that means.
 """
 
-from collections.abc import MutableMapping
+from collections.abc import Mapping, MutableMapping, Sequence
 from contextlib import suppress
+from ipaddress import ip_address, IPv4Address, IPv6Address
 import os
 from pathlib import Path
 
 PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+KEYSTORE = 'ROS_SECURITY_KEYSTORE'
+SAID = 'SOFT_CONTINUUM_NETWORK_SAID'
+"""Environment variable of a node that is started with others: one of them says who commands."""
+LISTENING = '0A'  # state of a TCP socket
 
 
 def choose_network(environment: MutableMapping[str, str], config: Path) -> None:
@@ -45,16 +50,60 @@ def choose_own_network() -> None:
         choose_network(os.environ, Path(get_package_share_directory('soft_continuum'), 'config'))
 
 
+def who_commands(environment: Mapping[str, str], addresses: Sequence[str]) -> str:
+    """Say in one line who can command the arm; addresses: reachable_addresses of its process."""
+    domain = f'ROS_DOMAIN_ID {environment.get("ROS_DOMAIN_ID") or 0}'
+    if is_secured(environment):
+        return (f'SROS 2: the keys in {environment.get(KEYSTORE)} say who can command this arm '
+                f'({domain})')
+    if addresses:
+        return (f'DDS listens on {", ".join(addresses)}: every computer that reaches it can move '
+                f'this arm, or make this node unreachable ({domain}); see '
+                'docs/how_to/open_the_network.md')
+    return (f'every user of this computer can command this arm, and no other computer ({domain}); '
+            'see docs/how_to/secure_the_network.md')
+
+
+def is_secured(environment: Mapping[str, str]) -> bool:
+    """Whether SROS 2 keeps out who has no key; ROS then starts nothing without."""
+    return (environment.get('ROS_SECURITY_ENABLE') == 'true'
+            and environment.get('ROS_SECURITY_STRATEGY') == 'Enforce')
+
+
+def security_problem(error: Exception, environment: Mapping[str, str]) -> str:
+    """Return what to do about an error of ROS at its start, empty if SROS 2 is not its reason."""
+    text = str(error).splitlines()[0]
+    if environment.get('ROS_SECURITY_ENABLE') != 'true' or 'security' not in text.lower():
+        return ''
+    if 'security libraries' in text:
+        return ('ROS_SECURITY_ENABLE is true, but this ROS 2 was built without DDS security, as '
+                'that from PyPI is: use ROS 2 from apt, or unset it; see '
+                'docs/how_to/secure_the_network.md')
+    return (f'SROS 2 lets nothing start: {text}; make the keys, as '
+            'docs/how_to/secure_the_network.md has it, or unset ROS_SECURITY_ENABLE')
+
+
 def reachable_addresses(process: int | str = 'self') -> list[str]:
-    """Return the UDP addresses at which other computers reach a process; of Linux only."""
-    folder, sockets = Path('/proc', str(process)), set()
+    """Return the addresses at which other computers reach a process, UDP first; of Linux only."""
+    folder, sockets, found = Path('/proc', str(process)), set(), []
     with suppress(OSError):
         for entry in (folder / 'fd').iterdir():
             with suppress(OSError):  # closed meanwhile
                 sockets.add(os.readlink(entry))
-        rows = (folder / 'net' / 'udp').read_text(encoding='ascii').splitlines()[1:]
-        bound = [fields[1].split(':') for fields in map(str.split, rows)
-                 if f'socket:[{fields[9]}]' in sockets]
-        return [f'{".".join(map(str, reversed(bytes.fromhex(address))))}:{int(port, 16)}'
-                for address, port in bound if not address.endswith('7F')]
-    return []
+        for protocol in ('udp', 'udp6', 'tcp', 'tcp6'):
+            with suppress(OSError):  # a kernel without IPv6
+                table = (folder / 'net' / protocol).read_text(encoding='ascii')
+                found += [_address(fields[1]) for fields in map(str.split, table.splitlines()[1:])
+                          if f'socket:[{fields[9]}]' in sockets
+                          and (protocol.startswith('udp') or fields[3] == LISTENING)]
+    return [f'[{address}]:{port}' if address.version == 6 else f'{address}:{port}'
+            for address, port in found if not address.is_loopback]
+
+
+def _address(text: str) -> tuple[IPv4Address | IPv6Address, int]:
+    """Return address and port of a row below /proc/net: words of four bytes, last one first."""
+    digits, _, port = text.partition(':')
+    packed = b''.join(bytes.fromhex(digits[start:start + 8])[::-1]
+                      for start in range(0, len(digits), 8))
+    address = ip_address(packed)
+    return getattr(address, 'ipv4_mapped', None) or address, int(port, 16)

@@ -5,59 +5,32 @@
 
 from collections.abc import Callable, Iterable
 from functools import partial
-from pathlib import Path
 import re
 
 import pytest
-from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.action import (
+    get_action_client_names_and_types_by_node,
+    get_action_server_names_and_types_by_node,
+)
 from ros_rig import ALL, DEADLINE, Rig
 
+from soft_continuum.ros.interface_tables import (
+    documented_nodes,
+    interfaces,
+    OF_EVERY_NODE,
+    OF_LIFECYCLE_NODES,
+)
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO
 
-PAGES = Path(__file__).resolve().parents[2] / 'msg_docs'
-OF_EVERY_NODE = {
-    '/rosout', '/parameter_events', '/clock', '~/describe_parameters', '~/get_parameter_types',
-    '~/get_parameters', '~/list_parameters', '~/set_parameters', '~/set_parameters_atomically',
-    '~/get_type_description',
-}
-LIFECYCLE = {
-    '~/transition_event', '~/change_state', '~/get_state', '~/get_available_states',
-    '~/get_available_transitions', '~/get_transition_graph',
-}
-Row = dict[str, str]
+LEFT_OUT = {one.name for one in OF_EVERY_NODE} | {'/clock'}
+LIFECYCLE = {one.name for one in OF_LIFECYCLE_NODES}
 
 
-def section(node: str, title: str) -> list[Row]:
-    """Return the rows of the tables below a heading of a page, by lower-case column name."""
-    text = (PAGES / f'{node}.md').read_text(encoding='utf-8')
-    found = re.search(rf'^## {title}\s*\n(.*?)(?=^## |\Z)', text, re.MULTILINE | re.DOTALL)
-    rows, header = [], []
-    for line in found[1].splitlines() if found else ():
-        if not line.startswith('|'):
-            header = []
-            continue
-        cells = [cell.strip() for cell in re.split(r'(?<!\\)\|', line.strip().strip('|'))]
-        if not header:
-            header = [cell.lower() for cell in cells]
-        elif not set(''.join(cells)) <= set('-: '):
-            assert len(cells) == len(header), f'{node}.md: {line}'
-            rows.append(dict(zip(header, cells, strict=True)))
-    return rows
-
-
-def name_of(node: str, row: Row) -> str:
-    """Return the name in the first column of a row, private names as ~/name."""
-    first = next(iter(row.values()))
-    found = re.search('`([^`]+)`', first)
-    assert found, f'{node}.md: no name in backticks in {first!r}'
-    return re.sub(rf'^{node}/', '~/', found[1])
-
-
-def documented(node: str, title: str, direction: str = '') -> dict[str, str]:
-    """Return type by name, of the rows with a direction if one is asked for."""
-    return {
-        name_of(node, row): row['type'].strip('`') for row in section(node, title)
-        if not direction or row.get('direction', direction).strip('`').startswith(direction)}
+def documented(node: str, kind: str, role: str) -> dict[str, str]:
+    """Return type by name; without what the recorder subscribes to while it records."""
+    return {one.name: one.type for one in interfaces(node)
+            if (one.kind, one.role) == (kind, role)
+            and not (node == RECORDER and role in ('subscribes', 'calls'))}
 
 
 def in_graph(rig: Rig, node: str, found: Iterable[tuple[str, list[str]]]) -> dict[str, str]:
@@ -68,7 +41,7 @@ def in_graph(rig: Rig, node: str, found: Iterable[tuple[str, list[str]]]) -> dic
         short = re.sub(rf'^{node}/', '~/', short)
         short = re.sub(r'(segment|disc)_\d+', r'\1_N', short)
         short = re.sub(r'^\w+/instance$', 'NODE/instance', short)
-        if '/_' not in short and short not in OF_EVERY_NODE:
+        if '/_' not in short and short not in LEFT_OUT:
             names[short] = re.sub('/(msg|srv|action)/', '/', types[0])
     return names
 
@@ -90,19 +63,16 @@ def assert_same(node: str, kind: str, on_page: dict[str, str],
 def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node: str) -> None:
     rig.start(node, ready=node in ALL, load_cells__used=True)
     observer, space = rig.observer, rig.namespace
-    for kind, on_page, found in (
-            ('publishes topics', documented(node, 'Topics', 'publishes'),
-             observer.get_publisher_names_and_types_by_node),
-            ('subscribes topics', documented(node, 'Topics', 'subscribes'),
-             observer.get_subscriber_names_and_types_by_node),
-            ('serves services', documented(node, 'Services', 'serves'),
-             observer.get_service_names_and_types_by_node),
-            ('serves actions', documented(node, 'Actions', 'serves'),
-             partial(get_action_server_names_and_types_by_node, observer))):
-        assert_same(node, kind, on_page, lambda of=found: in_graph(rig, node, of(node, space)),
-                    rig)
+    for kind, role, found in (
+            ('topic', 'publishes', observer.get_publisher_names_and_types_by_node),
+            ('topic', 'subscribes', observer.get_subscriber_names_and_types_by_node),
+            ('service', 'serves', observer.get_service_names_and_types_by_node),
+            ('service', 'calls', observer.get_client_names_and_types_by_node),
+            ('action', 'serves', partial(get_action_server_names_and_types_by_node, observer)),
+            ('action', 'calls', partial(get_action_client_names_and_types_by_node, observer))):
+        assert_same(node, f'{role} {kind}s', documented(node, kind, role),
+                    lambda of=found: in_graph(rig, node, of(node, space)), rig)
 
 
 def test_there_is_a_page_for_every_node_and_no_other_node() -> None:
-    pages = {path.stem for path in PAGES.glob('*.md')} - {'README', 'parameters'}
-    assert pages == {*ALL, CAMERA, DISC_SENSORS, RECORDER, SERVO}
+    assert {*documented_nodes()} == {*ALL, CAMERA, DISC_SENSORS, RECORDER, SERVO}

@@ -3,7 +3,10 @@
 
 """Who reaches the nodes: processes of this computer, and others only where the user wants it."""
 
+from contextlib import ExitStack
 from pathlib import Path
+import socket
+from socket import AF_INET, AF_INET6, SOCK_DGRAM, SOCK_STREAM
 import sys
 
 from processes import module_command, NodeProcess, Processes
@@ -11,7 +14,13 @@ import pytest
 from ros_rig import Rig
 
 from soft_continuum.nodes.up import description_file
-from soft_continuum.ros.network import choose_network, PROFILES, RANGE, reachable_addresses
+from soft_continuum.ros.network import (
+    choose_network,
+    PROFILES,
+    RANGE,
+    reachable_addresses,
+    who_commands,
+)
 
 CONFIG = description_file().parent
 NO_PROFILE = dict.fromkeys(PROFILES, '')
@@ -37,6 +46,7 @@ def test_a_node_listens_to_its_own_computer_only_and_its_memory_is_limited(
                  if line.startswith('Max data size'))
     assert 2**30 < int(limit.split()[3]) < 2**32
     assert 'DDS listens' not in process.output
+    assert 'every user of this computer can command this arm' in process.output
 
 
 def test_a_node_that_other_computers_reach_says_so(rig: Rig, processes: Processes) -> None:
@@ -47,6 +57,49 @@ def test_a_node_that_other_computers_reach_says_so(rig: Rig, processes: Processe
     assert 'every computer that reaches it can move this arm' in process.output
     maps = Path('/proc', str(process.process.pid), 'maps').read_text(encoding='utf-8')
     assert '/dev/shm/fastrtps' not in maps
+
+
+def test_addresses_of_every_kind_of_socket_are_seen_and_those_of_this_computer_are_not() -> None:
+    before = {*reachable_addresses()}
+    with ExitStack() as opened:
+        ports = {}
+        for kind, family, address in (('udp', AF_INET, '0.0.0.0'), ('udp6', AF_INET6, '::'),
+                                      ('tcp', AF_INET, '0.0.0.0'), ('tcp6', AF_INET6, '::'),
+                                      ('local', AF_INET, '127.0.0.2'), ('mine', AF_INET6, '::1')):
+            stream = SOCK_STREAM if kind.startswith('tcp') else SOCK_DGRAM
+            one = opened.enter_context(socket.socket(family, stream))
+            one.bind((address, 0))
+            if stream == SOCK_STREAM:
+                one.listen()
+            ports[kind] = one.getsockname()[1]
+        assert {*reachable_addresses()} - before == {
+            f'0.0.0.0:{ports["udp"]}', f'[::]:{ports["udp6"]}', f'0.0.0.0:{ports["tcp"]}',
+            f'[::]:{ports["tcp6"]}'}
+
+
+def test_who_commands_is_said_for_each_network() -> None:
+    assert 'no other computer (ROS_DOMAIN_ID 7)' in who_commands({'ROS_DOMAIN_ID': '7'}, [])
+    assert 'listens on 10.0.0.1:7400' in who_commands({}, ['10.0.0.1:7400'])
+    secured = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce',
+               'ROS_SECURITY_KEYSTORE': '/keys'}
+    assert 'keys in /keys' in who_commands(secured, ['10.0.0.1:7400'])
+    # Permissive lets everybody in for whom there is no key.
+    permissive = {**secured, 'ROS_SECURITY_STRATEGY': 'Permissive'}
+    assert 'every user of this computer' in who_commands(permissive, [])
+
+
+def test_without_dds_security_or_keys_nothing_starts_and_the_reason_is_said(
+        processes: Processes, tmp_path: Path) -> None:
+    secured = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce',
+               'ROS_SECURITY_KEYSTORE': str(tmp_path)}
+    (tmp_path / 'enclaves' / 'client').mkdir(parents=True)
+    node, client = (processes.start(module_command(verb), environment=secured)
+                    for verb in ('jamming_valves', 'status'))
+    assert node.wait() == 2 and 'make the keys' in node.output, node.output
+    assert client.wait() == 1, client.output
+    # With ROS from apt it is the key that is missing.
+    assert 'without DDS security' in client.output or 'make the keys' in client.output
+    assert 'Traceback' not in node.output + client.output
 
 
 @pytest.mark.parametrize('given', [{}, {RANGE: 'LOCALHOST'}, {'ROS_LOCALHOST_ONLY': '1'},

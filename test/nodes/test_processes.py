@@ -50,6 +50,8 @@ def test_a_node_that_is_killed_is_reported_and_the_others_go_on_until_all_are_ki
     rig.wait_until_ready(*ALL)
     nodes = children(up)
     assert sorted(nodes) == sorted(ALL)
+    # One of them says it for all.
+    rig.wait_for(lambda: up.output.count('can command this arm') == 1, 'who commands')
     ends = [os.pidfd_open(pid) for pid in nodes.values()]
     os.kill(nodes['kinematics'], signal.SIGKILL)
     rig.wait_for(lambda: 'kinematics was killed by SIGKILL' in up.output, 'a line')

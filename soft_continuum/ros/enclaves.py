@@ -1,0 +1,38 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The enclave of a process: by which name SROS 2 finds its key and what it may do.
+
+Without SROS 2 it is a name that nothing looks at.  ROS takes one enclave for a process, from its
+arguments, before it has a node.
+"""
+
+from collections.abc import Sequence
+
+ENCLAVE = '--enclave', '-e'
+CLIENT, VIEWER, INPUTS = 'client', 'viewer', 'inputs'
+"""Those of programs that are no node of the suite: who commands, who looks, who feeds it."""
+
+
+def enclave(namespace: str, name: str) -> str:
+    """Return the path of an enclave: the name of a node, or of a kind of program, in its arm's."""
+    space = namespace.strip('/')
+    return f'/{space}/{name}' if space else f'/{name}'
+
+
+def with_enclave(arguments: Sequence[str], name: str, namespace: str = '') -> list[str]:
+    """
+    Return the arguments of a process with its enclave, unless they have one.
+
+    name: of its node, where no argument gives it another; likewise namespace.
+    """
+    words = list(arguments)
+    if not {*ENCLAVE} & {*words}:
+        for word in words:
+            rule, _, value = word.partition(':=')
+            if rule == '__ns':
+                namespace = value
+            elif rule in ('__node', '__name'):
+                name = value
+        words += ['--ros-args', ENCLAVE[0], enclave(namespace, name)]
+    return words

@@ -1,0 +1,118 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What each node publishes, subscribes to, serves and calls: the tables of its page in ``msg_docs``.
+
+The pages are the one place where that is written down.  A test compares them with the running
+nodes; the policies of SROS 2 are made of them.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+import re
+
+TITLES = {'Topics': 'topic', 'Services': 'service', 'Actions': 'action'}
+SERVED = 'serves'  # what a table without directions is about
+EVERYTHING = '*'
+"""As the name of a topic: all that is published in the namespace."""
+
+
+@dataclass(frozen=True)
+class Interface:
+    """
+    A row of a table.
+
+    kind: topic, service or action.  role: publishes, subscribes, serves or calls.  name: relative,
+    ``~/name`` for private ones, or absolute; segment_N, disc_N and NODE stand for all of them,
+    and ``<parameter>`` for the name that a parameter has.  type: as ``std_msgs/msg/Bool``.
+    """
+
+    kind: str
+    role: str
+    name: str
+    type: str
+
+
+def _services(kind: str, *names: str) -> tuple[Interface, ...]:
+    return tuple(Interface('service', SERVED, f'~/{name}', f'{kind}/srv/{camel(name)}')
+                 for name in names)
+
+
+def camel(name: str) -> str:
+    """Return the name of a type as services are called after it: GetState for get_state."""
+    return name.title().replace('_', '')
+
+
+OF_EVERY_NODE = (
+    Interface('topic', 'publishes', '/rosout', 'rcl_interfaces/msg/Log'),
+    Interface('topic', 'publishes', '/parameter_events', 'rcl_interfaces/msg/ParameterEvent'),
+    *_services('rcl_interfaces', 'describe_parameters', 'get_parameter_types', 'get_parameters',
+               'list_parameters', 'set_parameters', 'set_parameters_atomically'),
+    *_services('type_description_interfaces', 'get_type_description'),
+)
+"""What ROS gives every node, which the pages leave out."""
+OF_LIFECYCLE_NODES = (
+    Interface('topic', 'publishes', '~/transition_event', 'lifecycle_msgs/msg/TransitionEvent'),
+    *_services('lifecycle_msgs', 'change_state', 'get_state', 'get_available_states',
+               'get_available_transitions'),
+    Interface('service', SERVED, '~/get_transition_graph',
+              'lifecycle_msgs/srv/GetAvailableTransitions'),
+)
+"""The same of a node whose page has a section Lifecycle."""
+
+
+def pages() -> Path:
+    """Return the folder of the pages: that beside the sources, else the installed one."""
+    beside = Path(__file__).resolve().parents[2] / 'msg_docs'
+    if beside.is_dir():
+        return beside
+    from ament_index_python.packages import get_package_share_directory
+    return Path(get_package_share_directory('soft_continuum'), 'msg_docs')
+
+
+def documented_nodes() -> tuple[str, ...]:
+    """Return the names of the nodes, and of the programs of a user, that have a page."""
+    return tuple(sorted(path.stem for path in pages().glob('*.md')
+                        if path.stem not in ('README', 'parameters')))
+
+
+@cache
+def interfaces(node: str) -> tuple[Interface, ...]:
+    """Return what the page of a node lists; raises ValueError for a table that is not one."""
+    text = _page(node)
+    return tuple(found for title, kind in TITLES.items()
+                 for found in _rows(node, text, title, kind))
+
+
+def is_lifecycle_node(node: str) -> bool:
+    """Whether the page of a node has a section about its lifecycle."""
+    return '\n## Lifecycle\n' in _page(node)
+
+
+def _page(node: str) -> str:
+    return (pages() / f'{node}.md').read_text(encoding='utf-8')
+
+
+def _rows(node: str, text: str, title: str, kind: str) -> Iterator[Interface]:
+    """Yield the rows of the tables below a heading that have a type."""
+    section = re.search(rf'^## {title}\s*\n(.*?)(?=^## |\Z)', text, re.MULTILINE | re.DOTALL)
+    header: list[str] = []
+    for line in section[1].splitlines() if section else ():
+        if not line.startswith('|'):
+            header = []
+            continue
+        cells = [cell.strip() for cell in re.split(r'(?<!\\)\|', line.strip().strip('|'))]
+        if not header:
+            header = [cell.lower() for cell in cells]
+        elif not set(''.join(cells)) <= set('-: '):
+            if len(cells) != len(header):
+                raise ValueError(f'{node}.md: not as many cells as columns: {line}')
+            row = dict(zip(header, cells, strict=True))
+            name = re.search('`([^`]+)`', cells[0])
+            if 'type' in row:
+                if name is None:
+                    raise ValueError(f'{node}.md: no name in backticks in {cells[0]!r}')
+                yield Interface(kind, row.get('direction', SERVED).strip('`'),
+                                re.sub(rf'^{node}/', '~/', name[1]), row['type'].strip('`'))

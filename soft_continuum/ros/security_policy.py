@@ -1,0 +1,121 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The policy of SROS 2 for an arm: what each node, and each kind of program, may do over DDS.
+
+It is made of the tables in ``msg_docs``, so that what is documented is allowed, and nothing else.
+The schema is policy.xsd, version 0.2.0, of ros2/sros2.  docs/how_to/secure_the_network.md says how
+it is used.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+import re
+from xml.etree import ElementTree
+
+from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.nodes import DESCRIBED
+from soft_continuum.parameters.parameter import ParameterError, Value
+from soft_continuum.ros.enclaves import CLIENT, enclave, INPUTS, VIEWER
+from soft_continuum.ros.interface_tables import (
+    documented_nodes,
+    EVERYTHING,
+    Interface,
+    interfaces,
+    is_lifecycle_node,
+    OF_EVERY_NODE,
+    OF_LIFECYCLE_NODES,
+    SERVED,
+)
+from soft_continuum.ros.names import RECORDER, SHARED
+
+VERSION = '0.2.0'  # of the schema
+QUALIFIERS = {
+    ('topic', 'publishes'): 'publish', ('topic', 'subscribes'): 'subscribe',
+    ('service', 'serves'): 'reply', ('service', 'calls'): 'request',
+    ('action', 'serves'): 'execute', ('action', 'calls'): 'call'}
+SET_PARAMETERS = 'rcl_interfaces/srv/SetParameters'
+DESCRIBES_TYPES = Interface('service', SERVED, '*/get_type_description',
+                            'type_description_interfaces/srv/GetTypeDescription')
+NAMESPACE = re.compile(r'/?([a-z]\w*(/[a-z]\w*)*)?/?', re.ASCII | re.IGNORECASE)
+
+
+def policy(values: Mapping[str, Value], namespace: str = '') -> str:
+    """
+    Return policy.xml for an arm in a namespace.
+
+    values: its parameters, as load_rig returns them: how many segments and discs there are, and
+    the topics whose names are parameters.  Raises ParameterError for a name that ROS does not
+    take.
+    """
+    if not NAMESPACE.fullmatch(namespace):
+        raise ParameterError(f'namespace {namespace!r} is not one that ROS takes: use letters, '
+                             'digits, _ and /, and begin with a letter')
+    root = ElementTree.Element('policy', version=VERSION)
+    enclaves = ElementTree.SubElement(root, 'enclaves')
+    for name, allowed in profiles(values).items():
+        profile = ElementTree.SubElement(ElementTree.SubElement(ElementTree.SubElement(
+            enclaves, 'enclave', path=enclave(namespace, name)), 'profiles'),
+            'profile', ns=f'/{namespace.strip("/")}', node=name)
+        for (kind, role), qualifier in QUALIFIERS.items():
+            names = sorted({one.name for one in allowed if (one.kind, one.role) == (kind, role)})
+            if names:
+                group = ElementTree.SubElement(profile, f'{kind}s', {qualifier: 'ALLOW'})
+                for each in names:
+                    ElementTree.SubElement(group, kind).text = each
+    ElementTree.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, "unicode")}\n'
+
+
+def profiles(values: Mapping[str, Value]) -> dict[str, set[Interface]]:
+    """
+    Return what each node and each kind of program may do, by its name; as of policy.
+
+    VIEWER looks, as the recorder does.  INPUTS publishes what nodes subscribe to and no node
+    publishes: sensors, obstacles, an emergency stop.  CLIENT does both, commands the tendons, and
+    calls every service and action.
+    """
+    listed = {name: {*_named(interfaces(name), values)} for name in documented_nodes()}
+    found = {name: own | {*OF_EVERY_NODE, *(OF_LIFECYCLE_NODES * is_lifecycle_node(name))}
+             for name, own in listed.items()}
+    # Their nodes may have any name. Ours have no parameters.
+    program = {one for one in OF_EVERY_NODE if one.kind == 'topic'} | {DESCRIBES_TYPES}
+    found[VIEWER] = program | {one for one in listed[RECORDER]
+                               if one.role in ('subscribes', 'calls')}
+    everything = [(name, _outside(name, one)) for name, own in listed.items() for one in own]
+    published = {one.name for _, one in everything if one.role == 'publishes'}
+    inputs = {replace(one, role='publishes') for name, one in everything
+              if one.role == 'subscribes' and EVERYTHING not in one.name
+              and one.name not in published | {*SHARED}}
+    found[INPUTS] = program | inputs
+    commands = {replace(one, role='calls') for _, one in everything if one.role == SERVED}
+    commands |= {Interface('service', 'calls', f'{name}/set_parameters', SET_PARAMETERS)
+                 for name in listed}
+    commands |= {replace(one, role='publishes') for name, one in everything
+                 if one.role == 'subscribes' and one.name.startswith(f'{name}/')
+                 and replace(one, role='publishes') not in {
+                     _outside(name, own) for own in listed[name]}}
+    found[CLIENT] = found[VIEWER] | inputs | commands
+    return found
+
+
+def _outside(node: str, one: Interface) -> Interface:
+    """Return an interface as other nodes name it: without ~."""
+    return replace(one, name=re.sub('^~', node, one.name))
+
+
+def _named(rows: Iterable[Interface], values: Mapping[str, Value]) -> Iterator[Interface]:
+    """Yield the rows with the names of segments, discs and nodes, and those in parameters."""
+    segments = len(any_arm_from_parameters(dict(values)).segments)
+    meant = {'segment_N': [f'segment_{n}' for n in range(1, segments + 1)],
+             'disc_N': [f'disc_{n}' for n in range(segments + 1)], 'NODE': DESCRIBED}
+    for row in rows:
+        name = re.sub('<(.*)>', lambda found: str(values[found[1]]), row.name)
+        if not name:
+            continue  # a topic that this arm does without
+        if re.search(r'[^\w/~*]', name, re.ASCII):
+            raise ParameterError(f'{row.name[1:-1]} is {name!r}, which is no name of a topic: use '
+                                 'letters, digits, _ and /')
+        part = next((part for part in meant if part in name), '')
+        for one in meant.get(part, ['']):
+            yield Interface(row.kind, row.role, name.replace(part, one), row.type)

@@ -1,0 +1,189 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The policy of SROS 2 allows what the running nodes do: no more, no less."""
+
+from collections.abc import Callable
+from fnmatch import fnmatchcase
+from functools import partial
+from pathlib import Path
+import re
+from xml.etree import ElementTree
+
+from processes import Processes
+import pytest
+from ros_rig import ALL, DEADLINE, Rig
+
+from soft_continuum.cli.main import main
+from soft_continuum.client import Arm
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_rig
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.enclaves import CLIENT, INPUTS, VIEWER, with_enclave
+from soft_continuum.ros.interface_tables import documented_nodes
+from soft_continuum.ros.names import RECORDER
+from soft_continuum.ros.security_policy import policy
+
+# What an action is made of, as rcl_action names it: of its server. Its client has the reverse.
+ACTION = {'publish': ('feedback', 'status'), 'reply': ('send_goal', 'get_result', 'cancel_goal')}
+# Element, attributes and children, as policy.xsd of ros2/sros2 (0.2.0) has them.
+SCHEMA: dict[str, tuple[set[str], set[str], tuple[str, ...]]] = {
+    'policy': ({'version'}, set(), ('enclaves',)),
+    'enclaves': (set(), set(), ('enclave',)),
+    'enclave': ({'path'}, set(), ('profiles',)),
+    'profiles': (set(), {'type'}, ('profile',)),
+    'profile': ({'ns', 'node'}, set(), ('topics', 'services', 'actions')),
+    'topics': (set(), {'publish', 'subscribe'}, ('topic',)),
+    'services': (set(), {'reply', 'request'}, ('service',)),
+    'actions': (set(), {'call', 'execute'}, ('action',)),
+    'topic': (set(), set(), ()), 'service': (set(), set(), ()), 'action': (set(), set(), ()),
+}
+
+
+def allowed(text: str, path: str) -> dict[str, set[str]]:
+    """Return the full names that an enclave may use by how, as permissions.xsl makes them."""
+    enclave = ElementTree.fromstring(text).find(f"./enclaves/enclave[@path='{path}']")
+    assert enclave is not None, f'no enclave {path}'
+    found: dict[str, set[str]] = {
+        how: set() for how in ('publish', 'subscribe', 'reply', 'request')}
+    for profile in enclave.iter('profile'):
+        space = profile.get('ns', '').rstrip('/')
+        for group in profile:
+            for how in group.attrib:
+                for element in group:
+                    name = re.sub('^~', f"{space}/{profile.get('node')}", element.text or '')
+                    name = name if name.startswith('/') else f'{space}/{name}'
+                    if group.tag != 'actions':
+                        found[how].add(name)
+                        continue
+                    swap = {'publish': 'subscribe', 'reply': 'request'} if how == 'call' else {}
+                    for part, ends in ACTION.items():
+                        found[swap.get(part, part)] |= {f'{name}/_action/{end}' for end in ends}
+    return found
+
+
+def used(rig: Rig, node: str) -> dict[str, set[str]]:
+    """Return the full names that a node uses, as the graph shows them, hidden ones too."""
+    get = rig.observer
+    return {how: {name for name, _ in ask(node, rig.namespace)} for how, ask in (
+        ('publish', get.get_publisher_names_and_types_by_node),
+        ('subscribe', get.get_subscriber_names_and_types_by_node),
+        ('reply', get.get_service_names_and_types_by_node),
+        ('request', get.get_client_names_and_types_by_node))}
+
+
+@pytest.mark.parametrize('node', sorted({*documented_nodes()} - {RECORDER}))
+def test_the_policy_of_a_node_is_what_it_does(rig: Rig, node: str) -> None:
+    rig.start(node, ready=False, load_cells__used=True)
+    values = load_rig([description_file()])
+    may = allowed(policy(values, rig.namespace), f'{rig.namespace}/{node}')
+    rig.until(lambda: used(rig, node) == may, DEADLINE)
+    assert used(rig, node) == may
+
+
+def test_a_recorder_may_read_all_and_say_nothing_of_it(shared_arm: Rig) -> None:
+    values = load_rig([description_file()])
+    text = policy(values, shared_arm.namespace)
+    shared_arm.start(RECORDER, ready=False)
+    may = allowed(text, f'{shared_arm.namespace}/{RECORDER}')
+    for node in (*ALL, RECORDER):  # what all of them publish
+        for name in used(shared_arm, node)['publish'] - {'/parameter_events'}:
+            assert any(fnmatchcase(name, one) for one in may['subscribe']), name
+    shared_arm.until(lambda: used(shared_arm, RECORDER)['publish'] == may['publish'], DEADLINE)
+    assert used(shared_arm, RECORDER)['publish'] == may['publish']
+
+
+def within(now: dict[str, set[str]], may: dict[str, set[str]]) -> bool:
+    """Whether everything that is used is allowed; * stands for any text, as in DDS Security."""
+    return all(any(fnmatchcase(name, one) for one in may[how])
+               for how, names in now.items() for name in names)
+
+
+def test_who_commands_may_do_all_that_a_client_does_and_who_looks_may_not(
+        shared_arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(shared_arm.domain))
+    text = policy(load_rig([description_file()]), shared_arm.namespace)
+    commands, looks, feeds = (allowed(text, f'{shared_arm.namespace}/{name}')
+                              for name in (CLIENT, VIEWER, INPUTS))
+    with Arm(shared_arm.namespace, timeout=DEADLINE) as arm:
+        node = arm._requests.node.get_name()
+        assert arm.state and arm.description and arm.shapes
+        shared_arm.until(lambda: len(used(shared_arm, node)['request']) >= 2, DEADLINE)
+        assert within(used(shared_arm, node), looks), 'to look takes no more than that'
+        arm.stop()
+        arm.resume()
+        arm.soften(1)
+        arm.jog(left_tendon=-0.0001)
+        arm.stiffen()
+        arm.run('c_form')
+        arm.obstacles.clear()
+        wanted = {'tendon_actuation/joint_trajectory', 'obstacles'}
+        shared_arm.until(lambda: wanted <= {
+            name.removeprefix(f'{shared_arm.namespace}/')
+            for name in used(shared_arm, node)['publish']}, DEADLINE)
+        assert within(used(shared_arm, node), commands)
+        assert not within(used(shared_arm, node), looks)
+    for name in ('/tendon_actuation/state', '/kinematics/instance', '/tendon_states'):
+        for may in (commands, feeds, looks):
+            assert shared_arm.namespace + name not in may['publish'], 'nobody else is that node'
+    assert not feeds['request'] and not looks['publish'] - {'/rosout', '/parameter_events'}
+    assert not any('set' in name or 'stop' in name for name in looks['request'])
+
+
+def test_each_process_takes_the_enclave_of_its_profile(rig: Rig, processes: Processes) -> None:
+    processes.node('kinematics', namespace=rig.namespace)
+
+    def enclaves() -> dict[str, str]:
+        return {name: path for name, _, path
+                in rig.observer.get_node_names_and_namespaces_with_enclaves()}
+
+    rig.until(lambda: 'kinematics' in enclaves(), DEADLINE)
+    assert enclaves()['kinematics'] == f'{rig.namespace}/kinematics'
+    given = ['camera', '--ros-args', '-r', '__ns:=/left', '-r', '__node:=camera_2']
+    assert with_enclave(given, 'camera')[-2:] == ['--enclave', '/left/camera_2']
+    assert with_enclave([*given, '--enclave', '/own'], 'camera')[-1] == '/own'
+    assert with_enclave([], 'client', 'left')[-1] == '/left/client'
+
+
+@pytest.mark.parametrize('namespace', ['', 'left', '/lab/left'])
+def test_the_policy_keeps_to_the_schema_of_sros2(namespace: str) -> None:
+    root = ElementTree.fromstring(policy(load_rig([]), namespace))
+    assert root.tag == 'policy' and root.get('version') == '0.2.0'
+    for element in root.iter():
+        needed, optional, children = SCHEMA[element.tag]
+        assert needed <= {*element.attrib} <= needed | optional
+        assert {child.tag for child in element} <= {*children}
+        assert bool(len(element)) == bool(children), 'no list may be empty'
+        assert bool((element.text or '').strip()) != bool(children)
+        if element.tag in ('topics', 'services', 'actions'):
+            assert {*element.attrib.values()} == {'ALLOW'}
+    paths = [element.get('path', '') for element in root.iter('enclave')]
+    names = {*documented_nodes(), CLIENT, VIEWER, INPUTS}
+    assert {path.rpartition('/')[2] for path in paths} == names and len(paths) == len(names)
+    assert {path.rpartition('/')[0].strip('/') for path in paths} == {namespace.strip('/')}
+
+
+def test_an_arm_has_as_many_discs_as_it_is_described_with(tmp_path: Path) -> None:
+    spatial = description_file('tendon_arm')
+    text = policy(load_rig([spatial]))
+    count = len(load_rig([spatial])['arm.segment_lengths'])
+    found = {name for name in allowed(text, '/camera')['publish'] if 'measured_pose' in name}
+    assert found == {f'/disc_{n}/measured_pose' for n in range(count + 1)}
+
+
+@pytest.mark.parametrize('namespace', ['a b', '1', 'left//arm', 'läft', 'a"/><enclave path="/'])
+def test_a_namespace_that_ros_does_not_take_is_refused(namespace: str) -> None:
+    with pytest.raises(ParameterError, match='namespace'):
+        policy(load_rig([]), namespace)
+
+
+def test_the_command_writes_the_file_once(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write: Callable[[], int] = partial(
+        main, ['policy', '--namespace', 'left', '--output', str(tmp_path / 'new')])
+    assert write() == 0
+    assert '/left/client' in capsys.readouterr().out
+    text = (tmp_path / 'new' / 'policy.xml').read_text(encoding='utf-8')
+    assert text == policy(load_rig([]), 'left')
+    assert write() == 2
+    assert '--force' in capsys.readouterr().err
