@@ -9,6 +9,8 @@ from soft_continuum.emulators.grbl import STEPS_PER_MM
 
 AXES = 3
 """Of an emulated board; arms with more tendons have several, which share them evenly."""
+SPOOL_RADIUS = 0.01
+"""m, of an emulated servo."""
 MODBUS_TIMEOUT = 0.4  # s: boards that share a processor with a plant answer later than real ones
 
 
@@ -29,3 +31,12 @@ def driving_parameters(grbl: str | Path, modbus: str | Path, tendons: int = 2
             'grbl.steps_per_mm': [float(STEPS_PER_MM)] * tendons, 'grbl.signs': [1.0] * tendons,
             'jamming_driver': 'modbus', 'modbus.port': str(modbus),
             'modbus.timeout': MODBUS_TIMEOUT}
+
+
+def dynamixel_parameters(port: str | Path, tendons: int, baud_rate: int = 1000000
+                         ) -> dict[str, object]:
+    """Return the parameters of servos with the IDs 1, 2, ... at a port."""
+    return {'dynamixel.port': str(port), 'dynamixel.baud': baud_rate,
+            'dynamixel.ids': [n + 1 for n in range(tendons)],
+            'dynamixel.spool_radii': [SPOOL_RADIUS] * tendons,
+            'dynamixel.signs': [1.0] * tendons}
