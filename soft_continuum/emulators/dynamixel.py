@@ -8,9 +8,14 @@ import random
 from soft_continuum.arguments import Parser
 from soft_continuum.emulators import console
 from soft_continuum.emulators.console import Command, set_to
-from soft_continuum.emulators.driving import dynamixel_parameters, SPOOL_RADIUS
+from soft_continuum.emulators.driving import (
+    BAUD_RATE,
+    dynamixel_parameters,
+    parameter_lines,
+    SPOOL_RADIUS,
+)
 from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
-from soft_continuum.emulators.dynamixel_models import BAUD_RATES, MODELS
+from soft_continuum.emulators.dynamixel_models import BAUD_RATES, CURRENT_POSITION, MODELS
 from soft_continuum.emulators.dynamixel_motor import Tendon
 from soft_continuum.emulators.dynamixel_servo import (
     DynamixelServo,
@@ -24,27 +29,25 @@ CONFIGURATION = """\
 Put this into the parameter file of tendon_actuation:
 /**:
   ros__parameters:
-    tendon_driver: dynamixel
-    dynamixel:
-{parameters}
-Type a fault, or help. N is the number of a servo, the first is 1; an ID stays its own.
+{parameters}Type a fault, or help. N is the number of a servo, 1 is the first.
 """
 
 
-def make_servos(tendons: int, model: str, baud_rate: int, signs: Sequence[int] = (),
-                old_protocol: bool = False) -> list[DynamixelServo]:
+def make_servos(tendons: int, model: str, baud_rate: int = BAUD_RATE,
+                mode: int = CURRENT_POSITION, signs: Sequence[int] = ()) -> list[DynamixelServo]:
     """
     Return servos with the IDs 1, 2, ... and spools of SPOOL_RADIUS, at different angles.
 
-    signs: 1 where positive angles pull in, -1 where they pay out; all 1 if there are none.
+    mode: their operating mode.  signs: 1 where positive angles pull in, -1 where they pay out; all
+    1 if there are none.
     """
     servos = [DynamixelServo(
         MODELS[model], n + 1, Tendon(SPOOL_RADIUS, signs[n] if signs else 1),
         baud_code=BAUD_RATES.index(baud_rate), start=700 * (n + 1) % 4096)
         for n in range(tendons)]
     for servo in servos:
-        if old_protocol:
-            servo.values['Protocol Type'] = 1
+        if mode in servo.model.modes:
+            servo.set_up('Operating Mode', mode)
     return servos
 
 
@@ -110,7 +113,7 @@ COMMANDS = {
     'catch': Command('N', 'let nothing turn the spool',
                      _servo(lambda s: setattr(s.motor, 'caught', True))),
     'mode': Command('N MODE', 'set an operating mode, as another program might',
-                    _servo(lambda s, mode: s.values.__setitem__('Operating Mode', mode))),
+                    _servo(lambda s, mode: s.set_up('Operating Mode', mode))),
     'repair': Command('', 'end every fault but a pulled cable and what only a reboot ends',
                       DynamixelEmulator.repair),
     'state': Command('', 'print what the servos really do', describe),
@@ -133,9 +136,13 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='number of servos, 1 to 32; their IDs are 1, 2, ... (default: 2)')
     parser.add_argument('--model', default='XM430-W350', choices=MODELS,
                         help=f'one of {", ".join(MODELS)} (default: XM430-W350)')
-    parser.add_argument('--baud-rate', type=int, default=1000000, choices=BAUD_RATES[:-1],
+    parser.add_argument('--baud-rate', type=int, default=BAUD_RATE, choices=BAUD_RATES[:-1],
                         metavar='RATE', help='bit/s of the bus: '
-                        f'{", ".join(map(str, BAUD_RATES[:-1]))} (default: 1000000)')
+                        f'{", ".join(map(str, BAUD_RATES[:-1]))} (default: %(default)s)')
+    parser.add_argument('--mode', type=int, default=CURRENT_POSITION, metavar='MODE',
+                        choices=MODELS['XM430-W350'].modes, help='operating mode of servos that '
+                        'have it: 0, 1, 3 (as they are delivered), 4, 5 or 16 (default: 5, '
+                        'current-based position control)')
     parser.add_argument('--protocol-1', action='store_true',
                         help='servos that speak the old Protocol 1.0 (XM and XL430 can)')
     parser.add_argument('--link', metavar='PATH',
@@ -147,12 +154,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error('--time-factor must be above 0 and at most 1000')
     if arguments.protocol_1 and not MODELS[arguments.model].old_protocol:
         parser.error(f'{arguments.model} cannot speak Protocol 1.0')
+    servos = make_servos(arguments.tendons, arguments.model, arguments.baud_rate, arguments.mode)
+    for servo in servos:
+        servo.values['Protocol Type'] = 1 if arguments.protocol_1 else 2
     return console.serve(
         parser, lambda: DynamixelEmulator(
-            make_servos(arguments.tendons, arguments.model, arguments.baud_rate,
-                        old_protocol=arguments.protocol_1),
-            arguments.link, Clock(arguments.time_factor)),
-        lambda emulator: CONFIGURATION.format(parameters='\n'.join(
-            f'      {name.removeprefix("dynamixel.")}: {value}' for name, value in
-            dynamixel_parameters(emulator.port, len(emulator.servos),
-                                 arguments.baud_rate).items())), execute_command)
+            servos, arguments.link, Clock(arguments.time_factor)),
+        lambda emulator: CONFIGURATION.format(parameters=parameter_lines(dynamixel_parameters(
+            emulator.port, len(emulator.servos), arguments.baud_rate))), execute_command)

@@ -120,11 +120,17 @@ class DynamixelServo:
                 self.values[field.name] = field.initial
         self._shut_down = 0
         self._registered = None
-        self._ready = self.time + BOOT_TIME
+        self._booted, self._ready = self.time, self.time + BOOT_TIME
         self.heard = self._ready
         self._forget_turns()
         self._reset_goals()
         self.values['Torque Enable'] = self.values['Startup Configuration'] & 1
+
+    def set_up(self, name: str, value: int) -> None:
+        """Write an item of the control table as another program did before: unchecked."""
+        torque, self.values['Torque Enable'] = self.values['Torque Enable'], 0
+        self._change(name, value)
+        self.values['Torque Enable'] = torque
 
     # Position
 
@@ -337,7 +343,7 @@ class DynamixelServo:
         speed = sign * motor.speed / PULSE
         profile = control.profile
         position = floor(self.position)
-        values['Realtime Tick'] = int(1000.0 * self.time) % 32768
+        values['Realtime Tick'] = int(1000.0 * (self.time - self._booted)) % 32768
         values['Moving'] = int(
             profile.ongoing or abs(speed) > values['Moving Threshold'] * VELOCITY_UNIT)
         values['Moving Status'] = (

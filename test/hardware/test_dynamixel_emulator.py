@@ -76,9 +76,11 @@ class Bus:
 
 
 @contextmanager
-def bus(tendons=2, model='XM430-W350', baud_rate=1000000, **options):
-    with DynamixelEmulator(make_servos(tendons, model, 1000000, **options),
-                           clock=VirtualClock()) as emulator:
+def bus(tendons=2, model='XM430-W350', baud_rate=1000000, protocol=2):
+    servos = make_servos(tendons, model)
+    for servo in servos:
+        servo.values['Protocol Type'] = protocol
+    with DynamixelEmulator(servos, clock=VirtualClock()) as emulator:
         made = Bus(emulator, baud_rate)
         yield made
         made.port.closePort()
@@ -214,7 +216,6 @@ def test_a_registered_write_waits_for_the_action():
 
 def test_a_reboot_keeps_the_eeprom_and_forgets_the_ram_and_whole_turns():
     with bus() as host:
-        assert host.write(2, MODE, 5, 1) == 0
         assert host.write(2, TORQUE, 1, 1) == 0
         assert host.write(2, GOAL, 1400 + 5000) == 0
         host.until(lambda: host.read(2, POSITION) > 6300)
@@ -284,7 +285,7 @@ def test_a_wrong_baud_rate_gets_no_answer_and_changes_nothing():
 
 
 def test_a_servo_with_protocol_1_answers_only_that():
-    with bus(old_protocol=True) as host:
+    with bus(protocol=1) as host:
         assert host.handler.ping(host.port, 1)[1] == LOST
         host.port.closePort()
         old = Bus(host.emulator, protocol=1.0)
