@@ -53,7 +53,7 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
         if driver not in TENDON_MOTORS:
             raise ParameterError(f'the twin has no motors for --tendon-driver {driver}; it has '
                                  f'those for {", ".join(TENDON_MOTORS)}')
-        ports = {name: Path(directory) / name for name in ('tendon', 'modbus')}
+        ports = {'tendon': Path(directory) / driver, 'modbus': Path(directory) / 'modbus'}
         arguments = [f'--preset={preset}', f'--namespace={namespace}',
                      *(f'--params-file={path}' for path in params_files)]
         links = [f'--{name}-link={path}' for name, path in ports.items()]
