@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
+import scipy
 
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.dimensions import Derivatives, model_error
@@ -312,7 +312,7 @@ class Estimator:
 
         seen: whether it is of discs.  Tensions say too little of the shape to open it up.
         """
-        if distance * size <= chdtri(size, OUTLIER):
+        if distance * size <= scipy.special.chdtri(size, OUTLIER):
             self._beyond *= not seen
             return True
         self._beyond += seen

@@ -10,7 +10,7 @@ from math import log, pi
 from typing import Any
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+import scipy
 
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.dimensions import Dimensions
@@ -105,7 +105,8 @@ class Verdict:
 
 def log_likelihood(values: Array, covariance: Array) -> float:
     """Return the logarithm of the density of a normal distribution about 0."""
-    found = -0.5 * (values @ cho_solve(cho_factor(covariance), values)
+    factor = scipy.linalg.cho_factor(covariance)
+    found = -0.5 * (values @ scipy.linalg.cho_solve(factor, values)
                     + np.linalg.slogdet(covariance)[1] + len(values) * log(2.0 * pi))
     return float(found)
 
@@ -114,7 +115,7 @@ def judge(one: Hypothesis) -> Verdict:
     """Return how well a hypothesis explains what is measured."""
     point = one.point
     away, rows, covariance = point.values - one.expected, one.directions, one.covariance
-    weighted = cho_solve(cho_factor(covariance), rows).T
+    weighted = scipy.linalg.cho_solve(scipy.linalg.cho_factor(covariance), rows).T
     sizes = np.linalg.solve(weighted @ rows + np.eye(rows.shape[1]), weighted @ away)
     moved = one.expected + rows @ sizes
     blurred = covariance + _blur(one, moved)

@@ -11,7 +11,7 @@ from math import sin
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
+import scipy
 
 from soft_continuum.mechanics.arm import Arm, ArmError, Segment
 from soft_continuum.mechanics.chain import Array
@@ -66,8 +66,8 @@ def bending_angle(segment: Segment, pull: float) -> float:
         raise ArmError(
             f'a pull of {pull:g} m needs more than the bending angle limit of {limit:g} rad; '
             f'allowed: {low:.4g} to {high:.4g} m')
-    return float(brentq(lambda a: segment_pulls(segment, a)[0] - pull, least, most,
-                        xtol=1e-15, rtol=1e-14))
+    return float(scipy.optimize.brentq(
+        lambda a: segment_pulls(segment, a)[0] - pull, least, most, xtol=1e-15, rtol=1e-14))
 
 
 def poses(arm: Arm, angles: ArrayLike) -> Array:

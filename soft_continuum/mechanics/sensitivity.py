@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
+import scipy
 
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics._assembly import law
@@ -94,7 +94,7 @@ class Linearisation:
             self._matrix[:groups, row] = self._force[:, t]
             self._matrix[row, :groups] = self._reach[:, t] - self._stretch_rates[:, t]
             self._matrix[row, row] = -compliance[t]
-        self._factors = lu_factor(self._matrix, check_finite=False)
+        self._factors = scipy.linalg.lu_factor(self._matrix, check_finite=False)
 
     def _add_friction(self, sliding: Sequence[int]) -> None:
         """Add what a turn changes of the tension that arrives at each span, and of the stretch."""
@@ -238,7 +238,7 @@ class Linearisation:
 
     def _solve(self, right_side: Array) -> Sensitivity:
         chain, group = self._chain, self._system.group
-        solution = lu_solve(self._factors, right_side, check_finite=False)
+        solution = scipy.linalg.lu_solve(self._factors, right_side, check_finite=False)
         moved = np.zeros((chain.joints, right_side.shape[1]))
         free = group >= 0
         moved[free] = solution[group[free]]

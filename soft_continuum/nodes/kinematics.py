@@ -68,6 +68,7 @@ CHECK_PERIOD = 0.02  # s after which what came sooner than that is followed
 COVARIANCE_PERIOD = 0.1  # s between two covariances, which cost more than the shape
 REFUSAL_PERIOD = 1.0  # s for which it is shown why a pose is none that can be used
 UNUSED_PERIOD = 3.0  # s after the last measurement for which it is shown that most are not used
+ESTIMATION = ('scipy.linalg', 'scipy.special')  # what the first measurement needs: 0.4 s
 FRESH = 3.0  # s: an older measurement is not the shape's any more
 
 
@@ -161,7 +162,7 @@ class Kinematics(Node):
 
     def start(self) -> None:
         """Load the model; then the node works as soon as the others publish."""
-        load_model(self, self._arm, self._on_model)
+        load_model(self, self._arm, self._on_model, ESTIMATION)
 
     def _on_model(self) -> None:
         self._compiled = True

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The compiled model in a node: loaded while the node is already up."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 import threading
 from typing import Any
@@ -20,12 +20,14 @@ def loading() -> str:
             'loading the model')
 
 
-def load_model(node: Any, arm: AnyArm, loaded: Callable[[], None] | None = None) -> None:
+def load_model(node: Any, arm: AnyArm, loaded: Callable[[], None] | None = None,
+               later: Sequence[str] = ()) -> None:
     """
     Load the compiled model on a thread of its own; compiling takes tens of seconds.
 
-    arm: the described one.  ``loaded`` is called on the thread of ROS.  The thread does not keep
-    a process from ending.
+    arm: the described one.  ``loaded`` is called on the thread of ROS.  later: modules that are
+    not needed to start, but should not be waited for when they are.  The thread does not keep a
+    process from ending.
     """
     def load() -> None:
         try:
@@ -38,5 +40,7 @@ def load_model(node: Any, arm: AnyArm, loaded: Callable[[], None] | None = None)
             return
         if loaded is not None:
             on_ros_thread(node, loaded)
+        for module in later:
+            import_module(module)
 
     threading.Thread(target=load, name='model', daemon=True).start()

@@ -8,7 +8,7 @@ from math import cos, pi, sin, tan
 from typing import Any, Self
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialChain
@@ -44,7 +44,7 @@ class Tag:
 
     def moved(self, shift: Array, turn: Array, spread: Array) -> 'Tag':
         """Return it shifted (m) and turned (rotation vector, rad) along its axes."""
-        turned = Rotation.from_rotvec(turn).as_matrix().T @ self.axes
+        turned = scipy.spatial.transform.Rotation.from_rotvec(turn).as_matrix().T @ self.axes
         return Tag(self.centre + shift @ self.axes, turned, self.size, spread)
 
 

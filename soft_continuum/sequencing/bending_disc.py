@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from math import ceil, degrees, pi
 
 import numpy as np
-from scipy.interpolate import LinearNDInterpolator
+import scipy
 
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import StaticsError
@@ -160,7 +160,7 @@ def bending_disc(statics: SpatialStatics, state: SpatialEquilibrium, segment: in
     if not all(edge):
         raise StaticsError(f'segment {segment + 1} cannot be bent to all sides from here: '
                            f'{whys[edge.index(0j)]}', state)
-    interpolate = LinearNDInterpolator(_plane(np.array(places)), np.array(rows))
+    interpolate = scipy.interpolate.LinearNDInterpolator(_plane(np.array(places)), np.array(rows))
     return BendingDisc(segment, np.array(edge), tuple(whys),
                        lambda bendings: interpolate(_plane(bendings)), slope)
 

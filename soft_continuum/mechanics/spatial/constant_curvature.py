@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
+import scipy
 
 from soft_continuum.mechanics._checks import real_array, soft_flags
 from soft_continuum.mechanics.arm import ArmError
@@ -110,8 +110,8 @@ def bending(arm: SpatialArm, pulls_of: ArrayLike, start: ArrayLike | None = None
         return found
 
     unknown = int(free.sum())
-    found = least_squares(left, bent[free], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale=0.1,
-                          method='trf')
+    found = scipy.optimize.least_squares(
+        left, bent[free], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale=0.1, method='trf')
     values = np.linalg.svd(found.jac, compute_uv=False)
     if len(values) < unknown or values[-1] < DETERMINED * values[0]:
         raise ArmError(

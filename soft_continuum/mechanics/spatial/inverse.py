@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import lsq_linear
+import scipy
 
 from soft_continuum.mechanics._checks import finite, real_array, segment_order, soft_flags
 from soft_continuum.mechanics.chain import Array, SLACK
@@ -221,7 +221,7 @@ class _Search:
         """
         slopes, paths = self.by_tensions(state)
         needed = change + slopes @ state.tensions
-        tensions: Array = lsq_linear(
+        tensions: Array = scipy.optimize.lsq_linear(
             np.vstack([WEIGHT * slopes, np.eye(len(self.statics.compliance))]),
             np.concatenate([WEIGHT * needed, np.zeros(len(self.statics.compliance))]),
             (self.pretension, np.inf), method='bvls').x

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import lu_factor, lu_solve
-from scipy.linalg.lapack import dgbtrf, dgbtrs
+import scipy
 
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics.chain import Array
@@ -115,7 +114,7 @@ class SpatialLinearisation:
         self._band, self._pivots = _factored_band(band, np.einsum(
             'kji,kj->ki', self._rotations, self._system[3]))
         self._inside = self._without_tendons(self._columns)
-        self._border = lu_factor(
+        self._border = scipy.linalg.lu_factor(
             self._columns.T @ self._inside
             + np.diag(np.concatenate([compliance[self._taut], 1.0 / forces])), check_finite=False)
 
@@ -251,7 +250,8 @@ class SpatialLinearisation:
         """Solve with the band alone."""
         if not columns.size:
             return columns
-        found: Array = dgbtrs(self._band, self._half, self._half, columns, self._pivots)[0]
+        found: Array = scipy.linalg.lapack.dgbtrs(
+            self._band, self._half, self._half, columns, self._pivots)[0]
         return found
 
     def _solve(self, moments: Array | None = None, *, pulls: Array | None = None,
@@ -266,7 +266,9 @@ class SpatialLinearisation:
         border = self._columns.T @ alone
         if pulls is not None:
             border[:len(taut)] += pulls[taut]
-        carried = lu_solve(self._border, border, check_finite=False) if len(border) else border
+        carried = border
+        if len(border):
+            carried = scipy.linalg.lu_solve(self._border, border, check_finite=False)
         turned = alone - self._inside @ carried
         change = change.copy()
         change[taut] += carried[:len(taut)]
@@ -302,7 +304,9 @@ def _factored_band(lower: Array, moments: Array) -> tuple[Array, NDArray[np.int3
     for axis, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
         band[2 * half + i - j, j::3] += 0.5 * moments[:, axis]
         band[2 * half + j - i, i::3] -= 0.5 * moments[:, axis]
-    factors, pivots, _ = dgbtrf(band, half, half) if rows else (band, np.zeros(0, np.int32), 0)
+    if not rows:
+        return band, np.zeros(0, np.int32)
+    factors, pivots, _ = scipy.linalg.lapack.dgbtrf(band, half, half)
     return factors, pivots
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
+import scipy
 
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm
@@ -43,7 +43,8 @@ class Miss:
             return away
         assert goal.rotation is not None
         if goal.kind == 'pose':
-            turned = Rotation.from_matrix(rotations @ goal.rotation.T).as_rotvec()
+            turned = scipy.spatial.transform.Rotation.from_matrix(
+                rotations @ goal.rotation.T).as_rotvec()
         else:
             axes, wanted = rotations[..., 2], goal.rotation[:, 2]
             turned = np.cross(wanted, axes)

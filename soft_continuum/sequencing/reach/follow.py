@@ -15,7 +15,7 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.sequencing.planner import Move, PlanError, ShapePlan, ShapePlanner, WHOLE_ARM
@@ -145,7 +145,7 @@ class _Following:
         begins = arcs.drawn(np.random.default_rng(self.settings.seed), FIT_STARTS)
         for begin in (np.array(self.start.state.bending), *begins):
             flat = begin.reshape(-1)
-            fit = least_squares(missed, np.concatenate(
+            fit = scipy.optimize.least_squares(missed, np.concatenate(
                 [flat[others], np.tile(flat[own], len(goals))]), max_nfev=40, x_scale=0.1)
             found.append((float(fit.cost), shapes(fit.x)[0]))
         return sorted(found, key=lambda one: one[0])[:1]
