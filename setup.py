@@ -47,9 +47,9 @@ distribution = setup(
             f'{name} = {PACKAGE}.__main__:ros2_run'
             for name in (
                 'browser', 'calibrate', 'camera', 'characterize', 'converge', 'disc_sensors',
-                'doctor', 'grbl_emulator', 'identify', 'jamming_valves', 'kinematics',
-                'modbus_emulator', 'record', 'recorder', 'report', 'servo', 'shape_sequencer',
-                'tendon_actuation', 'validate', 'workspace')
+                'doctor', 'dynamixel_emulator', 'grbl_emulator', 'identify', 'jamming_valves',
+                'kinematics', 'modbus_emulator', 'record', 'recorder', 'report', 'servo',
+                'shape_sequencer', 'tendon_actuation', 'validate', 'workspace')
         ],
     },
 )

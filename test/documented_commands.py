@@ -40,7 +40,7 @@ OF_THE_READER = {'my_arm.yaml', 'my_rig.yaml', 'my_shapes.yaml', 'left_arm.yaml'
                  'right_arm.yaml', 'calibration.yaml', 'my_study.yaml'}
 EXAMPLES = {'tendon_driver:=servo', 'servo.address:=can1'}
 """Parameters of the driver that a page shows how to write."""
-OUTPUTS = ('output', 'picture', 'link', 'grbl_link', 'modbus_link')
+OUTPUTS = ('output', 'picture', 'link', 'tendon_link', 'modbus_link')
 
 
 def blocks(page: Path) -> Iterator[tuple[str, str]]:

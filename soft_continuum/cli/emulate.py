@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``emulate grbl`` and ``emulate modbus``: devices to try the hardware drivers on."""
+"""``emulate grbl``, ``modbus`` and ``dynamixel``: devices to try the hardware drivers on."""
 
 import argparse
 from collections.abc import Sequence
@@ -14,8 +14,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Serve an emulated device until Ctrl-C; return the exit status."""
     parser = Parser('emulate', 'Emulate a device on a pseudo-terminal. DEVICE --help shows the '
                     'options of a device.')
-    parser.add_argument('device', choices=('grbl', 'modbus'),
-                        help='grbl: the stepper controller; modbus: pump, valves and sensors')
+    parser.add_argument('device', choices=('grbl', 'dynamixel', 'modbus'),
+                        help='grbl: the stepper controller; dynamixel: servos; '
+                        'modbus: pump, valves and sensors')
     parser.add_argument('options', nargs=argparse.REMAINDER, metavar='OPTION')
     options = parser.parse_args(argv)
     return call(VERBS[f'{options.device}_emulator'], options.options)

@@ -81,7 +81,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('new-arm', 'describe an arm, by questions', 'cli.new_arm:main'),
         Verb('doctor', 'check a rig step by step; nothing moves', 'cli.doctor:main'),
         Verb('calibrate', 'measure a rig: steps, signs, zero, vacuum', 'cli.calibrate:main'),
-        Verb('emulate', 'emulate a device: grbl or modbus', 'cli.emulate:main'),
+        Verb('emulate', 'emulate a device: grbl, dynamixel or modbus', 'cli.emulate:main'),
         Verb('twin', 'simulate a rig: the arm in MuJoCo behind both devices', 'cli.twin:main'),
         Verb('twin_camera', 'simulate a camera before that rig', 'cli.twin_camera:main'),
         Verb('tags', 'write the tags for discs and board, to print', 'cli.tags:main'),
@@ -109,6 +109,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         _node('servo', 'follows a moving target with the segment that is soft'),
         _node('recorder', 'records what the arm publishes, when it is asked to'),
         Verb('grbl_emulator', 'the same as emulate grbl', 'emulators.grbl:main'),
+        Verb('dynamixel_emulator', 'the same as emulate dynamixel', 'emulators.dynamixel:main'),
         Verb('modbus_emulator', 'the same as emulate modbus', 'emulators.modbus:main'),
     ),
     'shell': (

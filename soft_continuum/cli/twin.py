@@ -10,6 +10,8 @@ from pathlib import Path
 import threading
 
 from soft_continuum.arguments import DONE, Parser, WRONG_USAGE
+from soft_continuum.emulators.driving import parameter_lines
+from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.twin.differences import (
     DEFAULT_PRESET,
@@ -24,12 +26,7 @@ CONFIGURATION = """\
 A simulated rig, preset {preset}. Put this into a parameter file of the nodes:
 /**:
   ros__parameters:
-    tendon_driver: grbl
-    grbl: {{port: {grbl}, steps_per_mm: {steps}, signs: {signs}}}
-    jamming_driver: modbus
-    modbus: {{port: {modbus}, timeout: {timeout}}}
-    load_cells: {{used: true, zeros: {zeros}, scales: {scales}}}
-Ctrl-C ends it.
+{parameters}Ctrl-C ends it.
 """
 
 
@@ -68,13 +65,16 @@ def serve(parser: Parser, begin: Callable[[ExitStack], None]) -> int:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve the twin until Ctrl-C; return the exit status."""
-    parser = Parser('twin', 'A simulated rig: the arm in MuJoCo, behind emulated GRBL and Modbus '
-                    'boards. Its load cells and IMUs are on load_cells and disc_N/imu. Where it '
-                    'really is is published on twin/disc_poses and twin/joint_states, which no '
-                    'node of the suite reads.',
+    parser = Parser('twin', 'A simulated rig: the arm in MuJoCo, behind emulated GRBL boards '
+                    'or Dynamixel servos, and Modbus boards. Its load cells and IMUs are on '
+                    'load_cells and disc_N/imu. Where it really is is published on '
+                    'twin/disc_poses and twin/joint_states, which no node of the suite reads.',
                     '--params-file', '--namespace')
     add_preset_options(parser)
-    parser.add_argument('--grbl-link', type=Path, metavar='PATH',
+    parser.add_argument('--tendon-driver', choices=TENDON_MOTORS, default='grbl',
+                        help='what pulls the tendons: grbl, steppers on boards, or dynamixel, '
+                        'servos, which feel the tensions (default: grbl)')
+    parser.add_argument('--tendon-link', '--grbl-link', type=Path, metavar='PATH',
                         help='a symbolic link to make to the port of the tendons; PATH_2, '
                         'PATH_3, ... for the boards of an arm with more tendons than three')
     parser.add_argument('--modbus-link', type=Path, metavar='PATH',
@@ -96,15 +96,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         values = load_description(*options.params_file or [description_file()])
         arm = any_arm_from_parameters(values)
         rig = running.enter_context(TwinRig(
-            arm, chosen_differences(options), options.grbl_link or '',
-            options.modbus_link or '', jams=bool(values['arm.jamming'])))
+            arm, chosen_differences(options), options.tendon_link or '',
+            options.modbus_link or '', tendon_driver=options.tendon_driver,
+            jams=bool(values['arm.jamming'])))
         running.enter_context(Truth(rig, options.namespace))
         running.enter_context(SensorTopics(rig, options.namespace))
         given = rig.parameters() | load_cell_parameters(len(arm.tendon_names))
         print(CONFIGURATION.format(
-            preset=options.preset, grbl=given['grbl.port'],
-            steps=given['grbl.steps_per_mm'], signs=given['grbl.signs'],
-            modbus=given['modbus.port'], timeout=given['modbus.timeout'],
-            zeros=given['load_cells.zeros'], scales=given['load_cells.scales']), flush=True)
+            preset=options.preset, parameters=parameter_lines(given)), flush=True)
 
     return serve(parser, begin)

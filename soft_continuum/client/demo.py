@@ -24,6 +24,7 @@ from soft_continuum.client.measured import MeasuredDisc
 from soft_continuum.client.sequence import RunningSequence
 from soft_continuum.client.state import ArmState, Progress
 from soft_continuum.client.state_text import angles_text
+from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm as PlanarArm
 from soft_continuum.mechanics.chain import RigidChain
@@ -54,12 +55,17 @@ def main() -> int:
                         'of the paper)')
     parser.add_argument('--picture', type=Path, default=Path('demo_shapes.png'),
                         help='where to write the picture (default: %(default)s)')
+    parser.add_argument('--tendon-driver', choices=TENDON_MOTORS,
+                        help='what pulls the tendons of the '
+                        'twin: steppers (grbl, the default) or servos (dynamixel)')
     add_twin_options(parser)
     options = parser.parse_args()
     if not options.picture.resolve().parent.is_dir():
         parser.error(f'--picture {options.picture}: there is no such directory')
     if options.picture.is_symlink():
         parser.error(f'--picture {options.picture} is a link; name the file that it leads to')
+    if options.tendon_driver and not options.twin:
+        parser.error('--tendon-driver needs --twin here')
     if options.camera and not options.twin:
         parser.error('--camera needs --twin here: nothing else can be seen')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -72,8 +78,8 @@ def main() -> int:
     try:
         nodes = chosen_nodes(options)
         print(f'Starting the nodes on {rig} ...', flush=True)
-        with (twin_process(options.twin, options.params_file, namespace, camera=options.camera
-                           ) as driving,
+        with (twin_process(options.twin, options.params_file, namespace, camera=options.camera,
+                           tendon_driver=options.tendon_driver) as driving,
               NodeProcesses(nodes, arguments + driving),
               Arm(namespace, timeout=STARTING_TIMEOUT) as arm):
             if driving:

@@ -2,13 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of nodes that drive emulated boards."""
 
+from collections.abc import Mapping
+from itertools import groupby
 from math import ceil
 from pathlib import Path
 
 from soft_continuum.emulators.grbl import STEPS_PER_MM
+from soft_continuum.parameters.parameter import as_yaml, Value
 
 AXES = 3
 """Of an emulated board; arms with more tendons have several, which share them evenly."""
+BAUD_RATE = 1000000
+SPOOL_RADIUS = 0.01
+"""m, of an emulated servo."""
 MODBUS_TIMEOUT = 0.4  # s: boards that share a processor with a plant answer later than real ones
 
 
@@ -18,14 +24,44 @@ def board_links(first: str | Path, tendons: int) -> tuple[str, ...]:
                  for n in range(1, ceil(tendons / AXES) + 1))
 
 
-def driving_parameters(grbl: str | Path, modbus: str | Path, tendons: int = 2
-                       ) -> dict[str, object]:
+def grbl_parameters(ports: str | Path, tendons: int) -> dict[str, Value]:
+    """Return the parameters of stepper boards at ports with spaces between."""
+    return {'tendon_driver': 'grbl', 'grbl.port': str(ports),
+            'grbl.steps_per_mm': (float(STEPS_PER_MM),) * tendons, 'grbl.signs': (1.0,) * tendons}
+
+
+def dynamixel_parameters(port: str | Path, tendons: int, baud_rate: int = BAUD_RATE
+                         ) -> dict[str, Value]:
+    """Return the parameters of servos with the IDs 1, 2, ... at a port."""
+    return {'tendon_driver': 'dynamixel', 'dynamixel.port': str(port),
+            'dynamixel.baud': baud_rate,
+            'dynamixel.ids': tuple(float(n + 1) for n in range(tendons)),
+            'dynamixel.spool_radii': (SPOOL_RADIUS,) * tendons,
+            'dynamixel.signs': (1.0,) * tendons}
+
+
+def modbus_parameters(port: str | Path) -> dict[str, Value]:
+    """Return the parameters of valves and sensors at a port."""
+    return {'jamming_driver': 'modbus', 'modbus.port': str(port),
+            'modbus.timeout': MODBUS_TIMEOUT}
+
+
+def driving_parameters(grbl: str | Path = '', modbus: str | Path = '', tendons: int = 2, *,
+                       dynamixel: str | Path = '') -> dict[str, Value]:
     """
     Return what the nodes have to be given for boards at these ports.
 
-    grbl: of the tendons, with spaces between; tendons: how many.
+    grbl: of the tendons, with spaces between; or dynamixel: of servos.  tendons: how many.
     """
-    return {'tendon_driver': 'grbl', 'grbl.port': str(grbl),
-            'grbl.steps_per_mm': [float(STEPS_PER_MM)] * tendons, 'grbl.signs': [1.0] * tendons,
-            'jamming_driver': 'modbus', 'modbus.port': str(modbus),
-            'modbus.timeout': MODBUS_TIMEOUT}
+    moving = (dynamixel_parameters(dynamixel, tendons) if dynamixel
+              else grbl_parameters(grbl, tendons))
+    return moving | modbus_parameters(modbus)
+
+
+def parameter_lines(parameters: Mapping[str, Value]) -> str:
+    """Return lines for a parameter file, below ``ros__parameters``; each device has one."""
+    lines = []
+    for device, items in groupby(parameters.items(), lambda item: item[0].rpartition('.')[0]):
+        given = [f'{name.rpartition(".")[2]}: {as_yaml(value)}' for name, value in items]
+        lines += [f'{device}: {{{", ".join(given)}}}'] if device else given
+    return ''.join(f'    {line}\n' for line in lines)

@@ -11,9 +11,10 @@ from time import sleep
 
 from soft_continuum.arguments import Parser
 from soft_continuum.emulators.driving import board_links, driving_parameters
+from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.nodes.processes import Child, end
 from soft_continuum.parameters.files import load_any_arm
-from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.parameter import as_yaml, ParameterError
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
 from soft_continuum.twin.differences import DEFAULT_PRESET, load_cell_parameters, PRESETS
 
@@ -33,12 +34,14 @@ def add_twin_options(parser: Parser) -> None:
 
 @contextmanager
 def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespace: str = '',
-                 *, camera: bool = False) -> Iterator[list[str]]:
+                 *, camera: bool = False, tendon_driver: str | None = None
+                 ) -> Iterator[list[str]]:
     """
     Run the twin of the described arm; yield the ROS arguments of nodes that drive it.
 
-    camera: with one before it.  Without a preset nothing is started and nothing yielded.  Raises
-    ParameterError for a twin that does not start; it has said why by then.
+    camera: with one before it.  tendon_driver: one of TENDON_MOTORS, grbl if None.  Without a
+    preset nothing is started and nothing yielded.  Raises ParameterError for a twin that does not
+    start; it has said why by then.
     """
     if preset is None:
         yield []
@@ -46,26 +49,31 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
     from soft_continuum.nodes.up import description_file  # which needs this module itself
     tendons = len(load_any_arm(*params_files or [description_file()]).tendon_names)
     with TemporaryDirectory(prefix='soft_continuum_') as directory:
-        ports = {name: Path(directory) / name for name in ('grbl', 'modbus')}
+        driver = tendon_driver or 'grbl'
+        if driver not in TENDON_MOTORS:
+            raise ParameterError(f'the twin has no motors for --tendon-driver {driver}; it has '
+                                 f'those for {", ".join(TENDON_MOTORS)}')
+        ports = {'tendon': Path(directory) / driver, 'modbus': Path(directory) / 'modbus'}
         arguments = [f'--preset={preset}', f'--namespace={namespace}',
                      *(f'--params-file={path}' for path in params_files)]
         links = [f'--{name}-link={path}' for name, path in ports.items()]
-        twin = Child(TWIN, arguments + links, 'the nodes have no boards any more',
-                     subprocess.DEVNULL)
+        twin = Child(TWIN, [*arguments, *links, f'--tendon-driver={driver}'],
+                     'the nodes have no boards any more', subprocess.DEVNULL)
         children = [twin]
         try:
-            boards = board_links(ports['grbl'], tendons)
+            boards = board_links(ports['tendon'], tendons if driver == 'grbl' else 1)
             while not all(path.is_symlink() for path in (*map(Path, boards), ports['modbus'])):
                 if not twin.running:
                     raise ParameterError('the twin did not start; the lines before say why')
                 sleep(PERIOD)
-            parameters = driving_parameters(' '.join(boards), ports['modbus'], tendons)
+            parameters = driving_parameters(
+                modbus=ports['modbus'], tendons=tendons, **{driver: ' '.join(boards)})
             parameters |= load_cell_parameters(tendons)
             if camera:
                 children.append(Child(TWIN_CAMERA, [*arguments, f'--rate={RATE}'],
                                       'there are no pictures any more', subprocess.DEVNULL))
                 parameters |= NO_OTHER_CAMERA
             yield [word for name, value in parameters.items()
-                   for word in ('-p', f'{name}:={value}')]
+                   for word in ('-p', f'{name}:={as_yaml(value)}')]
         finally:
             end(children)

@@ -130,13 +130,11 @@ def chosen_nodes(options: Namespace) -> tuple[str, ...]:
 @contextmanager
 def twin_of(options: Namespace) -> Iterator[list[str]]:
     """Run the twin if the options of start_parser ask for one, as twin_process does."""
-    for name in DRIVERS:
-        if options.twin and getattr(options, name):
-            raise ParameterError('--twin brings its own boards; leave out --'
-                                 + name.replace('_', '-'))
+    if options.twin and options.jamming_driver:
+        raise ParameterError('--twin brings its own boards; leave out --jamming-driver')
     namespace = (options.namespace or '').strip('/')
-    with twin_process(options.twin, options.params_file, namespace, camera=options.camera
-                      ) as driving:
+    with twin_process(options.twin, options.params_file, namespace, camera=options.camera,
+                      tendon_driver=options.tendon_driver) as driving:
         yield driving
 
 

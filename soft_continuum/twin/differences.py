@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from soft_continuum.parameters.files import read_yaml
+from soft_continuum.parameters.parameter import Value
 
 PRESETS = ('ideal', 'typical', 'bad')
 """Those of config/twin.yaml."""
@@ -93,10 +94,10 @@ class Differences:
     angle_error: float = 0.0
 
 
-def load_cell_parameters(tendons: int) -> dict[str, object]:
+def load_cell_parameters(tendons: int) -> dict[str, Value]:
     """Return the parameters of nodes that are to use the load cells of the twin."""
-    return {'load_cells.used': True, 'load_cells.zeros': [0.0] * tendons,
-            'load_cells.scales': [1.0] * tendons}
+    return {'load_cells.used': True, 'load_cells.zeros': (0.0,) * tendons,
+            'load_cells.scales': (1.0,) * tendons}
 
 
 RANGES = {

@@ -3,21 +3,19 @@
 """The plant in real time, driven by the motors and the vacuum of the emulated boards."""
 
 from contextlib import ExitStack
-from itertools import chain
-from math import ceil
 from pathlib import Path
 import threading
 from typing import Self
 
 import numpy as np
 
-from soft_continuum.emulators.driving import board_links, driving_parameters
-from soft_continuum.emulators.grbl import STEPS_PER_MM
-from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.driving import modbus_parameters
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.simulated_jamming import JammingPlant
 from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.parameters.parameter import Value
 from soft_continuum.twin.differences import Differences
 from soft_continuum.twin.plant import plant_of, TIME_STEP
 
@@ -35,18 +33,18 @@ class TwinRig:
     the computer was too slow.
     """
 
-    def __init__(self, arm: AnyArm, differences: Differences, grbl_link: str | Path = '',
-                 modbus_link: str | Path = '', clock: Clock = STEADY, *, jams: bool = True
-                 ) -> None:
+    def __init__(self, arm: AnyArm, differences: Differences, tendon_link: str | Path = '',
+                 modbus_link: str | Path = '', clock: Clock = STEADY, *,
+                 tendon_driver: str = 'grbl', jams: bool = True) -> None:
         """
         Make the rig.
 
         links: paths at which the ports can always be found; those of further boards of tendons end
-        with _2, _3, ...  jams: whether segments can be stiff.
+        with _2, _3, ...  tendon_driver: one of TENDON_MOTORS.  jams: whether segments can be
+        stiff.
         """
         self.plant = plant_of(arm, differences)
-        self.boards = [GrblEmulator(link, clock)
-                       for link in board_links(grbl_link, len(arm.tendon_names))]
+        self.motors = TENDON_MOTORS[tendon_driver](tendon_link, len(arm.tendon_names), clock)
         self.modbus = ModbusEmulator(
             len(arm.segments), initially_stiff=jams, link=modbus_link or None, baud_rate=9600,
             clock=clock)
@@ -60,8 +58,7 @@ class TwinRig:
     def __enter__(self) -> Self:
         """Plug in the boards and let time pass; raises OSError for a link that cannot be."""
         with ExitStack() as devices:
-            for board in self.boards:
-                devices.enter_context(board)
+            devices.enter_context(self.motors)
             devices.enter_context(self.modbus)
             self._devices = devices.pop_all()
         self._thread.start()
@@ -74,18 +71,15 @@ class TwinRig:
             self._clock.sleep(PERIOD)
         self._devices.close()
 
-    def parameters(self) -> dict[str, object]:
+    def parameters(self) -> dict[str, Value]:
         """Return the parameters of nodes that are to drive this rig."""
-        return driving_parameters(' '.join(board.port for board in self.boards),
-                                  self.modbus.port, len(self.plant.arm.tendon_names))
+        return self.motors.parameters() | modbus_parameters(self.modbus.port)
 
     def _run(self) -> None:
-        tendons, begin = len(self.plant.arm.tendon_names), self._clock()
-        share = ceil(tendons / len(self.boards))
+        begin = self._clock()
         while not self._closing:
             self._clock.sleep(PERIOD)
-            motors = chain.from_iterable(board.motors[:share] for board in self.boards)
-            pulls = np.array([*motors][:tendons]) / (STEPS_PER_MM * 1e3)
+            pulls = np.array(self.motors.pulls())
             vacuum = np.array([self.modbus.vacuum(s) for s in range(len(self.modbus.segments))])
             late = self._clock() - begin - self.plant.time
             if late > MAX_LATENESS:
@@ -95,3 +89,5 @@ class TwinRig:
             with self.lock:
                 for _ in range(int(late / TIME_STEP)):
                     self.plant.step(pulls, vacuum / FULL_VACUUM)
+                tensions = self.plant.tensions
+            self.motors.load(tensions.tolist())
