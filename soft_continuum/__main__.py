@@ -9,6 +9,7 @@ import sys
 import threading
 from typing import NoReturn
 
+from soft_continuum.ros.logs import choose_log_folder
 from soft_continuum.ros.network import choose_own_network
 
 
@@ -28,6 +29,7 @@ def _run(words: list[str]) -> NoReturn:
     # The matrices of an arm are small: more threads only wait for each other, and hold up control.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     choose_own_network()
+    choose_log_folder(os.environ)
     from soft_continuum.cli.main import main
     try:
         status = main(words)

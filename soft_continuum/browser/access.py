@@ -8,6 +8,7 @@ starts.  If a later viser starts its server in another way, nothing is served at
 """
 
 import asyncio
+from collections import Counter
 from collections.abc import Awaitable, Callable
 from contextlib import redirect_stdout
 from functools import partial
@@ -15,6 +16,7 @@ from hmac import compare_digest
 from http import HTTPStatus
 from io import StringIO
 from ipaddress import ip_address
+from secrets import token_urlsafe
 import socket
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -26,10 +28,12 @@ from websockets.http11 import Request, Response
 from websockets.server import ServerProtocol
 
 from soft_continuum.browser.bar import Bar, PAGE, PATH
+from soft_continuum.browser.crowd import Crowd, MAX_SOCKETS
 from soft_continuum.browser.inbound import MAX_MESSAGE, only_controls
 from soft_continuum.browser.log import LOG, SERVER_LOG
 
 WRONG_TOKEN_DELAY = 1.0  # s until the next token of the same address is looked at
+MAX_WAITING = 10  # tokens of one address that wait for that
 Files = Callable[[ServerConnection, Request], Response | None]
 Conversation = Callable[[ServerConnection], Awaitable[None]]
 
@@ -72,7 +76,7 @@ def open_server(host: str, port: int, token: str = '', bar: Bar | None = None
         reason = getattr(error, 'strerror', '') or error
         raise AccessError(f'cannot listen on {host} port {port}: {reason}; '
                         'choose others with --host and --port') from None
-    checked = False
+    checked, crowd = False, Crowd()
     serve = websocket_server.serve
 
     def checked_serve(viser_handler: Conversation, *arguments: Any, process_request: Files,
@@ -80,8 +84,8 @@ def open_server(host: str, port: int, token: str = '', bar: Bar | None = None
         nonlocal checked
         checked = True
         options |= {'max_size': MAX_MESSAGE, 'logger': SERVER_LOG,
-                    'create_connection': _Connection,
-                    'process_request': _Requests(token, process_request)}
+                    'create_connection': partial(_Connection, crowd),
+                    'process_request': _Requests(token, process_request, crowd)}
         return serve(partial(_converse, bar or Bar(), viser_handler), *arguments, **options)
 
     setattr(websocket_server, 'serve', checked_serve)  # noqa: B010  (mypy: not assignable)
@@ -126,10 +130,12 @@ async def _converse(bar: Bar, viser_handler: Conversation, connection: ServerCon
 
 
 class _Connection(ServerConnection):
-    """A connection that answers what is no HTTP request at all, too."""
+    """A connection that is counted, and answers what is no HTTP request at all, too."""
 
-    def __init__(self, protocol: ServerProtocol, *arguments: Any, **options: Any) -> None:
+    def __init__(self, crowd: Crowd, protocol: ServerProtocol, *arguments: Any, **options: Any
+                 ) -> None:
         super().__init__(protocol, *arguments, **options)
+        self._crowd = crowd
         send_eof = protocol.send_eof
 
         def answer() -> None:
@@ -139,15 +145,26 @@ class _Connection(ServerConnection):
 
         setattr(protocol, 'send_eof', answer)  # noqa: B010  (mypy: a method)
 
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        self._crowd.enter(self)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        super().connection_lost(exc)
+        self._crowd.leave(self)
+
 
 class _Requests:
     """Answers the requests of browsers: refuses one, takes its token, or serves what it wants."""
 
-    def __init__(self, token: str, files: Files) -> None:
+    def __init__(self, token: str, files: Files, crowd: Crowd) -> None:
         """``files``: serves those of viser, and lets its WebSocket pass."""
-        self._token, self._files = token, files
+        self._token, self._files, self._crowd = token, files, crowd
+        # Of this run alone, whatever its token: nobody guesses it, so it need not wait.
+        self._key = token_urlsafe(32)
         # Tokens from one address wait for each other, so that guessing is slow.
         self._turns = [asyncio.Lock() for _ in range(64)]
+        self._waiting: Counter[str] = Counter()  # tokens, by address
 
     async def __call__(self, connection: ServerConnection, request: Request) -> Response | None:
         try:
@@ -173,6 +190,11 @@ class _Requests:
             return connection.respond(HTTPStatus.FORBIDDEN, f'not for pages of {origin}\n')
         response = self._files(connection, request)
         if response is None:  # a WebSocket
+            if not self._crowd.has_room():
+                return connection.respond(
+                    HTTPStatus.SERVICE_UNAVAILABLE, f'{MAX_SOCKETS // 2} pages are open, and no '
+                    'more are served; close one\n')
+            self._crowd.become_socket(connection)
             return None
         if request.path.partition('?')[0] == '/':
             response = connection.respond(HTTPStatus.OK, PAGE)
@@ -190,28 +212,37 @@ class _Requests:
         pairs = (part.strip().partition('=') for part in parts)
         kept = {name: value for name, _, value in pairs}.get(cookie, '')
         given = parse_qs(urlsplit(request.path).query).get('token', [''])[0]
-        if not await self._is_right(given or kept, connection):
+        if not given and compare_digest(kept.encode(), self._key.encode()):
+            return None
+        if self._waiting[str(connection.remote_address[0])] >= MAX_WAITING:
+            return connection.respond(
+                HTTPStatus.TOO_MANY_REQUESTS, 'Too many wrong tokens came from your address; try '
+                f'again after {MAX_WAITING * WRONG_TOKEN_DELAY:.0f} s\n')
+        if not await self._is_right(given, connection):
             return connection.respond(
                 HTTPStatus.UNAUTHORIZED,
                 'This view of the arm needs its token: open the address that was printed when it '
                 'was started, which ends in ?token=...\n')
-        if not given:
-            return None
         redirect = connection.respond(HTTPStatus.SEE_OTHER, '')
         redirect.headers['Location'] = '/'
         redirect.headers['Set-Cookie'] = (
-            f'{cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict')
+            f'{cookie}={self._key}; Path=/; HttpOnly; SameSite=Strict')
         return redirect
 
     async def _is_right(self, token: str, connection: ServerConnection) -> bool:
         if not token:
             return False
         address = str(connection.remote_address[0])
-        async with self._turns[hash(address) % len(self._turns)]:
-            if compare_digest(token.encode(), self._token.encode()):
-                return True
-            LOG.warning('wrong token from %s', address)
-            await asyncio.sleep(WRONG_TOKEN_DELAY)
+        self._waiting[address] += 1
+        try:
+            async with self._turns[hash(address) % len(self._turns)]:
+                if compare_digest(token.encode(), self._token.encode()):
+                    return True
+                LOG.warning('wrong token from %s', address)
+                await asyncio.sleep(WRONG_TOKEN_DELAY)
+        finally:
+            self._waiting[address] -= 1
+            self._waiting += Counter()  # forgets who does not wait
         return False
 
 

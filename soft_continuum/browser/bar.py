@@ -18,6 +18,7 @@ from time import monotonic
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
+from soft_continuum.browser.crowd import Pace
 from soft_continuum.browser.log import LOG
 from soft_continuum.browser.session import Notice
 from soft_continuum.browser.words import plain
@@ -125,9 +126,10 @@ class Bar:
 
     async def follow(self, connection: ServerConnection) -> None:
         """Serve the bar of one page until that is closed."""
-        sender = asyncio.create_task(self._send(connection))
+        sender, pace = asyncio.create_task(self._send(connection)), Pace()
         try:
             async for word in connection:
+                await pace.keep()
                 command = self.commands.get(word) if isinstance(word, str) else None
                 if command is None:
                     LOG.warning('dropped what is neither stop nor resume: %.40r', word)

@@ -13,6 +13,7 @@ from typing import Annotated, get_args, Literal
 import msgspec
 from websockets.asyncio.server import ServerConnection
 
+from soft_continuum.browser.crowd import Pace
 from soft_continuum.browser.log import LOG
 
 MAX_MESSAGE = 2**14  # bytes
@@ -76,9 +77,12 @@ def only_controls(connection: ServerConnection) -> ServerConnection:
 
 
 def _filtered(receive: Callable[[], Awaitable[str | bytes]]) -> Callable[[], Awaitable[bytes]]:
+    pace = Pace()
+
     async def receive_filtered() -> bytes:
         while True:
             raw = await receive()
+            await pace.keep()
             try:
                 # As it was understood: of two values of one key viser might take the other.
                 return msgspec.msgpack.encode(_DECODER.decode(raw))  # type: ignore[arg-type]

@@ -86,6 +86,8 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('twin_camera', 'simulate a camera before that rig', 'cli.twin_camera:main'),
         Verb('tags', 'write the tags for discs and board, to print', 'cli.tags:main'),
         Verb('policy', 'write who may do what over DDS, for SROS 2', 'cli.policy:main'),
+        Verb('install-service', 'have systemd start the nodes with this computer',
+             'cli.install_service:main'),
     ),
     'analyse measurements': (
         Verb('characterize', 'bending stiffness from force-displacement curves',

@@ -28,6 +28,7 @@ from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 from soft_continuum.ros.enclaves import with_enclave
 from soft_continuum.ros.executor import BestExecutor
+from soft_continuum.ros.logs import discard_old_logs
 from soft_continuum.ros.network import (
     reachable_addresses,
     SAID,
@@ -97,6 +98,7 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
     nodes: list[Any] = []
     try:
         check_parameter_files(arguments, [name])
+        discard_old_logs(os.environ)
         rclpy.init(args=with_enclave(arguments, name),
                    signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()

@@ -14,6 +14,7 @@ from pathlib import Path
 
 PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+OPEN, CLOSED = 'fastdds_network.xml', 'fastdds.xml'  # our own profiles
 KEYSTORE = 'ROS_SECURITY_KEYSTORE'
 SAID = 'SOFT_CONTINUUM_NETWORK_SAID'
 """Environment variable of a node that is started with others: one of them says who commands."""
@@ -34,7 +35,7 @@ def choose_network(environment: MutableMapping[str, str], config: Path) -> None:
     if any(environment.get(name) for name in PROFILES):
         return
     is_open = environment.get(RANGE) == 'SUBNET'
-    profile = config / ('fastdds_network.xml' if is_open else 'fastdds.xml')
+    profile = config / (OPEN if is_open else CLOSED)
     environment.update(dict.fromkeys(PROFILES, str(profile)))
     if is_open:
         environment.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
@@ -48,6 +49,15 @@ def choose_own_network() -> None:
     with suppress(ImportError, LookupError):  # not built
         from ament_index_python.packages import get_package_share_directory
         choose_network(os.environ, Path(get_package_share_directory('soft_continuum'), 'config'))
+
+
+def given_network(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return what a user chose before choose_network, for a process of another environment."""
+    chosen = {name: value for name in (*PROFILES, RANGE) if (value := environment.get(name))}
+    profile = Path(chosen.get(PROFILES[0], ''))
+    if profile.name not in (CLOSED, OPEN) or profile.parent.name != 'config':
+        return chosen
+    return {RANGE: 'SUBNET'} if profile.name == OPEN else {}
 
 
 def who_commands(environment: Mapping[str, str], addresses: Sequence[str]) -> str:
