@@ -16,5 +16,10 @@ def shape_names() -> Path:
     return _folder('XDG_CACHE_HOME', '.cache') / 'shapes'
 
 
+def dynamixel_zeros() -> Path:
+    """Return where the zeros of Dynamixel servos are kept for the time without their power."""
+    return _folder('XDG_STATE_HOME', '.local/state') / 'dynamixel_zeros.json'
+
+
 def _folder(variable: str, default: str) -> Path:
     return Path(os.environ.get(variable) or Path.home() / default, 'soft_continuum')

@@ -23,7 +23,8 @@ JAMMING_DRIVERS = 'soft_continuum.jamming_drivers'
 _HERE = 'soft_continuum.hardware'
 _OWN = {
     TENDON_DRIVERS: {'simulated': f'{_HERE}.simulated_tendons:SimulatedTendons',
-                     'grbl': f'{_HERE}.grbl_tendons:GrblTendons'},
+                     'grbl': f'{_HERE}.grbl_tendons:GrblTendons',
+                     'dynamixel': f'{_HERE}.dynamixel_tendons:DynamixelTendons'},
     JAMMING_DRIVERS: {'simulated': f'{_HERE}.simulated_jamming:SimulatedJamming',
                       'modbus': f'{_HERE}.modbus_jamming:ModbusJamming'},
 }

@@ -23,13 +23,15 @@ class TendonReading:
     State of the steppers, one value per tendon, in the order of the arm's ``tendon_names``.
 
     pulls: m, negative is paid out.  speeds: m/s.  tensions: N, None where nothing measures them.
-    referenced: whether the pulls are known relative to the straight arm.
+    referenced: whether the pulls are known relative to the straight arm.  unreferenced: why they
+    are not, for a person, where the driver can tell.
     """
 
     pulls: tuple[float, ...]
     speeds: tuple[float, ...]
     referenced: bool
     tensions: tuple[float, ...] | None = None
+    unreferenced: str = ''
 
     @property
     def moving(self) -> bool:

@@ -1,0 +1,101 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which goals the servos are sent: a path within speed and acceleration limits, and a lead.
+
+A servo holds a load only with a position error: its goal is a little ahead of where it is.  This
+``lead`` is adapted while the path rests, until the tendons are where they should be; a stop keeps
+it, so that it does not let a loaded tendon go.
+"""
+
+from collections.abc import Sequence
+
+from soft_continuum.hardware.dynamixel_setup import Spools
+from soft_continuum.hardware.simulated_tendons import SimulatedTendons
+
+MAX_STEP = 0.03
+"""s of the path per cycle: what a cycle comes late by more is not caught up."""
+LEAD_RATE = 8.0  # 1/s with which the lead removes an error at rest
+MAX_LEAD = 0.01  # m
+ARRIVAL_TOLERANCE = 1e-4  # m
+SATURATED = 0.95  # of the current that a servo may use: a lead would only wind up
+PATH_RESOLUTION = 1e-9  # m
+
+
+class HeldPath:
+    """Where all tendons should be, in pulses of their servos; for one thread at a time."""
+
+    def __init__(self, spools: Spools, zeros: Sequence[int], positions: Sequence[int],
+                 goals: Sequence[int]) -> None:
+        """Hold servos at their ``positions`` by the ``goals`` that they have; zeros: of pulls."""
+        self._spools, self._scale = spools, spools.pull_per_pulse
+        self.zeros = list(zeros)
+        self.place(positions, goals)
+
+    def place(self, positions: Sequence[int], goals: Sequence[int]) -> None:
+        """Hold the servos where they are, by the goals that they have."""
+        self.wanted = [float(position) for position in positions]
+        """Where the servos should be now, pulses."""
+        self.lead = [
+            max(-most, min(most, float(goal - position)))
+            for goal, position, most in zip(goals, positions, self._max_lead(), strict=True)]
+        self._origin = self._target = self.to_pulls(positions)
+        self._time = 0.0  # s
+        self._path = SimulatedTendons(
+            lambda: self._time, self._spools.tendons, self._spools.speed_limit,
+            self._spools.acceleration_limit, PATH_RESOLUTION)
+
+    def aim(self, pulls: tuple[float, ...], duration: float) -> None:
+        """Move on to ``pulls`` (m), to be there after ``duration`` (s) as far as limits allow."""
+        self._target = pulls
+        self._path.move(tuple(p - o for p, o in zip(pulls, self._origin, strict=True)), duration)
+
+    @property
+    def done(self) -> bool:
+        """Whether the path has come to its end."""
+        reading = self._path.read()
+        return not reading.moving and all(
+            abs(a + b - c) < 10 * PATH_RESOLUTION
+            for a, b, c in zip(self._origin, reading.pulls, self._target, strict=True))
+
+    def advance(self, elapsed: float) -> None:
+        """Let time (s) pass."""
+        self._time += min(elapsed, MAX_STEP)
+        self.wanted = self.to_pulses([
+            a + b for a, b in zip(self._origin, self._path.read().pulls, strict=True)])
+
+    def adapt(self, elapsed: float, positions: Sequence[int], currents: Sequence[float]) -> None:
+        """Lead the goals more where servos are short of the end; currents: shares of the limit."""
+        for i, (error, current, most) in enumerate(zip(
+                self.errors(positions), currents, self._max_lead(), strict=True)):
+            pushes = abs(current) >= SATURATED and error * current > 0.0
+            if abs(error) > self.tolerances[i] / 2.0 and not pushes:
+                lead = self.lead[i] + LEAD_RATE * min(elapsed, MAX_STEP) * error
+                self.lead[i] = max(-most, min(most, lead))
+
+    @property
+    def goals(self) -> list[int]:
+        """Goal Position of every servo."""
+        return [round(a + b) for a, b in zip(self.wanted, self.lead, strict=True)]
+
+    def errors(self, positions: Sequence[int]) -> list[float]:
+        """Return how far servos are short of where they should be, pulses."""
+        return [a - b for a, b in zip(self.wanted, positions, strict=True)]
+
+    @property
+    def tolerances(self) -> list[float]:
+        """How near servos must be to have arrived, pulses."""
+        return [max(2.0, ARRIVAL_TOLERANCE / abs(scale)) for scale in self._scale]
+
+    def to_pulls(self, positions: Sequence[float]) -> tuple[float, ...]:
+        """Return the pulls (m) of positions (pulses)."""
+        return tuple(scale * (position - zero) for scale, position, zero in zip(
+            self._scale, positions, self.zeros, strict=True))
+
+    def to_pulses(self, pulls: Sequence[float]) -> list[float]:
+        """Return the positions (pulses) of pulls (m)."""
+        return [zero + pull / scale for scale, pull, zero in zip(
+            self._scale, pulls, self.zeros, strict=True)]
+
+    def _max_lead(self) -> list[float]:
+        return [MAX_LEAD / abs(scale) for scale in self._scale]

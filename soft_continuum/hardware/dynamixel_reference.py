@@ -1,0 +1,119 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How the zero of Dynamixel servos survives, and what of it is known after a loss of power.
+
+A servo counts its turns while it has power.  So the zero is marked in four spare bytes of its RAM:
+whoever finds the mark, after a restart of node or computer, knows the turns and the zero.  A servo
+that was without power, or was rebooted, has no mark any more and knows its angle within one turn
+only.  For that case the zero is kept in a file of the user too; which turn it is, is known if
+just one lies within pull_limits.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import json
+from math import ceil, floor
+from pathlib import Path
+
+from soft_continuum.hardware.dynamixel_registers import PULSES_PER_TURN
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.text import read_bytes, write_whole
+
+ZERO_BITS = 22
+CHECK_BASE = 1021
+MAX_ZERO = 1 << ZERO_BITS - 1
+TURN_MARGIN = 0.1
+"""Turns beyond pull_limits in which a tendon may be that was left to itself without power."""
+MAX_FILE = 100_000  # bytes
+
+
+def mark(servo: int, zero: int) -> int:
+    """Return the four bytes that mark a zero (pulses without Homing Offset) in a servo's RAM."""
+    bits = zero % (1 << ZERO_BITS)
+    return bits | _check(servo, bits) << ZERO_BITS
+
+
+def marked_zero(servo: int, value: int) -> int | None:
+    """Return the zero (pulses) of a mark; None where there is no mark."""
+    bits = value % (1 << ZERO_BITS)
+    if value >> ZERO_BITS != _check(servo, bits):
+        return None
+    return bits - (1 << ZERO_BITS) if bits >= MAX_ZERO else bits
+
+
+def _check(servo: int, bits: int) -> int:
+    """Return a number of ten bits, never 0 as RAM is after a reset."""
+    return 1 + (bits * 31 + servo * 7919 + 17) % CHECK_BASE
+
+
+@dataclass(frozen=True)
+class Zero:
+    """The zero of a servo, pulses without Homing Offset; unknown: why it is none, else empty."""
+
+    position: int
+    unknown: str = ''
+
+
+def zero_within_turn(servo: str, position: int, kept: int | None, pull_per_pulse: float,
+                     limits: tuple[float, float]) -> Zero:
+    """
+    Return the zero of a servo that was without power since its zero was kept.
+
+    position: now.  kept: the zero from the file, None if it has none.  pull_per_pulse: m.
+    limits: smallest and largest pull, m.
+    """
+    if kept is None:
+        return Zero(position, f'{servo} was without power or was rebooted, and no zero of it is '
+                    'kept on this computer')
+    low, high = sorted(limit / pull_per_pulse for limit in limits)
+    low, high = low - TURN_MARGIN * PULSES_PER_TURN, high + TURN_MARGIN * PULSES_PER_TURN
+    # position - zero is between low and high, where zero is kept and any number of turns.
+    turns = range(ceil((position - kept - high) / PULSES_PER_TURN),
+                  floor((position - kept - low) / PULSES_PER_TURN) + 1)
+    zeros = [kept + PULSES_PER_TURN * turn for turn in turns]
+    if len(zeros) == 1:
+        return Zero(zeros[0])
+    reason = f'{servo} was without power or was rebooted, so its turns are not known: '
+    if not zeros:
+        return Zero(position, reason + 'its angle fits to no pull within pull_limits')
+    pulls = ' or '.join(f'{1e3 * pull_per_pulse * (position - zero):.1f} mm' for zero in zeros)
+    return Zero(position, f'{reason}it may be at {pulls}')
+
+
+class ZeroFile:
+    """
+    The file with the zeros of the servos behind each port of this computer.
+
+    ``{"/dev/serial/by-id/...": {"1": 2048, "2": 2050}}``: port, ID, pulses.
+    """
+
+    def __init__(self, path: Path, port: str) -> None:
+        """Keep the zeros of the servos behind a port."""
+        self._path, self._port = path, port
+
+    def read(self, servo: int) -> int | None:
+        """Return the zero of a servo; None if there is none that can be read."""
+        zero = self._all().get(self._port, {}).get(str(servo))
+        return zero if isinstance(zero, int) else None
+
+    def write(self, servos: Sequence[int], zeros: Sequence[int]) -> None:
+        """Keep zeros; raises HardwareError: an older one that stays would be a wrong one."""
+        known = self._all()
+        known[self._port] = known.get(self._port, {}) | {
+            str(servo): zero for servo, zero in zip(servos, zeros, strict=True)}
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(self._path, json.dumps(known, indent=1, sort_keys=True) + '\n')
+        except OSError as error:
+            raise HardwareError(f'the zero cannot be kept in {self._path} ({error.strerror}); '
+                                'make that possible, and reference again') from None
+
+    def _all(self) -> dict[str, dict[str, int]]:
+        try:
+            known = json.loads(read_bytes(self._path, MAX_FILE))
+        except (OSError, ValueError):
+            return {}
+        if not isinstance(known, dict):
+            return {}
+        return {str(port): zeros for port, zeros in known.items() if isinstance(zeros, dict)}

@@ -1,0 +1,400 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+One connection to Dynamixel servos: what they are sent, and what their replies mean.
+
+``cycle`` talks to the servos and waits for their replies, on the one thread that owns the bus;
+requests from other threads only take a lock, and return at once.  Every cycle sends the goals of
+the next hundredth of a second and reads all servos: where they are, and what was written.  So a
+write that was lost is noticed and repeated, and a reply that does not repeat it is not taken.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+import contextlib
+from dataclasses import replace
+from enum import Enum
+import threading
+
+from soft_continuum.hardware.dynamixel_bus import (
+    DamagedReplyError,
+    DynamixelBus,
+    NoReplyError,
+)
+from soft_continuum.hardware.dynamixel_path import HeldPath
+from soft_continuum.hardware.dynamixel_reference import mark, Zero, ZeroFile
+from soft_continuum.hardware.dynamixel_registers import (
+    BUS_WATCHDOG,
+    explain_hardware_error,
+    GOAL_CURRENT,
+    GOAL_POSITION,
+    HARDWARE_ERROR,
+    MAX_POSITION,
+    PULSES_PER_TURN,
+    Register,
+    SPARE,
+    WATCHDOG_TRIGGERED,
+    WATCHDOG_UNIT,
+)
+from soft_continuum.hardware.dynamixel_setup import CALIBRATE, Servo, Spools
+from soft_continuum.hardware.dynamixel_state import BLOCK, fastest, ServoState, Written
+from soft_continuum.hardware.dynamixel_take_up import TakeUp
+from soft_continuum.hardware.protocols import HardwareError, TendonReading
+
+CYCLE, RESTING_CYCLE = 0.01, 0.05
+"""s between two cycles, and between two while the tendons rest."""
+SILENCE_TIMEOUT, MIN_MISSED = 0.15, 4
+"""s without a reply that can be taken, and cycles in succession, that are a failure."""
+MARK_ATTEMPTS = 5
+STOP_TIMEOUT = 1.0  # s for a stop to be confirmed
+REST_TIME, REST_PULSES = 0.03, 1
+"""s over which a tendon at rest is seen to turn its servo by no more pulses."""
+ARRIVAL_TIMEOUT = 2.0  # s after the end of the path
+DISTANCE_BEHIND, TIME_BEHIND, BEHIND_TIMEOUT = 0.003, 0.15, 0.25
+"""m, and s of the fastest motion, by which a tendon may be behind; s for which by more."""
+REFERENCE = 'straighten the arm, make all tendons just taut and call reference'
+
+
+class State(Enum):
+    """What the tendons do."""
+
+    RESTING = 'rest'
+    MOVING = 'move'
+    STOPPING = 'stop'
+    TAKING_UP = 'take up slack'
+    FAILED = 'failed'
+
+
+BUSY = State.MOVING, State.STOPPING, State.TAKING_UP
+
+
+class DynamixelSession:
+    """Servos that hold, and what is known of them."""
+
+    def __init__(self, bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
+                 found: Sequence[ServoState], zeros: Sequence[Zero], zero_file: ZeroFile) -> None:
+        """Take over servos that hold, as they were ``found``, with what was written to them."""
+        self.bus, self._servos, self._spools = bus, tuple(servos), spools
+        self._zero_file = zero_file
+        self._lock = threading.Lock()  # of all that follows
+        self.state, self.failure = State.RESTING, ''
+        self._states = list(found)
+        self._written = [state.written for state in found]
+        self._unknown = '; '.join(zero.unknown for zero in zeros if zero.unknown)
+        self._path = HeldPath(spools, [zero.position for zero in zeros], self._positions(),
+                              [written.goal for written in self._written])
+        self._history = deque([(found[0].time, self._positions())])
+        self._target: tuple[tuple[float, ...], float] | None = None  # and its arrival, s
+        self._braked = False
+        self._mark_due = not self._unknown  # where the zero was found in another way
+        self._since = self._stepped = self._heard = self._near = bus.clock()
+        self._missed = 0
+        self._repeat = False
+        self._take_up: TakeUp | None = None
+
+    # Requests, from any thread
+
+    @property
+    def busy(self) -> bool:
+        """Whether the tendons move or may move, or something is still to be written."""
+        return self.state in BUSY or self._mark_due
+
+    def reading(self) -> TendonReading:
+        """Return the state of the last replies, which are at most some 0.1 s old."""
+        with self._lock:
+            self._check()
+            scale = self._spools.pull_per_pulse
+            speeds = (0.0,) * len(scale)
+            if self.state in BUSY:
+                (begin, a), (end, b) = self._history[0], self._history[-1]
+                speeds = tuple(s * (q - p) / max(end - begin, CYCLE)
+                               for s, p, q in zip(scale, a, b, strict=True))
+                if not any(speeds):  # not at rest, even if no pulse was made
+                    speeds = tuple(abs(s) / REST_TIME for s in scale)
+            # A tendon cannot push: what friction makes negative is no tension.
+            tensions = tuple(
+                max(0.0, sign * servo.tension(state.current)) for sign, servo, state in zip(
+                    self._spools.signs, self._servos, self._states, strict=True))
+            return TendonReading(self._path.to_pulls(self._positions()), speeds,
+                                 not self._unknown, tensions, self._unknown)
+
+    def move(self, pulls: tuple[float, ...], duration: float) -> None:
+        """Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it."""
+        with self._lock:
+            self._check()
+            if self._unknown:
+                raise HardwareError(f'the position is not known: {self._unknown}; {REFERENCE}')
+            if max(map(abs, self._path.to_pulses(pulls))) > MAX_POSITION - PULSES_PER_TURN:
+                raise HardwareError(
+                    'a servo counts 256 turns and would be beyond; with slack tendons switch the '
+                    'servos off and on, and reference again')
+            self._target = pulls, self.bus.clock() + duration
+            if self.state is not State.STOPPING:
+                self._aim(self.bus.clock())
+
+    def stop(self) -> None:
+        """Brake as fast as the servos can, then hold."""
+        with self._lock:
+            self._check()
+            self._target = None
+            if self.state in (State.MOVING, State.TAKING_UP):
+                self._braked = False
+                self._enter(State.STOPPING)
+
+    def reference(self) -> None:
+        """Take the present position as zero pull, or begin to take up the slack."""
+        with self._lock:
+            self._check()
+            if self.state in BUSY:
+                raise HardwareError('the tendons are moving; wait until they rest')
+            if self._spools.take_up_tension > 0.0:
+                self._unknown = 'the slack was not taken up'
+                self._take_up = TakeUp(self._servos, self._spools, self._positions(),
+                                       [w.goal for w in self._written], self.bus.clock())
+                self._enter(State.TAKING_UP)
+            else:
+                self._take_zero()
+
+    def _check(self) -> None:
+        if self.state is State.FAILED:
+            raise HardwareError(self.failure)
+
+    def _enter(self, state: State) -> None:
+        self.state, self._since = state, self.bus.clock()
+        self._near = self._since
+
+    def _aim(self, now: float) -> None:
+        if self._target is not None:
+            (pulls, arrival), self._target = self._target, None
+            if self.state is State.RESTING:
+                self._path.place(self._positions(), [w.goal for w in self._written])
+                self._enter(State.MOVING)
+            self._since = now
+            self._path.aim(pulls, max(0.0, arrival - now))
+
+    def _positions(self) -> tuple[int, ...]:
+        return tuple(state.position for state in self._states)
+
+    def _take_zero(self) -> None:
+        self._path.zeros[:] = self._positions()
+        self._path.place(self._positions(), [w.goal for w in self._written])
+        self._unknown, self._mark_due = '', True
+
+    # The cycle, on the thread that owns the bus
+
+    def cycle(self) -> None:
+        """Send what is due and read the servos; raises HardwareError when something fails."""
+        with self._lock:
+            braking = self.state is State.STOPPING and not self._braked
+            if not braking:
+                self._plan(self.bus.clock())
+        if braking:  # from where the servos are now, not from where they were
+            self._receive()
+            with self._lock:
+                if self._missed == 0:
+                    self._braked = True
+                    self._set(goals=[round(p + lead) for p, lead in zip(
+                        self._positions(), self._path.lead, strict=True)])
+        self._send()
+        self._receive()
+        with self._lock:
+            self._judge(self.bus.clock())
+            marks, self._mark_due = self._mark_due, False
+            zeros = list(self._path.zeros)
+        if marks:
+            self._keep(zeros)
+
+    def _plan(self, now: float) -> None:
+        """Set what the servos are to do in this cycle."""
+        elapsed, self._stepped = now - self._stepped, now
+        if self.state is State.TAKING_UP and self._take_up is not None:
+            if not self._take_up.done:
+                self._take_up.step(self._states, now)
+            self._set(goals=self._take_up.goals, currents=self._take_up.currents)
+        elif self.state in (State.MOVING, State.RESTING):
+            if not self._missed:  # nothing moves on blindly
+                self._path.advance(elapsed)
+            if self._path.done and not self._missed:
+                self._path.adapt(elapsed, self._positions(), [
+                    s.current / w.current
+                    for s, w in zip(self._states, self._written, strict=True)])
+            self._set(goals=self._path.goals,
+                      currents=[servo.goal_current for servo in self._servos])
+
+    def _set(self, goals: Sequence[int], currents: Sequence[int] | None = None) -> None:
+        currents = currents or [written.current for written in self._written]
+        self._written = [replace(written, goal=goal, current=current)
+                         for written, goal, current in zip(
+                             self._written, goals, currents, strict=True)]
+
+    def _send(self) -> None:
+        """Write what the servos have not repeated; goals first, so that no current is jerked."""
+        with self._lock:
+            wanted, repeat = list(self._written), self._repeat
+            known = [state.written for state in self._states]
+            self._repeat = False
+        if repeat or any(a.goal != b.goal for a, b in zip(wanted, known, strict=True)):
+            self._write(GOAL_POSITION, [w.goal for w in wanted])
+        if repeat or any(a.current != b.current for a, b in zip(wanted, known, strict=True)):
+            self._write(GOAL_CURRENT, [w.current for w in wanted])
+
+    def _write(self, register: Register, values: Sequence[int]) -> None:
+        self.bus.sync_write(register, dict(zip(self._spools.ids, values, strict=True)))
+
+    def _receive(self) -> None:
+        """Read all servos; take what they reply if all of it can be believed."""
+        try:
+            replies = self.bus.sync_read(self._spools.ids, *BLOCK)
+        except (NoReplyError, DamagedReplyError) as error:
+            self._miss(str(error))
+            return
+        now = self.bus.clock()
+        states = [ServoState.from_reply(reply, now) for reply in replies]
+        for servo, state, before, written in zip(
+                self._servos, states, self._states, self._written, strict=True):
+            if state.alert:
+                self._explain_alert(servo)
+            if state.written != written:
+                self._repeat = True
+                self._miss(self._why_other(servo, state.written, written))
+                return
+            if not state.follows(before, fastest(written)):
+                self._miss(f'{servo} replies what cannot be: position {state.position} after '
+                           f'{before.position}')
+                return
+        with self._lock:
+            self._states, self._heard, self._missed = states, now, 0
+            self._history.append((now, self._positions()))
+            while len(self._history) > 2 and self._history[1][0] <= now - REST_TIME:
+                self._history.popleft()
+
+    def _miss(self, why: str) -> None:
+        """Count a reply that was not taken; raises HardwareError when there are too many."""
+        self._missed += 1
+        if self._missed < MIN_MISSED or self.bus.clock() - self._heard < SILENCE_TIMEOUT:
+            return
+        answering = self.bus.find(self._spools.ids)
+        silent = [str(servo) for servo in self._servos if servo.id not in answering]
+        if silent:
+            why = f'{" and ".join(silent)} does not answer any more; check its cable and supply'
+        raise HardwareError(why)
+
+    def _why_other(self, servo: Servo, found: Written, written: Written) -> str:
+        """Say why a servo does not have what was written to it."""
+        if found.watchdog == WATCHDOG_TRIGGERED:
+            return (f'the watchdog of {servo} stopped it, because it heard nothing for '
+                    f'{written.watchdog * WATCHDOG_UNIT:g} s; the computer is too busy')
+        if found.watchdog == 0:
+            return (f'{servo} was reset or without power for a moment: its torque was off, and '
+                    'its turns are not known; check its supply')
+        return f'{servo} does not keep what was written to it ({found} instead of {written})'
+
+    def _explain_alert(self, servo: Servo) -> None:
+        with contextlib.suppress(NoReplyError, DamagedReplyError):
+            if status := self.bus.read(servo.id, HARDWARE_ERROR):
+                raise HardwareError(
+                    f'{servo} has shut down or is about to: {explain_hardware_error(status)}; '
+                    f'its tendon may have no tension; {CALIBRATE} reboots it')
+
+    def _keep(self, zeros: Sequence[int]) -> None:
+        """Mark the zeros in the servos, and keep them on this computer."""
+        raw = [zero - servo.homing_offset
+               for zero, servo in zip(zeros, self._servos, strict=True)]
+        self._zero_file.write(self._spools.ids, raw)
+        marks = {servo.id: mark(servo.id, zero)
+                 for servo, zero in zip(self._servos, raw, strict=True)}
+        for _ in range(MARK_ATTEMPTS):
+            self.bus.sync_write(SPARE, marks)
+            with contextlib.suppress(NoReplyError, DamagedReplyError):
+                replies = self.bus.sync_read(self._spools.ids, SPARE.address, SPARE.end)
+                if [SPARE.decode(reply.data) for reply in replies] == [*marks.values()]:
+                    return
+        raise HardwareError(
+            f'the servos do not keep their zero in {SPARE}: does another program change their '
+            'Indirect Addresses?  With slack tendons switch the servos off and on')
+
+    # What the replies mean
+
+    def _judge(self, now: float) -> None:
+        """Go on with what the tendons do, as far as they have come."""
+        if self._missed:
+            if self.state is State.STOPPING and now - self._since > STOP_TIMEOUT:
+                raise self._unconfirmed()
+            return
+        still = self._still()
+        if self.state is State.STOPPING:
+            if self._braked and still:
+                self._path.place(self._positions(), [w.goal for w in self._written])
+                self._enter(State.RESTING)
+                self._aim(now)
+            elif now - self._since > STOP_TIMEOUT:
+                raise self._unconfirmed()
+        elif self.state is State.TAKING_UP and self._take_up is not None:
+            if self._take_up.done and still:
+                self._end_take_up(self._take_up)
+        else:
+            self._watch_path(now, still)
+
+    def _watch_path(self, now: float, still: bool) -> None:
+        """See that the servos follow their path and arrive."""
+        errors = self._path.errors(self._positions())
+        scale = self._spools.pull_per_pulse
+        most = DISTANCE_BEHIND + TIME_BEHIND * self._spools.speed_limit
+        if max(abs(s * e) for s, e in zip(scale, errors, strict=True)) < most:
+            self._near = now
+        arrived = all(abs(e) <= t for e, t in zip(errors, self._path.tolerances, strict=True))
+        if not self._path.done:
+            self._since = now
+        elif self.state is State.MOVING and arrived and still:
+            self._enter(State.RESTING)
+        late = self.state is State.MOVING and now - self._since > ARRIVAL_TIMEOUT
+        if late or now - self._near > BEHIND_TIMEOUT:
+            at = max(range(len(errors)), key=lambda i: abs(scale[i] * errors[i]))
+            servo, state = self._servos[at], self._states[at]
+            wanted = self._path.to_pulls(self._path.wanted)[at]
+            raise HardwareError(
+                f'{servo} is at {1e3 * self._path.to_pulls(self._positions())[at]:.2f} mm instead '
+                f'of {1e3 * wanted:.2f} mm, with about {abs(servo.tension(state.current)):.1f} N '
+                f'(dynamixel.tension_limits {servo.tension_limit:g} N): see what holds the tendon')
+
+    def _end_take_up(self, take_up: TakeUp) -> None:
+        self._take_up = None
+        positions = self._positions()
+        self._path.place(positions, positions)
+        if take_up.failed:
+            self._unknown = take_up.failed
+        else:
+            self._path.zeros[:] = positions
+            self._path.place(positions, positions)
+            self._unknown, self._mark_due = '', True
+        self._enter(State.RESTING)
+
+    def _still(self) -> bool:
+        """Whether all servos have rested for REST_TIME."""
+        (begin, _), (end, _) = self._history[0], self._history[-1]
+        return end - begin > 0.99 * REST_TIME and all(
+            max(places) - min(places) <= REST_PULSES
+            for places in zip(*(places for _, places in self._history), strict=True))
+
+    def _unconfirmed(self) -> HardwareError:
+        return HardwareError(
+            f'the servos have not confirmed a stop within {STOP_TIMEOUT:g} s: the tendons may '
+            'still move; cut the power of the servos if they do')
+
+    # The end
+
+    def fail(self, reason: str) -> None:
+        """Hold where the tendons are, and be over."""
+        with self._lock:
+            moved = self.state in BUSY and not self._missed
+            self.state, self.failure = State.FAILED, reason
+            goals = [round(p + lead) for p, lead in zip(
+                self._positions(), self._path.lead, strict=True)]
+        if moved:
+            with contextlib.suppress(HardwareError):
+                self._write(GOAL_POSITION, goals)
+
+    def release(self) -> None:
+        """Let servos at rest hold from now on without being talked to."""
+        with contextlib.suppress(HardwareError):
+            self._write(BUS_WATCHDOG, [0] * len(self._servos))

@@ -1,0 +1,351 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What Dynamixel servos must be set to, and how they are found and checked.  Nothing is changed here.
+
+The settings are in the EEPROM of the servos, which is locked while their torque is on.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import pi
+from typing import Any, Self
+
+from soft_continuum.hardware.dynamixel_bus import (
+    DamagedReplyError,
+    DynamixelBus,
+    NoReplyError,
+    RefusedError,
+)
+from soft_continuum.hardware.dynamixel_registers import (
+    CURRENT_BASED_POSITION,
+    CURRENT_LIMIT,
+    DISABLED_ID,
+    DRIVE_MODE,
+    explain_hardware_error,
+    FIRMWARE,
+    HARDWARE_ERROR,
+    HOMING_OFFSET,
+    INPUT_VOLTAGE,
+    Model,
+    MODELS,
+    OPERATING_MODE,
+    PWM_LIMIT,
+    RADIANS_PER_PULSE,
+    Register,
+    SECONDARY_ID,
+    SHUTDOWN,
+    STARTUP,
+    STATUS_RETURN_LEVEL,
+    TEMPERATURE,
+    TORQUE_ENABLE,
+    VELOCITY_LIMIT,
+    VELOCITY_UNIT,
+    WITHOUT_CURRENT,
+)
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.parameters.parameter import ParameterError
+
+BAUD_RATES = 57600, 1000000, 115200, 2000000, 3000000, 4000000, 9600
+"""At which servos are looked for when none answers; 57600 is how they are sold."""
+PINGS = 3
+"""Requests to each servo: two of the same ID rarely damage each other's replies always alike."""
+MIN_PWM_LIMIT = 443  # half of what the supply gives
+OVERHEATING = 0x04
+RAM_RESTORE = 0x02
+EEPROM_END, TABLE_END = 64, 147
+RADIUS_RANGE = 0.001, 0.1  # m
+CALIBRATE = 'soft_continuum calibrate servos'
+
+
+@dataclass(frozen=True)
+class Spools:
+    """
+    The servos, one per tendon, and what winds on them.
+
+    tendons: their names.  ids: of the servos.  radii: of the spools to the middle of the tendon,
+    m.  signs: 1 where a turn to larger positions (counter-clockwise, looking at the horn) pulls.
+    tension_limits: N, kept by the servo.  torque_constants: N m/A of the horn, 0 for that of the
+    data sheet.  speed_limit: m/s.  acceleration_limit: m/s^2.  pull_limits: m.  take_up_tension:
+    N to which reference pulls each tendon; 0: it takes the present position.
+    """
+
+    tendons: tuple[str, ...]
+    ids: tuple[int, ...]
+    radii: tuple[float, ...]
+    signs: tuple[float, ...]
+    tension_limits: tuple[float, ...]
+    torque_constants: tuple[float, ...]
+    speed_limit: float
+    acceleration_limit: float
+    pull_limits: tuple[float, float]
+    take_up_tension: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raise ParameterError when a list has not one value for each tendon, or a wrong one."""
+        names = ', '.join(self.tendons)
+        for name, given in (
+                ('ids', self.ids), ('spool_radii', self.radii), ('signs', self.signs),
+                ('tension_limits', self.tension_limits),
+                ('torque_constants', self.torque_constants)):
+            if len(given) != len(self.tendons):
+                raise ParameterError(f'parameter dynamixel.{name} is {list(given)}; needed: one '
+                                     f'value for each of {names}')
+        if len(set(self.ids)) < len(self.ids):
+            raise ParameterError(f'parameter dynamixel.ids is {list(self.ids)}; every servo needs '
+                                 'an ID of its own')
+        if any(abs(sign) != 1.0 for sign in self.signs):
+            raise ParameterError(
+                f'parameter dynamixel.signs is {list(self.signs)}; allowed: 1 or -1')
+        low, high = RADIUS_RANGE
+        for radius in self.radii:
+            if not low <= radius <= high:
+                hint = (f'; {radius:g} mm are {1e-3 * radius:g} m'
+                        if low <= 1e-3 * radius <= high else '')
+                raise ParameterError(
+                    f'parameter dynamixel.spool_radii has {radius:g} m; allowed: {low:g} to '
+                    f'{high:g} m{hint}')
+        if self.take_up_tension >= min(self.tension_limits):
+            raise ParameterError(
+                f'parameter dynamixel.take_up_tension is {self.take_up_tension:g} N; it must be '
+                f'less than each of dynamixel.tension_limits, {min(self.tension_limits):g} N')
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Any]) -> Self:
+        """Return what the parameters of the node describe; raises ParameterError."""
+        # Here, because it loads the mechanics: doctor must run when they do not compile.
+        from soft_continuum.parameters.arm import any_arm_from_parameters
+
+        return cls(any_arm_from_parameters(values).tendon_names, *(values[name] for name in (
+            'dynamixel.ids', 'dynamixel.spool_radii', 'dynamixel.signs',
+            'dynamixel.tension_limits', 'dynamixel.torque_constants', 'speed_limit',
+            'acceleration_limit', 'pull_limits', 'dynamixel.take_up_tension')))
+
+    @property
+    def pull_per_pulse(self) -> tuple[float, ...]:
+        """Pull of each tendon when its servo turns by one pulse, m."""
+        return tuple(sign * radius * RADIANS_PER_PULSE
+                     for sign, radius in zip(self.signs, self.radii, strict=True))
+
+
+@dataclass(frozen=True)
+class Servo:
+    """One servo as it was found; table: its registers from address 0 to TABLE_END."""
+
+    id: int
+    tendon: str
+    model: Model
+    torque_constant: float
+    radius: float
+    tension_limit: float
+    table: bytes
+
+    def get(self, register: Register) -> int:
+        """Return a register as it was then."""
+        return register.decode(self.table, 0)
+
+    def __str__(self) -> str:
+        """Name it for a person."""
+        return f'servo {self.id} ({self.tendon})'
+
+    def current(self, tension: float) -> int:
+        """Return the counts of current that hold a tension (N)."""
+        amperes = tension * self.radius / self.torque_constant
+        return round(amperes / self.model.current_unit)
+
+    def tension(self, counts: int) -> float:
+        """Return the tension (N) of counts of current that pull."""
+        return counts * self.model.current_unit * self.torque_constant / self.radius
+
+    @property
+    def homing_offset(self) -> int:
+        """What the servo adds to its position, pulses."""
+        return self.get(HOMING_OFFSET)
+
+    @property
+    def goal_current(self) -> int:
+        """Counts of current that tension_limit allows."""
+        return self.current(self.tension_limit)
+
+    def describe(self) -> str:
+        """Return model, firmware, supply and temperature for a person."""
+        return (f'{self.model.name}, firmware {self.get(FIRMWARE)}, '
+                f'{0.1 * self.get(INPUT_VOLTAGE):.1f} V, {self.get(TEMPERATURE)} °C')
+
+
+def find_servos(bus: DynamixelBus, spools: Spools) -> list[Servo]:
+    """
+    Return the servos of all tendons; change nothing.
+
+    Raises HardwareError for one that is missing, that is not alone with its ID, or that cannot
+    measure its current, with what to do.
+    """
+    servos = []
+    for i, (number, tendon) in enumerate(zip(spools.ids, spools.tendons, strict=True)):
+        name = f'servo {number} ({tendon})'
+        model = _model(name, _ping(bus, number, name, spools.ids))
+        try:
+            table = bus.read_bytes(number, 0, TABLE_END).data
+        except NoReplyError:
+            raise HardwareError(
+                f'{name} answers a ping but no read: its {STATUS_RETURN_LEVEL} is 0; switch it '
+                'off and on') from None
+        servos.append(Servo(
+            number, tendon, model, spools.torque_constants[i] or model.torque_constant,
+            spools.radii[i], spools.tension_limits[i], table))
+    return servos
+
+
+def _ping(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> int:
+    """Return the model number of a servo that answers every time, alone."""
+    damaged = missed = 0
+    model = -1
+    for _ in range(PINGS):
+        try:
+            model = bus.ping(number)
+        except NoReplyError:
+            missed += 1
+        except DamagedReplyError:
+            damaged += 1
+    if damaged:
+        raise HardwareError(
+            f'{damaged} of {PINGS} replies of {name} are damaged or doubled: two servos may have '
+            f'the ID {number} (connect one of them alone and give it another ID), or the baud '
+            'rate or the line is wrong')
+    if missed == PINGS:
+        raise HardwareError(_why_missing(bus, number, name, ids))
+    if missed:
+        raise HardwareError(f'{name} answered {PINGS - missed} of {PINGS} requests; check its '
+                            'cable and its supply')
+    return model
+
+
+def _why_missing(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> str:
+    """Look for a servo that does not answer where it should, and say where it is."""
+    baud_rate = bus.baud_rate
+    missing = f'{name} does not answer at {baud_rate} baud'
+    others = bus.find(other for other in ids if other != number)
+    if others:
+        return (f'{missing}, but the servos {", ".join(map(str, others))} do; check its cable, '
+                'its supply and its ID (dynamixel.ids)')
+    try:
+        for rate in (baud_rate, *(rate for rate in BAUD_RATES if rate != baud_rate)):
+            try:
+                bus.baud_rate = rate
+            except HardwareError:
+                continue
+            if bus.pings_in_protocol_1(number):
+                return (f'{name} answers in Protocol 1.0 at {rate} baud; this driver needs '
+                        'Protocol 2.0: set its Protocol Type (13) to 2 (with DYNAMIXEL Wizard), '
+                        'if its model has that')
+            if rate != baud_rate and bus.find(ids):
+                return (f'{missing}, but at {rate} baud: set dynamixel.baud to {rate}, or the '
+                        'Baud Rate (8) of the servos')
+    finally:
+        bus.baud_rate = baud_rate
+    return (f'{missing}, and no other one does; check dynamixel.port, dynamixel.ids, the cable '
+            'and the power of the servos')
+
+
+def _model(name: str, number: int) -> Model:
+    if number in WITHOUT_CURRENT:
+        raise HardwareError(
+            f'{name} is an {WITHOUT_CURRENT[number]}, which can neither measure nor limit its '
+            'current, so nothing would limit the tension; use a model that can: '
+            + ', '.join(sorted(model.name for model in MODELS.values())))
+    if number not in MODELS:
+        raise HardwareError(
+            f'{name} has the model number {number}, which this driver does not know; it knows: '
+            + ', '.join(sorted(model.name for model in MODELS.values())))
+    return MODELS[number]
+
+
+@dataclass(frozen=True)
+class Unfit:
+    """A register that must be different; needed: the value that calibrate servos writes."""
+
+    register: Register
+    value: int
+    needed: int
+    why: str
+
+    def __str__(self) -> str:
+        """Say what is there and what is needed."""
+        return f'{self.register} is {self.value}, needed: {self.needed}, {self.why}'
+
+
+def unfit_settings(servo: Servo, speed_limit: float) -> list[Unfit]:
+    """Return what must be changed in the EEPROM of a servo; speed_limit: m/s of the tendon."""
+    def unless(register: Register, fits: bool, needed: int, why: str) -> list[Unfit]:
+        value = servo.get(register)
+        return [] if fits else [Unfit(register, value, needed, why)]
+
+    get = servo.get
+    velocity = round(1.1 * speed_limit / servo.radius / VELOCITY_UNIT) + 1
+    return [
+        *unless(OPERATING_MODE, get(OPERATING_MODE) == CURRENT_BASED_POSITION,
+                CURRENT_BASED_POSITION, 'current-based position control'),
+        *unless(DRIVE_MODE, get(DRIVE_MODE) == 0, 0,
+                'not reversed (give dynamixel.signs), no slave, profile by velocity, and no '
+                'torque by a goal alone'),
+        *unless(SECONDARY_ID, get(SECONDARY_ID) >= DISABLED_ID, 255,
+                'none: it would obey another servo'),
+        *unless(STARTUP, not get(STARTUP) & RAM_RESTORE, get(STARTUP) & ~RAM_RESTORE,
+                'or a loss of power could not be noticed'),
+        *unless(SHUTDOWN, bool(get(SHUTDOWN) & OVERHEATING), 52,
+                'or it would not protect itself from overheating'),
+        *unless(PWM_LIMIT, get(PWM_LIMIT) >= MIN_PWM_LIMIT, 885,
+                f'at least {MIN_PWM_LIMIT}, to hold tension'),
+        *unless(CURRENT_LIMIT, get(CURRENT_LIMIT) >= servo.goal_current, servo.goal_current,
+                f'at least, for dynamixel.tension_limits of {servo.tension_limit:g} N'),
+        *unless(VELOCITY_LIMIT, get(VELOCITY_LIMIT) >= velocity, velocity,
+                f'at least, for speed_limit of {speed_limit:g} m/s'),
+    ]
+
+
+def problems(servo: Servo, speed_limit: float) -> list[str]:
+    """Return why a servo cannot be used, each with what to do; empty when it can."""
+    found = []
+    if status := servo.get(HARDWARE_ERROR):
+        found.append(
+            f'{servo} has shut down, so its tendon has no tension: '
+            f'{explain_hardware_error(status)}; then pay out what pulls at it and reboot it with '
+            f'{CALIBRATE}')
+    if unfit := unfit_settings(servo, speed_limit):
+        found.append(f'{servo}: {"; ".join(map(str, unfit))}; with slack tendons {CALIBRATE} sets '
+                     'this (EEPROM is locked while torque is on)')
+    if servo.goal_current < 1:
+        found.append(
+            f'{servo}: dynamixel.tension_limits of {servo.tension_limit:g} N is less than one '
+            f'count of its current, {servo.tension(1):.2g} N; give more, or use a larger spool')
+    speed = servo.model.no_load_speed * servo.radius
+    if speed_limit > speed:
+        found.append(
+            f'{servo}: speed_limit is {speed_limit:g} m/s, but an {servo.model.name} turns at '
+            f'{servo.model.no_load_speed * 30.0 / pi:.0f} rev/min at most, {speed:.3g} m/s on its '
+            'spool; lower speed_limit')
+    stall = servo.model.stall_torque / servo.radius
+    if servo.tension_limit > stall:
+        found.append(
+            f'{servo}: dynamixel.tension_limits is {servo.tension_limit:g} N, but an '
+            f'{servo.model.name} stalls at {stall:.3g} N on its spool; check '
+            'dynamixel.spool_radii (m)')
+    return found
+
+
+def write_settings(bus: DynamixelBus, servo: Servo, unfit: Sequence[Unfit]) -> None:
+    """
+    Switch the torque of a servo off and write its EEPROM; the tendon must be slack.
+
+    Raises HardwareError for a value that was not taken.
+    """
+    bus.write(servo.id, TORQUE_ENABLE, 0)
+    for item in unfit:
+        try:
+            bus.write(servo.id, item.register, item.needed)
+        except RefusedError as error:
+            raise HardwareError(f'{servo} does not take {item.register} {item.needed}: {error}'
+                                ) from None
+        if (value := bus.read(servo.id, item.register)) != item.needed:
+            raise HardwareError(f'{servo}: {item.register} is {value} after {item.needed} was '
+                                'written')

@@ -1,0 +1,152 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How servos that were found are taken over: what of their position is known, and that they hold.
+
+Nothing moves.  Servos that hold by what this driver sent them before go on doing so; others hold
+where they are.
+"""
+
+from collections.abc import Sequence
+
+from soft_continuum.hardware.dynamixel_bus import (
+    DamagedReplyError,
+    DynamixelBus,
+    NoReplyError,
+    RefusedError,
+)
+from soft_continuum.hardware.dynamixel_path import MAX_LEAD
+from soft_continuum.hardware.dynamixel_reference import (
+    marked_zero,
+    Zero,
+    zero_within_turn,
+    ZeroFile,
+)
+from soft_continuum.hardware.dynamixel_registers import (
+    BUS_WATCHDOG,
+    GOAL_CURRENT,
+    GOAL_POSITION,
+    GOAL_PWM,
+    PROFILE_ACCELERATION,
+    PROFILE_VELOCITY,
+    PWM_LIMIT,
+    RADIANS_PER_PULSE,
+    Register,
+    SPARE,
+    STATUS_RETURN_LEVEL,
+    TORQUE_ENABLE,
+    VELOCITY_UNIT,
+    WATCHDOG_TRIGGERED,
+)
+from soft_continuum.hardware.dynamixel_setup import Servo, Spools
+from soft_continuum.hardware.dynamixel_state import BLOCK, ServoState, Written
+from soft_continuum.hardware.protocols import HardwareError
+
+WATCHDOG = 10  # units of WATCHDOG_UNIT
+SPEED_MARGIN = 1.5
+"""By how much servos may be faster than speed_limit, to catch up after a delay."""
+ATTEMPTS = 5  # to read all servos, and to write what they must have
+
+
+def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
+    """Return the state of all servos, by the fastest way of reading that they have."""
+    ids = [servo.id for servo in servos]
+    for attempt in range(ATTEMPTS):
+        bus.fast = attempt < 2  # older firmware has no Fast Sync Read
+        try:
+            replies = bus.sync_read(ids, *BLOCK)
+        except (NoReplyError, DamagedReplyError) as error:
+            reason = error
+            continue
+        return [ServoState.from_reply(reply, bus.clock()) for reply in replies]
+    raise HardwareError(f'the servos answer alone, but not together: {reason}')
+
+
+def find_zeros(bus: DynamixelBus, servos: Sequence[Servo], states: Sequence[ServoState],
+               spools: Spools, zero_file: ZeroFile) -> list[Zero]:
+    """Return the zero of every servo, as a Present Position, as far as it is known."""
+    zeros = []
+    for servo, state, scale in zip(servos, states, spools.pull_per_pulse, strict=True):
+        offset = servo.homing_offset
+        zero = marked_zero(servo.id, bus.read(servo.id, SPARE))
+        # A change of the operating mode loses the turns too, and resets the profile.
+        if zero is not None and (state.written.velocity
+                                 or state.written.watchdog == WATCHDOG_TRIGGERED):
+            zeros.append(Zero(zero + offset))
+        else:
+            found = zero_within_turn(str(servo), state.position - offset,
+                                     zero_file.read(servo.id), scale, spools.pull_limits)
+            zeros.append(Zero(found.position + offset, found.unknown))
+    return zeros
+
+
+def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
+              states: Sequence[ServoState]) -> list[ServoState]:
+    """
+    Let all servos hold, within their tension limits and with their watchdogs armed.
+
+    Returns their states with what was written.  Raises HardwareError for a servo that does not
+    take it.
+    """
+    goals, off = [], []
+    for servo, state in zip(servos, states, strict=True):
+        held = (servo.get(TORQUE_ENABLE) == 1 and state.written.velocity > 0
+                and state.written.watchdog != WATCHDOG_TRIGGERED
+                and _pull(servo, state.written.goal - state.position) <= MAX_LEAD)
+        goals.append(state.written.goal if held else state.position)
+        if servo.get(TORQUE_ENABLE) != 1:
+            off.append(servo)
+    wanted = [Written(WATCHDOG, servo.goal_current, _profile_velocity(servo, spools), goal)
+              for servo, goal in zip(servos, goals, strict=True)]
+
+    def write(register: Register, values: Sequence[int]) -> None:
+        bus.sync_write(register, dict(zip(spools.ids, values, strict=True)))
+
+    for _ in range(ATTEMPTS):
+        # Goals first: after a watchdog is cleared the first goal counts, and it must be this one.
+        write(BUS_WATCHDOG, [0] * len(servos))
+        write(GOAL_POSITION, goals)
+        write(STATUS_RETURN_LEVEL, [2] * len(servos))
+        write(PROFILE_ACCELERATION, [0] * len(servos))
+        write(PROFILE_VELOCITY, [w.velocity for w in wanted])
+        write(GOAL_CURRENT, [w.current for w in wanted])
+        write(GOAL_PWM, [servo.get(PWM_LIMIT) for servo in servos])
+        held_by = [state.written for state in read_states(bus, servos)]
+        if [(w.goal, w.current, w.velocity) for w in held_by] == [
+                (w.goal, w.current, w.velocity) for w in wanted]:
+            break
+    else:
+        raise HardwareError(f'the servos do not take what is written to them: {held_by} instead '
+                            f'of {wanted}; check the line')
+    for servo in off:
+        _switch_on(bus, servo)
+    for _ in range(ATTEMPTS):
+        write(GOAL_POSITION, goals)  # switching on sets it to the present position
+        write(BUS_WATCHDOG, [WATCHDOG] * len(servos))
+        found = read_states(bus, servos)
+        if [state.written for state in found] == wanted:
+            return found
+    held_by = [state.written for state in found]
+    raise HardwareError(f'the servos do not take what is written to them: {held_by} instead '
+                        f'of {wanted}; check the line')
+
+
+def _switch_on(bus: DynamixelBus, servo: Servo) -> None:
+    for attempt in range(ATTEMPTS):
+        try:
+            bus.write(servo.id, TORQUE_ENABLE, 1)
+            return
+        except RefusedError as error:
+            raise HardwareError(f'{servo} does not switch its torque on: {error}; switch it off '
+                                'and on') from None
+        except (NoReplyError, DamagedReplyError):
+            if attempt == ATTEMPTS - 1:
+                raise
+
+
+def _pull(servo: Servo, pulses: int) -> float:
+    return abs(pulses) * RADIANS_PER_PULSE * servo.radius
+
+
+def _profile_velocity(servo: Servo, spools: Spools) -> int:
+    return max(1, round(SPEED_MARGIN * spools.speed_limit / servo.radius / VELOCITY_UNIT))

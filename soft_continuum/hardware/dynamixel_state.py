@@ -1,0 +1,78 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What one sync read tells of a servo, and whether it can be believed.
+
+The block that is read has what the driver wrote itself: a reply that does not repeat it is none of
+this servo now, or something that was written was lost.
+"""
+
+from dataclasses import dataclass
+
+from soft_continuum.hardware.dynamixel_bus import Reply
+from soft_continuum.hardware.dynamixel_registers import (
+    BUS_WATCHDOG,
+    GOAL_CURRENT,
+    GOAL_POSITION,
+    PRESENT_CURRENT,
+    PRESENT_POSITION,
+    PROFILE_VELOCITY,
+    RADIANS_PER_PULSE,
+    REALTIME_TICK,
+    Register,
+    TICK_RANGE,
+    VELOCITY_UNIT,
+)
+
+BLOCK = BUS_WATCHDOG.address, PRESENT_POSITION.end
+TICK_TOLERANCE = 0.1
+"""s by which the clock of a servo may be ahead of that of the computer between two replies."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """What the driver wrote to a servo: Bus Watchdog, Goal Current, Profile Velocity, goal."""
+
+    watchdog: int
+    current: int
+    velocity: int
+    goal: int
+
+
+def fastest(written: Written) -> float:
+    """Return the speed that a servo may have that moves as was written, pulses/s."""
+    return 2.0 * written.velocity * VELOCITY_UNIT / RADIANS_PER_PULSE
+
+
+@dataclass(frozen=True)
+class ServoState:
+    """
+    One servo at one time (s).
+
+    position: pulses.  current: counts.  tick: ms.  alert: whether it has a hardware error.
+    """
+
+    time: float
+    written: Written
+    position: int
+    current: int
+    tick: int
+    alert: bool
+
+    @classmethod
+    def from_reply(cls, reply: Reply, time: float) -> 'ServoState':
+        """Return what a reply to a sync read of BLOCK says."""
+        def get(register: Register) -> int:
+            return register.decode(reply.data, BLOCK[0])
+
+        return cls(time, Written(get(BUS_WATCHDOG), get(GOAL_CURRENT), get(PROFILE_VELOCITY),
+                                 get(GOAL_POSITION)),
+                   get(PRESENT_POSITION), get(PRESENT_CURRENT), get(REALTIME_TICK), reply.alert)
+
+    def follows(self, earlier: 'ServoState', fastest: float) -> bool:
+        """Whether the servo can be here after ``earlier``; fastest: pulses/s."""
+        elapsed = self.time - earlier.time
+        ticks = (self.tick - earlier.tick) % TICK_RANGE
+        new = ticks > 0 or elapsed < 0.002
+        return (new and 1e-3 * ticks <= elapsed + TICK_TOLERANCE
+                and abs(self.position - earlier.position) <= fastest * (elapsed + 0.02) + 20)

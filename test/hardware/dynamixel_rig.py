@@ -1,0 +1,100 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""A driver on servos of a pseudo-terminal, and what tests ask of both."""
+
+from contextlib import contextmanager
+from math import pi
+
+from dynamixel_slave import serving, Slave
+import pytest
+from virtual_clock import VirtualClock
+
+from soft_continuum.hardware.dynamixel_setup import Spools
+from soft_continuum.hardware.dynamixel_tendons import DynamixelTendons
+from soft_continuum.hardware.protocols import HardwareError
+
+TENDONS = ('right_tendon', 'left_tendon')
+RADIUS = 0.01
+PULSE = 2 * pi * RADIUS / 4096  # m
+TIMEOUT = 60.0  # s of the servos' time for anything to happen
+KEPT = 'zeros.json'
+
+
+def driver(bus, folder, **changes):
+    """A driver, not opened, of servos behind a port."""
+    spools = Spools(**{
+        'tendons': TENDONS, 'ids': (1, 2), 'radii': (RADIUS,) * 2, 'signs': (1.0, 1.0),
+        'tension_limits': (20.0, 20.0), 'torque_constants': (0.0, 0.0), 'speed_limit': 0.03,
+        'acceleration_limit': 0.3, 'pull_limits': (-0.06, 0.06), **changes})
+    return DynamixelTendons(bus.port, 1000000, spools, folder / KEPT, bus.clock)
+
+
+@contextmanager
+def servos(*slaves, **options):
+    """Servos without a driver, on a clock of their own."""
+    with serving(slaves or (Slave(1), Slave(2)), VirtualClock(), **options) as bus:
+        yield bus
+
+
+@contextmanager
+def rig(folder, *slaves, referenced=True, **changes):
+    """Servos and an open driver at zero pull."""
+    with servos(*slaves) as bus:
+        tendons = driver(bus, folder, **changes)
+        tendons.open()
+        try:
+            if referenced:
+                tendons.reference()
+                bus.clock.sleep(0.2)
+            yield bus, tendons
+        finally:
+            tendons.close()
+
+
+def until(device, condition, what=''):
+    """Wait until something is true, on the clock of servos or driver; fail if it never is."""
+    deadline = device.clock() + TIMEOUT
+    while not condition():
+        assert device.clock() < deadline, f'never: {what or condition}'
+        device.clock.sleep(0.002)
+
+
+def at_rest(tendons):
+    """Wait for the end of all motion; return the reading there."""
+    until(tendons, lambda: not tendons.read().moving, 'at rest')
+    return tendons.read()
+
+
+def refusal(tendons):
+    """Return why a driver does not open."""
+    with pytest.raises(HardwareError) as error:
+        tendons.open()
+    return str(error.value)
+
+
+def failed(tendons):
+    """Wait for the driver to fail; return its error."""
+    def gives_up():
+        try:
+            tendons.read()
+        except HardwareError:
+            return True
+        return False
+    until(tendons, gives_up, 'a HardwareError')
+    with pytest.raises(HardwareError) as error:
+        tendons.read()
+    with pytest.raises(HardwareError):
+        tendons.move((0.0, 0.0), 1.0)
+    return str(error.value)
+
+
+def in_motion(bus, tendons, pull=0.04):
+    """Start a long motion and wait until it is well under way."""
+    start = bus.slaves[0].turned
+    tendons.move((pull, -pull), 2.0)
+    until(bus, lambda: abs(bus.slaves[0].turned - start) > 300, 'in motion')
+
+
+def standing(bus):
+    """Whether no servo turns."""
+    return bus.now(lambda: all(abs(slave.speed) < 1.0 for slave in bus.slaves))
