@@ -147,12 +147,13 @@ def servos(tendons: int = len(TENDONS), model: str = 'XM430-W350', link: Path | 
 
 
 @contextmanager
-def rig(folder: Path, limits: tuple[float, float] = WITHIN_TURN, **changes: object
-        ) -> Iterator[ServoRig]:
+def rig(folder: Path, limits: tuple[float, float] = WITHIN_TURN, tendons: int = len(TENDONS),
+        **changes: object) -> Iterator[ServoRig]:
     """Servos and an open driver at zero pull."""
-    with servos(link=folder / 'port') as emulator:
-        driver = DynamixelTendons(emulator.port, 1000000, spools(pull_limits=limits, **changes),
-                                  folder / 'zeros.json', emulator.clock)
+    with servos(tendons, link=folder / 'port') as emulator:
+        driver = DynamixelTendons(
+            emulator.port, 1000000, spools(tendons, pull_limits=limits, **changes),
+            folder / 'zeros.json', emulator.clock)
         driver.open()
         made = ServoRig(emulator, driver, emulator.pulls, deque())
         made.rest()
@@ -256,13 +257,19 @@ class Outcome:
     known: bool
 
 
-def trial(folder: Path, fault: Fault, seed: int, moving: bool) -> Outcome:
+def somewhere(random: Random, tendons: int) -> tuple[float, ...]:
+    """Return pulls (m) within both limits."""
+    return tuple(random.uniform(-0.018, 0.018) for _ in range(tendons))
+
+
+def trial(folder: Path, fault: Fault, seed: int, moving: bool, tendons: int = len(TENDONS)
+          ) -> Outcome:
     """Let something fail at a random time; raise WrongStateError for what must not be."""
     random = Random(f'{fault.name} {seed} {moving}')
     limits = random.choice([WITHIN_TURN, BEYOND_TURN])
-    with rig(folder, limits) as made:
+    with rig(folder, limits, tendons) as made:
         emulator, clock = made.emulator, made.emulator.clock
-        made.follow(tuple(random.uniform(-0.01, 0.015) for _ in TENDONS), 1.0)
+        made.follow(somewhere(random, tendons), 1.0)
         due = clock() + random.uniform(0.0, 0.6)
         at: list[tuple[float, tuple[float, ...]]] = []
 
@@ -274,7 +281,7 @@ def trial(folder: Path, fault: Fault, seed: int, moving: bool) -> Outcome:
         noticed, ended = False, clock()
         try:
             if moving:
-                made.follow(tuple(random.uniform(-0.018, 0.018) for _ in TENDONS), 1.5, inject)
+                made.follow(somewhere(random, tendons), 1.5, inject)
             while clock() < due + 1.5:
                 inject()
                 clock.sleep(CYCLE)
@@ -317,5 +324,5 @@ def recover(made: ServoRig, fault: Fault) -> bool:
         made.seen.clear()
         if not made.check():
             raise WrongStateError('it cannot be referenced')
-    made.follow((0.0,) * len(TENDONS), 1.5)  # and it works again
+    made.follow((0.0,) * len(emulator.servos), 1.5)  # and it works again
     return known
