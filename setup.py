@@ -49,7 +49,7 @@ distribution = setup(
                 'browser', 'calibrate', 'camera', 'characterize', 'converge', 'disc_sensors',
                 'doctor', 'grbl_emulator', 'identify', 'jamming_valves', 'kinematics',
                 'modbus_emulator', 'record', 'recorder', 'report', 'servo', 'shape_sequencer',
-                'tendon_actuation', 'validate', 'workspace')
+                'teleop', 'teleop_node', 'tendon_actuation', 'validate', 'workspace')
         ],
     },
 )

@@ -9,13 +9,13 @@ from std_msgs.msg import String
 
 from soft_continuum.nodes.entries import repeat, subscribe
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.names import NODES
+from soft_continuum.ros.names import NODES, TELEOP
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.text import plain
 
 PERIOD = 0.2  # s between two signs of life, and two looks at the graph
 ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended
-TOPICS = ('tendon_states', 'joint_states', *(f'{node}/state' for node in NODES))
+TOPICS = ('tendon_states', 'joint_states', *(f'{node}/state' for node in (*NODES, TELEOP)))
 MAX_NAMES = 5  # of publishers that are listed
 UNKNOWN = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node has not been discovered yet
 

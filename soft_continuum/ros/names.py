@@ -14,6 +14,7 @@ MEASURED_POSE = 'disc_{}/measured_pose'
 OVERLAY = 'camera/overlay/compressed'
 RECORDER = 'recorder'
 SERVO = 'servo'
+TELEOP = 'teleop'
 TWIN, TWIN_CAMERA = 'twin', 'twin_camera'
 NODES = (TENDON_ACTUATION, JAMMING_VALVES, KINEMATICS, SHAPE_SEQUENCER)
 """The nodes that drive an arm, in the order in which they start; sensors come besides."""

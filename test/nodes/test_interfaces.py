@@ -12,7 +12,7 @@ import pytest
 from rclpy.action import get_action_server_names_and_types_by_node
 from ros_rig import ALL, DEADLINE, Rig
 
-from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO
+from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP
 
 PAGES = Path(__file__).resolve().parents[2] / 'msg_docs'
 OF_EVERY_NODE = {
@@ -85,8 +85,10 @@ def assert_same(node: str, kind: str, on_page: dict[str, str],
     assert on_page == found(), f'msg_docs/{node}.md, {kind}: the page has the first, the graph'
 
 
-@pytest.mark.parametrize('node', [*ALL, DISC_SENSORS, RECORDER, SERVO])
+@pytest.mark.parametrize('node', [*ALL, DISC_SENSORS, RECORDER, SERVO, TELEOP])
 def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node: str) -> None:
+    if node == TELEOP:
+        rig.start_arm()  # it asks for the number of segments
     rig.start(node, ready=node in ALL, load_cells__used=True)
     observer, space = rig.observer, rig.namespace
     for kind, on_page, found in (
@@ -104,4 +106,4 @@ def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node
 
 def test_there_is_a_page_for_every_node_and_no_other_node() -> None:
     pages = {path.stem for path in PAGES.glob('*.md')} - {'README', 'parameters'}
-    assert pages == {*ALL, CAMERA, DISC_SENSORS, RECORDER, SERVO}
+    assert pages == {*ALL, CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP}
