@@ -49,7 +49,8 @@ distribution = setup(
                 'browser', 'calibrate', 'camera', 'characterize', 'converge', 'disc_sensors',
                 'doctor', 'dynamixel_emulator', 'grbl_emulator', 'identify', 'jamming_valves',
                 'kinematics', 'modbus_emulator', 'record', 'recorder', 'report', 'servo',
-                'shape_sequencer', 'tendon_actuation', 'validate', 'workspace')
+                'shape_sequencer', 'teleop', 'teleop_node', 'tendon_actuation', 'validate',
+                'workspace')
         ],
     },
 )

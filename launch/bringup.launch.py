@@ -11,17 +11,18 @@ from launch_ros.actions import Node
 
 from launch import LaunchDescription
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
-from soft_continuum.nodes.up import check_start, default_frame, nodes_of
+from soft_continuum.nodes.up import check_start, default_frame, nodes_of, STEERING
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description, read_parameter_file
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.names import KINEMATICS
+from soft_continuum.ros.names import KINEMATICS, TELEOP
 from soft_continuum.ros.network import SAID
 from soft_continuum.urdf import arm_urdf
 
 DRIVERS = {'tendon_driver': ('driver of the tendon steppers', TENDON_DRIVERS),
            'jamming_driver': ('driver of pump, valves and pressure sensors', JAMMING_DRIVERS)}
 FROM_FILE = 'as in the parameter files'
+EXECUTABLES = {TELEOP: 'teleop_node'}  # where it is not the name of the node
 SHARE = Path(get_package_share_directory('soft_continuum'))
 
 
@@ -44,6 +45,9 @@ def generate_launch_description():
         DeclareLaunchArgument(
             'rviz', default_value='false', choices=['true', 'false'],
             description='also start robot_state_publisher (TF) and RViz'),
+        DeclareLaunchArgument(
+            'teleop', default_value='false', choices=['true', 'false'],
+            description='also start the nodes servo and teleop, to steer by a joystick'),
         OpaqueFunction(function=start),
     ])
 
@@ -60,10 +64,12 @@ def start(context):
     first = {'frame_id': default_frame(namespace)}  # what stands in a file wins
     drivers = {name: given[name] for name in DRIVERS if given[name] != FROM_FILE}
     nodes = [
-        Node(package='soft_continuum', executable=name, name=name, output='screen',
-             namespace=namespace, parameters=[first, *files, *filter(None, [drivers])],
+        Node(package='soft_continuum', executable=EXECUTABLES.get(name, name), name=name,
+             output='screen', namespace=namespace,
+             parameters=[first, *files, *filter(None, [drivers])],
              additional_env={SAID: 'yes'} if others else {})
-        for others, name in enumerate(nodes_of(files))
+        for others, name in enumerate(
+            (*nodes_of(files), *STEERING * (given['teleop'] == 'true')))
     ]
     if with_rviz:
         arm = any_arm_from_parameters(load_description(*files, node=KINEMATICS))

@@ -34,7 +34,7 @@ NOT_OURS = {'. install/setup.bash', 'colcon build', 'ls -l /dev/serial/by-id',
             'export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET', 'sudo apt install python3-venv',
             '/usr/bin/python3 -m venv --system-site-packages ~/soft_continuum_venv'}
 """Lines that start no program of this project."""
-OTHER_PROGRAMS = ('rosdep install ', 'dask ', 'colcon build --base-paths ',
+OTHER_PROGRAMS = ('rosdep install ', 'ros2 run joy ', 'dask ', 'colcon build --base-paths ',
                   '~/soft_continuum_venv/bin/pip ', 'export PYTHONPATH=', 'ros2 security ',
                   'export ROS_', 'ROS_SECURITY_ENCLAVE_OVERRIDE=')
 OF_THE_READER = {'my_arm.yaml', 'my_rig.yaml', 'my_shapes.yaml', 'left_arm.yaml',

@@ -123,6 +123,12 @@ class Tasks:
             raise self.not_found(what, [node], self.discovery_timeout)
         return value
 
+    def client(self, kind: Any, name: str) -> Any:
+        """Return the client of a service; made before the first call, that waits for nothing."""
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(kind, name)
+        return self._clients[name]
+
     async def call(self, kind: Any, name: str, *, attempts: int = 1, within: float | None = None,
                    **request: Any) -> Any:
         """
@@ -133,9 +139,7 @@ class Tasks:
 
         Raises NodesMissingError or NoAnswerError.
         """
-        if name not in self._clients:
-            self._clients[name] = self.node.create_client(kind, name)
-        client = self._clients[name]
+        client = self.client(kind, name)
         node = next((n for n in (*NODES, RECORDER) if name.startswith(f'{n}/')), NODES[-1])
         await self.found(client.service_is_ready, name, node)
         timeout = self.timeout if within is None else within

@@ -13,12 +13,12 @@ from soft_continuum.nodes.about import About, Instance, PERIOD
 from soft_continuum.nodes.entries import repeat, subscribe
 from soft_continuum.parameters.nodes import DESCRIBED
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.names import INSTANCE, NODES
+from soft_continuum.ros.names import INSTANCE, NODES, TELEOP
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.ros.text import plain
 
 ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended
-TOPICS = ('tendon_states', 'joint_states', *(f'{node}/state' for node in NODES))
+TOPICS = ('tendon_states', 'joint_states', *(f'{node}/state' for node in (*NODES, TELEOP)))
 MAX_NAMES = 5  # of publishers that are listed
 UNKNOWN = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node has not been discovered yet
 
@@ -90,6 +90,8 @@ class Conflicts:
     def _differences(self, attribute: str, what: str, remedy: str) -> list[str]:
         """Return how the nodes that run differ from this one in an attribute of Instance."""
         own = self._about.own
+        if not getattr(own, attribute):  # a node that has no description
+            return []
         found = defaultdict(list)
         for name, (instance, age) in self._others.items():
             if age.seconds <= ENDED_AFTER and getattr(instance, attribute) != getattr(

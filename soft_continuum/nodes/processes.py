@@ -35,11 +35,13 @@ class NodeProcesses:
     tendons, when the context is left, and also when this process is killed.
     """
 
-    def __init__(self, names: Sequence[str], arguments: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], arguments: Sequence[str],
+                 output: int | None = None) -> None:
         """
         Check everything that can be checked; nothing is started yet.
 
-        arguments: program, then ROS arguments, for every node.  Raises ParameterError for a
+        arguments: program, then ROS arguments, for every node.  output: descriptor of a file for
+        what they write, None: where this process writes.  Raises ParameterError for a
         parameter file, one of runtime.ROS_ARGUMENT_ERRORS for arguments that ROS does not take.
         """
         check_parameter_files(arguments, names)
@@ -47,12 +49,14 @@ class NodeProcesses:
         rclpy.init(args=with_enclave(arguments, (*names, CLIENT)[0]), context=context)
         context.shutdown()
         self._names, self._arguments = tuple(names), list(arguments[1:])
+        self._output = output
         self._children: list[Child] = []
 
     def __enter__(self) -> Self:
         """Start the nodes; to be called on the main thread, with which they end."""
-        self._children = [Child(name, self._arguments, 'the other nodes go on',
-                                alone=name == self._names[0]) for name in self._names]
+        self._children = [
+            Child(name, self._arguments, 'the other nodes go on', self._output, self._output,
+                  alone=name == self._names[0]) for name in self._names]
         return self
 
     @property
@@ -69,17 +73,17 @@ class Child:
     """A node, or the twin, in a process that ends with this one; says when it ends by itself."""
 
     def __init__(self, name: str, arguments: Sequence[str], consequence: str,
-                 stdout: int | None = None, alone: bool = True) -> None:
+                 stdout: int | None = None, stderr: int | None = None, alone: bool = True) -> None:
         """
         Start it; consequence: said when it ends by itself.
 
-        stdout: as of Popen.  alone: whether no other says who can command the arm.
+        stdout, stderr: as of Popen.  alone: whether no other says who can command the arm.
         """
         self.name, self._consequence, self._ending = name, consequence, False
         # Out of the terminal's process group: Ctrl-C comes to it through this process.
         self._process = subprocess.Popen(
             [sys.executable, '-c', CHILD, str(os.getpid()), name, *arguments],
-            stdin=subprocess.DEVNULL, stdout=stdout, start_new_session=True,
+            stdin=subprocess.DEVNULL, stdout=stdout, stderr=stderr, start_new_session=True,
             env={**os.environ, SAID: '' if alone else 'yes'})
         threading.Thread(target=self._report_end, daemon=True).start()
 

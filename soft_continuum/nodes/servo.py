@@ -3,7 +3,6 @@
 """The node that follows a moving target with one segment: that which is soft, or is chosen."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -11,16 +10,16 @@ from geometry_msgs.msg import PointStamped, Vector3
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from std_msgs.msg import Float64
+from std_msgs.msg import Bool, Empty, Float64
 from std_srvs.srv import SetBool
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import State, statics_of
+from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.nodes.arm_commander import MotionCommander
-from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.entries import guarded, repeat, serve, subscribe
+from soft_continuum.nodes.estimate_observer import Estimate, EstimateObserver
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, Status, WARN
@@ -30,7 +29,7 @@ from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import Stiffness
 from soft_continuum.ros.names import SERVO, SHAPE_SEQUENCER
-from soft_continuum.ros.qos import EVERY_STATE
+from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
 from soft_continuum.ros.text import plain
 from soft_continuum.sequencing.bending_curve import CurveLimits
 from soft_continuum.sequencing.servo import (
@@ -39,11 +38,7 @@ from soft_continuum.sequencing.servo import (
     ServoSettings,
     TargetError,
 )
-from soft_continuum_interfaces.msg import (
-    KinematicsState,
-    ShapeSequencerState,
-    TendonActuationState,
-)
+from soft_continuum_interfaces.msg import ShapeSequencerState, TendonActuationState
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Targets: only the newest counts, from any publisher."""
@@ -53,43 +48,15 @@ CLOSE_TIMEOUT = 5.0  # s
 REFUSAL_PERIOD = 5.0  # s for which a refused target is reported
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A shape of the arm, when it had it, and when it was measured last, s (steady) or None."""
-
-    shape: State
-    time: float
-    measured_time: float | None
-
-
-class EstimateObserver(ArmObserver):
-    """The arm as ArmObserver has it, and the times of its shape."""
-
-    def __init__(self, node: Any, *arguments: Any) -> None:
-        """Subscribe."""
-        self.estimate: Estimate | None = None
-        super().__init__(node, *arguments)
-
-    def _on_shape(self, message: KinematicsState) -> None:
-        before = self._reported
-        super()._on_shape(message)
-        if self._reported is None or self._reported is before:
-            return
-        now = STEADY()
-        time, measured = self._ros_time.steady(message.stamp), self.measured
-        self.estimate = Estimate(self._reported[0], now if time is None else min(time, now),
-                                 None if measured is None else min(measured, now))
-
-
 class Servo(Node):
     """
     Follows a moving target with the segment that is soft, while it is enabled.
 
     Of an arm without jamming it is the segment that servo.segment names.  Subscribes to
     ~/target_angle (std_msgs/Float64), ~/target_bending (geometry_msgs/Vector3), ~/target_tip
-    (geometry_msgs/PointStamped), tendon_states, segment_N/pressure and the ~/state of the nodes
-    of an arm.  Publishes tendon_actuation/joint_trajectory, ~/status and
-    /diagnostics.  Serves ~/enable (std_srvs/SetBool).
+    (geometry_msgs/PointStamped), ~/hold (std_msgs/Empty), tendon_states, segment_N/pressure and
+    the ~/state of the nodes of an arm.  Publishes tendon_actuation/joint_trajectory, ~/enabled
+    (std_msgs/Bool, latched), ~/status and /diagnostics.  Serves ~/enable (std_srvs/SetBool).
 
     It moves nothing unless it is enabled, and whatever interferes disables it.  All happens on the
     thread that spins the node; but what a segment of a spatial arm can be bent to is found on a
@@ -125,6 +92,9 @@ class Servo(Node):
         self._receive(Float64, '~/target_angle')
         self._receive(PointStamped, '~/target_tip')
         self._receive(Vector3, '~/target_bending')
+        subscribe(self, Empty, '~/hold', self._on_hold, STREAM)
+        self._enabled = self.create_publisher(Bool, '~/enabled', LATCHED)
+        self._published: bool | None = None  # as ~/enabled
         serve(self, SetBool, '~/enable', self._on_enable)
         repeat(self, 1.0 / self.parameters['servo.rate'], self._tick)
         self._report()
@@ -159,6 +129,13 @@ class Servo(Node):
             self._targets[kind] = STEADY(), data
 
         self.create_subscription(kind, topic, guarded(self, on_target), NEWEST, raw=True)
+
+    def _on_hold(self, _: Empty) -> None:
+        """Brake now, rather than when the last target is too old; it stays enabled."""
+        self._targets.clear()
+        if self._servo is not None:
+            self._servo.forget_target()
+            self._go_on(self._servo)
 
     def _on_sequencer(self, state: ShapeSequencerState) -> None:
         self._sequence = state.running
@@ -377,6 +354,7 @@ class Servo(Node):
         servo, now = self._servo, STEADY()
         if servo is None:
             self.status.set(self._level, f'disabled: {self._ended}', enabled='false')
+            self._tell_enabled(False)
             return
         refused = self._refused if self._refused_age.seconds <= REFUSAL_PERIOD else ''
         text = 'following' if servo.has_target(now) else 'holding: no target'
@@ -386,6 +364,12 @@ class Servo(Node):
             WARN if notes else OK, '; '.join([text, *notes]), enabled='true',
             segment=servo.segment + 1, refused=refused, limited=limited,
             corrected='by measurements' if servo.is_measured(now) else 'no: only predicted')
+        self._tell_enabled(True)
+
+    def _tell_enabled(self, enabled: bool) -> None:
+        if enabled is not self._published:
+            self._published = enabled
+            self._enabled.publish(Bool(data=enabled))
 
 
 def _made(make: Callable[[], AngleServo]) -> tuple[AngleServo | None, str]:

@@ -37,10 +37,13 @@ from soft_continuum.ros.names import (
     JAMMING_VALVES,
     KINEMATICS,
     NODES,
+    SERVO,
     SHAPE_SEQUENCER,
+    TELEOP,
 )
 
 DRIVERS = ('tendon_driver', 'jamming_driver')
+STEERING = (SERVO, TELEOP)
 PERIOD = 0.05  # s between two looks at the processes
 
 
@@ -57,6 +60,8 @@ def start_parser(verb: str, description: str) -> Parser:
         parser.add_argument('--' + name.replace('_', '-'), choices=table[name].choices,
                             help=table[name].description)
     add_twin_options(parser)
+    parser.add_argument('--teleop', action='store_true',
+                        help='start the nodes servo and teleop too, to steer by a joystick')
     return parser
 
 
@@ -124,7 +129,7 @@ def nodes_for(arm: AnyArm, jamming: bool) -> tuple[str, ...]:
 def chosen_nodes(options: Namespace) -> tuple[str, ...]:
     """Return the nodes that the options of start_parser ask for, as nodes_of."""
     nodes = nodes_of(description_files(options))
-    return (*nodes, CAMERA) if options.camera else nodes
+    return (*nodes, *[CAMERA] * options.camera, *STEERING * options.teleop)
 
 
 @contextmanager

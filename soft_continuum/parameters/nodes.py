@@ -28,8 +28,10 @@ from soft_continuum.ros.names import (
     RECORDER,
     SERVO,
     SHAPE_SEQUENCER,
+    TELEOP,
     TENDON_ACTUATION,
 )
+from soft_continuum.teleop.pad import PAD_PARAMETERS
 
 AUTOSTART = Parameter('autostart', True, 'configure and activate the node when it starts')
 FRAME = Parameter(
@@ -218,6 +220,17 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
                   0.1, 10.0, read_only=False, unit='s'),
         Parameter('servo.measurement_timeout', 0.5, 'age from which a measurement corrects '
                   'nothing any more', 0.1, 10.0, read_only=False, unit='s'),
+    ),
+    TELEOP: (
+        Parameter('teleop.bending_speed', 0.3, 'bending of the segment per second at full '
+                  'deflection', 0.01, 3.0, read_only=False, unit='rad/s'),
+        Parameter('teleop.tip_speed', 0.03, 'speed of the tip at full deflection', 0.001, 1.0,
+                  read_only=False, unit='m/s'),
+        Parameter('teleop.timeout', 0.25, 'age of the last message of the joystick at which '
+                  'motion ends', 0.05, 2.0, unit='s'),
+        Parameter('teleop.unchanged_timeout', 5.0, 'time after which motion ends because nothing '
+                  'changes in the messages', 1.0, 60.0, unit='s'),
+        *PAD_PARAMETERS,
     ),
     SHAPE_SEQUENCER: (
         *ARM_PARAMETERS, SHAPE_NAMES, FRAME, PULL_LIMITS, TENSION_LIMIT, STALE_AFTER, AMBIENT,

@@ -16,6 +16,7 @@ RECORDER = 'recorder'
 SERVO = 'servo'
 ABOUT, INSTANCE = '~/about', '~/instance'
 """Of every node: service and topic that say which program it runs, for which arm."""
+TELEOP = 'teleop'
 TWIN, TWIN_CAMERA = 'twin', 'twin_camera'
 NODES = (TENDON_ACTUATION, JAMMING_VALVES, KINEMATICS, SHAPE_SEQUENCER)
 """The nodes that drive an arm, in the order in which they start; sensors come besides."""

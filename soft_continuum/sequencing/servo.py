@@ -224,6 +224,10 @@ class AngleServo:
             raise TargetError(f'a tip at {x}, {y}, {z} m; needed: finite numbers')
         self.set_angle(self.curve.angle_for_tip(x, z, y), now)
 
+    def forget_target(self) -> None:
+        """Follow no target from now on: brake and hold, until there is another one."""
+        self._target = None
+
     def has_target(self, now: float) -> bool:
         """Whether a target is followed, and not too old."""
         return (self._target is not None

@@ -81,7 +81,7 @@ def arm(module_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterato
         processes.start([*module_command('up'), '--params-file', str(quick_file(directory))])
         rig.wait_for(lambda: all(map(len, rig.statuses.values())), 'four nodes', START_TIMEOUT)
         rig.wait_until_ready(*NODES)
-        rig.start('camera', 'disc_sensors', 'servo', ready=False)
+        rig.start('camera', 'disc_sensors', 'servo', 'teleop', ready=False)
         rig.start('recorder', ready=False, recorder__directory=str(directory))
         publish_sensors(rig)
         yield rig

@@ -20,7 +20,7 @@ from soft_continuum.ros.interface_tables import (
     OF_EVERY_NODE,
     OF_LIFECYCLE_NODES,
 )
-from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO
+from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP
 
 LEFT_OUT = {one.name for one in OF_EVERY_NODE} | {'/clock'}
 LIFECYCLE = {one.name for one in OF_LIFECYCLE_NODES}
@@ -59,8 +59,10 @@ def assert_same(node: str, kind: str, on_page: dict[str, str],
     assert on_page == found(), f'msg_docs/{node}.md, {kind}: the page has the first, the graph'
 
 
-@pytest.mark.parametrize('node', [*ALL, DISC_SENSORS, RECORDER, SERVO])
+@pytest.mark.parametrize('node', [*ALL, DISC_SENSORS, RECORDER, SERVO, TELEOP])
 def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node: str) -> None:
+    if node == TELEOP:
+        rig.start_arm()  # it asks for the number of segments
     rig.start(node, ready=node in ALL, load_cells__used=True)
     observer, space = rig.observer, rig.namespace
     for kind, role, found in (
@@ -75,4 +77,4 @@ def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node
 
 
 def test_there_is_a_page_for_every_node_and_no_other_node() -> None:
-    assert {*documented_nodes()} == {*ALL, CAMERA, DISC_SENSORS, RECORDER, SERVO}
+    assert {*documented_nodes()} == {*ALL, CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP}

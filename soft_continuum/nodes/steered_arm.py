@@ -1,0 +1,354 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The arm as teleop steers it: one segment, by targets of the servo."""
+
+from collections.abc import Coroutine, Mapping
+from concurrent.futures import Future
+from math import cos, sin
+from time import monotonic
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PointStamped, Vector3
+import numpy as np
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from std_msgs.msg import Bool, Empty
+from std_srvs.srv import SetBool, Trigger
+
+from soft_continuum.client.errors import ClientError, NodesMissingError, RefusedError
+from soft_continuum.client.requests import Requests
+from soft_continuum.client.tasks import running_nodes, until
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.nodes.emergency_stop import TOPIC as EMERGENCY_STOP
+from soft_continuum.nodes.entries import subscribe
+from soft_continuum.ros.names import JAMMING_VALVES, SERVO, TENDON_ACTUATION
+from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
+from soft_continuum.ros.text import plain
+from soft_continuum_interfaces.msg import TeleopState, TendonActuationState
+
+PREPARING = 'the servo is being prepared'
+ANSWER_TIMEOUT, DISCOVERY_TIMEOUT = 5.0, 0.5  # s
+ENABLING_TIMEOUT = 10.0  # s for a servo in space to find what its segment can be bent to
+RETRY = 1.0  # s between two attempts to enable the servo
+LEAD_TIME = 0.5
+"""s of full speed by which a target may be ahead of the arm: so much is left when that sticks."""
+MAX_STEP = 0.1  # s of motion that one message counts for
+BENDING, TIP = TeleopState.BENDING, TeleopState.TIP
+
+
+class SteeredArm:
+    """
+    Steers one segment, or the tip with it; all that is asked for goes to the nodes of the arm.
+
+    segment: that is chosen, from 1, 0 for none.  mode: of TeleopState.  doing: what is being done,
+    that takes a while.  note: how the last of that ended.  Everything on the thread of ROS.
+    """
+
+    def __init__(self, node: Node, parameters: Mapping[str, Any]) -> None:
+        """Create what it takes, on a node with the parameters of teleop."""
+        self.segment, self.mode = 0, BENDING
+        self.doing = self.note = ''
+        self._node, self._parameters = node, parameters
+        self._requests = Requests(node, ANSWER_TIMEOUT, DISCOVERY_TIMEOUT)
+        self._observed = self._requests.observed
+        self._arm: AnyArm | None = None
+        self._jamming = True
+        self._describing: Future[None] | None = None
+        self._enabled = self._ready = False  # the servo: by anybody; by this, for this segment
+        self._interrupted = False  # something else disabled the servo
+        self._retry_time = 0.0  # s (steady)
+        self._servo_status = DiagnosticStatus()
+        self._target: Array | None = None  # (3,) rad or m, while the arm is moved
+        self._target_time = 0.0  # s (steady)
+        self._emergency = False  # turned on here
+        self._bendings = node.create_publisher(Vector3, f'{SERVO}/target_bending', STREAM)
+        self._tips = node.create_publisher(PointStamped, f'{SERVO}/target_tip', STREAM)
+        self._hold = node.create_publisher(Empty, f'{SERVO}/hold', STREAM)
+        self._emergency_stop = node.create_publisher(Bool, EMERGENCY_STOP, LATCHED)
+        subscribe(node, Bool, f'{SERVO}/enabled', self._on_enabled, EVERY_STATE)
+        subscribe(node, DiagnosticStatus, f'{SERVO}/status', self._on_servo_status, EVERY_STATE)
+
+    def _on_enabled(self, message: Bool) -> None:
+        self._enabled = message.data
+        if not message.data:
+            self._interrupted = self._interrupted or self._ready
+            self._ready, self._target = False, None
+
+    def _on_servo_status(self, message: DiagnosticStatus) -> None:
+        self._servo_status = message
+
+    def follow_description(self) -> None:
+        """Ask again which arm it is; that may change when its nodes are started again."""
+        if self._describing is None or self._describing.done():
+            self._describing = self._requests.start(self._describe())
+
+    async def _describe(self) -> None:
+        try:
+            self._arm = await self._requests.description()
+            self._jamming = await self._requests.has_jamming()
+        except ClientError:
+            return  # what is known stays; problem() tells what does not run
+        for name in (f'{SERVO}/enable', *(
+                f'{JAMMING_VALVES}/segment_{n}/set_stiff'
+                for n in range(1, self.segments * self._jamming + 1))):
+            self._requests.client(SetBool, name)
+        self._requests.client(Trigger, f'{TENDON_ACTUATION}/resume')
+        self._requests.client(SetParameters, f'{SERVO}/set_parameters')
+
+    # What may be done.
+
+    @property
+    def segments(self) -> int:
+        """How many there are; 0 while the arm is not known."""
+        return 0 if self._arm is None else len(self._arm.segments)
+
+    @property
+    def moving(self) -> bool:
+        """Whether the arm is being moved."""
+        return self._target is not None
+
+    @property
+    def stopped(self) -> bool:
+        """Whether motion is stopped, by whomever."""
+        tendons = self._observed.tendon_actuation
+        return tendons is not None and tendons.stopped != TendonActuationState.NOT_STOPPED
+
+    @property
+    def servo_text(self) -> str:
+        """What the servo says, unless all is well."""
+        status = self._servo_status
+        return '' if status.level == DiagnosticStatus.OK else f'{SERVO}: {plain(status.message)}'
+
+    def choose(self) -> None:
+        """Unless one is chosen, choose the soft segment, or, without jamming, the last."""
+        if self.segment > self.segments:
+            self.segment = 0
+        if self.segment == 0 and self._arm is not None:
+            soft = self._soft
+            self.segment = self.segments if not self._jamming else soft[0] if len(soft) == 1 else 0
+
+    @property
+    def _soft(self) -> list[int]:
+        return [n for n in range(1, self.segments + 1) if self._observed.stiff(n) is False]
+
+    def problem(self) -> str:
+        """Return why the arm cannot be moved now, and what to do; empty when it can."""
+        tendons = self._observed.tendon_actuation
+        if self._arm is None or tendons is None:
+            return 'the arm is not known: its nodes do not run, or have not answered yet'
+        if self._emergency:
+            return 'the emergency stop is on: reset turns it off'
+        if tendons.emergency_stop:
+            return 'an emergency stop is on: whoever turned it on has to turn it off'
+        if self.stopped:
+            return f'motion is stopped ({plain(tendons.stop_message)}): reset resumes it'
+        if self._observed.progress() is not None:
+            return 'a sequence runs: wait for its end, or cancel it'
+        if self.doing not in ('', PREPARING):
+            return self.doing
+        if self._jamming and (problem := self._softness_problem()):
+            return problem
+        if not running_nodes(self._node, [SERVO])[SERVO]:
+            return ('servo does not run: start the nodes with --teleop, or it alone with: ros2 '
+                    'run soft_continuum servo')
+        return ''
+
+    def interruption(self) -> str:
+        """Return, once, why something else disabled the servo; empty when nothing has."""
+        was, self._interrupted = self._interrupted, False
+        return (self.servo_text or 'something disabled the servo') if was else ''
+
+    def _softness_problem(self) -> str:
+        if not self.segment:
+            return 'no segment is chosen: choose one, then soften it'
+        soft = self._soft
+        if self.segment not in soft:
+            return f'segment {self.segment} is not soft: soften it first'
+        others = ', '.join(str(n) for n in soft if n != self.segment)
+        return f'also soft: segment {others}; soften {self.segment} again to stiffen it' * (
+            bool(others))
+
+    # Motion.
+
+    def move(self, stick: tuple[float, float, float]) -> None:
+        """Move as the stick says, once the servo is ready for that; each part -1 to 1."""
+        velocity = self._velocity(stick)
+        if not self._ready:
+            self._prepare()
+        elif not velocity.any():
+            self.rest()
+        elif (present := self._present()) is None:
+            self.rest()
+            self.note = 'kinematics knows no shape of the arm: see its status'
+        else:
+            self._advance(present, velocity)
+
+    def _velocity(self, stick: tuple[float, float, float]) -> Array:
+        """Return the velocity of the target (3,), rad/s of bending or m/s of the tip."""
+        x, y, z = stick
+        in_space = isinstance(self._arm, SpatialArm)
+        if self.mode == BENDING:
+            return float(self._parameters['teleop.bending_speed']) * np.array(
+                [x, y if in_space else 0.0, 0.0])
+        return float(self._parameters['teleop.tip_speed']) * np.array(
+            [x, y, z] if in_space else [x, 0.0, y])
+
+    def _present(self) -> Array | None:
+        """Return the bending of the segment (x, y, 0), rad, or the tip, m; None if not known."""
+        state = self._observed.snapshot()
+        if self.mode == TIP:
+            return None if state.tip is None else np.array(state.tip.position)
+        angles, at = state.bending_angles, self.segment - 1
+        if angles is None or at >= len(angles):
+            return None
+        direction = state.bending_directions[at] if state.bending_directions else 0.0
+        return angles[at] * np.array([cos(direction), sin(direction), 0.0])
+
+    def _advance(self, present: Array, velocity: Array) -> None:
+        """Publish a target that goes on at this velocity, not too far ahead of the arm."""
+        now, arm = monotonic(), self._arm
+        if self._target is None or arm is None:
+            self._target, self._target_time, self.note = present, now, ''
+        step, self._target_time = min(now - self._target_time, MAX_STEP), now
+        bends = self.mode == BENDING
+        speed = self._parameters['teleop.bending_speed' if bends else 'teleop.tip_speed']
+        target = present + _limited(
+            self._target + velocity * step - present, LEAD_TIME * speed)
+        if bends and arm is not None:
+            target = _limited(target, arm.segments[self.segment - 1].bending_angle_limit)
+        self._target = target
+        x, y, z = target.tolist()
+        if bends:
+            self._bendings.publish(Vector3(x=x, y=y))
+            return
+        message = PointStamped()
+        message.header.frame_id = self._observed.message('disc_poses').header.frame_id
+        message.point.x, message.point.y, message.point.z = x, y, z
+        self._tips.publish(message)
+
+    def rest(self) -> None:
+        """Let the arm come to rest, if it is moved; the servo stays ready."""
+        if self._target is not None:
+            self._target = None
+            self._hold.publish(Empty())
+
+    def release(self) -> None:
+        """Let the arm come to rest, and disable the servo if it was enabled from here."""
+        self.rest()
+        if self._ready:
+            self._ready = False
+            self._requests.start(self._disable())
+
+    # What takes a while.
+
+    def _do(self, doing: str, work: Coroutine[Any, None, str]) -> None:
+        """Begin something, unless something else is being done; note how it ends."""
+        if self.doing:
+            work.close()
+            return
+
+        def ended(future: Future[str]) -> None:
+            self.doing = ''
+            try:
+                self.note = future.result() or self.note  # which came meanwhile
+            except ClientError as error:
+                self.note = f'refused: {error}'
+
+        self.doing, self.note = doing, ''
+        self._requests.start(work).add_done_callback(ended)
+
+    def _prepare(self) -> None:
+        if monotonic() >= self._retry_time:
+            self._retry_time = monotonic() + RETRY
+            self._do(PREPARING, self._enable())
+
+    async def _disable(self) -> None:
+        await self._requests.call(SetBool, f'{SERVO}/enable', data=False)
+
+    async def _enable(self) -> str:
+        """Enable the servo for the chosen segment, and wait until it follows targets."""
+        requests, segment = self._requests, self.segment
+        if not running_nodes(self._node, [SERVO])[SERVO]:
+            raise NodesMissingError('servo does not run')
+        await self._disable()
+        await until(lambda: not self._enabled, ANSWER_TIMEOUT)
+        if not self._jamming:
+            await requests.set_parameter(SERVO, 'servo.segment', segment)
+        answer = await requests.call(SetBool, f'{SERVO}/enable', data=True)
+        if not answer.success:
+            raise RefusedError(answer.message)
+        if not await until(lambda: self._enabled, ENABLING_TIMEOUT):
+            raise RefusedError(self.servo_text or 'the servo is not ready yet')
+        self._ready = segment == self.segment
+        return ''
+
+    def soften(self) -> None:
+        """Stiffen the other segments, then soften the chosen one."""
+        if not self._jamming:
+            self.note = 'this arm has no jamming: its segments are always soft'
+        elif not self.segment:
+            self.note = 'no segment is chosen: choose one first'
+        else:
+            self.release()
+            self._do(f'segment {self.segment} is being softened', self._soften(self.segment))
+
+    async def _soften(self, segment: int) -> str:
+        for other in range(1, self.segments + 1):
+            if other != segment and self._observed.stiff(other) is not True:
+                await self._requests.set_stiff(other, True)
+        await self._requests.set_stiff(segment, False)
+        return f'segment {segment} is soft: hold the dead-man button and move the stick'
+
+    def stiffen(self) -> None:
+        """Stiffen the chosen segment."""
+        if self._jamming and self.segment:
+            self.release()
+            self._do(f'segment {self.segment} is being stiffened', self._stiffen(self.segment))
+
+    async def _stiffen(self, segment: int) -> str:
+        await self._requests.set_stiff(segment, True)
+        return f'segment {segment} is stiff'
+
+    def next_segment(self) -> None:
+        """Choose the next segment."""
+        if self.segments:
+            self.release()
+            self.segment, self.note = self.segment % self.segments + 1, ''
+
+    def change_mode(self) -> None:
+        """Change between bending the segment and moving the tip."""
+        self.rest()
+        self.mode, self.note = TIP if self.mode == BENDING else BENDING, ''
+
+    def stop_all(self) -> None:
+        """Turn the emergency stop on."""
+        self._emergency, self.note = True, ''
+        self._emergency_stop.publish(Bool(data=True))
+        self.release()
+
+    def reset(self) -> None:
+        """Turn the emergency stop off; if it is off, allow motion again."""
+        node = self._node
+        others = ', '.join(sorted({  # besides one of this name that was killed a moment ago
+            plain(info.node_name) for info in node.get_publishers_info_by_topic(
+                node.resolve_topic_name(EMERGENCY_STOP)) if info.node_name != node.get_name()}))
+        if self._emergency and others:
+            self.note = (f'the emergency stop stays on: {others} may have it on too, and would be '
+                         'overruled; end it first')
+        elif self._emergency:
+            self._emergency = False
+            self._emergency_stop.publish(Bool(data=False))
+            self.note = 'the emergency stop is off: reset once more lets the tendons move again'
+        elif self.stopped:
+            self._do('motion is being resumed', self._requests.resume())
+        else:
+            self.note = 'nothing is stopped'
+
+
+def _limited(vector: Array, most: float) -> Array:
+    """Return a vector of at most that length."""
+    size = float(np.linalg.norm(vector))
+    return vector if size <= most else vector * (most / size)

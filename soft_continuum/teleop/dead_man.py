@@ -1,0 +1,99 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""When a joystick may move an arm: while its dead-man button is held, and nothing is odd."""
+
+from math import inf
+
+from soft_continuum.teleop.pad import Controls, DEAD_MAN
+
+RELEASE = 'release the dead-man button, let go of the stick, then press it again'
+
+
+class DeadMan:
+    """
+    Lets motion begin when the button is pressed at rest, and ends it when anything is odd.
+
+    Times are of one steady clock, s.  After every end the button has to be seen released, then
+    pressed with every stick at rest.
+
+    A message that comes late, compared with the others of its sender, is an old one: its stick may
+    be released by now.  Only differences between stamps count, so the clocks need not agree.
+    """
+
+    def __init__(self, timeout: float, unchanged_timeout: float) -> None:
+        """
+        Begin without a device.
+
+        timeout: s without a message after which motion ends.  unchanged_timeout: s after which it
+        ends although the messages go on, because nothing in them changes: a pad that has lost
+        its radio, or somebody who is not there.
+        """
+        self.timeout, self.unchanged_timeout = timeout, unchanged_timeout
+        self.problem = ''
+        """Why a button that is held moves nothing, or why motion ended; empty while it may."""
+        self._controls: Controls | None = None  # None: no device
+        self._received = self._changed = -inf
+        self._was_released = self._may_move = False
+        self._delay = inf  # s, the smallest between a stamp and its reception
+
+    @property
+    def held(self) -> bool:
+        """Whether the button is held, by the last message."""
+        return self._controls is not None and DEAD_MAN in self._controls.pressed
+
+    def receive(self, controls: Controls, now: float, stamp: float | None = None) -> None:
+        """Take in a message; stamp: s by the clock of its sender, None for none."""
+        self.check(now)
+        if stamp is not None:
+            delay, least = now - stamp, self._delay
+            self._delay = min(delay, least)
+            if delay > least + self.timeout:
+                self._delay = delay  # the clock of the sender was set, if this goes on
+                self.lose(f'a message of the joystick came {delay - least:.2f} s late')
+                return
+        if controls != self._controls:
+            self._changed = now
+        before, self._controls, self._received = self._controls, controls, now
+        if not self.held:
+            self._was_released, self._may_move, self.problem = True, False, ''
+        elif not self._was_released:
+            if RELEASE not in self.problem:
+                self.problem = f'{self.problem}: {RELEASE}' if before else RELEASE
+        elif not self._may_move:
+            self._may_move = controls.at_rest
+            self.problem = '' if controls.at_rest else (
+                f'the stick was not at rest ({_shown(controls)}) when the dead-man button was '
+                'pressed: let go of the stick; if it drifts, enlarge teleop.dead_zone')
+        elif not controls.at_rest and now - self._changed > self.unchanged_timeout:
+            self.end(f'nothing changed for {self.unchanged_timeout:g} s')
+
+    def lose(self, reason: str) -> None:
+        """End motion: what came is no message of the device, or not of now."""
+        self._controls = None
+        self.end(reason)
+
+    def check(self, now: float) -> None:
+        """End motion if the last message is too old."""
+        if self._controls is not None and now - self._received > self.timeout:
+            self._delay = inf
+            self.lose(f'nothing received from the joystick for {self.timeout:g} s')
+
+    def stick(self, now: float) -> tuple[float, float, float] | None:
+        """Return the deflection by which the arm may move now; None when it must not."""
+        self.check(now)
+        return self._controls.stick if self._controls is not None and self._may_move else None
+
+    def connected(self, now: float) -> bool:
+        """Whether messages come."""
+        self.check(now)
+        return self._controls is not None
+
+    def end(self, reason: str) -> None:
+        """End motion, for a reason that is told as long as the button is held."""
+        self._was_released = self._may_move = False
+        self.problem = reason
+
+
+def _shown(controls: Controls) -> str:
+    return ', '.join(f'{axis} {value:+.2f}' for axis, value in zip(
+        'xyz', controls.stick, strict=True) if value)

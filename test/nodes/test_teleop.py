@@ -1,0 +1,222 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The node teleop moves the arm while the dead-man button of a joystick is held, no longer."""
+
+from collections.abc import Iterator
+from math import nan
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from processes import Processes
+import pytest
+from ros_rig import LATCHED, RELIABLE, Rig
+from sensor_msgs.msg import Joy
+from std_msgs.msg import Bool
+from trajectory_msgs.msg import JointTrajectory
+
+from soft_continuum_interfaces.msg import TeleopState
+
+PERIOD = 0.05  # s, as joy_node repeats
+LB, A, B, X, BACK, START, RB = 4, 0, 1, 2, 6, 7, 5
+PATIENT = {'teleop.timeout': 2.0}  # of a busy machine, on which messages come late
+RIGHT, LEFT = -1.0, 1.0  # as joy_node counts
+
+
+class Joystick:
+    """An Xbox pad as joy_node publishes it, with a servo and a teleop that listens to it."""
+
+    def __init__(self, rig: Rig, teleop: bool = True) -> None:
+        self.rig = rig
+        self.nodes = [rig.start('servo', ready=False, tendon_speed=0.02)[0]]
+        if teleop:
+            self.nodes += rig.start('teleop', ready=False, **PATIENT)
+        self.statuses = rig.record(DiagnosticStatus, 'servo/status', LATCHED)
+        self.states = rig.record(TeleopState, 'teleop/state', LATCHED)
+        self.sent = rig.record(JointTrajectory, 'tendon_actuation/joint_trajectory', RELIABLE)
+        self._publisher = rig.publisher(Joy, 'joy')
+        self._message = Joy(axes=[0.0] * 8, buttons=[0] * 11)
+        self.timer = rig.observer.create_timer(PERIOD, self._publish)
+
+    def _publish(self) -> None:
+        self._message.header.stamp = self.rig.observer.get_clock().now().to_msg()
+        self._publisher.publish(self._message)
+
+    def show(self, *pressed: int, x: float = 0.0) -> None:
+        """Hold these buttons, and the left stick like this, from now on."""
+        self._message = Joy(axes=[x] + [0.0] * 7, buttons=[int(n in pressed) for n in range(11)])
+        self._publish()
+
+    def wait_for(self, text: str, **fields: Any) -> TeleopState:
+        """Wait until teleop says so."""
+        def found() -> bool:
+            state = self.states.last
+            return state is not None and text in state.message and all(
+                getattr(state, name) == value for name, value in fields.items())
+
+        self.rig.wait_for(found, f'{text} {fields}; is: {self.states.last}')
+        state: TeleopState = self.states.last
+        return state
+
+    def press(self, button: int, text: str, **fields: Any) -> None:
+        """Press a button, wait for what teleop says of it, release it."""
+        self.show(button)
+        self.wait_for(text, **fields)
+        self.show()
+
+    def steer(self, x: float) -> None:
+        """Hold the button, then deflect the stick, and wait for a motion."""
+        self.show(LB)
+        self.wait_for('', enabled=True)
+        self.show(LB, x=x)
+        self.wait_for('moving')
+        self.rig.wait_for(lambda: self.rig.moving, 'a motion')
+
+    def assert_rests(self) -> None:
+        """Claim that the servo follows nothing, the tendons rest, and nothing more is sent."""
+        self.rig.wait_for(lambda: any(text in self.statuses.last.message for text in (
+            'no target', 'disabled')), 'a servo without a target')
+        self.rig.wait_for(lambda: self.rig.at_rest, 'rest')
+        sent = len(self.sent)
+        self.rig.assert_rests()
+        assert len(self.sent) == sent
+
+
+@pytest.fixture
+def joystick(shared_arm: Rig) -> Iterator[Joystick]:
+    """Return a joystick at rest, and segment 2 soft."""
+    rig = shared_arm
+    rig.soften(2)
+    joystick = Joystick(rig)
+    joystick.wait_for('ready to move segment 2', connected=True)
+    yield joystick
+    joystick.timer.cancel()
+    for node in joystick.nodes:
+        rig.end(node)
+    rig.trigger('tendon_actuation/resume')
+    for segment in (1, 2, 3):
+        assert rig.set_stiff(segment, True).success
+
+
+def test_it_moves_while_held_to_where_the_stick_points_and_rests_on_release(
+        joystick: Joystick) -> None:
+    rig = joystick.rig
+    joystick.show(x=RIGHT)  # without the button
+    rig.assert_rests()
+    joystick.show()
+    for x, longer in ((RIGHT, 0), (LEFT, 1)):
+        before = rig.tendons.last.position[longer]
+        joystick.steer(x)
+        rig.wait_for(lambda b=before, t=longer: rig.tendons.last.position[t] > b + 0.001,
+                     'the tendon on that side pulled in')
+        joystick.show(x=x)
+        joystick.wait_for('ready', enabled=False)
+        joystick.assert_rests()
+
+
+def test_it_rests_when_the_joystick_is_unplugged_and_goes_on_only_when_pressed_again(
+        joystick: Joystick) -> None:
+    joystick.steer(RIGHT)
+    joystick.timer.cancel()
+    joystick.wait_for('nothing received', connected=False, enabled=False)
+    joystick.assert_rests()
+    joystick.timer.reset()
+    joystick.wait_for('release the dead-man button', connected=True, enabled=True)
+    joystick.assert_rests()
+    joystick.show()
+    joystick.wait_for('ready', enabled=False)
+    joystick.steer(RIGHT)
+
+
+@pytest.mark.parametrize(('message', 'text'), [
+    (Joy(axes=[nan] * 8, buttons=[0, 0, 0, 0, 1] + [0] * 6), 'axis 0 is nan'),
+    (Joy(axes=[RIGHT, 0.0], buttons=[0, 0, 0, 0, 1] + [0] * 6), 'has 2 axes, none with'),
+])
+def test_it_rests_when_a_message_is_not_one_of_the_pad(
+        joystick: Joystick, message: Joy, text: str) -> None:
+    joystick.steer(RIGHT)
+    joystick._message = message
+    joystick.wait_for(text)
+    joystick.assert_rests()
+
+
+def test_it_rests_when_teleop_is_killed(
+        shared_arm: Rig, tmp_path: Path) -> None:
+    rig = shared_arm
+    rig.soften(3)
+    processes = Processes(rig.domain, tmp_path)
+    teleop = processes.node('teleop_node', namespace=rig.namespace, parameters=PATIENT)
+    joystick = Joystick(rig, teleop=False)
+    joystick.wait_for('ready to move segment 3')
+    joystick.steer(LEFT)
+    teleop.kill()
+    joystick.assert_rests()
+    joystick.timer.cancel()
+    rig.end(joystick.nodes[0])
+    processes.close()
+    assert rig.set_stiff(3, True).success
+
+
+def test_the_emergency_stop_stays_until_it_is_reset_and_nothing_moves_before_a_resume(
+        joystick: Joystick) -> None:
+    rig = joystick.rig
+    joystick.steer(RIGHT)
+    joystick.show(LB, B, x=RIGHT)
+    joystick.wait_for('the emergency stop is on', enabled=True)
+    rig.wait_for(lambda: rig.states['tendon_actuation'].last.emergency_stop, 'a stop')
+    joystick.show()
+    joystick.wait_for('the emergency stop is on: reset', enabled=False)
+    assert 'emergency_stop is on' in rig.trigger('tendon_actuation/resume').message
+    joystick.press(START, 'motion is stopped')
+    joystick.assert_rests()
+    joystick.press(START, 'ready')
+    joystick.assert_rests()
+    joystick.steer(LEFT)
+
+
+def test_a_stop_by_others_ends_it_and_a_resume_does_not_move_it(joystick: Joystick) -> None:
+    rig = joystick.rig
+    joystick.steer(RIGHT)
+    rig.trigger('tendon_actuation/stop')
+    joystick.wait_for('motion is stopped')
+    rig.trigger('tendon_actuation/resume')
+    joystick.wait_for('release the dead-man button')
+    joystick.assert_rests()
+
+
+def test_only_one_segment_is_soft_at_a_time_and_none_is_switched_while_it_is_held(
+        joystick: Joystick) -> None:
+    rig = joystick.rig
+    joystick.show(LB)
+    joystick.wait_for('', enabled=True)
+    joystick.show(LB, RB)
+    joystick.wait_for('release the dead-man button first', segment=2)
+    joystick.show()
+    joystick.press(RB, 'segment 3 is not soft', segment=3)
+    soft = rig.record(Bool, 'segment_3/stiff', LATCHED)
+    joystick.press(A, 'segment 3 is soft')
+    stiff_2 = [h.time for h in rig.stiff[1].heard if h.message.data][-1]
+    soft_3 = [h.time for h in soft.heard if not h.message.data][-1]
+    assert stiff_2 < soft_3
+    joystick.press(BACK, 'ready to move the tip with segment 3', mode=TeleopState.TIP)
+    joystick.steer(RIGHT)
+    joystick.show()
+    joystick.press(X, 'segment 3 is stiff')
+    assert rig.stiff[2].last.data
+
+
+def test_two_joysticks_or_two_teleops_move_nothing(joystick: Joystick) -> None:
+    rig = joystick.rig
+    other = rig.observer.create_publisher(Joy, 'joy', 5)
+    joystick.wait_for('joy is published by observer and observer')
+    joystick.show(LB)
+    joystick.show(LB, x=RIGHT)
+    joystick.assert_rests()
+    joystick.show()
+    rig.observer.destroy_publisher(other)
+    joystick.wait_for('ready')
+    second, = rig.start('teleop', ready=False)
+    joystick.wait_for('another /arm_under_test/teleop is running')
+    rig.end(second)
+    joystick.wait_for('ready')
