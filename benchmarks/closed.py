@@ -23,7 +23,7 @@ from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
 from soft_continuum.sequencing.loop_settings import LoopSettings
 from soft_continuum.sequencing.planner import planner_of, Shape, ShapePlan, ShapePlanner
 from soft_continuum.sequencing.progress import Phase
-from soft_continuum.sequencing.runner import RunnerSettings
+from soft_continuum.sequencing.run_settings import RunnerSettings
 from soft_continuum.twin.plant import TIME_STEP
 
 TICK = 0.02  # s
@@ -49,6 +49,10 @@ class _Rig:
     def set_stiff(self, segment: int, stiff: bool) -> None:
         """Request that a segment (0-based) is evacuated or vented."""
         self._lab.request(segment, stiff)
+
+    def set_vacuum(self, segment: int, vacuum: float) -> None:
+        """Refuse it: the lab has valves."""
+        raise ValueError(f'segment {segment + 1} has a valve; no {vacuum:g} Pa')
 
     def follow(self, motion: int, start: float, times: Array, pulls: Array) -> None:
         """Request the pulls (k, tendons) m at ``start + times`` s."""

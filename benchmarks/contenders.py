@@ -12,7 +12,8 @@ from benchmarks.lab import angles_of, Lab
 from soft_continuum.mechanics import Arm, constant_curvature, Jam
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm
-from soft_continuum.sequencing.planner import planner_of, Shape, timed
+from soft_continuum.sequencing.planner import planner_of, Shape
+from soft_continuum.sequencing.timing import timed
 from soft_continuum.twin.differences import Differences
 
 SETTLING = 1.0  # s after each motion

@@ -33,7 +33,7 @@ from soft_continuum.user_files import saved_shapes
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
-    from soft_continuum.client.sequence import Bending, RunningSequence
+    from soft_continuum.client.sequence import Bending, RunningSequence, ShapeLike
     from soft_continuum.client.state import Progress
 
 WATCH_PERIOD = 0.5  # s
@@ -125,6 +125,9 @@ def _run_options(parser: Parser) -> None:
                         'degrees, to set after the named shapes; may be repeated. Of a spatial '
                         'arm, A@D bends towards the direction D, degrees about z from x')
     add_hold(parser)
+    parser.add_argument('--vacuums', type=_vacuums, metavar='A,B,C', help='vacuum of each segment '
+                        'while shapes are held, base first, kPa, where regulators hold it '
+                        '(default: every segment stiff, or as the shape in the library says)')
     parser.add_argument('--aim', choices=AIMS, default=AIMS[0],
                         help='what is to be right in the end, where measurements close the loop: '
                         'the angle of every segment, or the position of the tip (default: '
@@ -156,10 +159,14 @@ def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
             saved = read_saved().sequences
             if name in saved and name not in arm.shapes:
                 rounds = saved[name].rounds
+    shapes: list[ShapeLike] = [*options.shapes, *options.angles]
+    if options.vacuums is not None:
+        from soft_continuum.client.sequence import Held
+        shapes = [Held(shape, options.vacuums) for shape in (*options.shapes, *options.angles)]
     status, done = DONE, 0
     while status == DONE and (done < rounds or not rounds):
         status, done = watch_sequence(arm.start(
-            *options.shapes, *options.angles, hold=options.hold, aim=options.aim),
+            *shapes, hold=options.hold, aim=options.aim),
             output), done + 1
     return status
 
@@ -247,6 +254,28 @@ def _soften_options(parser: Parser) -> None:
 def _soften(arm: 'Arm', options: Namespace, output: Output) -> int:
     arm.soften(options.segment)
     return output.done(f'segment {options.segment} is soft')
+
+
+PASCALS = {'Pa': 1.0, 'kPa': 1e3}
+MAX_VACUUM = 120e3  # Pa; the regulators take less
+
+
+def _vacuum_options(parser: Parser) -> None:
+    _soften_options(parser)
+    parser.add_argument('vacuum', type=float, metavar='VACUUM', help='below ambient; 0: soft')
+    parser.add_argument('--unit', choices=PASCALS, default='kPa',
+                        help='of VACUUM (default: %(default)s)')
+
+
+def _vacuum(arm: 'Arm', options: Namespace, output: Output) -> int:
+    arm.set_vacuum(options.segment, options.vacuum * PASCALS[options.unit])
+    return output.done(f'segment {options.segment} has {options.vacuum:g} {options.unit} of '
+                       'vacuum')
+
+
+def _vacuums(text: str) -> tuple[float, ...]:
+    """Read ``80,30,80`` in kPa; return Pa."""
+    return tuple(1e3 * number_in(0.0, MAX_VACUUM / 1e3, 'kPa')(part) for part in text.split(','))
 
 
 # Tendons.
@@ -346,6 +375,7 @@ ACTIONS = {
                   f'give a SHAPE or --angles; `{command_name("shapes")}` lists the names'),
     'stiffen': Action(_stiffen, _stiffen_options),
     'soften': Action(_soften, _soften_options),
+    'vacuum': Action(_vacuum, _vacuum_options),
     'jog': Action(_jog, _jog_options, lambda options: '' if options.moves
                   or options.moves_by_option else 'give TENDON=MM, such as right=1.5 left=-1.5'),
     'obstacles': Action(_obstacles, _obstacles_options, lambda options: (

@@ -60,6 +60,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('follow', 'bring the tip along a path from a file', 'cli.reach:main', ('follow',)),
         _operate('stiffen', 'evacuate a segment, or all, and wait until it is stiff'),
         _operate('soften', 'vent a segment and wait until it is soft'),
+        _operate('vacuum', 'set the vacuum of a segment, where it has a regulator'),
         _operate('jog', 'pull in or pay out tendons by some mm, while a segment is soft'),
         _operate('obstacles', 'list, add or remove what the arm must not touch'),
         _operate('home', 'straighten the arm from any shape, all segments soft at once'),

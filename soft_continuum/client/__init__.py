@@ -19,7 +19,7 @@ from soft_continuum.client.errors import (
 )
 from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
 from soft_continuum.client.plan import Plan, PlanStep
-from soft_continuum.client.sequence import RunningSequence
+from soft_continuum.client.sequence import Held, RunningSequence
 from soft_continuum.client.state import (
     ArmState,
     NodeReport,
@@ -36,6 +36,7 @@ __all__ = [
     'ArmState',
     'ClientError',
     'Estimate',
+    'Held',
     'LearnedParameter',
     'LostError',
     'MotionEndedError',

@@ -312,6 +312,16 @@ class Arm:
         self._observe()
         self._do(self._requests.set_stiff(segment, False))
 
+    def set_vacuum(self, segment: int, vacuum: float) -> None:
+        """
+        Set the vacuum of a segment (from 1 at the base), Pa below ambient; wait until it has it.
+
+        Raises RefusedError, with the reason, where the rig has valves in place of regulators, or
+        the description no law for it.
+        """
+        self._observe()
+        self._do(self._requests.set_vacuum(segment, vacuum))
+
     # Tendons.
 
     def jog(self, **changes: float) -> None:

@@ -27,6 +27,7 @@ from soft_continuum.ros.names import (
     TENDON_ACTUATION,
 )
 from soft_continuum.text import printable
+from soft_continuum_interfaces.srv import SetVacuum
 
 if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
     from trajectory_msgs.msg import JointTrajectory
@@ -171,11 +172,8 @@ class Operations(Tasks):
         """
         observed = self.observed
         await self._refuse_during_sequence()
-        await self.found(lambda: observed.segments, f'{JAMMING_VALVES}/state', JAMMING_VALVES)
+        await self._check_segment(segment or 1)
         numbers = list(range(1, observed.segments + 1)) if segment is None else [segment]
-        if not 1 <= numbers[0] <= observed.segments:
-            raise RefusedError(f'there is no segment {segment}; '
-                               f'the segments are 1 to {observed.segments}')
         limit, timeout = 0.0, SWITCHING_TIMEOUT
         if observed.running()[SHAPE_SEQUENCER]:
             values = await self.parameters(
@@ -194,10 +192,47 @@ class Operations(Tasks):
         if not await until(lambda: not missing(), timeout):
             late = ', '.join(f'segment {n} ({observed.pressure(n) or float("nan"):.0f} Pa)'
                              for n in missing())
-            state = observed.jamming_valves
-            faults = '; '.join(filter(None, [state.fault, *state.segment_faults])) if state else ''
             raise NoAnswerError(f'not {"stiff" if stiff else "soft"} after {timeout:g} s: {late}; '
-                                f'{JAMMING_VALVES} reports: {faults or "no fault"}')
+                                f'{self._jamming_faults()}')
+
+    async def set_vacuum(self, segment: int, vacuum: float) -> None:
+        """
+        Set the vacuum of a segment (from 1), Pa below ambient, until its pressure has followed.
+
+        Raises RefusedError where the rig has valves, or the description has no law for it.
+        """
+        observed = self.observed
+        await self._refuse_during_sequence()
+        await self._check_segment(segment)
+        values = await self.parameters(JAMMING_VALVES, ['ambient_pressure', 'vacuum_tolerance'])
+        answer = await self.call(
+            SetVacuum, f'{JAMMING_VALVES}/segment_{segment}/set_vacuum', vacuum=float(vacuum))
+        if not answer.success:
+            raise RefusedError(f'{JAMMING_VALVES}: {answer.message}')
+        wanted = values['ambient_pressure'] - vacuum
+
+        def followed() -> bool:
+            pressure = observed.pressure(segment)
+            return pressure is not None and abs(pressure - wanted) <= values['vacuum_tolerance']
+
+        if not await until(followed, SWITCHING_TIMEOUT):
+            raise NoAnswerError(
+                f'segment {segment} has not followed its regulator to {vacuum / 1e3:g} kPa of '
+                f'vacuum after {SWITCHING_TIMEOUT:g} s; {self._jamming_faults()}')
+
+    async def _check_segment(self, segment: int) -> None:
+        """Raise RefusedError unless there is such a segment, from 1."""
+        observed = self.observed
+        await self.found(lambda: observed.segments, f'{JAMMING_VALVES}/state', JAMMING_VALVES)
+        if not 1 <= segment <= observed.segments:
+            raise RefusedError(f'there is no segment {segment}; '
+                               f'the segments are 1 to {observed.segments}')
+
+    def _jamming_faults(self) -> str:
+        """Return what jamming_valves reports to be wrong, for people."""
+        state = self.observed.jamming_valves
+        faults = '; '.join(filter(None, [state.fault, *state.segment_faults])) if state else ''
+        return f'{JAMMING_VALVES} reports: {faults or "no fault"}'
 
     async def _refuse_during_sequence(self) -> None:
         """Refuse what would come between a sequence and the arm."""

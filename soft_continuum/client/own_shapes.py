@@ -29,10 +29,15 @@ class OwnShapesError(ClientError):
 
 @dataclass(frozen=True)
 class SavedShape:
-    """Bending angles (rad) of each segment, base first, and directions (rad); none for 0."""
+    """
+    Bending angles (rad) of each segment, base first, and directions (rad); none for 0.
+
+    vacuums: Pa below ambient while it is held; none for every segment stiff.
+    """
 
     angles: tuple[float, ...]
     directions: tuple[float, ...] = ()
+    vacuums: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,9 @@ class Saved:
                                         for name, hold in steps], library)
             elif not given and shape.name in self.shapes:
                 saved = self.shapes[shape.name]
-                found.append(Shape(name=shape.name, hold_time=shape.hold_time, **plain(saved)))
+                found.append(Shape(
+                    name=shape.name, hold_time=shape.hold_time,
+                    **plain(saved) | ({'vacuums': shape.vacuums} if shape.vacuums else {})))
             else:
                 found.append(shape)
         return found
@@ -137,7 +144,8 @@ def plain(one: SavedShape | SavedSequence) -> dict[str, Any]:
     if isinstance(one, SavedSequence):
         return {'rounds': one.rounds, 'steps': [list(step) for step in one.steps]}
     directions = {'bending_directions': list(one.directions)} if one.directions else {}
-    return {'bending_angles': list(one.angles)} | directions
+    vacuums = {'vacuums': list(one.vacuums)} if one.vacuums else {}
+    return {'bending_angles': list(one.angles)} | directions | vacuums
 
 
 def keys_of(entry: Any, allowed: Collection[str] | None, what: str) -> Mapping[str, Any]:
@@ -153,13 +161,17 @@ def keys_of(entry: Any, allowed: Collection[str] | None, what: str) -> Mapping[s
 
 def shape_of(entry: Any) -> SavedShape:
     """Read a shape; raises ValueError."""
-    values = keys_of(entry, ('bending_angles', 'bending_directions'), 'it')
+    values = keys_of(entry, ('bending_angles', 'bending_directions', 'vacuums'), 'it')
     angles = _numbers(values['bending_angles'], 'bending_angles')
     directions = _numbers(values['bending_directions'] or [], 'bending_directions')
+    vacuums = _numbers(values['vacuums'] or [], 'vacuums')
+    if len(vacuums) not in (0, len(angles)):
+        raise ValueError(f'{len(vacuums)} vacuums and {len(angles)} bending_angles; needed: one '
+                         'of every segment, or none')
     if not angles or len(directions) not in (0, len(angles)):
         raise ValueError(f'{len(angles)} bending_angles and {len(directions)} bending_directions; '
                          'needed: an angle of every segment, and as many directions or none')
-    return SavedShape(angles, directions)
+    return SavedShape(angles, directions, vacuums)
 
 
 def sequence_of(entry: Any) -> SavedSequence:

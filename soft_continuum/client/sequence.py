@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass
 import threading
 from typing import Any
 
@@ -22,7 +23,21 @@ MAX_HOLD = 86400.0  # s
 
 Bending = float | tuple[float, float]
 """What a segment bends by: its angle, or angle and direction, rad."""
-ShapeLike = str | Sequence[Bending] | Tip | Sequence[Tip]
+
+
+@dataclass(frozen=True)
+class Held:
+    """
+    A shape that is held with other vacuums than the full one, where regulators can.
+
+    shape: its name, or what each segment bends by.  vacuums: of each segment, Pa below ambient.
+    """
+
+    shape: 'str | Sequence[Bending]'
+    vacuums: tuple[float, ...]
+
+
+ShapeLike = str | Sequence[Bending] | Tip | Sequence[Tip] | Held
 """A shape: its name in the library, what each segment bends by, or where the tip shall be."""
 
 
@@ -47,6 +62,8 @@ def goal(shapes: Sequence[ShapeLike], hold: float | Sequence[float], aim: str = 
 
 def fields_of(shape: ShapeLike) -> dict[str, Any]:
     """Return what a message Shape has of a shape; raises ValueError for what is none."""
+    if isinstance(shape, Held):
+        return fields_of(shape.shape) | {'vacuums': [float(v) for v in shape.vacuums]}
     if isinstance(shape, str):
         return {'name': shape}
     tips = [shape] if isinstance(shape, Tip) else list(shape)

@@ -3,8 +3,10 @@
 """The requests that nodes send to tendon_actuation and jamming_valves."""
 
 from collections.abc import Sequence
+from typing import Any
 from uuid import uuid4
 
+from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import SetBool
@@ -19,6 +21,7 @@ from soft_continuum.ros.ros_time import RosTime
 from soft_continuum.sequencing.arm_port import Failure
 from soft_continuum.sequencing.progress import Code
 from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
+from soft_continuum_interfaces.srv import SetVacuum
 
 CODES = {
     MotionRequest.STOPPED: Code.STOPPED,
@@ -107,6 +110,9 @@ class ArmCommander(MotionCommander):
         self._set_stiff = [
             node.create_client(SetBool, f'{JAMMING_VALVES}/segment_{n}/set_stiff')
             for n in range(1, len(arm.segments) + 1) if jamming]
+        self._set_vacuum = [
+            node.create_client(SetVacuum, f'{JAMMING_VALVES}/segment_{n}/set_vacuum')
+            for n in range(1, len(arm.segments) + 1) if jamming]
 
     def begin(self) -> None:
         """Begin a run: failures of earlier requests no longer count."""
@@ -120,6 +126,13 @@ class ArmCommander(MotionCommander):
 
     def set_stiff(self, segment: int, stiff: bool) -> None:
         """Request that jamming_valves evacuates or vents a segment (0-based)."""
+        self._request(self._set_stiff[segment], SetBool.Request(data=stiff))
+
+    def set_vacuum(self, segment: int, vacuum: float) -> None:
+        """Request that jamming_valves sets the vacuum of a segment (0-based), Pa."""
+        self._request(self._set_vacuum[segment], SetVacuum.Request(vacuum=vacuum))
+
+    def _request(self, client: Client, request: Any) -> None:
         run = self._run
 
         def on_response(future: Future) -> None:
@@ -127,5 +140,4 @@ class ArmCommander(MotionCommander):
             if run == self._run and response is not None and not response.success:
                 self.switch_failure = f'{JAMMING_VALVES}: {response.message}'
 
-        self._set_stiff[segment].call_async(
-            SetBool.Request(data=stiff)).add_done_callback(on_response)
+        client.call_async(request).add_done_callback(on_response)

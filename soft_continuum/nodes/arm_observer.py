@@ -90,6 +90,11 @@ class ArmObserver(ReportedArm):
         return not self._jamming or all(self.stiff)
 
     @property
+    def regulators(self) -> bool:
+        """Whether regulators hold the vacuum of each segment, in place of valves."""
+        return bool(self.stiffness.told)
+
+    @property
     def moves(self) -> bool:
         """Whether a tendon moves, or may still move to what it was sent."""
         return self._moving or self.tendons.moving
@@ -164,4 +169,5 @@ class ArmObserver(ReportedArm):
             vacuum=tuple(ambient - pressure for pressure in self.pressures),
             stopped=self.stopped, stops=self.tendons.stops, fault=self.fault or fault,
             motion_failure=motion_failure, measured=self.measured,
-            anomaly='; '.join(one.message for one in self.kinematics.anomalies))
+            anomaly='; '.join(one.message for one in self.kinematics.anomalies),
+            regulators=self.regulators)

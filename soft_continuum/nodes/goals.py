@@ -13,6 +13,8 @@ from soft_continuum.parameters.shapes import (
     angles_problem,
     directions_from_parameters,
     shapes_from_parameters,
+    vacuums_from_parameters,
+    vacuums_problem,
 )
 from soft_continuum.ros.conversions import MAX_QUATERNION_ERROR, pose_from_ros, seconds
 from soft_continuum.ros.text import name_problem
@@ -32,7 +34,9 @@ MAX_TIPS = 200
 def shape_library(parameters: Mapping[str, Any], arm: AnyArm) -> dict[str, Shape]:
     """Return the shapes that parameters describe, by name; raises ParameterError."""
     directions = directions_from_parameters(parameters)
-    return {name: Shape(name, angles, 0.0, directions.get(name, ()))
+    vacuums = vacuums_from_parameters(parameters)
+    return {name: Shape(name, angles, 0.0, directions.get(name, ()),
+                        vacuums=vacuums.get(name, ()))
             for name, angles in shapes_from_parameters(parameters, arm).items()}
 
 
@@ -68,13 +72,17 @@ def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: A
     if hold < 0.0:
         raise PlanError(f'{label}: hold_time is {hold:g} s; it must not be negative')
     if item.tips:
+        if len(item.vacuums):
+            raise PlanError(f'{label}: tips and vacuums; a shape with vacuums is given by bending '
+                            'angles, or by name')
         tips = _tips(label, item, arm, parameters)
         return Shape(item.name or _tips_name(tips, arm), (), hold, tips=tips)
-    for what, values in (('angles', item.bending_angles), ('directions', item.bending_directions)):
+    for what, values in (('bending angles', item.bending_angles), ('vacuums', item.vacuums),
+                         ('bending directions', item.bending_directions)):
         if len(values) > MAX_SHAPES:
-            raise PlanError(f'shape {number}: {len(values)} bending {what}; needed: '
-                            f'{len(arm.segments)}')
+            raise PlanError(f'shape {number}: {len(values)} {what}; needed: {len(arm.segments)}')
     angles, directions = tuple(item.bending_angles), tuple(item.bending_directions)
+    vacuums = tuple(item.vacuums)
     if not angles:
         if directions:
             raise PlanError(f'shape {number}: bending_directions without bending_angles; give '
@@ -84,9 +92,22 @@ def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: A
                             + ', '.join(library))
         known = library[item.name]
         angles, directions = known.bending_angles, known.bending_directions
+        vacuums = vacuums or known.vacuums
     if problem := angles_problem(angles, arm, directions):
         raise PlanError(f'{label}: {problem}')
-    return Shape(item.name or f'shape {number}', angles, hold, directions)
+    if vacuums and (problem := vacuums_problem(
+            vacuums, arm, parameters['full_vacuum'], parameters['soft_vacuum'],
+            parameters['arm.jamming'])):
+        raise PlanError(f'{label}: {problem}')
+    return Shape(item.name or f'shape {number}', angles, hold, directions, vacuums=vacuums)
+
+
+def check_regulators(shapes: Sequence[Shape], regulators: bool) -> None:
+    """Raise PlanError for a shape with vacuums where there are valves, not regulators."""
+    for shape in shapes:
+        if shape.vacuums and not regulators:
+            raise PlanError(f'{shape.name}: vacuums are given, but jamming_valves has valves, not '
+                            'regulators; leave the vacuums out')
 
 
 def _tips(label: str, item: ShapeMessage, arm: AnyArm, parameters: Mapping[str, Any]

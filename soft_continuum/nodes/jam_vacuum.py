@@ -29,9 +29,9 @@ class JamVacuum:
         if not isfinite(vacuum) or not self._elastic[segment]:
             return
         wanted = told[segment] if told else nan
-        if abs(vacuum - wanted) <= self._parameters['vacuum_tolerance']:
-            vacuum = wanted
-        part = round(vacuum / self._parameters['full_vacuum'], 2)
+        followed = abs(vacuum - wanted) <= self._parameters['vacuum_tolerance']
+        full = self._parameters['full_vacuum']
+        part = wanted / full if followed else round(vacuum / full, 2)
         self._parts[segment] = min(1.0, max(MIN_PART, part))
 
     @property

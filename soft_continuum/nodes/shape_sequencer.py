@@ -18,7 +18,7 @@ from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.entries import guarded, repeat
 from soft_continuum.nodes.ghost import Ghost
-from soft_continuum.nodes.goals import check_aim, shape_library, shapes_of
+from soft_continuum.nodes.goals import check_aim, check_regulators, shape_library, shapes_of
 from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.obstacles import KnownObstacles
@@ -31,14 +31,15 @@ from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
 from soft_continuum.parameters.loop import loop_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.reach import reach_from_parameters
-from soft_continuum.parameters.shapes import direction_parameter, shape_parameter
+from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.entry import LOG_PERIOD
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
 from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome
-from soft_continuum.sequencing.runner import Runner, RunnerSettings
+from soft_continuum.sequencing.run_settings import RunnerSettings
+from soft_continuum.sequencing.runner import Runner
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import (
     Shape as ShapeMessage,
@@ -79,7 +80,7 @@ class ShapeSequencer(Node):
     to tendon_states, segment_N/pressure, obstacles (visualization_msgs/MarkerArray) and the
     ~/state of the other three; publishes tendon_actuation/joint_trajectory, target_markers and
     known_obstacles (visualization_msgs/MarkerArray, latched), ~/state, ~/status and /diagnostics;
-    calls jamming_valves/segment_N/set_stiff.
+    calls jamming_valves/segment_N/set_stiff and set_vacuum.
 
     Plans are made on a thread of their own; all else happens on the thread that spins the node.
     """
@@ -91,6 +92,7 @@ class ShapeSequencer(Node):
         for name in self.parameters['shape_names']:
             self.parameters.declare_numbers(shape_parameter(name))
             self.parameters.declare_numbers(direction_parameter(name))
+            self.parameters.declare_numbers(vacuum_parameter(name))
         self.status = Status(self, 'shape sequencer')
         self._arm = any_arm_from_parameters(self.parameters)
         if isinstance(self._arm, Arm):  # two tendons alone set no shape
@@ -119,7 +121,7 @@ class ShapeSequencer(Node):
         self._guard = PlanGuard(self.parameters, lambda: self._obstacles.surroundings)
         self._server = SequenceServer(
             self, guarded(self, self._on_request), guarded(self, self._on_accepted))
-        self._service = PlanService(self, self._planning, self._busy, self._shapes_of)
+        self._service = PlanService(self, self._planning, self._busy, self._shapes_now)
         repeat(self, TICK_PERIOD, self._tick)
         self._report()
 
@@ -185,7 +187,7 @@ class ShapeSequencer(Node):
         if check.plans is None and self._waits(check):
             self._report()
             return
-        problem = observed.interlock
+        problem = observed.interlock or self._vacuum_problem(check.shapes)
         if not problem and observed.tendons.stops != check.stops:
             problem = 'the tendons were stopped and resumed before the goal was accepted'
         if not problem and check.plans is None and self._may_plan:
@@ -210,6 +212,19 @@ class ShapeSequencer(Node):
 
     def _shapes_of(self, items: Sequence[ShapeMessage]) -> list[Shape]:
         return shapes_of(items, self._library, self._arm, self.parameters)
+
+    def _shapes_now(self, items: Sequence[ShapeMessage]) -> list[Shape]:
+        """Return the shapes of a request that is answered at once; raises PlanError."""
+        shapes = self._shapes_of(items)
+        check_regulators(shapes, self._observed.regulators)
+        return shapes
+
+    def _vacuum_problem(self, shapes: Sequence[Shape]) -> str:
+        try:
+            check_regulators(shapes, self._observed.regulators)
+        except PlanError as error:
+            return str(error)
+        return ''
 
     def _busy(self) -> str:
         """Why plan_shapes has to wait; empty when it need not."""
@@ -291,7 +306,8 @@ class ShapeSequencer(Node):
             on_obstacle=self.parameters['obstacles.on_change'],
             max_replans=self.parameters['reach.max_replans'], **{
                 name: self.parameters[name] for name in (
-                    'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum')})
+                    'jamming_timeout', 'settle_timeout', 'settle_tolerance', 'soft_vacuum',
+                    'full_vacuum', 'vacuum_tolerance')})
         if self.parameters['closed_loop']:
             self._runner = ClosedLoopRunner(
                 shapes, self._planning.plan, self._planning.loop(handle.request.aim),

@@ -29,6 +29,7 @@ from soft_continuum.parameters.shapes import (
     DIRECTION_PREFIX,
     SHAPE_PREFIX,
     shapes_from_parameters,
+    VACUUM_PREFIX,
 )
 from soft_continuum.text import printable, read_bytes, write_whole
 
@@ -36,7 +37,7 @@ MAX_DEPTH = 20  # keys below one another in a parameter file
 MAX_SIZE = 100_000  # bytes of such a file
 WIDTH = 99  # of the comments in one
 
-UNCHECKED = (SHAPE_PREFIX, DIRECTION_PREFIX, 'use_sim_time', 'qos_overrides.',
+UNCHECKED = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX, 'use_sim_time', 'qos_overrides.',
              'start_type_description_service')
 """Names, or how they begin, that are allowed without being in a table; ROS nodes have the rest."""
 

@@ -240,7 +240,7 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('angle_tolerance', radians(0.1),
                   'a segment this close to its bending angle is not set again',
                   0.0, radians(10.0), read_only=False, unit='rad'),
-        SOFT_VACUUM,
+        SOFT_VACUUM, FULL_VACUUM, VACUUM_TOLERANCE,
         Parameter('jamming_timeout', 10.0, 'longest wait for a segment to become soft or stiff',
                   0.1, 600.0, read_only=False, unit='s'),
         Parameter('settle_timeout', 5.0, 'longest wait for the tendons to arrive after a motion',

@@ -14,7 +14,11 @@ import re
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import as_yaml, Parameter
-from soft_continuum.parameters.shapes import direction_parameter, shape_parameter
+from soft_continuum.parameters.shapes import (
+    direction_parameter,
+    shape_parameter,
+    vacuum_parameter,
+)
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 
 PAGES = Path(__file__).resolve().parents[2] / 'msg_docs'
@@ -28,7 +32,8 @@ def tables() -> Iterator[tuple[str, Sequence[Parameter]]]:
     """Return the name of each page and the parameters in its table."""
     yield 'parameters.md', ARM_PARAMETERS
     for node, parameters in NODE_PARAMETERS.items():
-        shapes = ([shape_parameter('<name>'), direction_parameter('<name>')]
+        shapes = ([shape_parameter('<name>'), direction_parameter('<name>'),
+                   vacuum_parameter('<name>')]
                   if node == SHAPE_SEQUENCER else [])
         yield f'{node}.md', [*(p for p in parameters if p not in ARM_PARAMETERS), *shapes]
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of the shape library, the paper's shapes, and the library they make."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import degrees, pi, radians
 from typing import Any
 
@@ -24,6 +24,7 @@ PAPER_SHAPES = {
 }
 """Bending angles (rad) of the shapes of the paper (III-A, Fig. 1c), for three segments."""
 SHAPE_PREFIX, DIRECTION_PREFIX = 'shapes.', 'shape_directions.'
+VACUUM_PREFIX = 'shape_vacuums.'
 ROUNDING = 1e-6  # rad: of a limit that was written with seven digits
 SHAPE_NAMES = Parameter(
     'shape_names', tuple(PAPER_SHAPES), 'names of the shapes in the library')
@@ -45,6 +46,14 @@ def direction_parameter(name: str) -> Parameter:
         'of a planar arm', unit='rad')
 
 
+def vacuum_parameter(name: str) -> Parameter:
+    """Return the parameter that has the vacuums of a shape."""
+    return Parameter(
+        f'{VACUUM_PREFIX}{name}', (), f'vacuum below ambient of each segment while the shape '
+        f'{name} is held, where regulators hold it, base first; not given: every segment stiff',
+        unit='Pa')
+
+
 def shapes_from_parameters(values: Mapping[str, Any], arm: AnyArm
                            ) -> dict[str, tuple[float, ...]]:
     """
@@ -54,7 +63,7 @@ def shapes_from_parameters(values: Mapping[str, Any], arm: AnyArm
     three, and where a spatial arm does not bend so.
 
     Raises ParameterError for a shape without angles, of the wrong length or beyond the limits,
-    and for directions that the arm does not have.
+    for directions that the arm does not have, and for vacuums that do not fit.
     """
     names: tuple[str, ...] = SHAPE_NAMES.check(  # type: ignore[assignment]
         values.get(SHAPE_NAMES.name, SHAPE_NAMES.default))
@@ -83,7 +92,13 @@ def shapes_from_parameters(values: Mapping[str, Any], arm: AnyArm
             of = direction_parameter(name) if towards else parameter
             raise ParameterError(f'parameter {of.name}: {problem}')
         library[name] = angles
-    for prefix, named in ((SHAPE_PREFIX, given), (DIRECTION_PREFIX, directions)):
+    vacuums = vacuums_from_parameters(values)
+    for name, those in vacuums.items():
+        if problem := vacuums_problem(those, arm, values['full_vacuum'], values['soft_vacuum'],
+                                      values['arm.jamming']):
+            raise ParameterError(f'parameter {vacuum_parameter(name).name}: {problem}')
+    for prefix, named in ((SHAPE_PREFIX, given), (DIRECTION_PREFIX, directions),
+                          (VACUUM_PREFIX, vacuums)):
         for name in named:
             if name not in names:
                 raise ParameterError(f'parameter {prefix}{name}: the shape is not listed in '
@@ -93,10 +108,42 @@ def shapes_from_parameters(values: Mapping[str, Any], arm: AnyArm
 
 def directions_from_parameters(values: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
     """Return the bending directions (rad) per segment by name, of shapes that have some."""
-    names = (key.removeprefix(DIRECTION_PREFIX) for key in values
-             if key.startswith(DIRECTION_PREFIX))
-    return {name: direction_parameter(name).check(  # type: ignore[misc]
-        values[f'{DIRECTION_PREFIX}{name}']) for name in names}
+    return _by_name(values, DIRECTION_PREFIX, direction_parameter)
+
+
+def vacuums_from_parameters(values: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
+    """Return the vacuums (Pa below ambient) per segment by name, of shapes that have some."""
+    return _by_name(values, VACUUM_PREFIX, vacuum_parameter)
+
+
+def _by_name(values: Mapping[str, Any], prefix: str, parameter: Callable[[str], Parameter]
+             ) -> dict[str, tuple[float, ...]]:
+    names = (key.removeprefix(prefix) for key in values if key.startswith(prefix))
+    return {name: parameter(name).check(  # type: ignore[misc]
+        values[f'{prefix}{name}']) for name in names}
+
+
+def vacuums_problem(vacuums: Sequence[float], arm: AnyArm, full_vacuum: float,
+                    soft_vacuum: float, jamming: bool) -> str:
+    """
+    Say why segments cannot be held with these vacuums (Pa below ambient); empty if they can.
+
+    full_vacuum, soft_vacuum: as the parameters.  jamming: whether segments can be stiffened.
+    """
+    if not jamming:
+        return 'vacuums are given, but this arm has no jamming (arm.jamming)'
+    if len(vacuums) != len(arm.segments):
+        return (f'{len(vacuums)} vacuums given, the arm has {len(arm.segments)} segments; give '
+                'one for each, or none for all stiff')
+    for number, vacuum in enumerate(vacuums, start=1):
+        if not soft_vacuum < vacuum <= full_vacuum * (1.0 + ROUNDING):  # nan neither
+            return (f'the vacuum of segment {number} is {vacuum:g} Pa; allowed: more than '
+                    f'{soft_vacuum:g} (soft_vacuum) to {full_vacuum:g} Pa (full_vacuum)')
+        if arm.segments[number - 1].jam.rigid and vacuum < full_vacuum * (1.0 - ROUNDING):
+            return (f'the vacuum of segment {number} is {vacuum:g} Pa, but its jam is rigid in '
+                    f'the description, which has no law for less than {full_vacuum:g} Pa '
+                    '(full_vacuum); give arm.stiffness_ratios, and arm.yield_moments')
+    return ''
 
 
 def angles_problem(angles: Sequence[float], arm: AnyArm, directions: Sequence[float] = ()) -> str:

@@ -23,7 +23,8 @@ class Observation:
     The state of the arm at one tick.
 
     pulls: (tendons,) m.  moving: whether a tendon moves or may still move to what it was sent.
-    stiff: per segment, confirmed by pressure.  vacuum: per segment, Pa below ambient.  stopped:
+    stiff: per segment, confirmed by pressure.  vacuum: per segment, Pa below ambient.  regulators:
+    whether the vacuum of each segment is held by one, in place of valves.  stopped:
     why tendon motion is stopped.  fault: why the arm cannot be operated, such as a stale node.
     motion_failure: why the motion that was sent last was refused or ended early.  stops: how often
     motion was stopped, ever.  measured: when the arm was last measured, on the clock of the ticks;
@@ -46,6 +47,7 @@ class Observation:
     obstructed: str = ''
     departed: str = ''
     unseen: bool = False
+    regulators: bool = False
 
 
 class ArmPort(Protocol):
@@ -53,6 +55,9 @@ class ArmPort(Protocol):
 
     def set_stiff(self, segment: int, stiff: bool) -> None:
         """Request that a segment (0-based) is evacuated or vented."""
+
+    def set_vacuum(self, segment: int, vacuum: float) -> None:
+        """Request that the regulator of a segment (0-based) holds a vacuum, Pa below ambient."""
 
     def follow(self, motion: int, start: float, times: Array, pulls: Array) -> None:
         """

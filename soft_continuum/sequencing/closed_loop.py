@@ -20,7 +20,8 @@ from soft_continuum.sequencing.arm_port import ArmPort
 from soft_continuum.sequencing.loop_settings import ABORT, LoopSettings, PAUSE
 from soft_continuum.sequencing.planner import Move, Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.progress import Code, Outcome, Phase
-from soft_continuum.sequencing.runner import EndError, LeaveError, Plan, Runner, RunnerSettings
+from soft_continuum.sequencing.run_settings import RunnerSettings
+from soft_continuum.sequencing.runner import EndError, LeaveError, Plan, Runner
 
 BETTER = 0.8  # of the last change: a correction that shrinks less does not help any more
 GROWS = 1e-3  # rad: nor is a change this small expected to shrink
@@ -86,7 +87,7 @@ class ClosedLoopRunner(Runner):
     def _set_measured(self, index: int, shape: Shape) -> Iterator[None]:
         yield from self._measure(index, None)
         plan = yield from self._plan_of(shape)
-        aim = self.aim = yield from self._planned(self._loop.aim(plan.shape))
+        aim = self.aim = yield from self._planned(self._loop.aim(plan.as_set))
         segments: tuple[int, ...] = tuple(move.segment for move in plan.moves)
         for done, segment in enumerate(segments):
             self.move = done
@@ -122,6 +123,8 @@ class ClosedLoopRunner(Runner):
         shape = shape if self.plan is None else self.plan.shape
         until, at_first, within = self._now + shape.hold_time, nan, self._now
         self._report(index, 1.0, Phase.HOLDING, segment=0)
+        if self._held:  # what it was set to is not what it has now
+            self.aim = None
         while self._now < until and self._measured and self.aim is not None:
             aim, settings = self.aim, self.loop_settings
             self._check_stiff(None)

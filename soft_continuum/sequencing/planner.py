@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from math import ceil, sqrt
+from math import ceil
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -23,8 +23,7 @@ from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.parameters.shapes import angles_problem
-from soft_continuum.sequencing import minimum_jerk
-from soft_continuum.sequencing.monotone import monotone_cubic
+from soft_continuum.sequencing.timing import timed
 
 if TYPE_CHECKING:
     from soft_continuum.sequencing.reach.goal import TipGoal
@@ -59,6 +58,7 @@ class Shape:
 
     bending_directions: of every segment of a spatial arm, rad; empty for 0 of all.  tips: where
     the tip shall be, one goal or several as a path; the angles are then empty until it is planned.
+    vacuums: of every segment while the shape is held, Pa below ambient; empty for all stiff.
     """
 
     name: str
@@ -66,6 +66,7 @@ class Shape:
     hold_time: float = 0.0
     bending_directions: tuple[float, ...] = ()
     tips: 'tuple[TipGoal, ...]' = ()
+    vacuums: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,8 @@ class PlanSettings:
     pull_limits: m.  tension_limit: N.  antagonist_slack: m left in a tendon that does not carry
     the arm.  speed, acceleration: of the fastest tendon, m/s and m/s^2.  angle_step: rad between
     two points.  angle_tolerance: rad, a segment this close is not set again.  jamming: whether
-    segments can be stiffened; else all are soft, and a shape is one move.
+    segments can be stiffened; else all are soft, and a shape is one move.  full_vacuum: Pa below
+    ambient at which jams are as described.
     """
 
     pull_limits: tuple[float, float] = (-0.06, 0.06)
@@ -87,6 +89,7 @@ class PlanSettings:
     angle_step: float = np.radians(2.0)
     angle_tolerance: float = np.radians(0.1)
     jamming: bool = True
+    full_vacuum: float = 80e3
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> 'PlanSettings':
@@ -94,7 +97,7 @@ class PlanSettings:
         low, high = values['pull_limits']
         return cls((low, high), values['tension_limit'], values['antagonist_slack'],
                    values['tendon_speed'], values['tendon_acceleration'], values['angle_step'],
-                   values['angle_tolerance'], values['arm.jamming'])
+                   values['angle_tolerance'], values['arm.jamming'], values['full_vacuum'])
 
     def with_slack_for(self, deviations: Sequence[float] | Array) -> 'PlanSettings':
         """
@@ -136,7 +139,8 @@ class ShapePlan:
 
     ways: of each move the states on its way, from soft to stiffened; empty where nobody needs
     them.  clearances: of each move the smallest distance to obstacles that it was planned with,
-    m; empty without obstacles.
+    m; empty without obstacles.  stiff: the state before the shape's vacuums are set, None where it
+    has none.  warning: how far off the shape is held with them; empty for not far.
     """
 
     shape: Shape
@@ -144,6 +148,17 @@ class ShapePlan:
     state: Any
     ways: tuple[tuple[Any, ...], ...] = ()
     clearances: tuple[float, ...] = ()
+    stiff: Any = None
+    warning: str = ''
+
+    @property
+    def as_set(self) -> Shape:
+        """The shape that is set before its vacuums are: where they let it give way, another."""
+        if self.stiff is None:
+            return self.shape
+        return replace(self.shape, bending_angles=tuple(self.stiff.bending_angles.tolist()),
+                       bending_directions=tuple(self.stiff.bending_directions.tolist()),
+                       vacuums=())
 
 
 class ShapePlanner(ABC):
@@ -176,25 +191,61 @@ class ShapePlanner(ABC):
         pulls: (tendons,) at present, m.  Raises PlanError when a shape is out of reach, or when
         the plan was abandoned.
         """
-        plans = []
+        from soft_continuum.sequencing.held_plan import plan_held  # which needs this module
+        plans: list[ShapePlan] = []
         start = np.array(pulls, dtype=float)
         for shape in shapes:
             problem = angles_problem(
                 shape.bending_angles, self.statics.chain.arm, shape.bending_directions)
             if problem:
                 raise PlanError(f'{shape.name}: {problem}')
-            moves = []
-            for segment, goal, text in self.goals_of(shape):
-                if self.away(state, segment, goal) <= self.settings.angle_tolerance:
-                    continue
-                try:
-                    move, state = self.move(state, start, segment, goal)
-                except (StaticsError, PlanError) as error:
-                    raise PlanError(f'{shape.name}: {text}{error}') from None
-                start = move.pulls[-1]
-                moves.append(move)
-            plans.append(ShapePlan(shape, tuple(moves), state))
+            if plans and plans[-1].stiff is not None:  # a shape is set with every segment stiff
+                state = self.jammed(state, start)
+            if shape.vacuums:
+                plan = plan_held(self, state, start, shape)
+            else:
+                moves, state = self.moves(state, start, shape)
+                plan = ShapePlan(shape, moves, state)
+            plans.append(plan)
+            state = plan.state
+            start = plan.moves[-1].pulls[-1] if plan.moves else start
         return plans
+
+    def moves(self, state: Any, start: Array, shape: Shape, shift: Any = None
+              ) -> tuple[tuple[Move, ...], Any]:
+        """
+        Return the moves that set a shape from a state, and the state after them.
+
+        shift: added to the goals, (segments,) or (segments, 2) as State.bending, rad.  Raises
+        PlanError.
+        """
+        moves = []
+        for segment, given, text in self.goals_of(shape):
+            goal = given if shift is None else self.shifted(given, segment, shift)
+            if self.away(state, segment, goal) <= self.settings.angle_tolerance:
+                continue
+            try:
+                move, state = self.move(state, start, segment, goal)
+            except (StaticsError, PlanError) as error:
+                raise PlanError(f'{shape.name}: {text}{error}') from None
+            start = move.pulls[-1]
+            moves.append(move)
+        return tuple(moves), state
+
+    def jammed(self, state: Any, pulls: Sequence[float] | Array,
+               vacuum: Sequence[float] | None = None) -> Any:
+        """
+        Return the state in which every segment is jammed, with parts of the full vacuum.
+
+        pulls: (tendons,) of the motors, m.  Raises StaticsError.
+        """
+        count = self.statics.chain.segments
+        return self.statics.solve(state, np.asarray(pulls) + self._offsets, [False] * count,
+                                  vacuum=[1.0] * count if vacuum is None else list(vacuum))
+
+    @abstractmethod
+    def shifted(self, goal: Any, segment: int, shift: Any) -> Any:
+        """Return a goal of a segment moved by a shift, within the limits of the arm."""
 
     @abstractmethod
     def goals_of(self, shape: Shape) -> Sequence[tuple[int, Any, str]]:
@@ -256,7 +307,7 @@ class ShapePlanner(ABC):
         if self._abandoned():
             raise PlanError('the plan was abandoned')
 
-    def _check_limits(self, pulls: Array, tension: float) -> None:
+    def check_limits(self, pulls: Array, tension: float) -> None:
         """Refuse pulls (points, tendons) m, and a tension, N, that are beyond the limits."""
         settings = self.settings
         low, high = settings.pull_limits
@@ -289,6 +340,11 @@ class Planner(ShapePlanner):
         return [(i, angle, f'segment {i + 1} to {np.degrees(angle):.1f} degrees: ')
                 for i, angle in enumerate(shape.bending_angles)]
 
+    def shifted(self, goal: float, segment: int, shift: Array) -> float:
+        """As ShapePlanner."""
+        limit = self.statics.chain.arm.segments[segment].bending_angle_limit
+        return float(np.clip(goal + shift[segment], -limit, limit))
+
     def away(self, state: Equilibrium, segment: int, goal: float) -> float:
         """As ShapePlanner."""
         return abs(float(state.bending_angles[segment]) - goal)
@@ -312,7 +368,7 @@ class Planner(ShapePlanner):
             tension = max(tension, float(bent.tensions.max()))
             points.append(self._with_slack(bent, sliding))
         pulls = np.array(points)
-        self._check_limits(pulls, tension)
+        self.check_limits(pulls, tension)
         end = self.held(bent, pulls[-1], segment, sliding)
         times, pulls = self._timed(pulls)
         return Move(segment, goal, times, pulls, tension, sliding), end
@@ -346,34 +402,3 @@ def planner_of(arm: AnyArm, settings: PlanSettings,
 def soft_flags(segment: int, count: int) -> list[bool]:
     """Return which of ``count`` segments are soft while one (0-based), or WHOLE_ARM, is set."""
     return [segment in (i, WHOLE_ARM) for i in range(count)]
-
-
-def timed(points: Array, speed: float, acceleration: float,
-          interval: float = 0.05) -> tuple[Array, Array]:
-    """
-    Return times (k,) s and pulls (k, tendons) m of a smooth motion through points (m, tendons).
-
-    The path through the points is smooth in space and follows a minimum-jerk profile in time,
-    just slow enough to keep each tendon within ``speed`` (m/s) and ``acceleration`` (m/s^2).
-    """
-    path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points, axis=0)).max(axis=1))])
-    keep = np.concatenate([[True], np.diff(path) > 1e-12])
-    path, points = path[keep], points[keep]
-    total = path[-1]
-    if total == 0.0:
-        return np.array([0.0]), points[:1].copy()
-    smooth = monotone_cubic(path, points)
-    duration = minimum_jerk.duration(total, speed, acceleration)
-    for _ in range(50):
-        times = np.linspace(0.0, duration, max(3, ceil(duration / interval) + 1))
-        t = times / duration
-        pulls: Array = smooth(total * minimum_jerk.progress(t))
-        speeds = np.diff(pulls, axis=0) / times[1]
-        accelerations = np.diff(speeds, axis=0, prepend=0.0, append=0.0) / times[1]
-        excess = max(np.abs(speeds).max() / speed,
-                     sqrt(np.abs(accelerations).max() / acceleration))
-        if excess <= 1.0:
-            break
-        duration *= max(1.01, excess)  # corners of the path, which the profile ignores
-    pulls[0], pulls[-1] = points[0], points[-1]
-    return times, pulls

@@ -4,50 +4,30 @@
 The state machine that runs shapes: all stiff, soften one, move, stiffen, wait, next.
 
 A Runner is ticked with an observation of the arm and acts through an ArmPort.  At most one segment
-is softened at a time.  Whatever ends a run early, other than a stop, ends with tendons at rest and
-every segment stiff; a stop leaves everything as it is.  An arm without jamming is moved as a
-whole, and nothing of it is switched or has to be stiff.  A plan that must not be followed any
-further is left in the same way, and made again from there.
+is softened at a time.  A shape with vacuums is held with them: they are lowered one after the
+other once it is set, and before the next shape every segment is stiff again.  Whatever ends a run
+early, other than a stop, ends with tendons at rest and every segment stiff; a stop leaves
+everything as it is.  An arm without jamming is moved as a whole, and nothing of it is switched or
+has to be stiff.  A plan that must not be followed any further is left in the same way, and made
+again from there.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
 from soft_continuum.sequencing.arm_port import ArmPort, Failure, Observation
-from soft_continuum.sequencing.loop_settings import ABORT, REPLAN
+from soft_continuum.sequencing.loop_settings import ABORT
 from soft_continuum.sequencing.planner import Move, ObstructedError, PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome, Phase, Progress
+from soft_continuum.sequencing.run_settings import RunnerSettings
 
-
-@dataclass(frozen=True)
-class RunnerSettings:
-    """
-    Deadlines and tolerances.
-
-    jamming_timeout, settle_timeout: s.  settle_tolerance: m.  soft_vacuum: Pa below ambient up to
-    which a segment is soft.  horizon: s of motion sent ahead; the tendons stop
-    by themselves that soon after the sequencer ended.  retry: s between repeated requests.
-    jamming: whether segments are switched.  piece_period: s between two pieces of a motion, each
-    of which tendon_actuation has to judge.  on_obstacle: what to do about an obstacle that comes
-    into the way; one of ON_OBSTACLE.  max_replans: plans of one shape that are made again.
-    """
-
-    jamming_timeout: float = 10.0
-    settle_timeout: float = 5.0
-    settle_tolerance: float = 2e-5
-    soft_vacuum: float = 10e3
-    horizon: float = 0.5
-    retry: float = 2.0
-    jamming: bool = True
-    piece_period: float = 0.0
-    on_obstacle: str = REPLAN
-    max_replans: int = 3
-
-
+LOST = 2.0
+"""Of the tolerance of a vacuum that was reached: so far off it is lost."""
 Result = TypeVar('Result')
 Plan = Callable[[Sequence[Shape]], 'Future[list[ShapePlan]]']
 """Begins to plan shapes from the present state of the arm; the future carries what it raises."""
@@ -90,6 +70,7 @@ class Runner:
         self._tendons = tendons
         self._completed = 0
         self._motions, self._replans = 0, 0
+        self._held: dict[int, float] = {}  # vacuum of segments that are not stiff any more, Pa
         self._now = 0.0
         self._observed = Observation((0.0,) * len(tendons), False, (), ())
         self._script = self._run()
@@ -155,7 +136,10 @@ class Runner:
         yield from self._all_stiff()
         for index, shape in enumerate(self._shapes):
             self._report(index, 0.0, Phase.PREPARING, segment=0)
+            if self._held:
+                yield from self._all_stiff()
             yield from self._set_or_plan_again(index, shape)
+            yield from self._relax(index, shape)
             yield from self._hold(index, shape)
             self._completed += 1
 
@@ -202,8 +186,30 @@ class Runner:
             yield from self._stiffen(move.segment)
         self.move = len(moves)
 
+    def _relax(self, index: int, shape: Shape) -> Iterator[None]:
+        """Lower the vacuums of a shape that is set, one after the other."""
+        for segment, vacuum in enumerate(shape.vacuums):
+            if abs(vacuum - self._settings.full_vacuum) <= 1.0:
+                continue
+            self._report(index, 1.0, Phase.SOFTENING, segment=segment + 1)
+            self._held[segment] = vacuum
+            yield from self._request(
+                segment, partial(self._port.set_vacuum, segment, vacuum),
+                partial(self._follows, segment),
+                f'follow its regulator, which was told {vacuum / 1e3:.1f} kPa,')
+        if self._held and self.plan is not None:
+            self.warning = self.plan.warning
+
+    def _follows(self, segment: int) -> bool:
+        """Whether a segment has the vacuum that it is held with."""
+        return self._off(segment) <= self._settings.vacuum_tolerance
+
+    def _off(self, segment: int) -> float:
+        """Return by how much the vacuum of a segment differs from what it is held with, Pa."""
+        return abs(self._observed.vacuum[segment] - self._held[segment])
+
     def _hold(self, index: int, shape: Shape) -> Iterator[None]:
-        """Hold a shape, with every segment stiff."""
+        """Hold a shape, with every segment stiff but those that have less vacuum."""
         self._report(index, 1.0, Phase.HOLDING, segment=0)
         until = self._now + shape.hold_time
         while self._now < until:
@@ -232,7 +238,8 @@ class Runner:
     def _all_stiff(self) -> Iterator[None]:
         """Stiffen what is not stiff; plans start from a stiff arm at rest."""
         yield from self._stiffen_all(
-            [i for i, stiff in enumerate(self._observed.stiff) if not stiff])
+            [i for i in range(len(self._observed.stiff)) if not self._is_stiff(i)])
+        self._held.clear()
         deadline = self._now + self._settings.settle_timeout
         while self._observed.moving:
             if self._now > deadline:
@@ -249,7 +256,14 @@ class Runner:
         yield from self._switch(segment, False, softened)
 
     def _stiffen(self, segment: int) -> Iterator[None]:
-        yield from self._switch(segment, True, lambda: self._observed.stiff[segment])
+        yield from self._switch(segment, True, lambda: self._is_stiff(segment))
+
+    def _is_stiff(self, segment: int) -> bool:
+        """Whether a segment is stiff; with a regulator, also whether it has its full vacuum."""
+        observed, settings = self._observed, self._settings
+        full = settings.full_vacuum - settings.vacuum_tolerance
+        return observed.stiff[segment] and (
+            not observed.regulators or observed.vacuum[segment] >= full)
 
     def _stiffen_all(self, segments: Sequence[int]) -> Iterator[None]:
         """Stiffen several segments at once; every one is requested before any is waited for."""
@@ -264,7 +278,7 @@ class Runner:
                 requested = self._now
                 yield
                 continue
-            soft = [i for i in segments if not self._observed.stiff[i]]
+            soft = [i for i in segments if not self._is_stiff(i)]
             if not soft:
                 return
             if self._now > deadline:
@@ -274,13 +288,18 @@ class Runner:
             yield
 
     def _switch(self, segment: int, stiff: bool, reached: Callable[[], bool]) -> Iterator[None]:
-        if not self._settings.jamming:
-            return
+        if self._settings.jamming:
+            yield from self._request(segment, lambda: self._port.set_stiff(segment, stiff),
+                                     reached, f'become {"stiff" if stiff else "soft"}')
+
+    def _request(self, segment: int, request: Callable[[], None], reached: Callable[[], bool],
+                 what: str) -> Iterator[None]:
+        """Request something of a segment until it is reached; what: in words."""
         deadline = self._now + self._settings.jamming_timeout
         requested = -np.inf
         while True:
             if self._now >= requested + self._settings.retry:
-                self._port.set_stiff(segment, stiff)
+                request()
                 requested = self._now
                 yield
                 continue
@@ -289,7 +308,7 @@ class Runner:
             if self._now > deadline:
                 raise EndError(
                     Code.TIMEOUT,
-                    f'segment {segment + 1} did not become {"stiff" if stiff else "soft"} within '
+                    f'segment {segment + 1} did not {what} within '
                     f'{self._settings.jamming_timeout:g} s; its vacuum is '
                     f'{self._observed.vacuum[segment] / 1e3:.1f} kPa')
             self._check_stiff(segment)
@@ -348,11 +367,19 @@ class Runner:
             raise LeaveError(Code.HARDWARE_FAULT, departed)
 
     def _check_stiff(self, soft: int | None) -> None:
-        """Every segment but the one being set must stay stiff."""
+        """Every segment but the one being set must stay stiff, or with the vacuum it was told."""
         if not self._settings.jamming:
             return
         for segment, stiff in enumerate(self._observed.stiff):
-            if segment != soft and not stiff:
+            if segment == soft:
+                continue
+            if segment in self._held:
+                if self._off(segment) > LOST * self._settings.vacuum_tolerance:
+                    raise EndError(
+                        Code.HARDWARE_FAULT, f'segment {segment + 1} lost its vacuum: it has '
+                        f'{self._observed.vacuum[segment] / 1e3:.1f} kPa and was told '
+                        f'{self._held[segment] / 1e3:.1f} kPa')
+            elif not stiff:
                 raise EndError(Code.HARDWARE_FAULT,
                                 f'segment {segment + 1} lost its stiffness')
 
@@ -364,8 +391,9 @@ class Runner:
         while self._observed.moving and self._now < deadline:
             yield
         # Also the segment that was last requested to soften, whatever its state was since.
-        wanted = [i for i, stiff in enumerate(self._observed.stiff)
-                  if not stiff or i + 1 == self.progress.segment]
+        wanted = [i for i in range(len(self._observed.stiff))
+                  if not self._is_stiff(i) or i + 1 == self.progress.segment]
+        self._held.clear()
         if self._settings.jamming:
             self.progress = replace(self.progress, phase=Phase.STIFFENING)
         yield from self._stiffen_all(wanted)

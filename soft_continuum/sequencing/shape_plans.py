@@ -48,6 +48,9 @@ def plan_shapes(planner: ShapePlanner, state: Any, pulls: Sequence[float],
     """
     for shape in shapes:
         try:
+            if shape.vacuums and surroundings.obstacles:
+                raise PlanError('shapes with vacuums are not planned among obstacles: when a '
+                                'vacuum is lowered, the arm gives way')
             if shape.tips:
                 found = _by_tip(planner, state, pulls, shape, surroundings, settings, first)
             elif surroundings.obstacles:
@@ -62,6 +65,8 @@ def plan_shapes(planner: ShapePlanner, state: Any, pulls: Sequence[float],
             return
         state, moves = found.plan.state, found.plan.moves
         pulls = moves[-1].pulls[-1].tolist() if moves else pulls
+        if found.plan.stiff is not None:
+            state = planner.jammed(state, pulls)
 
 
 def plan_of(found: Reach, shape: Shape) -> ShapePlan:
@@ -101,6 +106,8 @@ def _from_base(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape:
     for move in plan.moves:
         steps.append(_step(planner, state, move, settings))
         state = steps[-1].states[-1]
+    if plan.stiff is not None and steps:
+        steps[-1] = replace(steps[-1], states=(*steps[-1].states, plan.state))
     return Reach(replace(plan, ways=tuple(step.states for step in steps)), '', tuple(steps))
 
 

@@ -57,6 +57,14 @@ class SpatialPlanner(ShapePlanner):
                 for i, (angle, direction) in enumerate(
                     zip(shape.bending_angles, directions, strict=True))]
 
+    def shifted(self, goal: Array, segment: int, shift: Array) -> Array:
+        """As ShapePlanner."""
+        limits = np.array([s.bending_angle_limit for s in self.statics.chain.arm.segments])
+        moved: Array = goal + shift
+        size = np.linalg.norm(moved, axis=1)
+        moved *= np.minimum(1.0, limits / np.where(size > 0.0, size, 1.0))[:, None]
+        return moved
+
     def away(self, state: SpatialEquilibrium, segment: int, goal: Array) -> float:
         """As ShapePlanner."""
         left = np.linalg.norm(goal - state.bending, axis=1)
@@ -84,7 +92,7 @@ class SpatialPlanner(ShapePlanner):
             tension = max(tension, float(bent.tensions.max()))
             points.append(self._with_slack(fit))
         pulls = np.array(points)
-        self._check_limits(pulls, tension)
+        self.check_limits(pulls, tension)
         end = self.held(bent, pulls[-1], segment)
         times, pulls = self._timed(pulls)
         angle = float(np.linalg.norm(goal, axis=1)[soft].max())

@@ -41,6 +41,19 @@ BAD_GOALS = {
         ([shape_message('c_form'), shape_message('d_form')], ['shape 2', "'d_form'", LIBRARY]),
     'angle beyond its limit':
         ([shape_message((0.1, 1.2, 0.1))], ['segment 2', '1.2 rad', '-1.047 to 1.047 rad']),
+    'vacuums of valves': ([Shape(name='c_form', vacuums=[80e3] * 3)], ['valves']),
+    'too few vacuums': ([Shape(name='c_form', vacuums=[80e3])], ['1 vacuums', '3 segments']),
+    'a vacuum that is not a number':
+        ([Shape(name='c_form', vacuums=[80e3, float('nan'), 80e3])], ['segment 2', 'nan']),
+    'a vacuum that leaves a segment soft':
+        ([Shape(name='c_form', vacuums=[80e3, 5e3, 80e3])], ['segment 2', '10000', '80000']),
+    'a vacuum beyond the full one':
+        ([Shape(name='c_form', vacuums=[80e3, 80e3, 9e4])], ['segment 3', '90000', '80000']),
+    'a vacuum for which the description has no law':
+        ([Shape(name='c_form', vacuums=[80e3, 30e3, 80e3])],
+         ['segment 2', 'rigid', 'arm.stiffness_ratios']),
+    'vacuums of a goal of the tip':
+        ([Shape(tips=[TipGoal()], vacuums=[80e3] * 3)], ['tips and vacuums']),
     'too few angles': ([shape_message((0.1, 0.1))], ['2 bending angles', '3 segments']),
     'too many angles': ([shape_message((0.1,) * 4)], ['4 bending angles', '3 segments']),
     'angle that is not a number':

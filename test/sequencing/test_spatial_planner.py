@@ -24,7 +24,8 @@ from soft_continuum.sequencing.planner import (
     WHOLE_ARM,
 )
 from soft_continuum.sequencing.progress import Code, Phase
-from soft_continuum.sequencing.runner import Runner, RunnerSettings
+from soft_continuum.sequencing.run_settings import RunnerSettings
+from soft_continuum.sequencing.runner import Runner
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 JAMMING, TENDON_ARM = CONFIG / 'spatial_jamming.yaml', CONFIG / 'tendon_arm.yaml'

@@ -10,7 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
-from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
+from soft_continuum.hardware.simulated_jamming import (
+    JammingPlant,
+    SimulatedJamming,
+    SimulatedRegulators,
+)
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
@@ -24,7 +28,8 @@ from soft_continuum.parameters.shapes import PAPER_SHAPES
 from soft_continuum.sequencing.arm_port import Failure, Observation
 from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.progress import Code
-from soft_continuum.sequencing.runner import Runner, RunnerSettings
+from soft_continuum.sequencing.run_settings import RunnerSettings
+from soft_continuum.sequencing.runner import Runner
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 ARM, LIBRARY = load_arm(DESCRIPTION), PAPER_SHAPES
@@ -59,6 +64,7 @@ class VirtualRig:
     arm: object = ARM
     latency: float = 0.0
     stiff_at_start: bool = True
+    regulators: bool = False
     settings: RunnerSettings = RUNNER_SETTINGS
     plan_settings: PlanSettings = PLAN_SETTINGS
     acceleration: float = ACCELERATION
@@ -76,7 +82,7 @@ class VirtualRig:
         self.steppers = Steppers(
             lambda: self.now, self.arm.tendon_names, SPEED, self.acceleration, 5e-6)
         self.steppers.rig = self
-        self.air = SimulatedJamming(
+        self.air = (SimulatedRegulators if self.regulators else SimulatedJamming)(
             lambda: self.now, segments, JammingPlant(), self.stiff_at_start)
         self.tendons = TendonController(
             self.steppers, TendonLimits(self.arm.tendon_names, (-0.06, 0.06), SPEED))
@@ -116,6 +122,10 @@ class VirtualRig:
     def set_stiff(self, segment, stiff):
         self._send(('set_stiff', segment, stiff), lambda: self._switch(segment, stiff))
 
+    def set_vacuum(self, segment, vacuum):
+        self._send(('set_vacuum', segment, vacuum),
+                   lambda: segment in self.broken or self.jamming.set_vacuum(segment, vacuum))
+
     def follow(self, motion, start, times, pulls):
         self._send(('follow', start, times, pulls),
                    lambda: self._follow(motion, start + times, pulls))
@@ -154,13 +164,21 @@ class VirtualRig:
             raise MotionRefusedError(Reason.ALL_STIFF, 'every segment is stiff')
         state = self.state
         for pull in pulls:
-            state = self.statics.solve(state, pull, self.soft)
+            state = self.statics.solve(state, pull, self.soft, vacuum=self.parts)
             if state.tensions.max() > self.plan_settings.tension_limit:
                 raise MotionRefusedError(Reason.TENSION, 'too much tension')
 
     @property
     def soft(self):
-        return [not stiff for stiff in self.jamming.stiff]
+        told = self.jamming.reading.vacuums
+        return [not vacuum for vacuum in told] if told else [not s for s in self.jamming.stiff]
+
+    @property
+    def parts(self):
+        """Of the full vacuum, as the model has them."""
+        full = JAMMING_SETTINGS.full_vacuum
+        return [min(1.0, max(0.01, vacuum / full)) for vacuum in self.vacuum] if (
+            self.regulators) else None
 
     @property
     def vacuum(self):
@@ -177,7 +195,8 @@ class VirtualRig:
     def observe(self):
         self.observed.append((self.now, Observation(
             self.tendons.reading.pulls, self.moving, tuple(self.jamming.stiff), self.vacuum,
-            self.tendons.stopped_because, self.fault, self.motion_failure)))
+            self.tendons.stopped_because, self.fault, self.motion_failure,
+            regulators=self.regulators)))
         while len(self.observed) > 1 and self.observed[1][0] <= self.now - self.latency + 1e-9:
             self.observed.popleft()
         return self.observed[0][1]
@@ -199,8 +218,10 @@ class VirtualRig:
                 self._fail('a segment changed between soft and stiff during the motion')
             before = self.tendons.reading.pulls
             pulls = self.tendons.update(self.now, TENDON_STEPS * STEP).pulls
-            if any(self.soft) and (pulls != before or self.count % JAMMING_STEPS == 0):
-                self.state = self.statics.solve(self.state, pulls, self.soft)
+            if (any(self.soft) or self.regulators) and (
+                    pulls != before or self.count % JAMMING_STEPS == 0):
+                self.state = self.statics.solve(
+                    self.state, pulls, self.soft, vacuum=self.parts)
         observation = self.observe()
         if self.runner and self.runner.outcome is None and self.count % TICK_STEPS == 0:
             self.runner.tick(self.now, observation)

@@ -1,0 +1,63 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""An arm whose regulators hold segments between soft and stiff, as ROS sees it."""
+
+import numpy as np
+import pytest
+from ros_rig import AMBIENT, Rig, STREAM, trajectory
+from trajectory_msgs.msg import JointTrajectory
+
+from soft_continuum_interfaces.msg import KinematicsState, Shape
+from soft_continuum_interfaces.srv import SetVacuum
+
+VACUUMS = (25e3, 80e3, 40e3)
+
+
+@pytest.fixture
+def regulated(rig: Rig) -> Rig:
+    """Return an arm that lies, with regulators and a law for its jams."""
+    rig.start_arm(simulated_jamming__regulators=True, arm__stiffness_ratios=(10.0,),
+                  arm__mounting_angle=1.2, arm__bodies_per_segment=4)
+    return rig
+
+
+def vacuum(rig: Rig, segment: int) -> float:
+    return AMBIENT - float(rig.pressures[segment - 1].last.fluid_pressure)
+
+
+def test_a_goal_with_vacuums_ends_at_its_angles_with_these_vacuums(regulated: Rig) -> None:
+    angles = [0.3, 0.2, -0.2]
+    goal = regulated.goal(Shape(name='held', bending_angles=angles, vacuums=VACUUMS))
+    status, result = goal.result()
+    assert status == 'SUCCEEDED'
+    for segment, wanted in enumerate(VACUUMS, start=1):
+        assert vacuum(regulated, segment) == pytest.approx(wanted, abs=3e3)
+    assert list(regulated.states['jamming_valves'].last.vacuums) == pytest.approx(VACUUMS)
+    assert list(result.bending_angles) == pytest.approx(angles, abs=0.01)
+    regulated.assert_stiff_only_by_pressure()
+
+
+def test_the_model_takes_a_partial_vacuum_by_its_law_and_tendons_may_move(regulated: Rig) -> None:
+    states = regulated.record(KinematicsState, 'kinematics/state', STREAM)
+
+    def tip() -> float:
+        return float(np.sum(states.last.joint_angles))
+
+    regulated.wait_for_more(states)
+    stiff = tip()
+    for part in (50e3, 20e3):
+        assert regulated.call(SetVacuum, 'jamming_valves/segment_1/set_vacuum',
+                              vacuum=part).success
+        regulated.wait_for(lambda v=part: states.last.vacuum[0] == pytest.approx(v / 80e3), 'v')
+        regulated.wait_for_more(states, 3)
+        sagged = tip()
+        assert abs(sagged) > abs(stiff) + 0.002  # the less vacuum, the more
+        stiff = sagged
+    assert all(states.last.stiff)  # jammed, though not confirmed stiff
+    assert regulated.soft_segments() == [1]
+    regulated.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(
+        trajectory([(0.3, (-0.005, 0.004))]))
+    regulated.wait_for(lambda: abs(tip() - stiff) > 0.01, 'a bent arm')
+    assert regulated.call(SetVacuum, 'jamming_valves/segment_1/set_vacuum', vacuum=0.0).success
+    regulated.wait_for(lambda: not states.last.stiff[0], 'a soft segment')

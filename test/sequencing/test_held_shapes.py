@@ -1,0 +1,126 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Shapes held with less than the full vacuum: set stiff, then relaxed to the wanted angles."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from virtual_rig import PLAN_SETTINGS, VirtualRig
+
+from soft_continuum.mechanics import Jam, Statics
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.sequencing.planner import PlanError, Planner, Shape
+from soft_continuum.sequencing.progress import Code, Phase
+
+DEGREE = np.radians(1.0)
+VACUUMS = (30e3, 80e3, 60e3)
+
+
+def jammed(ratio=10.0):
+    """The paper's arm, lying, with a law for its jams, of few bodies."""
+    arm = load_arm(description_file())
+    return replace(arm, bodies_per_segment=4, mounting_angle=1.2, segments=tuple(
+        replace(segment, jam=Jam(ratio)) for segment in arm.segments))
+
+
+ARM = jammed()
+HELD = Shape('held', (0.3, 0.2, -0.2), 0.5, vacuums=VACUUMS)
+STIFF = Shape('stiff', (0.1, 0.2, 0.1), 0.2)
+
+
+def plan(arm, shape):
+    planner = Planner(arm, PLAN_SETTINGS)
+    return planner.plan(planner.statics.chain.straight(), (0.0, 0.0), [shape])[0]
+
+
+def test_a_plan_makes_up_for_what_the_arm_gives_way_by():
+    found = plan(ARM, HELD)
+    assert found.state.bending_angles == pytest.approx(HELD.bending_angles, abs=0.2 * DEGREE)
+    assert found.state.vacuum == pytest.approx(np.array(VACUUMS) / 80e3)
+    # It is set to other angles, from which the arm falls: no plan without vacuums would do.
+    assert np.abs(found.stiff.bending_angles - HELD.bending_angles).max() > DEGREE
+    alone = Statics(ARM).solve(found.stiff, found.moves[-1].pulls[-1], [False] * 3,
+                               vacuum=np.array(VACUUMS) / 80e3)
+    assert alone.bending_angles == pytest.approx(found.state.bending_angles, abs=1e-6)
+
+
+def test_with_the_full_vacuum_nothing_is_made_up_for_but_what_stiff_segments_give_way_by():
+    found = plan(ARM, replace(HELD, vacuums=(80e3,) * 3))
+    assert found.stiff.bending_angles == pytest.approx(found.state.bending_angles, abs=1e-6)
+
+
+def test_a_plan_that_cannot_hold_the_angles_says_how_far_off_they_are():
+    limit = ARM.segments[0].bending_angle_limit
+    found = plan(ARM, replace(HELD, bending_angles=(-limit, 0.2, -0.2), vacuums=(12e3,) * 3))
+    off = np.abs(found.state.bending_angles - (-limit, 0.2, -0.2)).max()
+    assert f'{np.degrees(off):.1f} degrees off' in found.warning and off > DEGREE
+
+
+def test_an_arm_that_gives_way_beyond_its_limits_has_no_plan():
+    weak = replace(ARM, payload=0.5)
+    with pytest.raises(PlanError, match='held: '):
+        plan(weak, replace(HELD, bending_angles=(1.0, 0.8, 0.8), vacuums=(12e3,) * 3))
+
+
+def test_a_shape_is_set_stiff_then_held_with_its_vacuums_and_left_stiff_for_the_next():
+    rig = VirtualRig(arm=ARM, shapes=[HELD, STIFF], regulators=True)
+    softened, moved = set(), []
+
+    def check(rig):
+        told = rig.jamming.reading.vacuums
+        softened.add(tuple(i for i, v in enumerate(told) if v == 0.0))
+        if rig.tendons.following:
+            moved.append(sum(v < 77e3 for v in told))
+
+    rig.run(check, until=lambda rig: rig.runner.progress.phase is Phase.HOLDING)
+    assert rig.vacuum == pytest.approx(VACUUMS, abs=3e3)
+    rig.go_on(0.3, check)
+    assert rig.angles == pytest.approx(HELD.bending_angles, abs=0.3 * DEGREE)
+    assert rig.run(check).code is Code.SUCCESSFUL
+    assert max(map(len, softened)) == 1  # at a time
+    assert set(moved) == {1}  # a tendon moves one soft segment, with all others stiff
+    assert min(rig.vacuum) > 77e3
+    planned = rig.runner.plan.state.bending_angles
+    assert rig.angles == pytest.approx(planned, abs=0.3 * DEGREE)
+
+
+def test_a_run_that_ends_with_vacuums_leaves_them():
+    rig = VirtualRig(arm=ARM, shapes=[HELD], regulators=True)
+    assert rig.run().code is Code.SUCCESSFUL
+    rig.go_on(1.0)
+    assert rig.vacuum == pytest.approx(VACUUMS, abs=3e3)
+
+
+def test_canceled_while_it_is_held_a_shape_ends_with_every_segment_stiff():
+    rig = VirtualRig(arm=ARM, shapes=[replace(HELD, hold_time=60.0)], regulators=True)
+    rig.run(until=lambda rig: rig.runner.progress.phase is Phase.HOLDING)
+    rig.runner.cancel(Code.CANCELED, 'canceled')
+    assert rig.run().code is Code.CANCELED
+    assert all(rig.jamming.stiff) and min(rig.vacuum) > 77e3
+
+
+def test_a_stop_while_it_is_held_leaves_the_vacuums():
+    rig = VirtualRig(arm=ARM, shapes=[replace(HELD, hold_time=60.0)], regulators=True)
+    rig.run(until=lambda rig: rig.runner.progress.phase is Phase.HOLDING)
+    rig.tendons.stop('a stop')
+    assert rig.run().code is Code.STOPPED
+    rig.go_on(2.0)
+    assert rig.vacuum == pytest.approx(VACUUMS, abs=3e3)
+
+
+def test_a_regulator_that_does_not_follow_ends_the_run():
+    rig = VirtualRig(arm=ARM, shapes=[HELD], regulators=True)
+    rig.run(until=lambda rig: rig.runner.move == 1)
+    rig.broken.add(0)
+    outcome = rig.run()
+    assert outcome.code is Code.TIMEOUT and 'told 30.0 kPa' in outcome.message
+
+
+def test_a_vacuum_that_is_lost_while_a_shape_is_held_ends_the_run():
+    rig = VirtualRig(arm=ARM, shapes=[replace(HELD, hold_time=60.0)], regulators=True)
+    rig.run(until=lambda rig: rig.runner.progress.phase is Phase.HOLDING)
+    rig.jamming.set_vacuum(2, 45e3)  # by somebody else; the pressure alone would keep it stiff
+    outcome = rig.run()
+    assert outcome.code is Code.HARDWARE_FAULT and 'segment 3 lost its vacuum' in outcome.message
