@@ -11,7 +11,15 @@ from launch_ros.actions import Node
 
 from launch import LaunchDescription
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
-from soft_continuum.nodes.up import check_start, default_frame, nodes_of
+from soft_continuum.nodes.up import (
+    ALL,
+    check_start,
+    COMPUTER_HELP,
+    COMPUTERS,
+    default_frame,
+    nodes_of,
+    nodes_on,
+)
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description, read_parameter_file
 from soft_continuum.parameters.parameter import ParameterError
@@ -41,6 +49,8 @@ def generate_launch_description():
             name, default_value=FROM_FILE, choices=[FROM_FILE, *driver_names(group)],
             description=description) for name, (description, group) in DRIVERS.items()),
         DeclareLaunchArgument(
+            'computer', default_value=ALL, choices=COMPUTERS, description=COMPUTER_HELP),
+        DeclareLaunchArgument(
             'rviz', default_value='false', choices=['true', 'false'],
             description='also start robot_state_publisher (TF) and RViz'),
         OpaqueFunction(function=start),
@@ -61,7 +71,7 @@ def start(context):
     nodes = [
         Node(package='soft_continuum', executable=name, name=name, output='screen',
              namespace=namespace, parameters=[first, *files, *filter(None, [drivers])])
-        for name in nodes_of(files)
+        for name in nodes_on(given['computer'], nodes_of(files))
     ]
     if with_rviz:
         arm = any_arm_from_parameters(load_description(*files, node=KINEMATICS))

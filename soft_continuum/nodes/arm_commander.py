@@ -3,6 +3,7 @@
 """The requests that nodes send to tendon_actuation and jamming_valves."""
 
 from collections.abc import Sequence
+from typing import Any
 from uuid import uuid4
 
 from rclpy.node import Node
@@ -14,7 +15,7 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.ros.conversions import trajectory_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
-from soft_continuum.ros.qos import STREAM
+from soft_continuum.ros.qos import COMMAND
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum.sequencing.arm_port import Failure
 from soft_continuum.sequencing.progress import Code
@@ -47,7 +48,7 @@ class MotionCommander:
         self._followed = False
         self._ros_time = RosTime(node.get_clock())
         self._trajectory = node.create_publisher(
-            JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', STREAM)
+            JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', COMMAND)
 
     def begin(self) -> None:
         """Begin a run: failures of earlier requests no longer count."""
@@ -74,7 +75,9 @@ class MotionCommander:
         accepted, refused = state.accepted, state.refused
         if not self._motion_id or self.motion_failure is not None:
             return
-        if refused.id == self._motion_id:
+        # Of a motion that is done, the network may bring a piece once more, or late.
+        done = accepted.id == self._motion_id and accepted.status == MotionRequest.DONE
+        if refused.id == self._motion_id and not (done and refused.reason == MotionRequest.LATE):
             self._fail(refused, 'was refused')
         elif accepted.id == self._motion_id:
             self._followed = True
@@ -104,14 +107,26 @@ class ArmCommander(MotionCommander):
         """Create the publisher and, with ``jamming``, the clients."""
         super().__init__(node, arm)
         self.switch_failure = ''
-        self._set_stiff = [
-            node.create_client(SetBool, f'{JAMMING_VALVES}/segment_{n}/set_stiff')
-            for n in range(1, len(arm.segments) + 1) if jamming]
+        self._node = node
+        self._clients = [self._client(i) for i in range(len(arm.segments)) if jamming]
+        self._answers: dict[int, Future] = {}  # by segment, of the last request
+
+    def _client(self, segment: int) -> Any:
+        return self._node.create_client(
+            SetBool, f'{JAMMING_VALVES}/segment_{segment + 1}/set_stiff')
 
     def begin(self) -> None:
         """Begin a run: failures of earlier requests no longer count."""
         super().begin()
         self.switch_failure = ''
+
+    def end(self) -> None:
+        """End a run: no request that was not answered is carried out later."""
+        for segment, answer in self._answers.items():
+            if not answer.done():  # the network may be cut, and would bring it when it is back
+                self._node.destroy_client(self._clients[segment])
+                self._clients[segment] = self._client(segment)
+        self._answers.clear()
 
     def hold(self) -> None:
         """Request that the tendons brake and hold; that this ends the motion is no failure."""
@@ -127,5 +142,6 @@ class ArmCommander(MotionCommander):
             if run == self._run and response is not None and not response.success:
                 self.switch_failure = f'{JAMMING_VALVES}: {response.message}'
 
-        self._set_stiff[segment].call_async(
-            SetBool.Request(data=stiff)).add_done_callback(on_response)
+        answer = self._clients[segment].call_async(SetBool.Request(data=stiff))
+        self._answers[segment] = answer
+        answer.add_done_callback(on_response)

@@ -164,4 +164,7 @@ class ArmObserver(ReportedArm):
             vacuum=tuple(ambient - pressure for pressure in self.pressures),
             stopped=self.stopped, stops=self.tendons.stops, fault=self.fault or fault,
             motion_failure=motion_failure, measured=self.measured,
-            anomaly='; '.join(one.message for one in self.kinematics.anomalies))
+            anomaly='; '.join(one.message for one in self.kinematics.anomalies),
+            lost_tendons=self.conflicts.lost(TENDON_ACTUATION, self.timeout),
+            lost_valves=self.conflicts.lost(JAMMING_VALVES, self.timeout),
+            agreed=not self._jamming or tuple(self.kinematics.stiff) == self.stiff)
