@@ -11,7 +11,16 @@ from launch_ros.actions import Node
 
 from launch import LaunchDescription
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
-from soft_continuum.nodes.up import check_start, default_frame, nodes_of, STEERING
+from soft_continuum.nodes.up import (
+    ALL,
+    check_start,
+    COMPUTER_HELP,
+    COMPUTERS,
+    default_frame,
+    nodes_of,
+    nodes_on,
+    STEERING,
+)
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description, read_parameter_file
 from soft_continuum.parameters.parameter import ParameterError
@@ -43,6 +52,8 @@ def generate_launch_description():
             name, default_value=FROM_FILE, choices=[FROM_FILE, *driver_names(group)],
             description=description) for name, (description, group) in DRIVERS.items()),
         DeclareLaunchArgument(
+            'computer', default_value=ALL, choices=COMPUTERS, description=COMPUTER_HELP),
+        DeclareLaunchArgument(
             'rviz', default_value='false', choices=['true', 'false'],
             description='also start robot_state_publisher (TF) and RViz'),
         DeclareLaunchArgument(
@@ -68,8 +79,8 @@ def start(context):
              output='screen', namespace=namespace,
              parameters=[first, *files, *filter(None, [drivers])],
              additional_env={SAID: 'yes'} if others else {})
-        for others, name in enumerate(
-            (*nodes_of(files), *STEERING * (given['teleop'] == 'true')))
+        for others, name in enumerate(nodes_on(
+            given['computer'], (*nodes_of(files), *STEERING * (given['teleop'] == 'true'))))
     ]
     if with_rviz:
         arm = any_arm_from_parameters(load_description(*files, node=KINEMATICS))

@@ -223,7 +223,7 @@ def workbench(parameters: Mapping[str, Any], faster: float = 1.0) -> Iterator[Wo
     faster: by which pump, segments and motors are quicker than those of the paper's arm.
     """
     warm_up()  # or the first nodes would compile for longer than anybody waits
-    with tempfile.TemporaryDirectory() as directory, _domain() as domain:
+    with tempfile.TemporaryDirectory() as directory, domain() as number:
         folder = Path(directory)
         values = {
             'tendon_driver': 'grbl', 'grbl.port': str(folder / 'grbl'),
@@ -241,8 +241,8 @@ def workbench(parameters: Mapping[str, Any], faster: float = 1.0) -> Iterator[Wo
             begin = time.monotonic()
             for segment in modbus.segments:  # the emulated boards have no clock of their own
                 segment._clock = lambda: begin + faster * (time.monotonic() - begin)
-            rig = Rig(domain, NAMESPACE)
-            bench = Workbench(grbl, modbus, rig, Processes(domain, folder), path)
+            rig = Rig(number, NAMESPACE)
+            bench = Workbench(grbl, modbus, rig, Processes(number, folder), path)
             try:
                 yield bench
             finally:
@@ -252,16 +252,16 @@ def workbench(parameters: Mapping[str, Any], faster: float = 1.0) -> Iterator[Wo
 
 
 @contextmanager
-def _domain() -> Iterator[int]:
+def domain() -> Iterator[int]:
     """Return a ROS domain that neither the tests nor another soak test uses."""
-    for domain in range(101, 0, -1):
-        path = Path(tempfile.gettempdir()) / f'soft_continuum_domain_{domain}.lock'
+    for number in range(101, 0, -1):
+        path = Path(tempfile.gettempdir()) / f'soft_continuum_domain_{number}.lock'
         try:
             lock = path.open('w')
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:  # in use, or made by another user
             continue
         with lock:
-            yield domain
+            yield number
         return
     raise RuntimeError('every ROS domain from 1 to 101 is in use; end other tests first')

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``doctor``: checks a rig step by step, or the sensors of a running arm; moves nothing."""
+"""``doctor``: checks a rig, or the sensors or the network of a running arm; moves nothing."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -37,21 +37,31 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status, FAILED if a check failed."""
     parser = Parser('doctor', 'Check parameter files, model, ports, firmware, settings, valves '
                     'and sensors step by step. Nothing is moved or switched. Nodes that use the '
-                    'rig must not run, but with --sensors they must.', '--params-file', '--json',
-                    '--namespace')
+                    'rig must not run, but with --sensors and --network they must.',
+                    '--params-file', '--json', '--namespace')
     parser.add_argument('--sensors', action='store_true',
                         help='check cameras, trackers, IMUs and load cells while the nodes run')
+    parser.add_argument('--network', action='store_true',
+                        help='check which node runs on which computer: round trips, loss, clocks, '
+                        'versions, descriptions')
     parser.add_argument('--duration', type=number_in(1.0, 60.0, 's'), default=None, metavar='S',
                         help='how long --sensors listens (default: 3 s)')
     options = parser.parse_args(argv)
-    if options.sensors and options.params_file:
-        parser.error('--params-file is for a rig whose nodes do not run, not for --sensors')
-    if (options.namespace or options.duration is not None) and not options.sensors:
-        parser.error('--namespace and --duration need --sensors')
+    running = options.sensors or options.network
+    if options.sensors and options.network:
+        parser.error('--sensors and --network are two commands; give one of them')
+    if running and options.params_file:
+        parser.error('--params-file is for a rig whose nodes do not run, not for --sensors or '
+                     '--network')
+    if options.namespace and not running:
+        parser.error('--namespace needs --sensors or --network')
+    if options.duration is not None and not options.sensors:
+        parser.error('--duration needs --sensors')
     found: list[Check] = []
     try:
         for check in (_sensor_checks(options.namespace, options.duration or LISTENING)
-                      if options.sensors else checks(options.params_file)):
+                      if options.sensors else _network_checks(options.namespace)
+                      if options.network else checks(options.params_file)):
             found.append(check)
             if not options.json:
                 message = printable(in_verbs(check.message))
@@ -76,6 +86,15 @@ def _sensor_checks(namespace: str, duration: float) -> Iterator[Check]:
         yield Check('sensors', FAIL, f'{error.name} is not there; source ROS 2 and the workspace')
         return
     yield from sensor_checks(namespace, duration)
+
+
+def _network_checks(namespace: str) -> Iterator[Check]:
+    try:
+        from soft_continuum.cli.doctor_network import network_checks
+    except ModuleNotFoundError as error:
+        yield Check('network', FAIL, f'{error.name} is not there; source ROS 2 and the workspace')
+        return
+    yield from network_checks(namespace)
 
 
 def checks(paths: Sequence[Path]) -> Iterator[Check]:

@@ -330,6 +330,6 @@ class Operations(Tasks):
     def _trajectories(self) -> Any:
         from trajectory_msgs.msg import JointTrajectory
 
-        from soft_continuum.ros.qos import STREAM
+        from soft_continuum.ros.qos import COMMAND
         return self.node.create_publisher(
-            JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', STREAM)
+            JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', COMMAND)

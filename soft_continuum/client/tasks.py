@@ -148,6 +148,8 @@ class Tasks:
             if await self.done(future, timeout / attempts):
                 return future.result()
             client.remove_pending_request(future)
+        if self._clients.pop(name, None):  # what nobody waits for must not be carried out later
+            self.node.destroy_client(client)
         raise self.not_found(f'an answer of {name}', [node], timeout)
 
     async def done(self, future: Any, timeout: float) -> bool:

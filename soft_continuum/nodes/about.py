@@ -13,6 +13,7 @@ from std_msgs.msg import String
 from soft_continuum import version
 from soft_continuum.nodes.entries import guarded, repeat
 from soft_continuum.parameters.arm import description_digest
+from soft_continuum.parameters.parameter import ROS_NUMBER
 from soft_continuum.ros.names import ABOUT, INSTANCE
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.text import plain
@@ -26,27 +27,33 @@ class Instance:
     """
     What a node says of itself: five times a second on ``~/instance``, a line for each.
 
-    process: different for every process.  description: parameters.arm.description_digest.
+    process: different for every process.  description: parameters.arm.description_digest.  time:
+    its ROS time, s; None where that is not said.
     """
 
     process: str
     version: str = ''
     description: str = ''
     host: str = ''
+    time: float | None = None
 
     @classmethod
     def own(cls, parameters: Mapping[str, Any]) -> Self:
         """Return what a node of this process with these parameters says."""
         return cls(uuid4().hex, version(), description_digest(parameters), socket.gethostname())
 
-    def to_ros(self) -> String:
-        """Return it as a message."""
-        return String(data='\n'.join((self.process, self.version, self.description, self.host)))
+    def to_ros(self, time: float) -> String:
+        """Return it as a message that is sent at a ROS time, s."""
+        return String(data='\n'.join((
+            self.process, self.version, self.description, self.host, f'{time:.6f}')))
 
     @classmethod
     def from_ros(cls, message: String) -> Self:
         """Read a message; versions before 0.2 say only the process."""
-        return cls(*map(plain, message.data.split('\n', 4)[:4]))
+        process, of_program, description, host, time = (
+            message.data.split('\n', 5) + [''] * 5)[:5]
+        return cls(plain(process), plain(of_program), plain(description), plain(host),
+                   float(time) if ROS_NUMBER.fullmatch(time[:30]) else None)
 
 
 class About:
@@ -55,11 +62,19 @@ class About:
     def __init__(self, node: Any, parameters: Mapping[str, Any]) -> None:
         """Begin; parameters: of the node."""
         self.own = Instance.own(parameters)
-        self._node, self._message = node, self.own.to_ros()
+        self._node = node
         self._publisher = node.create_publisher(String, INSTANCE, STREAM)
         answer = guarded(node, self._answer)
         node.create_service(srv.About, ABOUT, lambda _, response: answer(response) or response)
-        repeat(node, PERIOD, lambda: self._publisher.publish(self._message))
+        repeat(node, PERIOD, self._publish)
+
+    @property
+    def time(self) -> float:
+        """ROS time of the node, s."""
+        return float(self._node.get_clock().now().nanoseconds * 1e-9)
+
+    def _publish(self) -> None:
+        self._publisher.publish(self.own.to_ros(self.time))
 
     def _answer(self, response: srv.About.Response) -> srv.About.Response:
         response.host, response.version = self.own.host, self.own.version

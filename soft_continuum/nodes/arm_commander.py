@@ -16,13 +16,16 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.ros.conversions import trajectory_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
-from soft_continuum.ros.qos import STREAM
+from soft_continuum.ros.qos import COMMAND
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum.sequencing.arm_port import Failure
 from soft_continuum.sequencing.progress import Code
 from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
 from soft_continuum_interfaces.srv import SetVacuum
 
+SET_STIFF, SET_VACUUM = 'set_stiff', 'set_vacuum'
+SERVICES = {SET_STIFF: SetBool, SET_VACUUM: SetVacuum}
+"""Of jamming_valves for each segment: name and type."""
 CODES = {
     MotionRequest.STOPPED: Code.STOPPED,
     MotionRequest.TENSION: Code.MODEL_FAILURE,
@@ -50,7 +53,7 @@ class MotionCommander:
         self._followed = False
         self._ros_time = RosTime(node.get_clock())
         self._trajectory = node.create_publisher(
-            JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', STREAM)
+            JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', COMMAND)
 
     def begin(self) -> None:
         """Begin a run: failures of earlier requests no longer count."""
@@ -77,7 +80,9 @@ class MotionCommander:
         accepted, refused = state.accepted, state.refused
         if not self._motion_id or self.motion_failure is not None:
             return
-        if refused.id == self._motion_id:
+        # Of a motion that is done, the network may bring a piece once more, or late.
+        done = accepted.id == self._motion_id and accepted.status == MotionRequest.DONE
+        if refused.id == self._motion_id and not (done and refused.reason == MotionRequest.LATE):
             self._fail(refused, 'was refused')
         elif accepted.id == self._motion_id:
             self._followed = True
@@ -107,17 +112,27 @@ class ArmCommander(MotionCommander):
         """Create the publisher and, with ``jamming``, the clients."""
         super().__init__(node, arm)
         self.switch_failure = ''
-        self._set_stiff = [
-            node.create_client(SetBool, f'{JAMMING_VALVES}/segment_{n}/set_stiff')
-            for n in range(1, len(arm.segments) + 1) if jamming]
-        self._set_vacuum = [
-            node.create_client(SetVacuum, f'{JAMMING_VALVES}/segment_{n}/set_vacuum')
-            for n in range(1, len(arm.segments) + 1) if jamming]
+        self._node = node
+        self._clients = {(name, segment): self._client(name, segment) for name in SERVICES
+                         for segment in range(len(arm.segments)) if jamming}
+        self._answers: dict[tuple[str, int], Future] = {}  # of the last request to each
+
+    def _client(self, name: str, segment: int) -> Client:
+        return self._node.create_client(
+            SERVICES[name], f'{JAMMING_VALVES}/segment_{segment + 1}/{name}')
 
     def begin(self) -> None:
         """Begin a run: failures of earlier requests no longer count."""
         super().begin()
         self.switch_failure = ''
+
+    def end(self) -> None:
+        """End a run: no request that was not answered is carried out later."""
+        for service, answer in self._answers.items():
+            if not answer.done():  # the network may be cut, and would bring it when it is back
+                self._node.destroy_client(self._clients[service])
+                self._clients[service] = self._client(*service)
+        self._answers.clear()
 
     def hold(self) -> None:
         """Request that the tendons brake and hold; that this ends the motion is no failure."""
@@ -126,13 +141,13 @@ class ArmCommander(MotionCommander):
 
     def set_stiff(self, segment: int, stiff: bool) -> None:
         """Request that jamming_valves evacuates or vents a segment (0-based)."""
-        self._request(self._set_stiff[segment], SetBool.Request(data=stiff))
+        self._request((SET_STIFF, segment), SetBool.Request(data=stiff))
 
     def set_vacuum(self, segment: int, vacuum: float) -> None:
         """Request that jamming_valves sets the vacuum of a segment (0-based), Pa."""
-        self._request(self._set_vacuum[segment], SetVacuum.Request(vacuum=vacuum))
+        self._request((SET_VACUUM, segment), SetVacuum.Request(vacuum=vacuum))
 
-    def _request(self, client: Client, request: Any) -> None:
+    def _request(self, service: tuple[str, int], request: Any) -> None:
         run = self._run
 
         def on_response(future: Future) -> None:
@@ -140,4 +155,6 @@ class ArmCommander(MotionCommander):
             if run == self._run and response is not None and not response.success:
                 self.switch_failure = f'{JAMMING_VALVES}: {response.message}'
 
-        client.call_async(request).add_done_callback(on_response)
+        answer = self._clients[service].call_async(request)
+        self._answers[service] = answer
+        answer.add_done_callback(on_response)

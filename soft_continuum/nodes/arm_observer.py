@@ -170,4 +170,7 @@ class ArmObserver(ReportedArm):
             stopped=self.stopped, stops=self.tendons.stops, fault=self.fault or fault,
             motion_failure=motion_failure, measured=self.measured,
             anomaly='; '.join(one.message for one in self.kinematics.anomalies),
-            regulators=self.regulators)
+            regulators=self.regulators,
+            lost_tendons=self.conflicts.lost(TENDON_ACTUATION, self.timeout),
+            lost_valves=self.conflicts.lost(JAMMING_VALVES, self.timeout),
+            agreed=not self._jamming or tuple(self.kinematics.stiff) == self.stiff)

@@ -4,7 +4,9 @@
 
 from collections import defaultdict
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
+from math import inf
 from typing import Any
 
 from std_msgs.msg import String
@@ -19,6 +21,8 @@ from soft_continuum.ros.text import plain
 
 ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended
 TOPICS = ('tendon_states', 'joint_states', *(f'{node}/state' for node in (*NODES, TELEOP)))
+MAX_AHEAD = 0.2
+"""s by which the clock of another computer may be ahead: as much more motion may be queued."""
 MAX_NAMES = 5  # of publishers that are listed
 UNKNOWN = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node has not been discovered yet
 
@@ -51,6 +55,7 @@ class Conflicts:
         subscribe(node, String, INSTANCE, self._on_same_name, SENSOR)
         self._others = {name: (Instance(''), Age()) for name in DESCRIBED
                         if name != node.get_name()}
+        self._ahead: dict[str, tuple[float, float]] = {}  # s, by the last two messages of a node
         for name in self._others:
             subscribe(node, String, INSTANCE.replace('~', name), partial(self._on_other, name),
                       SENSOR)
@@ -66,8 +71,15 @@ class Conflicts:
         instance = Instance.from_ros(message)
         age.refresh()
         self._others[name] = instance, age
-        if instance != before:
+        if instance.time is not None:
+            _, last = self._ahead.get(name, (-inf, -inf))
+            self._ahead[name] = last, instance.time - self._about.time
+        if replace(instance, time=before.time) != before:
             self._check_now()
+
+    def lost(self, name: str, timeout: float) -> bool:
+        """Return whether one of the other nodes was heard of, but not for ``timeout`` s."""
+        return timeout < self._others[name][1].seconds < inf
 
     def _check_now(self) -> None:
         node, problems = self._node, []
@@ -84,8 +96,22 @@ class Conflicts:
                 problems.append(f'{topic} is published by {some}; end all but one')
         for difference in DIFFERENCES:
             problems += self._differences(*difference)
+        problems += self._clocks()
         self.problem = '; '.join(problems)
         node.status.alarm('conflict', self.problem)
+
+    def _clocks(self) -> list[str]:
+        """Return whose clock is ahead of that of this node: a late message is no sign of that."""
+        found = {}
+        for name, (instance, age) in self._others.items():
+            ahead = min(self._ahead.get(name, (-inf, -inf)))  # in one, a clock may have been set
+            if age.seconds <= ENDED_AFTER and ahead > MAX_AHEAD:
+                found[instance.host] = name, ahead
+        return [
+            f'the clock of {name} on {host or "an unknown computer"} is {ahead:.2f} s ahead of '
+            f'that of {self._node.get_name()} on {self._about.own.host}; allowed: {MAX_AHEAD:g} '
+            's; let both computers take their time from one server (chrony)'
+            for host, (name, ahead) in found.items()]
 
     def _differences(self, attribute: str, what: str, remedy: str) -> list[str]:
         """Return how the nodes that run differ from this one in an attribute of Instance."""

@@ -344,6 +344,7 @@ class ShapeSequencer(Node):
             self._report()
             return
         self._runner = None
+        self._commander.end()
         self._planning.abandon()
         self._end(self._handle, outcome, self._reached(runner))
 

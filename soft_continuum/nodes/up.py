@@ -8,7 +8,7 @@ It takes the arguments of launch/bringup.launch.py.
 """
 
 from argparse import Namespace
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import sleep
@@ -34,6 +34,7 @@ from soft_continuum.parameters.nodes import ALL_PARAMETERS, FRAME
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import (
     CAMERA,
+    HARDWARE,
     JAMMING_VALVES,
     KINEMATICS,
     NODES,
@@ -44,6 +45,10 @@ from soft_continuum.ros.names import (
 
 DRIVERS = ('tendon_driver', 'jamming_driver')
 STEERING = (SERVO, TELEOP)
+ALL, RIG, WORKSTATION = 'all', 'rig', 'workstation'
+COMPUTERS = (ALL, RIG, WORKSTATION)
+COMPUTER_HELP = ('which of the nodes to start: those that own devices (rig), the others '
+                 '(workstation), or all')
 PERIOD = 0.05  # s between two looks at the processes
 
 
@@ -59,6 +64,8 @@ def start_parser(verb: str, description: str) -> Parser:
     for name in DRIVERS:
         parser.add_argument('--' + name.replace('_', '-'), choices=table[name].choices,
                             help=table[name].description)
+    parser.add_argument('--computer', choices=COMPUTERS, default=ALL,
+                        help=f'{COMPUTER_HELP} (default: all)')
     add_twin_options(parser)
     parser.add_argument('--teleop', action='store_true',
                         help='start the nodes servo and teleop too, to steer by a joystick')
@@ -129,7 +136,15 @@ def nodes_for(arm: AnyArm, jamming: bool) -> tuple[str, ...]:
 def chosen_nodes(options: Namespace) -> tuple[str, ...]:
     """Return the nodes that the options of start_parser ask for, as nodes_of."""
     nodes = nodes_of(description_files(options))
-    return (*nodes, *[CAMERA] * options.camera, *STEERING * options.teleop)
+    computer = vars(options).get('computer', ALL)  # demo has no such option
+    return nodes_on(
+        computer, (*nodes, *[CAMERA] * options.camera, *STEERING * options.teleop))
+
+
+def nodes_on(computer: str, nodes: Iterable[str]) -> tuple[str, ...]:
+    """Return those of the nodes that belong on one of COMPUTERS."""
+    return tuple(name for name in nodes
+                 if computer == ALL or (name in HARDWARE) == (computer == RIG))
 
 
 @contextmanager
@@ -137,6 +152,9 @@ def twin_of(options: Namespace) -> Iterator[list[str]]:
     """Run the twin if the options of start_parser ask for one, as twin_process does."""
     if options.twin and options.jamming_driver:
         raise ParameterError('--twin brings its own boards; leave out --jamming-driver')
+    if options.twin and options.computer == WORKSTATION:
+        raise ParameterError('--twin brings the boards of a rig; start it on that computer, with '
+                             '--computer rig')
     namespace = (options.namespace or '').strip('/')
     with twin_process(options.twin, options.params_file, namespace, camera=options.camera,
                       tendon_driver=options.tendon_driver) as driving:

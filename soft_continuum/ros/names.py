@@ -20,6 +20,8 @@ TELEOP = 'teleop'
 TWIN, TWIN_CAMERA = 'twin', 'twin_camera'
 NODES = (TENDON_ACTUATION, JAMMING_VALVES, KINEMATICS, SHAPE_SEQUENCER)
 """The nodes that drive an arm, in the order in which they start; sensors come besides."""
+HARDWARE = (TENDON_ACTUATION, JAMMING_VALVES)
+"""Those of them that own a device: they run on the computer that it is connected to."""
 SENSORS = (CAMERA, DISC_SENSORS)
 """The nodes that look at it."""
 SHARED = ('/tf', '/tf_static', '/diagnostics', '/rosout', '/clock')

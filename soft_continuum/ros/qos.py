@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The QoS profiles of the suite."""
 
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
@@ -9,6 +10,9 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
 """State that late joiners need."""
 STREAM = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
 """Streams that we publish."""
+COMMAND = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE,
+                     lifespan=Duration(seconds=0.5))
+"""Requests to move, which nobody carries out later: a network that comes back has none of them."""
 EVERY_STATE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE,
                          durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """State of which no change may be missed by a subscriber."""

@@ -31,7 +31,9 @@ class Observation:
     None for never.  anomaly: what the measurements say is wrong with the arm.  obstructed: which
     obstacle is now in the way of the plan that is followed.  departed: how far the arm is from
     that plan, once it is too far.  unseen: whether that plan has not been compared yet with the
-    obstacles that there are since it was made.
+    obstacles that there are since it was made.  lost_tendons, lost_valves: whether nothing more
+    is heard of what moves the tendons, or switches the segments.  agreed: whether the shape that
+    is reported is of an arm with these segments stiff.
     """
 
     pulls: tuple[float, ...]
@@ -48,6 +50,9 @@ class Observation:
     departed: str = ''
     unseen: bool = False
     regulators: bool = False
+    lost_tendons: bool = False
+    lost_valves: bool = False
+    agreed: bool = True
 
 
 class ArmPort(Protocol):

@@ -272,6 +272,9 @@ class Runner:
         deadline = self._now + self._settings.jamming_timeout
         requested = -np.inf
         while segments:
+            if self._observed.lost_valves:
+                raise EndError(Code.HARDWARE_FAULT, 'the segments are left as they are: what '
+                               'switches them is not heard of any more')
             if self._now >= requested + self._settings.retry:
                 for segment in segments:
                     self._port.set_stiff(segment, True)
@@ -303,7 +306,7 @@ class Runner:
                 requested = self._now
                 yield
                 continue
-            if reached():
+            if reached() and self._observed.agreed:
                 return
             if self._now > deadline:
                 raise EndError(
@@ -388,7 +391,8 @@ class Runner:
         deadline = self._now + self._settings.settle_timeout
         self._port.hold()
         yield
-        while self._observed.moving and self._now < deadline:
+        while (self._observed.moving and not self._observed.lost_tendons
+               and self._now < deadline):
             yield
         # Also the segment that was last requested to soften, whatever its state was since.
         wanted = [i for i in range(len(self._observed.stiff))

@@ -76,11 +76,13 @@ def test_a_node_with_another_description_is_a_conflict_that_refuses_all_motion(
 
 
 @pytest.mark.parametrize(('said', 'words'), [
-    (Instance('process', '0.0.1', OF_FILE, 'rig').to_ros(),
+    (Instance('process', '0.0.1', OF_FILE, 'rig').to_ros(0.0),
      f'servo on rig has version 0.0.1, {{}} on {HERE} {version()}: install one version'),
     (String(data='only digits, as versions before this one say\x1b[2J' + '\n' * 60_000),
-     'servo on an unknown computer has version unknown')], ids=['older', 'oldest'])
-def test_a_node_of_another_version_is_a_conflict(
+     'servo on an unknown computer has version unknown'),
+    (Instance('process', version(), OF_FILE, 'rig').to_ros(4e9), 'the clock of servo on rig is '),
+    ], ids=['older', 'oldest', 'ahead'])
+def test_a_node_of_another_version_or_time_is_a_conflict(
         shared_arm: Rig, said: String, words: str) -> None:
     publisher = shared_arm.publisher(String, f'{SERVO}/instance')
 

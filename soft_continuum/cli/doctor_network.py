@@ -1,0 +1,286 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""``doctor --network``: which node is on which computer, and whether they make one arm."""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+import os
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from std_msgs.msg import String
+
+from soft_continuum import version
+from soft_continuum.client.connection import Connection
+from soft_continuum.client.errors import ClientError
+from soft_continuum.client.requests import Requests
+from soft_continuum.client.tasks import until
+from soft_continuum.hardware.checks import Check, FAIL, OK, WARN
+from soft_continuum.nodes.about import Instance, PERIOD
+from soft_continuum.parameters.arm import ARM_PARAMETERS
+from soft_continuum.parameters.nodes import AUTOSTART, NODE_PARAMETERS
+from soft_continuum.ros.conversions import seconds
+from soft_continuum.ros.entry import subscribe
+from soft_continuum.ros.names import ABOUT, INSTANCE, NODES
+from soft_continuum.ros.network import PROFILES, RANGE, reachable_addresses
+from soft_continuum.ros.qos import SENSOR
+from soft_continuum.text import printable
+from soft_continuum_interfaces.srv import About
+
+DISCOVERY = 4.0  # s
+CALLS = 50
+ANSWER_TIMEOUT = 1.0  # s
+CALL_PERIOD = 0.05  # s between two calls of a node
+LONG, TOO_LONG = 0.15, 0.4  # s, of a round trip: longer than what is measured; motion is refused
+LOSSY = 0.06  # share of the messages: more than what is measured
+OFF, TOO_FAR_OFF = 0.02, 0.15  # s by which clocks differ: measurements suffer, and are refused
+PEERS, DOMAIN = 'ROS_STATIC_PEERS', 'ROS_DOMAIN_ID'
+ABOUT_TYPE = 'soft_continuum_interfaces/srv/About'
+HOW_TO = 'docs/how_to/use_two_computers.md'
+CLOSED = ('reaches this computer only; for others set '
+          f'{RANGE}=SUBNET on each of them, before every command: {HOW_TO}')
+NOBODY = ('no node answers in namespace {}; do they run, with the same {} and '
+          '{}, and does a firewall let UDP pass? {}')
+
+
+@dataclass
+class Answers:
+    """
+    What one node answered and sent.
+
+    said: its answers.  trips, offsets: of each, how long it took and by how much its clock is
+    ahead of this one, s; the latter is known to half of the former.  calls: how many were made.
+    heard: the times, s, of the signs of life that came.
+    """
+
+    said: list[About.Response] = field(default_factory=list)
+    trips: list[float] = field(default_factory=list)
+    offsets: list[float] = field(default_factory=list)
+    calls: int = 0
+    heard: list[float] = field(default_factory=list)
+
+    @property
+    def expected(self) -> int:
+        """How many signs of life were sent from the first to the last that came."""
+        if not self.heard:
+            return 0
+        return max(len(self.heard), round((max(self.heard) - min(self.heard)) / PERIOD) + 1)
+
+
+def network_checks(namespace: str) -> Iterator[Check]:
+    """Ask every node of an arm; yield what the network and the computers are like."""
+    connection = None
+    try:
+        connection = Connection(f'doctor_{os.getpid()}', namespace)
+        yield settings()
+        requests, space = connection.requests, connection.node.get_namespace()
+        found = requests.start(_ask_all(requests)).result()
+        values = requests.start(_shared_parameters(requests, found)).result()
+    except ClientError as error:
+        yield Check('network', FAIL, str(error))
+        return
+    finally:
+        if connection is not None:
+            connection.close()
+    yield from judged(found, values, space)
+
+
+def settings() -> Check:
+    """Return what decides which computers this process reaches."""
+    profile = next(filter(None, map(os.environ.get, PROFILES)), '')
+    text = ', '.join((
+        f'{DOMAIN} {os.environ.get(DOMAIN) or 0}', f'{RANGE} {os.environ.get(RANGE) or "unset"}',
+        f'{PEERS} {os.environ.get(PEERS) or "unset"}',
+        f'profile {Path(profile).name if profile else "none"}'))
+    return Check('settings', *((OK, text) if reachable_addresses() else
+                               (WARN, f'{text}: {CLOSED}')))
+
+
+async def _ask_all(requests: Requests) -> dict[str, Answers]:
+    """Return what each node that serves ~/about answers, by its name."""
+    node, found = requests.node, dict[str, Answers]()
+    space = node.get_namespace().rstrip('/') + '/'
+    ending = ABOUT.removeprefix('~')
+
+    def look() -> None:
+        for service, kinds in node.get_service_names_and_types():
+            name = service.removeprefix(space).removesuffix(ending)
+            if ABOUT_TYPE in kinds and service == f'{space}{name}{ending}' and '/' not in name:
+                found.setdefault(name, Answers())
+
+    await until(look, DISCOVERY)
+    clients = {name: node.create_client(About, f'{name}{ending}') for name in found}
+    for name, answers in found.items():
+        subscribe(node, String, INSTANCE.replace('~', name), partial(_note, answers), SENSOR)
+    await until(lambda: all(client.service_is_ready() for client in clients.values()), DISCOVERY)
+    for _ in range(CALLS):
+        for future in [_call(node, clients[name], answers) for name, answers in found.items()]:
+            await requests.done(future, ANSWER_TIMEOUT)
+        await until(lambda: False, CALL_PERIOD)
+    return found
+
+
+def _note(answers: Answers, message: String) -> None:
+    if (time := Instance.from_ros(message).time) is not None:
+        answers.heard.append(time)
+
+
+def _call(node: Any, client: Any, answers: Answers) -> Any:
+    """Begin a call; what comes in time is noted when it comes."""
+    def now() -> float:
+        return float(node.get_clock().now().nanoseconds * 1e-9)
+
+    def on_answer(future: Any) -> None:
+        end = now()
+        if end - begin <= ANSWER_TIMEOUT and future.exception() is None:
+            said = future.result()
+            answers.said.append(said)
+            answers.trips.append(end - begin)
+            answers.offsets.append(seconds(said.stamp) - 0.5 * (begin + end))
+
+    begin = now()
+    answers.calls += 1
+    future = client.call_async(About.Request())
+    future.add_done_callback(on_answer)
+    return future
+
+
+async def _shared_parameters(requests: Requests, nodes: Iterable[str]
+                             ) -> dict[str, dict[str, Any]]:
+    """Return the parameters that more than one node has, by node; none of those without answer."""
+    counts = Counter(p.name for table in NODE_PARAMETERS.values() for p in table)
+    found = {}
+    for name in nodes:
+        shared = [p.name for p in NODE_PARAMETERS.get(name, ())
+                  if counts[p.name] > 1 and p is not AUTOSTART]
+        if shared:
+            try:
+                found[name] = await requests.parameters(name, shared)
+            except ClientError:
+                continue  # that it does not answer is said elsewhere
+    return found
+
+
+def judged(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, Any]], space: str
+           ) -> Iterator[Check]:
+    """Yield a check for each computer, and whether the nodes have one program and one arm."""
+    answered = {name: answers for name, answers in found.items() if answers.said}
+    if not answered:
+        yield Check('nodes', FAIL, NOBODY.format(space, DOMAIN, RANGE, HOW_TO))
+        return
+    hosts = defaultdict(list)
+    for name, answers in sorted(answered.items()):
+        on = sorted({printable(said.host) for said in answers.said})
+        if len(on) > 1:
+            yield Check(name, FAIL, f'runs on {" and ".join(on)}; end all but one')
+        hosts[on[0]].append(name)
+    for host, names in sorted(hosts.items()):
+        yield Check(f'computer {host}', OK, ', '.join(names))
+    if silent := sorted(found.keys() - answered.keys()):
+        yield Check('unanswered', FAIL, f'{", ".join(silent)}: there, but no answer within '
+                    f'{ANSWER_TIMEOUT:g} s; is the computer overloaded, or the network cut?')
+    if missing := [name for name in NODES if name not in found]:
+        yield Check('missing', WARN, f'{", ".join(missing)}: not found; an arm without jamming '
+                    'has no jamming_valves, and a planar one then no shape_sequencer; otherwise '
+                    f'see {HOW_TO}')
+    for host, names in sorted(hosts.items()):
+        of_host = [answered[name] for name in names]
+        yield _round_trip(host, of_host)
+        yield _messages(host, of_host)
+        yield _clock(host, of_host)
+    yield _same_version(answered)
+    yield from _same_arm(answered, values)
+
+
+def _round_trip(host: str, nodes: Sequence[Answers]) -> Check:
+    trips = [trip for one in nodes for trip in one.trips]
+    calls = sum(one.calls for one in nodes)
+    middle, lost = median(trips), calls - len(trips)
+    text = (f'median {middle * 1e3:.1f} ms, worst {max(trips) * 1e3:.1f} ms; {lost} of {calls} '
+            f'calls unanswered within {ANSWER_TIMEOUT:g} s')
+    if middle > TOO_LONG:
+        return Check(f'round trip to {host}', FAIL, f'{text}; with more than '
+                     f'{TOO_LONG * 1e3:g} ms motions come late and are refused: use a cable')
+    if middle > LONG or lost:
+        return Check(f'round trip to {host}', WARN, f'{text}; goals were measured to succeed up '
+                     'to 100 ms with 5 % loss: use a cable')
+    return Check(f'round trip to {host}', OK, text)
+
+
+def _messages(host: str, nodes: Sequence[Answers]) -> Check:
+    sent, came = sum(one.expected for one in nodes), sum(len(one.heard) for one in nodes)
+    step = f'messages from {host}'
+    if not came:
+        return Check(step, FAIL, f'none came, though calls are answered; does {INSTANCE} differ '
+                     'in type or version?')
+    text = f'{sent - came} of {sent} lost'
+    if sent - came > max(1, LOSSY * sent):
+        return Check(step, WARN, f'{text}: more than 5 % was not measured; use a cable, and keep '
+                     'pictures off this network')
+    return Check(step, OK, text)
+
+
+def _clock(host: str, nodes: Sequence[Answers]) -> Check:
+    """Judge how far the clock of a computer is ahead, by the call that took the least time."""
+    trip, offset = min((trip, offset) for one in nodes
+                       for trip, offset in zip(one.trips, one.offsets, strict=True))
+    step, unsure = f'clock of {host}', 0.5 * trip
+    text = f'{offset * 1e3:+.1f} ms from this one, known to {unsure * 1e3:.1f} ms'
+    least = max(0.0, abs(offset) - unsure)
+    remedy = 'let all computers take their time from one server (chrony)'
+    if least > TOO_FAR_OFF:
+        return Check(step, FAIL, f'{text}; allowed: {TOO_FAR_OFF * 1e3:g} ms. Measurements from '
+                     f'there are not used, and motions come too late or are refused: {remedy}')
+    if least > OFF:
+        return Check(step, WARN, f'{text}; from {OFF * 1e3:g} ms on, what is measured of an arm '
+                     f'that moves counts for a wrong time: {remedy}')
+    if unsure > TOO_FAR_OFF:
+        return Check(step, WARN, f'{text}: the network is too slow to tell')
+    return Check(step, OK, text)
+
+
+def _same_version(found: Mapping[str, Answers]) -> Check:
+    versions = {name: printable(answers.said[-1].version) for name, answers in found.items()}
+    if set(versions.values()) == {version()}:
+        return Check('version', OK, f'{version()} everywhere')
+    texts = [f'{said} of {", ".join(sorted(n for n in versions if versions[n] == said))}'
+             for said in sorted(set(versions.values()))]
+    return Check('version', FAIL, f'{version()} here, {"; ".join(texts)}; motion is refused: '
+                 'install one version on every computer')
+
+
+def _same_arm(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, Any]]
+              ) -> Iterator[Check]:
+    """Compare the digests, and the parameters of all nodes, naming each that differs."""
+    digests = {name: printable(answers.said[-1].description) for name, answers in found.items()
+               if answers.said[-1].description}
+    names = {p.name for p in ARM_PARAMETERS}
+    different = {name: text for name, text in _differences(found, values) if text}
+    of_arm = '; '.join(text for name, text in different.items() if name in names)
+    others = '; '.join(text for name, text in different.items() if name not in names)
+    if len(set(digests.values())) > 1:
+        given = ', '.join(f'{name} {digest}' for name, digest in sorted(digests.items()))
+        yield Check('description', FAIL, f'{of_arm or f"digests differ: {given}"}; motion is '
+                    'refused: start every node with the same description')
+    elif digests:
+        yield Check('description', OK, f'the same everywhere, digest {digests.popitem()[1]}')
+    if others:
+        yield Check('other parameters', WARN, f'{others}; start every node with the same files')
+
+
+def _differences(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, Any]]
+                 ) -> Iterator[tuple[str, str]]:
+    """Yield each parameter, and how it differs between nodes; empty where it does not."""
+    for name in sorted({name for given in values.values() for name in given}):
+        by_value = defaultdict(list)
+        for node, given in sorted(values.items()):
+            if name in given:
+                by_value[printable(repr(given[name]))].append(
+                    f'{node} on {printable(found[node].said[-1].host)}'
+                    if node in found and found[node].said else node)
+        text = ' and '.join(f'{value} for {", ".join(nodes)}' for value, nodes
+                            in by_value.items())
+        yield name, f'{name} is {text}' if len(by_value) > 1 else ''
