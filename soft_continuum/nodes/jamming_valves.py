@@ -75,7 +75,7 @@ class JammingValves(ManagedNode):
     def open_device(self) -> JammingDriver:
         """Connect and read; switch nothing."""
         driver: JammingDriver = make_driver(
-            JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, STEADY)
+            JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, STEADY, self)
         driver.open()
         return driver
 
