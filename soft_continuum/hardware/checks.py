@@ -163,7 +163,8 @@ def _check_boards(values: Mapping[str, Any]) -> Iterator[Check]:
     try:
         for board, ask, unit, addresses in (
                 ('relay board', bus.read_coils, boards.relay_unit, boards.coils),
-                ('analog board', bus.read_input_registers, boards.analog_unit, boards.registers)):
+                ('analog board', bus.read_input_registers, boards.transmitters.unit,
+                 boards.transmitters.registers)):
             state: tuple[int, ...] = ()
             lost: list[str] = []
             for _ in range(ROUND_TRIPS):
