@@ -101,7 +101,7 @@ class RosVacuum:
             self._topics(name)
         self._lock = threading.RLock()  # of all that follows
         self._closing = threading.Event()
-        self._link: RosLink | None = None
+        self.link: RosLink | None = None
         self._opened = False
         self._pressures: Numbers
         self._states: Numbers
@@ -136,7 +136,7 @@ class RosVacuum:
         except ImportError as error:
             raise HardwareError(f'{error.name} is not there; source ROS 2 and the workspace'
                                 ) from error
-        link = self._link = RosLink(self.node, self._clock)
+        link = self.link = RosLink(self.node, self._clock)
         kinds = {name: self._parameters[f'{PREFIX}{name}_type']
                  for name in ('pressure', 'command', 'state')}
         self._pressures = Numbers(link, 'pressure_topics', kinds['pressure'],
@@ -147,7 +147,7 @@ class RosVacuum:
                                   self._topics('command'))
 
     def _first_states(self) -> None:
-        link = self._link
+        link = self.link
         assert link is not None
         deadline = self._clock() + OPEN_TIMEOUT
         problem = link.wait_until(OPEN_TIMEOUT, self._closing)
@@ -170,12 +170,12 @@ class RosVacuum:
 
     def _update(self) -> bool:
         """Take what came; return whether everything is known."""
-        if self._link is None:
+        if self.link is None:
             raise HardwareError('the jamming driver is not open; configure the node')
         try:
             known = [numbers.update() for numbers in self._inputs()]
             if self._opened:
-                self._link.check()
+                self.link.check()
                 for numbers in self._inputs():
                     numbers.check()
         except HardwareError:
@@ -192,7 +192,7 @@ class RosVacuum:
 
     def _disconnect(self) -> None:
         with self._lock:
-            link, self._link, self._opened = self._link, None, False
+            link, self.link, self._opened = self.link, None, False
         if link is not None:
             link.close()
 
@@ -288,6 +288,17 @@ class RosJamming(RosVacuum):
         """
         return RosRegulators(values) if values[f'{PREFIX}regulators'] else cls(values)
 
+    @staticmethod
+    def topics(values: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
+        """Return type by name of the topics that are published, and that are subscribed to."""
+        published, pressures, states = (
+            dict.fromkeys(values[f'{PREFIX}{name}_topics'], values[f'{PREFIX}{name}_type'])
+            for name in ('command', 'pressure', 'state'))
+        if values[f'{PREFIX}pump_topic']:
+            published[values[f'{PREFIX}pump_topic']] = BOOL
+            states[values[f'{PREFIX}pump_state_topic']] = BOOL
+        return published, pressures | states
+
     def __init__(self, values: Mapping[str, Any], clock: Clock = STEADY) -> None:
         """Take checked parameters; raises ParameterError.  Nothing is opened yet."""
         super().__init__(values, clock)
@@ -301,7 +312,7 @@ class RosJamming(RosVacuum):
 
     def _connect(self) -> None:
         super()._connect()
-        link, get = self._link, self._parameters
+        link, get = self.link, self._parameters
         if self._has_pump and link is not None:
             self._pump = Numbers(link, 'pump_state_topic', BOOL,
                                  [get[f'{PREFIX}pump_state_topic']], 1, self._timeout)

@@ -13,11 +13,13 @@ from contextlib import suppress
 from importlib import import_module
 import os
 import threading
+import time
 from typing import Any
 
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
@@ -41,15 +43,17 @@ class Listener:
     """
     The messages on a topic, and how long ago the last one came.
 
-    missed: whether there were others between those that were taken last, or before them.
+    missed: whether there were others between those that were taken last, or before them.  number:
+    of the last, counted by its sender.  lag: s of this computer's time since its stamp.
     """
 
     def __init__(self, link: 'RosLink', kind: Any, parameter: str, topic: str, timeout: float
                  ) -> None:
         """Subscribe; parameter: that names the topic, for messages.  timeout: s."""
-        self.missed, self._number = True, 0
-        self.topic, self._parameter, self._kind = link.resolve(parameter, topic), parameter, kind
-        self._link, self._stamps, self._received = link, Stamps(timeout), link.clock()
+        self.missed, self.number, self.lag = True, 0, 0.0
+        self.topic, self.parameter, self._kind = link.resolve(parameter, topic), parameter, kind
+        self._link, self.timeout = link, timeout
+        self._stamps, self._received = Stamps(timeout), link.clock()
         self._subscription = link.node.create_subscription(
             kind, self.topic, lambda _: None, STATES, raw=True)
 
@@ -68,8 +72,8 @@ class Listener:
         numbers = [info['publication_sequence_number'] for _, info in taken]
         if numbers:
             self.missed = len(newest) < len(taken) or numbers != [
-                *range(self._number + 1, self._number + 1 + len(numbers))]
-            self._number = numbers[-1]
+                *range(self.number + 1, self.number + 1 + len(numbers))]
+            self.number = numbers[-1]
         return [one for one in newest if one is not None]
 
     def _read(self, data: bytes, info: dict[str, Any]) -> tuple[Any, float] | None:
@@ -85,15 +89,15 @@ class Listener:
                 return None
         except HardwareError as error:
             raise HardwareError(f'a message on {self.topic}: {error}') from None
-        self._received = now
+        self._received, self.lag = now, time.time() - stamp
         return message, stamp
 
     def check(self) -> None:
         """Raise HardwareError when no newer message came for too long."""
-        age, timeout = self._link.clock() - self._received, self._stamps.timeout
+        age, timeout = self._link.clock() - self._received, self.timeout
         if age > timeout:
             raise HardwareError(
-                f'nothing new on {self.topic} ({self._parameter}) for {age:.2f} s; allowed: '
+                f'nothing new on {self.topic} ({self.parameter}) for {age:.2f} s; allowed: '
                 f'{timeout:g} s; its publisher or the network failed, or its stamps stand still')
 
     @property
@@ -105,12 +109,12 @@ class Listener:
     def problem(self) -> str:
         """What is wrong with those who publish the topic, empty for nothing."""
         found = self.publishers
-        where = f'{self.topic} ({self._parameter})'
+        where = f'{self.topic} ({self.parameter})'
         if not found:
             return (f'nobody publishes {where}; start its node, activate its controller, or '
                     'correct the name')
         if len(found) > 1:
-            return (f'{where} is published by {_names(found)}; there must be one: end the others, '
+            return (f'{where} is published by {names(found)}; there must be one: end the others, '
                     'or give this device a topic of its own')
         return _other_type(where, found, self._kind)
 
@@ -120,7 +124,7 @@ class Speaker:
 
     def __init__(self, link: 'RosLink', kind: Any, parameter: str, topic: str) -> None:
         """Create the publisher; nothing is sent."""
-        self.topic, self._parameter, self._kind = link.resolve(parameter, topic), parameter, kind
+        self.topic, self.parameter, self._kind = link.resolve(parameter, topic), parameter, kind
         self._link = link
         self._publisher = link.node.create_publisher(kind, self.topic, COMMANDS)
 
@@ -137,10 +141,10 @@ class Speaker:
     def problem(self) -> str:
         """What is wrong with who else uses the topic, empty for nothing."""
         node = self._link.node
-        where = f'{self.topic} ({self._parameter})'
+        where = f'{self.topic} ({self.parameter})'
         publishers = node.get_publishers_info_by_topic(self.topic)
         if len(publishers) > 1:
-            return (f'{where} is published by {_names(publishers)}; a device obeys one: end the '
+            return (f'{where} is published by {names(publishers)}; a device obeys one: end the '
                     'others')
         found = self.subscribers
         if not found:
@@ -149,7 +153,7 @@ class Speaker:
         if problem := _other_type(where, found, self._kind):
             return problem
         if not self._publisher.get_subscription_count():
-            return (f'{_names(found)} subscribes to {where} with a QoS that no publisher of '
+            return (f'{names(found)} subscribes to {where} with a QoS that no publisher of '
                     'commands has: durability must be volatile')
         return ''
 
@@ -172,10 +176,11 @@ class RosLink:
                 f'{lender.get_name()}_device' if lender is not None else f'device_{os.getpid()}',
                 context=self._own or lender.context,  # type: ignore[union-attr]
                 namespace=lender.get_namespace() if lender is not None else '/',
-                use_global_arguments=False, enable_rosout=False, start_parameter_services=False)
+                use_global_arguments=False, enable_rosout=False, start_parameter_services=False,
+                parameter_overrides=[Parameter('start_type_description_service', value=False)])
         except Exception as error:  # no DDS, or its context was shut down
             raise HardwareError(f'ROS cannot be used: {type(error).__name__}: {error}') from error
-        self._topics: list[Listener | Speaker] = []
+        self.topics: list[Listener | Speaker] = []
         self._looked, self._found = clock(), ''  # when the graph was looked at, and what was wrong
 
     def resolve(self, parameter: str, topic: str) -> str:
@@ -190,20 +195,20 @@ class RosLink:
     def listen(self, kind: str, parameter: str, topic: str, timeout: float) -> Listener:
         """Return what reads a topic; kind: such as sensor_msgs/JointState.  timeout: s."""
         listener: Listener = _made(Listener, self, message_class(kind), parameter, topic, timeout)
-        self._topics.append(listener)
+        self.topics.append(listener)
         return listener
 
     def speak(self, kind: str, parameter: str, topic: str) -> Speaker:
         """Return what publishes on a topic; kind: such as std_msgs/Float64MultiArray."""
         speaker: Speaker = _made(Speaker, self, message_class(kind), parameter, topic)
-        self._topics.append(speaker)
+        self.topics.append(speaker)
         return speaker
 
     @property
     def problem(self) -> str:
         """What is wrong with who else uses the topics, empty for nothing."""
         self._looked = self.clock()
-        self._found = next((problem for topic in self._topics if (problem := topic.problem)), '')
+        self._found = next((problem for topic in self.topics if (problem := topic.problem)), '')
         return self._found
 
     def check(self) -> None:
@@ -243,7 +248,8 @@ def message_class(kind: str) -> Any:
     return getattr(import_module(f'{package}.msg'), name)
 
 
-def _names(infos: Iterable[Any]) -> str:
+def names(infos: Iterable[Any]) -> str:
+    """Return the nodes that rclpy tells of, for people."""
     return ' and '.join(sorted(
         plain(f'{info.node_namespace.rstrip("/")}/{info.node_name}') for info in infos))
 
@@ -252,5 +258,5 @@ def _other_type(where: str, infos: Iterable[Any], kind: Any) -> str:
     wanted = f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}'
     for info in infos:
         if info.topic_type != wanted:
-            return (f'{_names([info])} has {plain(info.topic_type)} on {where}; needed: {wanted}')
+            return (f'{names([info])} has {plain(info.topic_type)} on {where}; needed: {wanted}')
     return ''

@@ -87,7 +87,7 @@ class RosTendons:
         self._following_error, self._timeout, self._clock = following_error, timeout, clock
         self._lock = threading.RLock()  # of all that follows
         self._closing = threading.Event()
-        self._link: RosLink | None = None
+        self.link: RosLink | None = None
         self._states: Listener
         self._commands: Speaker
         self._publisher = b''  # of the states
@@ -101,6 +101,12 @@ class RosTendons:
         self._period = 0.0  # s, of the last command
         self._stop_by: float | None = None  # s, by when a stop must be confirmed
         self._near = 0.0  # s, when every joint was last where it was sent
+
+    @staticmethod
+    def topics(values: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
+        """Return type by name of the topics that are published, and that are subscribed to."""
+        return ({values[f'{PREFIX}command_topic']: KINDS[values[f'{PREFIX}command_type']]},
+                {values[f'{PREFIX}state_topic']: STATES})
 
     # The connection.
 
@@ -122,19 +128,19 @@ class RosTendons:
             raise HardwareError(f'{error.name} is not there; source ROS 2 and the workspace'
                                 ) from error
         self._reset(JointWatch(self._joints))
-        self._link = RosLink(self.node, self._clock)
+        self.link = RosLink(self.node, self._clock)
         state_topic, command_topic = self._topics
         try:
-            self._states = self._link.listen(
+            self._states = self.link.listen(
                 STATES, f'{PREFIX}state_topic', state_topic, self._timeout)
-            self._commands = self._link.speak(
+            self._commands = self.link.speak(
                 KINDS[self._type], f'{PREFIX}command_topic', command_topic)
         except BaseException:
             self._disconnect()
             raise
 
     def _first_states(self) -> None:
-        link = self._link
+        link = self.link
         assert link is not None
         deadline = self._clock() + OPEN_TIMEOUT
         problem = link.wait_until(OPEN_TIMEOUT, self._closing)
@@ -191,7 +197,7 @@ class RosTendons:
 
     def _disconnect(self) -> None:
         with self._lock:
-            link, self._link, self._opened = self._link, None, False
+            link, self.link, self._opened = self.link, None, False
         if link is not None:
             link.close()
 
@@ -244,6 +250,14 @@ class RosTendons:
             self._watch.zeros, self._watch.known = self._watch.positions, True
             self._setpoint = None
 
+    def describe(self) -> str:
+        """Return where the joints and the tendons are, for people."""
+        with self._lock:
+            self._receive()
+            joints = ', '.join(f'{name} {position:.4g}' for name, position in zip(
+                self._joints.names, self._watch.positions or (), strict=True))
+            return f'{joints}: {self._watch.describe()}'
+
     @property
     def zeros(self) -> tuple[float, ...]:
         """Positions of the joints at zero pull, in their units, for ros_tendons.zeros."""
@@ -278,13 +292,13 @@ class RosTendons:
 
     def _receive(self) -> None:
         """Take what came; raise HardwareError when it is wrong, stale or nobody is there."""
-        if self._link is None:
+        if self.link is None:
             raise HardwareError('the tendon driver is not open; configure the node')
         try:
             for message, stamp in self._states.take():
                 self._watch.take(message, stamp, self._clock(), self._states.missed)
             if self._opened:
-                self._link.check()
+                self.link.check()
                 self._states.check()
         except HardwareError:
             raise

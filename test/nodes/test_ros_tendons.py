@@ -189,7 +189,7 @@ def test_joints_that_do_something_else_than_they_were_sent_are_stopped(
             for name, value in zip(parameters.get('joints', JOINTS), message.data, strict=True)})
     controllers.commanded = controllers.node.create_subscription(
         Float64MultiArray, 'position_controller/commands', obey, 10)
-    until(lambda: not driver._link.problem)  # the new subscription is found
+    until(lambda: not driver.link.problem)  # the new subscription is found
     with pytest.raises(HardwareError, match='do not follow'):
         move(driver, 0.02)
     assert abs(driver._watch.pulls[0]) < 0.008
@@ -303,7 +303,7 @@ def test_a_driver_that_is_closed_while_it_waits_for_topics_ends_at_once(make: Ma
             raised.append(str(error))
     thread = threading.Thread(target=open_driver)
     thread.start()
-    until(lambda: driver._link is not None)
+    until(lambda: driver.link is not None)
     driver.close()
     thread.join(DEADLINE)
     assert len(raised) == 1

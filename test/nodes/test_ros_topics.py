@@ -11,9 +11,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 from ros2_control import Controllers, JOINTS, RADIUS
 from ros_rig import Rig
-from ros_valves import VALVES, Valves
+from ros_valves import REGULATORS, Regulators, VALVES, Valves
 
 BEND = (0.0, 0.0, 0.3)
+BOARDS: dict[Any, dict[str, Any]] = {Valves: VALVES, Regulators: REGULATORS}
 STATES = '/joint_state_broadcaster/joint_states'
 
 
@@ -37,8 +38,8 @@ def make(rig: Rig) -> Iterator[Callable[..., Bench]]:
     """Return a maker of an arm, stiff, straight and referenced, on topics."""
     made: list[Bench] = []
 
-    def start(kind: str, command_topic: str, **changes: Any) -> Bench:
-        bench = Bench(rig, Controllers(rig.domain, kind), Valves(rig.domain))
+    def start(kind: str, command_topic: str, board: Any, **changes: Any) -> Bench:
+        bench = Bench(rig, Controllers(rig.domain, kind), board(rig.domain))
         made.append(bench)
         rig.start_arm(**{
             'tendon_driver': 'ros_topics', 'ros_tendons.joints': JOINTS,
@@ -46,7 +47,7 @@ def make(rig: Rig) -> Iterator[Callable[..., Bench]]:
             'ros_tendons.command_topic': command_topic, 'ros_tendons.command_type': kind,
             'tendon_speed': 0.04, 'tendon_acceleration': 1.0, 'speed_limit': 0.1,
             'silence_timeout': 8.0, 'ros_tendons.timeout': 1.0, 'ros_jamming.timeout': 1.0,
-            'ros_tendons.following_error': 0.02, **VALVES, **changes})
+            'ros_tendons.following_error': 0.02, **BOARDS[board], **changes})
         bench.prepare()
         return bench
 
@@ -66,7 +67,7 @@ def assert_joints_agree(bench: Bench) -> None:
 
 def test_joint_states_that_stop_end_the_goal_and_nothing_moves_before_resume(
         make: Callable[..., Bench]) -> None:
-    bench = make('positions', '/position_controller/commands')
+    bench = make('positions', '/position_controller/commands', Valves)
     rig, controllers = bench.rig, bench.controllers
     goal = rig.goal_in_motion(BEND)
     controllers.message = lambda message: None
@@ -91,8 +92,8 @@ def test_joint_states_that_stop_end_the_goal_and_nothing_moves_before_resume(
 
 def test_pressures_that_stop_end_the_goal_and_nothing_is_switched(
         make: Callable[..., Bench]) -> None:
-    bench = make('trajectory', '/trajectory_controller/joint_trajectory', silence_timeout=2.0,
-                 jamming_timeout=3.0)
+    bench = make('trajectory', '/trajectory_controller/joint_trajectory', Regulators,
+                 silence_timeout=2.0, jamming_timeout=3.0)
     rig, board = bench.rig, bench.board
     goal = rig.goal_when_heard(BEND, (0.0, 0.0, -0.2))
     assert goal.result()[0] == 'SUCCEEDED'
