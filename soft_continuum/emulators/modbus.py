@@ -10,7 +10,10 @@ from soft_continuum.emulators.console import Command, execute, RANGES, serve, se
 from soft_continuum.emulators.modbus_rig import (
     ANALOG_UNIT,
     FULL_SCALE,
+    HIGH,
+    LOW,
     ModbusEmulator,
+    OUTPUT_UNIT,
     RELAY_UNIT,
 )
 
@@ -21,10 +24,7 @@ Put this into the parameter file of jamming_valves (or leave out what is the def
     jamming_driver: modbus
     modbus:
       port: {port}
-      relay_unit: {relay_unit}
-      pump_coil: 0
-      valve_coils: {valves}
-      energised_valve_evacuates: true
+      {outputs}
       analog_unit: {analog_unit}
       pressure_registers: {registers}
       vacuum_at_4_ma: 0.0
@@ -33,12 +33,28 @@ Type a fault, or help.
 """
 
 
+VALVES = """\
+relay_unit: {relay_unit}
+      pump_coil: 0
+      valve_coils: {valves}
+      energised_valve_evacuates: true"""
+REGULATORS = """\
+regulators: true
+      output_unit: {output_unit}
+      output_registers: {registers}
+      output_range: [{low:.1f}, {high:.1f}]
+      output_vacuums: [0.0, {full_scale}]"""
+
+
 def describe(emulator: ModbusEmulator) -> str:
     """Return the state of the rig, for a person to read."""
-    pump, *valves = ('on' if on else 'off' for on in emulator.coils)
-    return '\n'.join([f'{emulator.port}: pump {pump}', *(
-        f'segment {i + 1}: valve {valve}, vacuum {emulator.vacuum(i) / 1e3:.1f} kPa, '
-        f'{emulator.segments[i].current()} uA' for i, valve in enumerate(valves))])
+    head, told = emulator.port, [f'output {output} uA' for output in emulator.outputs]
+    if not emulator.regulators:
+        pump, *valves = ('on' if on else 'off' for on in emulator.coils)
+        head, told = f'{head}: pump {pump}', [f'valve {valve}' for valve in valves]
+    return '\n'.join([head, *(
+        f'segment {i + 1}: {each}, vacuum {emulator.vacuum(i) / 1e3:.1f} kPa, '
+        f'{emulator.segments[i].current()} uA' for i, each in enumerate(told))])
 
 
 COMMANDS = {
@@ -52,10 +68,14 @@ COMMANDS = {
                       set_to('refuse')),
     'noise': Command('BYTES', 'send this many bytes without a request',
                      lambda e, count: e.send(random.randbytes(count))),
-    'power-cycle': Command('', 'let every relay fall off, as when the board loses power',
-                           ModbusEmulator.power_cycle),
+    'power-cycle': Command('', 'let every relay fall off, or every output to 4 mA, as when the '
+                           'board loses power', ModbusEmulator.power_cycle),
     'stuck-coil': Command('COIL', 'a relay no longer follows; 0 is the pump',
                           lambda e, coil: e.stuck.add(coil)),
+    'stuck-output': Command('SEGMENT', 'the output of a regulator no longer follows',
+                            lambda e, segment: e.stuck.add(segment - 1)),
+    'stuck-regulator': Command('SEGMENT', 'a regulator no longer follows its output',
+                               lambda e, segment: e.hang_regulator(segment - 1)),
     'broken-wire': Command('SEGMENT', 'a transmitter gives no current; 1 is at the base',
                            lambda e, segment: e.break_wire(segment - 1)),
     'stuck-sensor': Command('SEGMENT', 'freeze a transmitter at its present current',
@@ -84,6 +104,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='a symbolic link to make, as a port name that stays the same')
     parser.add_argument('--stiff', action='store_true',
                         help='start with the pump on and every segment evacuated')
+    parser.add_argument('--regulators', action='store_true',
+                        help='vacuum regulators on an output board, in place of pump and valves')
     parser.add_argument('--baud-rate', type=int, default=9600, metavar='RATE',
                         help='answer as slowly as this line would; 0: at once (default: 9600)')
     arguments = parser.parse_args(argv)
@@ -91,8 +113,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     return serve(
         parser, lambda: ModbusEmulator(
             arguments.segments, initially_stiff=arguments.stiff, link=arguments.link,
-            baud_rate=arguments.baud_rate),
+            baud_rate=arguments.baud_rate, regulators=arguments.regulators),
         lambda emulator: CONFIGURATION.format(
-            port=arguments.link or emulator.port, relay_unit=RELAY_UNIT,
-            valves=[float(n + 1) for n in numbers], analog_unit=ANALOG_UNIT,
-            registers=[float(n) for n in numbers], full_scale=FULL_SCALE), execute_command)
+            port=arguments.link or emulator.port, analog_unit=ANALOG_UNIT, full_scale=FULL_SCALE,
+            registers=[float(n) for n in numbers],
+            outputs=(REGULATORS if arguments.regulators else VALVES).format(
+                relay_unit=RELAY_UNIT, valves=[float(n + 1) for n in numbers],
+                output_unit=OUTPUT_UNIT, registers=[float(n) for n in numbers], low=LOW,
+                high=HIGH, full_scale=FULL_SCALE)), execute_command)

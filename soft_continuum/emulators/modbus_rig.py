@@ -5,11 +5,13 @@ Two Modbus RTU boards and the vacuum rig behind them, on a pseudo-terminal.
 
 A relay board (coil 0 is the pump, coil N the valve of segment N, which evacuates when on) and an
 analog board (input register N - 1 is the current of the transmitter of segment N in uA, 4 mA at
-ambient pressure and 20 mA at 100 kPa below).  It shares no code with the driver, so that each
-checks the other.  Every fault that a rig can have is a switch.
+ambient pressure and 20 mA at 100 kPa below).  A rig with regulators has, in place of the relay
+board, an analog output board: holding register N - 1 is the current in uA that tells the regulator
+of segment N its vacuum, 4 mA for none and 20 mA for 100 kPa.  It shares no code with the driver,
+so that each checks the other.  Every fault that a rig can have is a switch.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf
 import os
@@ -19,11 +21,18 @@ import struct
 
 from soft_continuum.emulators.device import EmulatedDevice
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
+from soft_continuum.hardware.protocols import JammingReading
+from soft_continuum.hardware.simulated_jamming import (
+    JammingPlant,
+    SimulatedJamming,
+    SimulatedRegulators,
+)
 
-RELAY_UNIT, ANALOG_UNIT = 1, 2
+RELAY_UNIT, ANALOG_UNIT, OUTPUT_UNIT = 1, 2, 3
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
 FULL_SCALE = 100e3  # Pa of vacuum at 20 mA
+LOW, HIGH = 4000, 20000  # uA
+DEAD_BAND = 300.0  # Pa, of a regulator
 FRAME_GAP = 0.005  # s without a byte that end a frame
 IDLE_STEP = 0.05  # s
 BITS_PER_CHARACTER = 10
@@ -39,14 +48,36 @@ def crc(data: bytes) -> bytes:
     return struct.pack('<H', remainder)
 
 
-class Segment(SimulatedJamming):
+class Transmitter:
+    """A pressure transmitter of one segment, which may fail."""
+
+    broken_wire = False
+    stuck_at: int | None = None  # uA
+
+    def read(self) -> JammingReading:
+        """Return the state of the segment."""
+        raise NotImplementedError
+
+    @property
+    def vacuum(self) -> float:
+        """What the segment has, Pa below ambient."""
+        return JammingPlant().ambient_pressure - self.read().pressures[0]
+
+    def current(self) -> int:
+        """Return what the transmitter gives, uA."""
+        if self.broken_wire:
+            return 0
+        if self.stuck_at is not None:
+            return self.stuck_at
+        return round(LOW + (HIGH - LOW) * self.vacuum / FULL_SCALE)
+
+
+class Segment(SimulatedJamming, Transmitter):
     """One segment with the pump to itself, which may have a hole."""
 
     def __init__(self, clock: Clock, initially_stiff: bool) -> None:
         """Start evacuated or soft."""
         super().__init__(clock, 1, JammingPlant(), initially_stiff)
-        self.broken_wire = False
-        self.stuck_at: int | None = None  # uA
 
     def set_leak(self, rate: float) -> None:
         """Lose ``rate`` Pa/s more than a tight segment."""
@@ -56,14 +87,31 @@ class Segment(SimulatedJamming):
             tight, leak_rate=tight.leak_rate + rate,
             ultimate_vacuum=max(0.0, tight.ultimate_vacuum - rate * tight.evacuation_time))
 
-    def current(self) -> int:
-        """Return what the transmitter gives, uA."""
-        if self.broken_wire:
-            return 0
-        if self.stuck_at is not None:
-            return self.stuck_at
-        vacuum = self._plant.ambient_pressure - self.read().pressures[0]
-        return round(4000 + 16000 * vacuum / FULL_SCALE)
+
+class RegulatedSegment(SimulatedRegulators, Transmitter):
+    """One segment with a regulator, which may hang, or have a supply that is too weak."""
+
+    def __init__(self, clock: Clock, initially_stiff: bool) -> None:
+        """Start with the largest vacuum or none; 20 mA are more than the supply gives."""
+        super().__init__(clock, 1, JammingPlant(), initially_stiff, max_vacuum=80e3,
+                         dead_band=DEAD_BAND)
+        self.hangs = False
+        self.output = LOW  # uA
+        self.output = round(LOW + (HIGH - LOW) * self.read().vacuums[0] / FULL_SCALE)
+
+    def set_output(self, current: int) -> None:
+        """Take a current from the output board, uA."""
+        self.output = current
+        if not self.hangs:
+            self.set_vacuum(0, max(0.0, (current - LOW) / (HIGH - LOW) * FULL_SCALE))
+
+    def set_leak(self, rate: float) -> None:
+        """Lose so much air, Pa/s, that the supply no longer makes up for all of it."""
+        self._advance()
+        tight = JammingPlant()
+        self._plant = replace(tight, ultimate_vacuum=max(
+            0.0, tight.ultimate_vacuum - rate * tight.evacuation_time))
+        self._vacuum = [min(self._vacuum[0], self._plant.ultimate_vacuum)]
 
 
 class Refusal(Exception):
@@ -76,30 +124,36 @@ class ModbusEmulator(EmulatedDevice):
 
     Segments count from 0 here.  hang: answer nothing.  late: s by which every reply is late.
     drop, garble: share of replies that are lost or damaged.  refuse: exception code that answers
-    everything, 0 for none.  transform: what is sent instead of a reply.  stuck: coils
-    that do not follow.  A reply has the state at the time of its request, however late it is.
+    everything, 0 for none.  transform: what is sent instead of a reply.  stuck: coils, or
+    outputs, that do not follow.  A reply has the state at the time of its request, however late
+    it is.
     """
 
     def __init__(self, segments: int = 3, *, initially_stiff: bool = False,
                  link: str | Path | None = None, baud_rate: int = 0, seed: int = 0,
-                 clock: Clock = STEADY) -> None:
+                 clock: Clock = STEADY, regulators: bool = False) -> None:
         """
         Make the rig.
 
         link: path of a symbolic link to the port.  baud_rate: 0 for no delay.  clock: the time in
-        which it answers, evacuates and vents.
+        which it answers, evacuates and vents.  regulators: in place of pump and valves.
         """
         super().__init__(link, clock)
         self.transform: Callable[[bytes], bytes] | None = None
         self.stuck: set[int] = set()
         self.requests: list[bytes] = []
         """Every request to one of the boards, as received."""
-        self.segments = [Segment(clock, initially_stiff) for _ in range(segments)]
-        self._coils = [initially_stiff] * (segments + 1)
+        self.regulators = regulators
+        kind = RegulatedSegment if regulators else Segment
+        self.segments: list[Segment | RegulatedSegment] = [
+            kind(clock, initially_stiff) for _ in range(segments)]
+        self._coils = [] if regulators else [initially_stiff] * (segments + 1)
+        self._boards = {ANALOG_UNIT: self._analog_board, **(
+            {OUTPUT_UNIT: self._output_board} if regulators else {RELAY_UNIT: self._relay_board})}
         self._baud_rate = baud_rate
         self._random = random.Random(seed)
         self._outgoing: list[tuple[float, bytes]] = []  # when, what
-        self._last_due = {RELAY_UNIT: 0.0, ANALOG_UNIT: 0.0}
+        self._last_due = dict.fromkeys(self._boards, 0.0)
         self.repair()  # sets all faults to none
 
     @property
@@ -111,12 +165,29 @@ class ModbusEmulator(EmulatedDevice):
     def vacuum(self, segment: int) -> float:
         """Return the true vacuum of a segment, Pa below ambient."""
         with self.lock:
-            return JammingPlant().ambient_pressure - self.segments[segment].read().pressures[0]
+            return self.segments[segment].vacuum
+
+    @property
+    def outputs(self) -> tuple[int, ...]:
+        """What the output board gives the regulators, uA; none without."""
+        with self.lock:
+            return tuple(segment.output for segment in self.segments
+                         if isinstance(segment, RegulatedSegment))
 
     def power_cycle(self) -> None:
-        """Take the power from the relay board for a moment: every relay falls off."""
+        """Take the power from a board for a moment: its relays fall off, its outputs to 4 mA."""
         for coil in range(len(self._coils)):
             self._set_coil(coil, False)
+        for number in range(len(self.outputs)):
+            self._set_output(number, LOW)
+
+    def hang_regulator(self, segment: int) -> None:
+        """Let a regulator stay with the set-point that it has, whatever it is told."""
+        with self.lock:
+            found = self.segments[segment]
+            if not isinstance(found, RegulatedSegment):
+                raise ValueError('this rig has valves; start it with --regulators')
+            found.hangs = True
 
     def break_wire(self, segment: int) -> None:
         """Take the current from a transmitter."""
@@ -136,6 +207,9 @@ class ModbusEmulator(EmulatedDevice):
             for segment in self.segments:
                 segment.broken_wire, segment.stuck_at = False, None
                 segment.set_leak(0.0)
+                if isinstance(segment, RegulatedSegment):
+                    segment.hangs = False
+                    segment.set_output(segment.output)
 
     # The line.
 
@@ -168,7 +242,7 @@ class ModbusEmulator(EmulatedDevice):
             size = 8
             if received[1] == 0x0F and len(received) > 6:
                 size = 9 + received[6]
-            elif received[1] not in (1, 4, 5):
+            elif received[1] not in (1, 3, 4, 5, 6):
                 size = len(received) if gap else len(received) + 1
             if len(received) < size:
                 break
@@ -179,7 +253,7 @@ class ModbusEmulator(EmulatedDevice):
         return b'' if gap else received
 
     def _answer(self, request: bytes) -> None:
-        if request[0] not in (RELAY_UNIT, ANALOG_UNIT):
+        if request[0] not in self._boards:
             return
         with self.lock:
             self.requests.append(request)
@@ -211,8 +285,7 @@ class ModbusEmulator(EmulatedDevice):
         try:
             if self.refuse:
                 raise Refusal(self.refuse)
-            answer = (self._relay_board if unit == RELAY_UNIT else self._analog_board)(
-                function, request[2:-2])
+            answer = self._boards[unit](function, request[2:-2])
             reply = bytes([unit, function]) + answer
         except Refusal as refusal:
             reply = bytes([unit, function | 0x80, *refusal.args])
@@ -244,12 +317,33 @@ class ModbusEmulator(EmulatedDevice):
     def _analog_board(self, function: int, data: bytes) -> bytes:
         if function != 4:
             raise Refusal(ILLEGAL_FUNCTION)
+        return self._registers(data, [segment.current() for segment in self.segments])
+
+    def _output_board(self, function: int, data: bytes) -> bytes:
+        if function == 3:
+            return self._registers(data, self.outputs)
+        if function != 6:
+            raise Refusal(ILLEGAL_FUNCTION)
+        register, value = struct.unpack('>HH', data)
+        self._check(register, 1, len(self.segments))
+        if not LOW <= value <= HIGH:
+            raise Refusal(ILLEGAL_VALUE)
+        self._set_output(register, value)
+        return data
+
+    def _set_output(self, number: int, current: int) -> None:
+        with self.lock:
+            segment = self.segments[number]
+            if number not in self.stuck and isinstance(segment, RegulatedSegment):
+                segment.set_output(current)
+
+    def _registers(self, data: bytes, values: Sequence[int]) -> bytes:
+        """Return the reply to a request for registers that have these values."""
         first, count = struct.unpack('>HH', data)
         if not 1 <= count <= 125:
             raise Refusal(ILLEGAL_VALUE)
-        self._check(first, count, len(self.segments))
-        currents = [segment.current() for segment in self.segments[first:first + count]]
-        return struct.pack(f'>B{count}H', 2 * count, *currents)
+        self._check(first, count, len(values))
+        return struct.pack(f'>B{count}H', 2 * count, *values[first:first + count])
 
     @staticmethod
     def _check(first: int, count: int, size: int) -> None:
@@ -261,8 +355,9 @@ class ModbusEmulator(EmulatedDevice):
             if coil in self.stuck:
                 return
             self._coils[coil] = on
+            valves = [s for s in self.segments if isinstance(s, Segment)]
             if coil > 0:
-                self.segments[coil - 1].set_evacuated(0, on)
+                valves[coil - 1].set_evacuated(0, on)
             else:
-                for segment in self.segments:
+                for segment in valves:
                     segment.set_pump(on)

@@ -14,7 +14,8 @@ class Commands:
 
     time: s on the clock of the measurements.  pulls: (tendons,) m of the motors.  stiff: per
     segment.  vacuum: parts of the full one per segment, None for full.  sliding: as in
-    Statics.solve.
+    Statics.solve.  yielding: whether a stiff segment has so little vacuum that the tendons may
+    bend it.
     """
 
     time: float
@@ -22,6 +23,7 @@ class Commands:
     stiff: tuple[bool, ...]
     vacuum: tuple[float, ...] | None = None
     sliding: tuple[int, ...] = (0, 0)
+    yielding: bool = False
 
     @property
     def soft(self) -> list[bool]:

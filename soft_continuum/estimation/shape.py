@@ -174,7 +174,7 @@ class ArmShape:
     def _followed(self, start: Any, commands: Commands) -> Any:
         """Return the state that ``start`` becomes; raises ShapeError and StaticsError."""
         pulls = commands.pulls
-        if not all(commands.stiff):
+        if commands.yielding or not all(commands.stiff):
             self._stood = None
         else:
             stood = self.statics.commanded_pulls(start)  # with what tendons are stretched by

@@ -2,15 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stiff or soft: the state of every segment by its pressure, and when the pump runs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, nan
 from time import monotonic
 
-from soft_continuum.hardware.protocols import HardwareError, JammingDriver, JammingReading
+from soft_continuum.hardware.protocols import (
+    HardwareError,
+    JammingDriver,
+    JammingReading,
+    RegulatorDriver,
+)
 
 RESPONSE_TIME = 10.0
-"""s after which the pressure of a segment must have followed its valve."""
+"""s after which the pressure of a segment must have followed its valve or its regulator."""
 FOLLOW_TIME, FOLLOW_DROP = 0.3, 5e3
 """s of venting, at once or in parts, and Pa that a sensor must have lost by then."""
 REFILL_TIME = 3.0
@@ -24,7 +29,8 @@ class JammingSettings:
 
     A segment becomes stiff at ``stiff_vacuum`` and stops being stiff below ``release_vacuum``.
     The pump starts when an evacuated segment is below ``pump_start_vacuum`` and rests when all
-    are above ``pump_stop_vacuum``.
+    are above ``pump_stop_vacuum``.  With regulators a segment that is to be stiff gets
+    ``full_vacuum``, and has followed its set-point when it is within ``vacuum_tolerance``.
     """
 
     ambient_pressure: float = 101325.0
@@ -32,6 +38,8 @@ class JammingSettings:
     release_vacuum: float = 40e3
     pump_start_vacuum: float = 60e3
     pump_stop_vacuum: float = 80e3
+    full_vacuum: float = 80e3
+    vacuum_tolerance: float = 3e3
 
     def __post_init__(self) -> None:
         """Refuse thresholds in the wrong order."""
@@ -42,14 +50,28 @@ class JammingSettings:
                     f'parameter {low} ({getattr(self, low):g} Pa) must be below {high} '
                     f'({getattr(self, high):g} Pa)')
 
+    def check_regulators(self, max_vacuum: float) -> None:
+        """Raise HardwareError where regulators up to ``max_vacuum`` (Pa) make no segment stiff."""
+        least = self.stiff_vacuum + self.vacuum_tolerance
+        if not least <= self.full_vacuum <= max_vacuum:
+            raise HardwareError(
+                f'parameter full_vacuum is {self.full_vacuum:g} Pa, which regulators hold in a '
+                f'stiff segment; it must be from {least:g} (stiff_vacuum and vacuum_tolerance) to '
+                f'{max_vacuum:g} Pa (the largest set-point of the regulators)')
+
 
 class PressureWatch:
-    """Detects the segments whose pressure does not follow their valve."""
+    """
+    Detects the segments whose pressure does not follow their valve or regulator.
+
+    A set-point below ``release_vacuum`` is a venting, to which what is said of valves applies.
+    """
 
     def __init__(self, segments: int, settings: JammingSettings) -> None:
         """Watch from the first reading on."""
         self._settings = settings
         self._driven: list[tuple[bool, bool] | None] = [None] * segments
+        self._told: list[float | None] = [None] * segments  # Pa, set-points
         self._since = [0.0] * segments
         self._read_at = 0.0
         self._vacuum = [nan] * segments  # Pa, as read last
@@ -100,13 +122,15 @@ class PressureWatch:
             self._unnoticed[i] = None
 
     def _fault(self, i: int, reading: JammingReading, now: float) -> str:
-        evacuated = reading.evacuated[i]
+        evacuated = holds(reading, i, self._settings)
         vacuum = self._settings.ambient_pressure - reading.pressures[i]
+        told = reading.vacuums[i] if reading.vacuums else None
         self._follow(i, evacuated, vacuum, now - self._read_at)
         self._vacuum[i] = vacuum
-        driven = evacuated, evacuated and reading.pump
-        if driven != self._driven[i]:
-            self._driven[i], self._since[i] = driven, now
+        driven = evacuated, evacuated and (reading.pump or told is not None)
+        followed = told is not None and abs(vacuum - told) <= self._settings.vacuum_tolerance
+        if driven != self._driven[i] or told != self._told[i] or followed:
+            self._driven[i], self._told[i], self._since[i] = driven, told, now
         overdue = now - self._since[i] >= RESPONSE_TIME
         name, kilopascals = f'segment {i + 1}', f'{vacuum / 1e3:.1f} kPa of vacuum'
         if not isfinite(vacuum):
@@ -116,14 +140,26 @@ class PressureWatch:
             self._distrusted[i] = False
         elif overdue and not evacuated:
             self._distrusted[i] = True
-        if self._distrusted[i]:
+        if self._distrusted[i] and told is None:
             return (f'{name}: has {kilopascals} though it was vented; its pressure sensor or its '
                     'valve is stuck, or its vent is blocked. Vent it until the pressure shows it')
-        if overdue and driven == (True, True) and vacuum < self._settings.stiff_vacuum:
+        if told is not None:
+            if overdue or self._distrusted[i]:
+                return (f'{name}: has {kilopascals}, its regulator was set to {told / 1e3:.1f} '
+                        'kPa; the regulator, its supply or the pressure sensor fails, or the '
+                        'segment leaks. Set it to 0 until the pressure shows it')
+        elif overdue and driven == (True, True) and vacuum < self._settings.stiff_vacuum:
             return (f'{name}: has only {kilopascals} after {RESPONSE_TIME:g} s with the pump '
                     'running; it leaks, its valve or its pressure sensor is stuck, or the pump '
                     'is too weak')
         return ''
+
+
+def holds(reading: JammingReading, segment: int, settings: JammingSettings) -> bool:
+    """Return whether a segment (0-based) is told to keep a vacuum at which it may be stiff."""
+    if reading.vacuums:
+        return reading.vacuums[segment] >= settings.release_vacuum
+    return reading.evacuated[segment]
 
 
 class JammingController:
@@ -134,8 +170,8 @@ class JammingController:
     with its pressure, empty for nothing.
     """
 
-    def __init__(self, driver: JammingDriver, segments: int, settings: JammingSettings,
-                 clock: Callable[[], float] = monotonic) -> None:
+    def __init__(self, driver: JammingDriver | RegulatorDriver, segments: int,
+                 settings: JammingSettings, clock: Callable[[], float] = monotonic) -> None:
         """Use an opened ``driver``; clock: s, never set back."""
         self._driver = driver
         self._settings = settings
@@ -154,7 +190,7 @@ class JammingController:
 
     def update(self) -> JammingReading:
         """
-        Read the pressures, decide which segments are stiff, switch the pump if needed.
+        Read the pressures, decide which segments are stiff, switch the pump of valves if needed.
 
         Raises HardwareError when the driver does; then no segment counts as stiff, because a
         valve that lost its power may vent it unseen.
@@ -171,23 +207,52 @@ class JammingController:
             threshold = (self._settings.release_vacuum if self.stiff[i]
                          else self._settings.stiff_vacuum)
             # A segment that is being vented may already move: it is not stiff any more.
-            self.stiff[i] = (reading.evacuated[i] and not self.faults[i] and isfinite(value)
-                             and value >= threshold and not self._watch.refilling(i))
+            self.stiff[i] = (holds(reading, i, self._settings) and not self.faults[i]
+                             and isfinite(value) and value >= threshold
+                             and not self._watch.refilling(i))
+        if not isinstance(self._driver, RegulatorDriver):
+            self._switch_pump(self._driver, reading, vacuum)
+        return reading
+
+    def _switch_pump(self, driver: JammingDriver, reading: JammingReading,
+                     vacuum: Sequence[float]) -> None:
         # What a segment that may have lost vacuum unseen is worth to the pump.
         evacuated = [0.0 if self._watch.refilling(i) else v for i, v in enumerate(vacuum)
                      if reading.evacuated[i]]
         if any(not v >= self._settings.pump_start_vacuum for v in evacuated):
             if not reading.pump:
-                self._driver.set_pump(True)
+                driver.set_pump(True)
         elif reading.pump and all(v >= self._settings.pump_stop_vacuum for v in evacuated):
-            self._driver.set_pump(False)
-        return reading
+            driver.set_pump(False)
 
     def set_stiff(self, segment: int, stiff: bool) -> None:
         """Evacuate or vent a segment (0-based); ``stiff`` follows with the pressure."""
-        if not stiff:  # at once, as a command that fails may have been carried out
+        if isinstance(self._driver, RegulatorDriver):
+            self.set_vacuum(segment, self._settings.full_vacuum if stiff else 0.0)
+            return
+        self._note(segment, stiff)
+        self._driver.set_evacuated(segment, stiff)
+
+    def set_vacuum(self, segment: int, vacuum: float) -> None:
+        """
+        Set the vacuum of a segment (0-based), Pa below ambient; its pressure follows.
+
+        Raises ValueError for one that its regulator cannot hold, or where there are valves.
+        """
+        if not isinstance(self._driver, RegulatorDriver):
+            raise ValueError('the rig has valves, not regulators: switch the segment stiff or '
+                             'soft (set_stiff)')
+        if not 0.0 <= vacuum <= self._driver.max_vacuum:  # nan neither
+            raise ValueError(f'a vacuum of {vacuum:g} Pa is not set; allowed: 0 to '
+                             f'{self._driver.max_vacuum:g} Pa (the largest set-point of the '
+                             'regulators)')
+        self._note(segment, vacuum >= self._settings.release_vacuum)
+        self._driver.set_vacuum(segment, vacuum)
+
+    def _note(self, segment: int, holds_vacuum: bool) -> None:
+        """Note a command; a segment that is vented is not stiff, even if the command fails."""
+        if holds_vacuum:
+            self._watch.evacuate(segment, self._clock())
+        else:
             self.stiff[segment] = False
             self._watch.vent(segment)
-        else:
-            self._watch.evacuate(segment, self._clock())
-        self._driver.set_evacuated(segment, stiff)

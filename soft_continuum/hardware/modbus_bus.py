@@ -10,13 +10,18 @@ received for a while; ``out_of_step`` then tells the user of the bus that late r
 on their way.  Frames and CRC are pymodbus's; its client is not used, as it accepts a late reply.
 """
 
+from collections.abc import Callable
 import os
 import threading
 
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU, ModbusPDU
 from pymodbus.pdu.bit_message import ReadCoilsRequest, WriteSingleCoilRequest
-from pymodbus.pdu.register_message import ReadInputRegistersRequest
+from pymodbus.pdu.register_message import (
+    ReadHoldingRegistersRequest,
+    ReadInputRegistersRequest,
+    WriteSingleRegisterRequest,
+)
 import serial
 
 from soft_continuum.hardware.clock import Clock, STEADY
@@ -29,8 +34,12 @@ SHORT_PAUSE = 0.05
 """s; a pause as short as this is waited out, so that one lost reply costs one reading."""
 MAX_PAUSE = 1.0
 """s; some boards need 0.5 s without a byte to find the beginning of a request again."""
+OPEN_ATTEMPTS = 2
+"""A reply to a program that was killed just before may still be on its way to the first one."""
 BITS_PER_CHARACTER = 11  # the longest there is; 8N1 has 10
 EXCEPTION_SIZE = 5
+ECHOED = WriteSingleCoilRequest.function_code, WriteSingleRegisterRequest.function_code
+"""Functions whose reply repeats the request."""
 OVERHEAD = 5  # bytes of a reply besides what was read: unit, function, byte count, CRC
 EXCEPTIONS = {
     1: 'does not know the function',
@@ -83,6 +92,18 @@ class ModbusBus:
             self._serial = open_serial(self._port, self._baud_rate)
             self._opened = True
 
+    def open_with(self, read: Callable[[], object]) -> None:
+        """Open the port and read once; closed again, raises HardwareError where that fails."""
+        self.open()
+        for attempt in range(OPEN_ATTEMPTS):
+            try:
+                read()
+                return
+            except HardwareError:
+                if attempt == OPEN_ATTEMPTS - 1:
+                    self.close()
+                    raise
+
     def close(self) -> None:
         """Close the port; no request opens it again.  Waits for a request under way."""
         with self._lock:
@@ -108,6 +129,16 @@ class ModbusBus:
     def write_coil(self, unit: int, coil: int, on: bool) -> None:
         """Switch one coil (function 05); an acknowledgement does not prove that it moved."""
         request = WriteSingleCoilRequest(address=coil, bits=[on], dev_id=unit)
+        self._request(request, len(self._framer.buildFrame(request)))
+
+    def read_holding_registers(self, unit: int, first: int, count: int) -> tuple[int, ...]:
+        """Return ``count`` holding registers from ``first`` on (function 03)."""
+        request = ReadHoldingRegistersRequest(address=first, count=count, dev_id=unit)
+        return tuple(self._request(request, OVERHEAD + 2 * count).registers)
+
+    def write_register(self, unit: int, register: int, value: int) -> None:
+        """Write one holding register (function 06); an acknowledgement proves no more."""
+        request = WriteSingleRegisterRequest(address=register, registers=[value], dev_id=unit)
         self._request(request, len(self._framer.buildFrame(request)))
 
     def _request(self, request: ModbusPDU, size: int) -> ModbusPDU:
@@ -161,7 +192,7 @@ class ModbusBus:
         unit, function = frame[:2]
         if len(reply) == EXCEPTION_SIZE and reply[:2] == bytes([unit, function | 0x80]):
             expected = True
-        elif function == WriteSingleCoilRequest.function_code:
+        elif function in ECHOED:
             expected = reply == frame
         else:
             expected = len(reply) == size and reply[:3] == bytes([unit, function, size - OVERHEAD])

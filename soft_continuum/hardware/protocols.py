@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a driver of tendon steppers and a driver of jamming valves must do."""
+"""What a driver of tendon steppers and a driver of jamming valves or regulators must do."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable, Self
 
 
 class HardwareError(RuntimeError):
@@ -80,15 +80,23 @@ class TendonDriver(Protocol):
 @dataclass(frozen=True)
 class JammingReading:
     """
-    State of pump, valves and pressure sensors.
+    State of pump, valves or regulators, and pressure sensors.
 
     pressures: absolute, Pa, per segment; nan from a broken sensor.  evacuated: per segment, valve
-    open to the pump, as read back.  pump: whether it runs.
+    open to the pump, as read back.  pump: whether it runs; False where the driver switches none.
+    vacuums: per segment, set-point of its regulator as read back, Pa below the atmosphere; empty
+    from valves.
     """
 
     pressures: tuple[float, ...]
     evacuated: tuple[bool, ...]
     pump: bool
+    vacuums: tuple[float, ...] = ()
+
+    @classmethod
+    def of_regulators(cls, pressures: tuple[float, ...], vacuums: tuple[float, ...]) -> Self:
+        """Return the reading of regulators: a set-point above 0 evacuates its segment."""
+        return cls(pressures, tuple(vacuum > 0.0 for vacuum in vacuums), False, vacuums)
 
 
 class JammingDriver(Protocol):
@@ -116,3 +124,36 @@ class JammingDriver(Protocol):
 
     def set_pump(self, running: bool) -> None:
         """Switch the pump."""
+
+
+@runtime_checkable
+class RegulatorDriver(Protocol):
+    """
+    A vacuum regulator and a pressure sensor per segment, in place of a pump and valves.
+
+    What has ``set_vacuum`` is one; a class whose parameters choose between valves and regulators
+    returns one of two classes from ``from_parameters``.  Nothing else changes for valves.  Timing,
+    errors, threads, ``open``, ``read`` and ``close`` are those of a JammingDriver.  What supplies
+    the regulators with vacuum runs by itself: nobody switches it.  A regulator keeps its set-point
+    on open, on close and while nobody talks to it.
+    """
+
+    @property
+    def max_vacuum(self) -> float:
+        """Largest set-point, Pa below the atmosphere."""
+
+    def open(self) -> None:
+        """Connect and read the present state; set nothing."""
+
+    def close(self) -> None:
+        """Disconnect; leave the set-points as they are."""
+
+    def read(self) -> JammingReading:
+        """Return the present state, with set-points."""
+
+    def set_vacuum(self, segment: int, vacuum: float) -> None:
+        """
+        Set the vacuum of a segment (0-based), Pa below the atmosphere, 0 to ``max_vacuum``.
+
+        Raises HardwareError when the set-point that is read back is another one.
+        """

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated vacuum pump with one valve and one pressure sensor per segment."""
+"""A simulated vacuum pump with one valve per segment, or one regulator; and pressure sensors."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import exp
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from soft_continuum.hardware.protocols import JammingReading
 from soft_continuum.parameters.parameter import Parameter
@@ -27,6 +27,15 @@ class JammingPlant:
     valve_delay: float = 0.03
     leak_rate: float = 500.0
 
+    def evacuated(self, vacuum: float, duration: float) -> float:
+        """Return the vacuum (Pa) after ``duration`` s with the running pump."""
+        short = (self.ultimate_vacuum - vacuum) * exp(-duration / self.evacuation_time)
+        return self.ultimate_vacuum - short
+
+    def vented(self, vacuum: float, duration: float) -> float:
+        """Return the vacuum (Pa) after ``duration`` s with the atmosphere."""
+        return vacuum * exp(-duration / self.venting_time)
+
 
 class SimulatedJamming:
     """Simulated pump and valves; they start with every segment evacuated, or all soft."""
@@ -44,16 +53,29 @@ class SimulatedJamming:
                   'vacuum a simulated segment loses while the pump is off', 0.0, 1e5, unit='Pa/s'),
         Parameter('simulated_jamming.initially_stiff', True,
                   'the simulated rig starts with the pump on and all segments evacuated'),
+        Parameter('simulated_jamming.regulators', False,
+                  'the simulated rig has a vacuum regulator per segment in place of valves'),
+        Parameter('simulated_jamming.max_vacuum', 90e3,
+                  'largest set-point of a simulated regulator', 1e3, 101e3, unit='Pa'),
+        Parameter('simulated_jamming.dead_band', 500.0,
+                  'distance from its set-point at which a simulated regulator rests', 0.0, 1e4,
+                  unit='Pa'),
     )
 
     @classmethod
-    def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:
+    def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]
+                        ) -> 'SimulatedJamming | SimulatedRegulators':
         """Return what the parameters of the node describe."""
         plant = JammingPlant(values['ambient_pressure'], **{
             name: values[f'simulated_jamming.{name}'] for name in (
                 'ultimate_vacuum', 'evacuation_time', 'venting_time', 'valve_delay', 'leak_rate')})
-        return cls(clock, len(values['arm.segment_lengths']), plant,
-                   values['simulated_jamming.initially_stiff'])
+        segments, stiff = (len(values['arm.segment_lengths']),
+                           values['simulated_jamming.initially_stiff'])
+        if values['simulated_jamming.regulators']:
+            return SimulatedRegulators(
+                clock, segments, plant, stiff, values['simulated_jamming.max_vacuum'],
+                values['simulated_jamming.dead_band'])
+        return cls(clock, segments, plant, stiff)
 
     def __init__(self, clock: Callable[[], float], segments: int, plant: JammingPlant,
                  initially_stiff: bool) -> None:
@@ -107,8 +129,54 @@ class SimulatedJamming:
         """Return the vacuum (Pa) after ``duration`` s with the valve in one position."""
         plant = self._plant
         if not open_to_pump:
-            return vacuum * exp(-duration / plant.venting_time)
+            return plant.vented(vacuum, duration)
         if self._pump:
-            short = (plant.ultimate_vacuum - vacuum) * exp(-duration / plant.evacuation_time)
-            return plant.ultimate_vacuum - short
+            return plant.evacuated(vacuum, duration)
         return max(0.0, vacuum - plant.leak_rate * duration)
+
+
+class SimulatedRegulators:
+    """
+    Simulated vacuum regulators; they start at their largest set-point, or with all segments soft.
+
+    A regulator evacuates or vents its segment as a pump and a valve do, until it is within
+    ``dead_band`` (Pa) of its set-point, and holds it there; at the set-point 0 it vents for good.
+    """
+
+    def __init__(self, clock: Callable[[], float], segments: int, plant: JammingPlant,
+                 initially_stiff: bool, max_vacuum: float = 90e3, dead_band: float = 500.0
+                 ) -> None:
+        """Take the time (s) from ``clock``; max_vacuum: Pa."""
+        self._clock, self._plant, self._dead_band = clock, plant, dead_band
+        self._time = clock()
+        self.max_vacuum = max_vacuum
+        begin = max_vacuum if initially_stiff else 0.0
+        self._set = [begin] * segments
+        self._vacuum = [min(begin, plant.ultimate_vacuum)] * segments
+
+    def open(self) -> None:
+        """Connect."""
+
+    def close(self) -> None:
+        """Disconnect; everything stays as it is."""
+
+    def read(self) -> JammingReading:
+        """Return the present state."""
+        self._advance()
+        return JammingReading.of_regulators(
+            tuple(self._plant.ambient_pressure - v for v in self._vacuum), tuple(self._set))
+
+    def set_vacuum(self, segment: int, vacuum: float) -> None:
+        """Set the vacuum of a segment (0-based), Pa; its pressure follows."""
+        self._advance()
+        self._set[segment] = vacuum
+
+    def _advance(self) -> None:
+        now = self._clock()
+        duration, self._time = now - self._time, now
+        for i, (vacuum, wanted) in enumerate(zip(self._vacuum, self._set, strict=True)):
+            low, high = wanted - self._dead_band, wanted + self._dead_band if wanted else 0.0
+            if vacuum < low:
+                self._vacuum[i] = min(low, self._plant.evacuated(vacuum, duration))
+            elif vacuum > high:
+                self._vacuum[i] = max(high, self._plant.vented(vacuum, duration))

@@ -1,13 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the thread of control does with pump, valves and pressure sensors."""
+"""What the thread of control does with pump, valves or regulators, and pressure sensors."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
-from soft_continuum.hardware.protocols import HardwareError, JammingDriver
+from soft_continuum.hardware.protocols import HardwareError, JammingDriver, RegulatorDriver
 from soft_continuum_interfaces.msg import JammingValvesState
 
 
@@ -25,6 +25,9 @@ class Report:
     time: float
 
 
+Driver = JammingDriver | RegulatorDriver
+
+
 class JammingControl:
     """
     Switches segments and watches their pressures.
@@ -37,21 +40,21 @@ class JammingControl:
                  report: Callable[[Report], None]) -> None:
         """Start without a device."""
         self._segments, self._settings, self._report = segments, settings, report
-        self._driver: JammingDriver | None = None
+        self._driver: Driver | None = None
         self._controller: JammingController | None = None
         self._active = False
         self._pressures: tuple[float, ...] | None = None
         self._time = 0.0
         self._fault = ''
 
-    def attach(self, driver: JammingDriver) -> None:
+    def attach(self, driver: Driver) -> None:
         """Control an open ``driver`` from now on."""
         self._driver = driver
         self._controller = JammingController(driver, self._segments, self._settings)
         self._fault, self._pressures = '', None
         self.report()
 
-    def detach(self) -> JammingDriver | None:
+    def detach(self) -> Driver | None:
         """Return the driver, if there is one, and go on without."""
         driver, self._driver, self._controller = self._driver, None, None
         self._active, self._fault = False, ''
@@ -95,15 +98,29 @@ class JammingControl:
 
         Raises ValueError when the node is not active, HardwareError when the device fails.
         """
+        def switch(controller: JammingController) -> None:
+            for segment in segments:
+                controller.set_stiff(segment, stiff)
+
+        self._command(switch)
+
+    def set_vacuum(self, segment: int, vacuum: float) -> None:
+        """
+        Set the vacuum (Pa below ambient) of a segment (0-based).
+
+        Raises ValueError where it cannot be set, HardwareError when the device fails.
+        """
+        self._command(lambda controller: controller.set_vacuum(segment, vacuum))
+
+    def _command(self, command: Callable[[JammingController], None]) -> None:
         if not self._active or self._controller is None:
             raise ValueError('not switched: the node is not active')
         try:
-            for segment in segments:
-                self._controller.set_stiff(segment, stiff)
+            command(self._controller)
         except HardwareError as error:
             self.not_connected(str(error))
             raise
-        if not stiff and not self._fault:  # what is vented is not stiff from now on
+        if not self._fault:  # what is vented is not stiff from now on
             self.report()
 
     def snapshot(self) -> Report:
@@ -119,6 +136,7 @@ class JammingControl:
             state.stiffness = [JammingValvesState.STIFF if stiff else JammingValvesState.NOT_STIFF
                                for stiff in controller.stiff]
             state.segment_faults = list(controller.faults)
+            state.vacuums = list(controller.reading.vacuums)
         return Report(state, pressures, self._time)
 
     def report(self) -> None:

@@ -1,8 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that owns pump, valves and pressure sensors."""
+"""The node that owns pump, valves or regulators, and pressure sensors."""
 
+from collections.abc import Callable
 from functools import partial
+from math import isclose
 from typing import Any
 
 from sensor_msgs.msg import FluidPressure
@@ -11,11 +13,11 @@ from std_srvs.srv import SetBool
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
-from soft_continuum.hardware.protocols import HardwareError, JammingDriver
+from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.entries import serve
-from soft_continuum.nodes.jamming_control import JammingControl, Report
+from soft_continuum.nodes.jamming_control import Driver, JammingControl, Report
 from soft_continuum.nodes.managed_node import ManagedNode
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher
 from soft_continuum.nodes.threads import Newest
@@ -23,6 +25,7 @@ from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
 from soft_continuum.parameters.nodes import jamming_settings, NODE_PARAMETERS
 from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
+from soft_continuum_interfaces.srv import SetVacuum
 
 
 class JammingValves(ManagedNode):
@@ -32,7 +35,8 @@ class JammingValves(ManagedNode):
     Publishes segment_N/stiff (std_msgs/Bool, latched), segment_N/pressure
     (sensor_msgs/FluidPressure), ~/state (soft_continuum_interfaces/JammingValvesState, latched),
     ~/status and /diagnostics.  Subscribes to emergency_stop.  Serves
-    ~/segment_N/set_stiff and ~/set_all_stiff (std_srvs/SetBool).  N counts from 1 at the base.
+    ~/segment_N/set_stiff and ~/set_all_stiff (std_srvs/SetBool), and ~/segment_N/set_vacuum
+    (soft_continuum_interfaces/SetVacuum), which valves refuse.  N counts from 1 at the base.
 
     While a device does not answer nobody knows whether its segments are stiff: segment_N/stiff is
     false, and ~/state calls them unknown.
@@ -44,10 +48,11 @@ class JammingValves(ManagedNode):
         """Declare parameters, topics and services."""
         super().__init__('jamming_valves', NODE_PARAMETERS['jamming_valves'], **options)
         check_jamming(self.parameters)
-        self._segments = len(any_arm_from_parameters(self.parameters).segments)
+        self._settings = jamming_settings(self.parameters)
+        self._jams = [s.jam for s in any_arm_from_parameters(self.parameters).segments]
+        self._segments = len(self._jams)
         self._control = JammingControl(
-            self._segments, jamming_settings(self.parameters),
-            Newest(self.on_ros_thread, self._publish).put)
+            self._segments, self._settings, Newest(self.on_ros_thread, self._publish).put)
         self._loop = self.control(
             self.parameters['jamming_rate'], self._control.cycle, self._on_control_failure)
         self._published: list[bool] = [False] * self._segments
@@ -59,6 +64,7 @@ class JammingValves(ManagedNode):
             self.create_publisher(FluidPressure, f'segment_{n}/pressure', STREAM) for n in numbers]
         for n in numbers:
             serve(self, SetBool, f'~/segment_{n}/set_stiff', partial(self._set_stiff, [n - 1]))
+            serve(self, SetVacuum, f'~/segment_{n}/set_vacuum', partial(self._set_vacuum, n - 1))
         serve(self, SetBool, '~/set_all_stiff',
               partial(self._set_stiff, list(range(self._segments))))
         self._emergency = EmergencyStop(self)
@@ -72,22 +78,24 @@ class JammingValves(ManagedNode):
         """Name the driver."""
         return f'{self.parameters["jamming_driver"]} jamming valves'
 
-    def open_device(self) -> JammingDriver:
+    def open_device(self) -> Driver:
         """Connect and read; switch nothing."""
-        driver: JammingDriver = make_driver(
-            JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, STEADY)
+        driver: Driver = make_driver(
+            JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, STEADY, self)
+        if isinstance(driver, RegulatorDriver):
+            self._settings.check_regulators(driver.max_vacuum)
         driver.open()
         return driver
 
-    def close_device(self, device: JammingDriver) -> None:
+    def close_device(self, device: Driver) -> None:
         """Disconnect; pump and valves stay as they are."""
         device.close()
 
-    def attach(self, device: JammingDriver) -> None:
+    def attach(self, device: Driver) -> None:
         """Control a device from now on."""
         self._control.attach(device)
 
-    def detach(self) -> JammingDriver | None:
+    def detach(self) -> Driver | None:
         """Stop controlling the device."""
         return self._control.detach()
 
@@ -134,7 +142,7 @@ class JammingValves(ManagedNode):
         faults = state.fault or '; '.join(fault for fault in state.segment_faults if fault)
         if state.connected:
             self.status.set(
-                ERROR if faults else OK, faults or 'working', pump='on' if state.pump else 'off',
+                ERROR if faults else OK, faults or 'working', **_switched(state),
                 stiff=' '.join(str(s == JammingValvesState.STIFF).lower()
                                for s in state.stiffness))
         else:
@@ -143,24 +151,51 @@ class JammingValves(ManagedNode):
     def _set_stiff(self, segments: list[int], request: SetBool.Request,
                    response: SetBool.Response) -> SetBool.Response:
         names = ', '.join(f'segment {i + 1}' for i in segments)
+        doing = f'{"evacuating" if request.data else "venting"} {names}'
+        self._command(names, doing, 'segment_N/stiff', not request.data, response,
+                      self._control.set_stiff, segments, request.data)
+        return response
+
+    def _set_vacuum(self, segment: int, request: SetVacuum.Request,
+                    response: SetVacuum.Response) -> SetVacuum.Response:
+        name, vacuum, full = f'segment {segment + 1}', request.vacuum, self._settings.full_vacuum
+        partly = vacuum > 0.0 and not isclose(vacuum, full)
+        if partly and self._jams[segment].rigid:
+            response.message = (
+                f'{name}: not set: its jam is rigid in the description, which has no law for '
+                f'{vacuum:g} Pa; allowed: 0 (soft) or {full:g} Pa (full_vacuum). Give '
+                'arm.stiffness_ratios, and arm.yield_moments, for what is between')
+            return response
+        self._command(name, f'{name} to {vacuum / 1e3:g} kPa of vacuum', 'segment_N/pressure',
+                      vacuum < full, response, self._control.set_vacuum, segment, vacuum)
+        return response
+
+    def _command(self, names: str, doing: str, topic: str, softens: bool, response: Any,
+                 command: Callable[..., Any], *arguments: Any) -> None:
+        """Carry out a command on the thread of control, unless it is refused; answer it."""
         if self._emergency.on:
-            response.message = (f'{names}: not switched: emergency_stop is on; valves stay as '
-                                'they are until it is published as false')
-            return response
-        if self._conflicts.problem and not request.data:
+            response.message = (f'{names}: not switched: emergency_stop is on; valves and '
+                                'set-points stay as they are until it is published as false')
+            return
+        if self._conflicts.problem and softens:
             response.message = f'{names}: not softened: {self._conflicts.problem}'
-            return response
+            return
         try:
-            self.in_loop(self._control.set_stiff, segments, request.data)
+            self.in_loop(command, *arguments)
         except (HardwareError, ValueError) as error:
             response.message = f'{names}: {error}'
-            return response
+            return
         except TimeoutError:
-            response.message = (f'{names}: the device has not confirmed it yet; segment_N/stiff '
+            response.message = (f'{names}: the device has not confirmed it yet; {topic} '
                                 'and jamming_valves/state tell when it does')
-            return response
+            return
         response.success = True
-        doing = 'evacuating' if request.data else 'venting'
-        response.message = f'{doing} {names}; segment_N/stiff says when it is done'
-        self.get_logger().info(f'{doing} {names}')
-        return response
+        response.message = f'{doing}; {topic} says when it is done'
+        self.get_logger().info(doing)
+
+
+def _switched(state: JammingValvesState) -> dict[str, str]:
+    """Return what a device does beside the stiffness of its segments, for people."""
+    if state.vacuums:
+        return {'set to (kPa)': ' '.join(f'{vacuum / 1e3:g}' for vacuum in state.vacuums)}
+    return {'pump': 'on' if state.pump else 'off'}

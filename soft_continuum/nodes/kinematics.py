@@ -5,7 +5,7 @@
 
 from collections.abc import Iterable, Sequence
 from functools import partial
-from math import inf, isfinite
+from math import inf
 from typing import Any
 
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
@@ -31,6 +31,7 @@ from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import repeat, serve, subscribe
+from soft_continuum.nodes.jam_vacuum import JamVacuum
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
 from soft_continuum.nodes.measured_poses import MeasuredPoses
 from soft_continuum.nodes.measured_tensions import MeasuredTensions
@@ -49,6 +50,7 @@ from soft_continuum.ros.conversions import (
     poses_to_ros,
     pulls_from_ros,
     seconds,
+    Stiffness,
     stiffness_from_ros,
     tracked_pose_from_ros,
     tracked_pose_to_ros,
@@ -63,7 +65,6 @@ MARKER_PERIOD = 0.05  # s
 TENSION_PERIOD = 1.0  # s for which a tension that was wrong is shown
 MIN_PERIOD = 0.005  # s between two shapes at least
 CHECK_PERIOD = 0.02  # s after which what came sooner than that is followed
-MIN_VACUUM = 0.01  # part of the full vacuum that a stiff segment has at least
 COVARIANCE_PERIOD = 0.1  # s between two covariances, which cost more than the shape
 REFUSAL_PERIOD = 1.0  # s for which it is shown why a pose is none that can be used
 UNUSED_PERIOD = 3.0  # s after the last measurement for which it is shown that most are not used
@@ -100,12 +101,12 @@ class Kinematics(Node):
                                estimation_from_parameters(self.parameters))
         segments = len(self._arm.segments)
         jamming = self.parameters['arm.jamming']
-        self._stiff: tuple[bool | None, ...] = (None if jamming else False,) * segments
-        self._vacuum = np.ones(segments)  # parts of the full vacuum
-        self._elastic = [i for i in range(segments) if not self._arm.segments[i].jam.rigid]
+        self._stiff = Stiffness((None if jamming else False,) * segments)
+        self._elastic = [not segment.jam.rigid for segment in self._arm.segments]
+        self._vacuum = JamVacuum(self._elastic, self.parameters)
         self._pulls: Array | None = None
         self._next_pulls: Array | None = None  # not followed yet
-        self._next_stiff: tuple[bool | None, ...] = self._stiff
+        self._next_stiff = self._stiff
         self._followed = 0.0  # when, s (steady)
         self._sliding = np.zeros(len(self._tendons), dtype=int)
         self._time = 0.0  # of the last tendon_states, s
@@ -164,7 +165,8 @@ class Kinematics(Node):
 
     def _on_model(self) -> None:
         self._compiled = True
-        needed = ('tendon_states', *(['jamming_valves/state'] if None in self._stiff else ()))
+        needed = ('tendon_states', *(
+            ['jamming_valves/state'] if None in self._stiff.confirmed else ()))
         self.status.set(OK, f'waiting for {" and ".join(needed)}')
         self._publish()
 
@@ -176,10 +178,7 @@ class Kinematics(Node):
 
     def _on_pressure(self, segment: int, message: FluidPressure) -> None:
         """Follow the vacuum of a jam, which counts with the next pulls if it is not rigid."""
-        vacuum = self.parameters['ambient_pressure'] - message.fluid_pressure
-        if isfinite(vacuum) and segment in self._elastic:
-            part = round(vacuum / self.parameters['full_vacuum'], 2)
-            self._vacuum[segment] = min(1.0, max(MIN_VACUUM, part))
+        self._vacuum.follow(segment, message.fluid_pressure, self._next_stiff.told)
 
     def _on_tendons(self, message: JointState) -> None:
         try:
@@ -261,7 +260,7 @@ class Kinematics(Node):
         self._pulls = pulls
 
     def _publish(self) -> None:
-        if not self._compiled or self._pulls is None or None in self._stiff:
+        if not self._compiled or self._pulls is None or None in self._stiff.confirmed:
             return
         self._follows = self._update()
         state = self._shape.state
@@ -294,8 +293,8 @@ class Kinematics(Node):
 
     def _make_markers(self, state: State, stamp: Any) -> MarkerArray:
         frame, shape = self.parameters['frame_id'], self._shape
-        found = shape_markers(state.chain, state, self._stiff, self.parameters['tension_limit'],
-                              frame, stamp)
+        found = shape_markers(state.chain, state, self._stiff.confirmed,
+                              self.parameters['tension_limit'], frame, stamp)
         if shape.estimate is not None and shape.predicted is not None:
             found.markers.append(prediction_marker(shape.predicted, frame, stamp))
         if shape.anomalies:
@@ -325,10 +324,11 @@ class Kinematics(Node):
         assert self._pulls is not None
         jumped = self._shape.state is not None and self._shape.state.jumped
         try:
+            jammed = tuple(bool(jam) for jam in self._stiff.jammed(self._elastic))
             self._shape.follow(Commands(
-                self._time, self._pulls, tuple(bool(stiff) for stiff in self._stiff),
-                tuple(self._vacuum.tolist()) if self._elastic else None,
-                tuple(self._sliding.tolist())))
+                self._time, self._pulls, jammed,
+                self._vacuum.parts, tuple(self._sliding.tolist()),
+                jammed != self._stiff.confirmed))
         except UnknownShapeError as error:
             known = ('straighten the arm and call tendon_actuation/reference, or soften every '
                      'segment; then ' if self.parameters['arm.jamming'] else '')
@@ -350,7 +350,7 @@ class Kinematics(Node):
             self.get_logger().warning('a soft segment folded over to another equilibrium')
         self.status.set(
             OK, f'following the arm{self._source()}',
-            soft=' '.join(str(i + 1) for i, stiff in enumerate(self._stiff) if not stiff),
+            soft=' '.join(str(n) for n, s in enumerate(self._stiff.confirmed, 1) if not s),
             **self._named('tension', state.tensions, digits=2),
             **self._named('slack', state.slack),
             **{} if (alone := self._shape.unpredicted) is None else {'prediction': alone})
@@ -378,7 +378,7 @@ class Kinematics(Node):
             response.message = 'no tendon_states yet; start tendon_actuation'
         elif not self._compiled:
             response.message = loading()
-        elif True not in self._stiff and None not in self._stiff:
+        elif not any(self._stiff.jammed(self._elastic)) and None not in self._stiff.confirmed:
             # Without a stiff segment the pulls alone make the shape.
             try:
                 self._shape.set_soft(self._pulls)

@@ -15,7 +15,7 @@ from soft_continuum.mechanics.either import AnyChain
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.conversions import equilibrium_from_ros, stiffness_from_ros
+from soft_continuum.ros.conversions import equilibrium_from_ros, Stiffness, stiffness_from_ros
 from soft_continuum.ros.estimates import Model, model_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
@@ -46,8 +46,8 @@ class ReportedArm:
         """Subscribe for ``node``; parameters: with arm.jamming and silence_timeout, s."""
         self.chain, self.parameters = chain, parameters
         self._jamming: bool = parameters['arm.jamming']
-        self.stiff: tuple[bool | None, ...] = (
-            None if self._jamming else False,) * chain.segments
+        self._elastic = [not segment.jam.rigid for segment in chain.arm.segments]
+        self.stiffness = Stiffness((None if self._jamming else False,) * chain.segments)
         self.conflicts = Conflicts(node, chain.segments)
         self.pressures = [float('nan')] * chain.segments
         self._reported: tuple[Any, KinematicsState] | None = None
@@ -63,7 +63,7 @@ class ReportedArm:
                       partial(self._on_pressure, i), SENSOR)
 
     def _on_jamming_valves(self, state: JammingValvesState) -> None:
-        self.stiff = stiffness_from_ros(state, self.stiff)
+        self.stiffness = stiffness_from_ros(state, self.stiffness)
 
     def _on_pressure(self, segment: int, message: FluidPressure) -> None:
         self.pressures[segment] = message.fluid_pressure
@@ -74,8 +74,17 @@ class ReportedArm:
         if shape is not None:
             self._reported = shape, message
             self.shape_age.refresh()
-            if not self._jamming or tuple(message.stiff) == self.stiff:
+            if not self._jamming or tuple(message.stiff) == self.jammed(self.stiffness):
                 self._agreed.refresh()
+
+    @property
+    def stiff(self) -> tuple[bool | None, ...]:
+        """Which segments are confirmed stiff."""
+        return self.stiffness.confirmed
+
+    def jammed(self, stiffness: Stiffness) -> tuple[bool | None, ...]:
+        """Return in which segments the model has a jam, whatever its vacuum."""
+        return stiffness.jammed(self._elastic)
 
     @property
     def timeout(self) -> float:

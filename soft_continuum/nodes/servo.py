@@ -28,6 +28,7 @@ from soft_continuum.nodes.threads import on_ros_thread, Worker
 from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.age import Age
+from soft_continuum.ros.conversions import Stiffness
 from soft_continuum.ros.names import SERVO, SHAPE_SEQUENCER
 from soft_continuum.ros.qos import EVERY_STATE
 from soft_continuum.ros.text import plain
@@ -111,7 +112,7 @@ class Servo(Node):
         self._preparing: object = None  # while a servo is made; another one each time
         self._worker = Worker('servo', self._on_failure)
         self._level, self._ended = OK, 'not enabled yet'  # why it is not
-        self._stiff: tuple[bool | None, ...] = ()  # when it was enabled
+        self._stiffness = Stiffness(())  # when it was enabled
         self._stops = 0
         self._refused, self._refused_age = '', Age()
         self._targets: dict[type, tuple[float, bytes]] = {}  # newest of each type, not read yet
@@ -205,7 +206,7 @@ class Servo(Node):
             return problem
         if observed.shape is None or observed.estimate is None:
             return 'the shape of the arm is not known'
-        if observed.shape.stiff != observed.stiff:
+        if observed.shape.stiff != observed.jammed(observed.stiffness):
             return 'kinematics does not know yet which segment is soft; try again'
         return ''
 
@@ -249,7 +250,7 @@ class Servo(Node):
                 'target_timeout', 'measurement_timeout')})
         make = partial(AngleServo, statics_of(model.chain.arm), settings, shape, self._segment,
                        self._jamming)
-        self._stiff, self._stops = observed.stiff, observed.tendons.stops
+        self._stiffness, self._stops = observed.stiffness, observed.tendons.stops
         self._preparing = this = object()
         if self._planar:
             return self._begin(this, *_made(make))
@@ -296,7 +297,7 @@ class Servo(Node):
             return failure.message
         if problem := observed.interlock:
             return problem
-        if observed.stiff != self._stiff:
+        if observed.stiffness != self._stiffness:
             return 'a segment changed between soft and stiff'
         return 'a sequence runs' if self._sequence_runs else ''
 

@@ -116,7 +116,7 @@ class TendonActuation(ManagedNode):
     def open_device(self) -> Device:
         """Connect and read; move nothing."""
         driver: TendonDriver = make_driver(
-            TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, STEADY)
+            TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, STEADY, self)
         driver.open()
         low, high = self.parameters['pull_limits']
         limits = TendonLimits(self._tendons, (low, high), self.parameters['speed_limit'])
@@ -215,7 +215,7 @@ class TendonActuation(ManagedNode):
 
     def _judge(self, data: bytes, revocations: int) -> None:
         """Follow a trajectory if nothing forbids it; on a thread that may take long."""
-        control, stiff, request_id = self._control, self._arm.stiff, ''
+        control, stiffness, request_id = self._control, self._arm.stiffness, ''
         try:
             begin = STEADY()
             message = deserialize_message(data, JointTrajectory)
@@ -229,9 +229,10 @@ class TendonActuation(ManagedNode):
                 limits = TensionLimits(
                     self.parameters['tension_limit'], self.parameters['co_contraction_limit'])
                 self._prediction.check(
-                    pulls + known[1].offsets, known[0], [not s for s in stiff], limits,
+                    pulls + known[1].offsets, known[0],
+                    [not jam for jam in self._arm.jammed(stiffness)], limits,
                     lambda: control.revocations != revocations)
-            self._loop.call(control.follow, request, stiff)
+            self._loop.call(control.follow, request, stiffness)
         except MotionRefusedError as error:
             self._refuse(request_id, error)
             STEADY.sleep(REFUSAL_PAUSE)

@@ -16,12 +16,14 @@ from soft_continuum.hardware.tension_guard import TensionGuard
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.motion_requests import MotionRequests, Request
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm
+from soft_continuum.ros.conversions import Stiffness
 from soft_continuum_interfaces.msg import TendonActuationState
 
 MAX_LATENESS = 0.5
 """s by which a control cycle may come late: then all that was sent ahead has run out."""
 MAX_JUMP = 0.5
 """s by which ROS time may jump without a motion that follows it being ended."""
+CHANGED = 'a segment changed between soft and stiff, or its vacuum was set'
 MAX_REVOKED = 20  # motions whose further parts are refused
 Device = tuple[TendonDriver, TendonController]
 
@@ -73,7 +75,7 @@ class TendonControl:
         self._controller: TendonController | None = None
         self._active = False
         self._requests = MotionRequests()
-        self._stiff_at_start: tuple[bool | None, ...] = ()
+        self._stiffness_at_start = Stiffness(())
         self._stopped, self._stop_message = TendonActuationState.NOT_STOPPED, ''
         self._emergency = False  # whether emergency_stop is on
         self._fault = ''  # why there is no device
@@ -152,17 +154,16 @@ class TendonControl:
         controller = self._checked(request)
         return controller.plan(*self._trajectory(controller, request))[1]
 
-    def follow(self, request: Request, stiff: tuple[bool | None, ...]) -> None:
+    def follow(self, request: Request, stiffness: Stiffness) -> None:
         """
-        Follow a trajectory whose tensions were predicted for ``stiff``.
+        Follow a trajectory whose tensions were predicted for ``stiffness``.
 
         Raises MotionRefusedError.
         """
         controller = self._checked(request)
-        if stiff != self._arm.stiff:
+        if stiffness != self._arm.stiffness:
             raise MotionRefusedError(
-                Reason.STIFFNESS_CHANGED,
-                'a segment changed between soft and stiff before the motion began')
+                Reason.STIFFNESS_CHANGED, f'{CHANGED} before the motion began')
         limit = self._tension_limit()
         if problem := self._guard.unmeasured(controller.reading, limit):
             raise MotionRefusedError(Reason.DEVICE, problem)
@@ -179,7 +180,7 @@ class TendonControl:
                               f'({request.id or "without an id"}) took its place')
             self.report()
         self._requests.accept(request.id)
-        self._stiff_at_start, self._stamped = stiff, request.start is not None
+        self._stiffness_at_start, self._stamped = stiffness, request.start is not None
         self._ended = self._refused = ''
         self.report()
 
@@ -362,9 +363,8 @@ class TendonControl:
             return self._arm.homing_interlock()
         if interlock := self._arm.motion_interlock():
             return interlock
-        if self._stiff_at_start != self._arm.stiff:
-            return Interlock(Reason.STIFFNESS_CHANGED,
-                             'a segment changed between soft and stiff during the motion')
+        if self._stiffness_at_start != self._arm.stiffness:
+            return Interlock(Reason.STIFFNESS_CHANGED, f'{CHANGED} during the motion')
         if controller.following and late > MAX_LATENESS:
             return Interlock(
                 Reason.LATE, f'the control cycle came {late:.3f} s late; allowed: '

@@ -53,6 +53,9 @@ PER_SEGMENT = (
     Parameter('arm.yield_moments', (0.0,),
               'moment at which each jammed segment yields at full vacuum; 0: never',
               0.0, 1e6, unit='N m'),
+    Parameter('arm.stiffness_exponents', (1.0,),
+              'power of the vacuum, as part of the full one, with which the stiffness that '
+              'jamming adds to each segment grows', 0.0, 5.0),
     *SPATIAL_PER_SEGMENT,
 )
 PER_GUIDE = (
@@ -204,7 +207,8 @@ def _jams(get: Mapping[str, Any], count: int) -> list[Jam]:
                     f'parameters arm.stiff_curvatures and arm.stiff_moments, segment {i + 1}: '
                     f'{error}; is it softer than the soft one?') from None
         jams.append(Jam(ratio=inf if law else get['stiffness_ratios'][i] or inf, law=law,
-                        yield_moment=get['yield_moments'][i] or inf))
+                        yield_moment=get['yield_moments'][i] or inf,
+                        stiffness_exponent=get['stiffness_exponents'][i]))
     return jams
 
 

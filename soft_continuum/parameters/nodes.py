@@ -62,6 +62,13 @@ ANTAGONIST_SLACK = Parameter(
 SOFT_VACUUM = Parameter(
     'soft_vacuum', 10e3, 'vacuum below ambient up to which a segment is soft', 100.0, 101e3,
     unit='Pa')
+FULL_VACUUM = Parameter(
+    'full_vacuum', 80e3, 'vacuum below ambient at which jams that are not rigid have the '
+    'stiffness and the yield moment of the description, and which regulators hold in a segment '
+    'that is to be stiff', 1e3, 101e3, unit='Pa')
+VACUUM_TOLERANCE = Parameter(
+    'vacuum_tolerance', 3e3, 'distance of a vacuum from the set-point of its regulator at which '
+    'it has followed', 100.0, 2e4, unit='Pa')
 
 NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     TENDON_ACTUATION: (
@@ -98,13 +105,11 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('pump_stop_vacuum', 80e3,
                   'the pump stops when every evacuated segment has more vacuum', 1e3, 101e3,
                   unit='Pa'),
-        *driver_parameters(JAMMING_DRIVERS),
+        FULL_VACUUM, VACUUM_TOLERANCE, *driver_parameters(JAMMING_DRIVERS),
     ),
     KINEMATICS: (
         *ARM_PARAMETERS, FRAME, TENSION_LIMIT, AMBIENT,
-        Parameter('full_vacuum', 80e3, 'vacuum below ambient at which jams that are not rigid '
-                  'have the stiffness and the yield moment of the description', 1e3, 101e3,
-                  unit='Pa'),
+        FULL_VACUUM, VACUUM_TOLERANCE,
         Parameter('straight_tolerance', 0.0005,
                   'largest pull at which ~/reset accepts a stiff arm as straight, and by which '
                   'the tendons may be too short for a stiff arm', 0.0, 0.1, unit='m'),

@@ -3,6 +3,7 @@
 """Conversions between the library's arrays and ROS messages."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import pi
 from typing import Any
 
@@ -159,17 +160,44 @@ def pulls_from_ros(message: JointState, tendons: Sequence[str]) -> Array:
     return pulls
 
 
-def stiffness_from_ros(state: JammingValvesState,
-                       before: Sequence[bool | None]) -> tuple[bool | None, ...]:
+@dataclass(frozen=True)
+class Stiffness:
     """
-    Return which segments are stiff; one of which nothing is known stays as it was ``before``.
+    What jamming_valves says of every segment; None where nothing is known yet.
+
+    confirmed: stiff, by its pressure.  told: vacuum that its regulator is set to, Pa below
+    ambient; of valves empty.
+    """
+
+    confirmed: tuple[bool | None, ...]
+    told: tuple[float, ...] = ()
+
+    def jammed(self, elastic: Sequence[bool]) -> tuple[bool | None, ...]:
+        """
+        Return in which segments the model has a jam, with whatever part of the full vacuum.
+
+        elastic: of which segments the description has a law for the jam.  A regulator that is set
+        to any vacuum jams them; all others jam once they are confirmed stiff.
+        """
+        if not self.told:
+            return self.confirmed
+        return tuple(told > 0.0 if law and stiff is not None else stiff for stiff, told, law
+                     in zip(self.confirmed, self.told, elastic, strict=True))
+
+
+def stiffness_from_ros(state: JammingValvesState, before: Stiffness) -> Stiffness:
+    """
+    Return the stiffness of segments; one of which nothing is known stays as it was ``before``.
 
     A message about another number of segments changes nothing.
     """
-    if len(state.stiffness) != len(before):
-        return tuple(before)
-    return tuple(was if now == JammingValvesState.UNKNOWN else now == JammingValvesState.STIFF
-                 for was, now in zip(before, state.stiffness, strict=True))
+    if (len(state.stiffness) != len(before.confirmed)
+            or len(state.vacuums) not in (0, len(before.confirmed))):
+        return before
+    return Stiffness(
+        tuple(was if now == JammingValvesState.UNKNOWN else now == JammingValvesState.STIFF
+              for was, now in zip(before.confirmed, state.stiffness, strict=True)),
+        tuple(state.vacuums) if state.connected else before.told)
 
 
 def equilibrium_to_ros(state: State) -> KinematicsState:

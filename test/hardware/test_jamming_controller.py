@@ -15,7 +15,11 @@ from soft_continuum.hardware.jamming_controller import (
     RESPONSE_TIME,
 )
 from soft_continuum.hardware.protocols import HardwareError, JammingReading
-from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
+from soft_continuum.hardware.simulated_jamming import (
+    JammingPlant,
+    SimulatedJamming,
+    SimulatedRegulators,
+)
 
 SETTINGS = JammingSettings()
 AMBIENT = SETTINGS.ambient_pressure
@@ -521,3 +525,130 @@ def test_a_sensor_that_was_stuck_before_the_start_is_not_believed():
         controller.update()
         assert controller.stiff == [False]
     assert 'stuck' in controller.faults[0]
+
+
+# Regulators.
+
+
+class ScriptedRegulators:
+    """Regulators whose sensors read what a test says."""
+
+    max_vacuum = 90e3
+
+    def __init__(self, *vacuum):
+        self.vacuum = list(vacuum)
+        self.told = list(vacuum)
+
+    def open(self):
+        """Nothing to connect."""
+
+    def close(self):
+        """Nothing to disconnect."""
+
+    def read(self):
+        return JammingReading.of_regulators(
+            tuple(AMBIENT - v for v in self.vacuum), tuple(self.told))
+
+    def set_vacuum(self, segment, vacuum):
+        self.told[segment] = vacuum
+
+
+def regulated(*vacuum):
+    """Regulators that have followed their set-points, and their controller."""
+    driver, clock = ScriptedRegulators(*vacuum), Clock()
+    controller = JammingController(driver, len(vacuum), SETTINGS, clock)
+    controller.update()
+    return clock, driver, controller
+
+
+def test_a_regulated_segment_is_stiff_by_the_same_thresholds_as_one_with_a_valve():
+    _, driver, controller = regulated(0.0, 0.0)
+    controller.set_vacuum(0, 80e3)
+    flags = stiff_at(controller, driver, STIFF - 1.0, STIFF, RELEASE, RELEASE - 1.0, STIFF - 1.0)
+    assert flags == [False, True, True, False, False]
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.lists(st.tuples(st.integers(0, 1), st.floats(0.0, 90e3), st.floats(0.0, 2.0)),
+                min_size=1, max_size=12))
+def test_whatever_is_set_a_segment_is_stiff_only_with_a_vacuum_that_makes_it_so(script):
+    clock = Clock()
+    driver = SimulatedRegulators(clock, 2, JammingPlant(), True)
+    controller = JammingController(driver, 2, SETTINGS, clock)
+    for segment, vacuum, duration in script:
+        controller.set_vacuum(segment, vacuum)
+        for _ in range(4):
+            clock.now += duration / 4
+            reading = controller.update()
+            for stiff, pressure, told in zip(
+                    controller.stiff, reading.pressures, reading.vacuums, strict=True):
+                assert not stiff or (AMBIENT - pressure >= RELEASE and told >= RELEASE)
+    clock.now += 30.0
+    controller.update()
+    assert controller.faults == ('', '')
+
+
+def test_a_segment_told_to_have_little_vacuum_is_not_stiff_from_then_on():
+    _, driver, controller = regulated(80e3)
+    assert controller.stiff == [True]
+    controller.set_vacuum(0, 30e3)
+    assert controller.stiff == [False]
+    controller.update()
+    assert controller.stiff == [False]  # though its vacuum is still there
+
+
+def test_stiff_and_soft_are_the_full_vacuum_and_none():
+    _, driver, controller = regulated(20e3, 20e3)
+    controller.set_stiff(0, True)
+    controller.set_stiff(1, False)
+    assert driver.told == [SETTINGS.full_vacuum, 0.0]
+
+
+@pytest.mark.parametrize('vacuum', [nan, inf, -1.0, 90.1e3])
+def test_a_vacuum_that_no_regulator_holds_is_refused_and_changes_nothing(vacuum):
+    _, driver, controller = regulated(80e3)
+    with pytest.raises(ValueError, match='allowed: 0 to 90000 Pa'):
+        controller.set_vacuum(0, vacuum)
+    assert driver.told == [80e3] and controller.stiff == [True]
+
+
+def test_valves_hold_no_vacuum_between():
+    _, controller = scripted(80e3)
+    with pytest.raises(ValueError, match='valves'):
+        controller.set_vacuum(0, 30e3)
+
+
+@pytest.mark.parametrize(('told', 'stays'), [(30e3, 80e3), (80e3, 30e3), (0.0, 20e3)])
+def test_a_pressure_that_does_not_follow_its_regulator_is_a_fault(told, stays):
+    clock, driver, controller = regulated(stays, 60e3)
+    controller.set_vacuum(0, told)
+    assert after(clock, controller, 0.1) == ('', '')
+    first, second = after(clock, controller, RESPONSE_TIME)
+    assert f'set to {told / 1e3:.1f} kPa' in first and not second
+    driver.vacuum[0] = told
+    assert after(clock, controller, 0.1) == ('', '')
+
+
+def test_a_broken_sensor_of_a_regulated_segment_is_a_fault_and_not_stiff():
+    clock, driver, controller = regulated(80e3)
+    driver.vacuum[0] = nan
+    assert 'no pressure' in after(clock, controller, 0.1)[0]
+    assert controller.stiff == [False]
+
+
+def test_a_frozen_sensor_that_missed_a_venting_makes_no_segment_stiff():
+    clock, driver, controller = regulated(80e3)
+    controller.set_vacuum(0, 0.0)
+    for _ in range(5):
+        after(clock, controller, 0.2)
+    controller.set_vacuum(0, 80e3)
+    assert after(clock, controller, 0.1)[0]
+    assert after(clock, controller, 5.0)[0]
+    assert controller.stiff == [False]
+
+
+def test_regulators_that_cannot_make_a_segment_stiff_are_refused():
+    with pytest.raises(HardwareError, match='full_vacuum'):
+        SETTINGS.check_regulators(70e3)
+    with pytest.raises(HardwareError, match='stiff_vacuum'):
+        JammingSettings(full_vacuum=51e3).check_regulators(90e3)

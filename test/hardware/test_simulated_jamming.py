@@ -8,7 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
+from soft_continuum.hardware.simulated_jamming import (
+    JammingPlant,
+    SimulatedJamming,
+    SimulatedRegulators,
+)
 
 PLANT = JammingPlant()
 AMBIENT, ULTIMATE = PLANT.ambient_pressure, PLANT.ultimate_vacuum
@@ -190,3 +194,41 @@ def test_pressures_are_continuous_whatever_is_switched(script, stiff):
         getattr(jamming, name)(*arguments)
         assert jamming.read().pressures == before
         clock.now += duration
+
+
+def regulators(initially_stiff=False):
+    clock = Clock()
+    return clock, SimulatedRegulators(clock, SEGMENTS, PLANT, initially_stiff, dead_band=500.0)
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.lists(st.tuples(st.floats(0.0, 90e3), st.floats(0.0, 3.0)), min_size=1, max_size=6))
+def test_a_regulator_comes_within_its_dead_band_from_either_side_and_stays(script):
+    clock, air = regulators()
+    for wanted, part in script:
+        air.set_vacuum(1, wanted)
+        assert air.read().vacuums[1] == wanted
+        before = vacuum_after(clock, air, 0.0, 1)
+        between = vacuum_after(clock, air, part, 1)
+        assert min(before, wanted) - 501.0 <= between <= max(before, wanted) + 501.0
+        clock.now += 10.0 * PLANT.venting_time
+        assert vacuum_after(clock, air, 0.0, 1) == pytest.approx(wanted, abs=501.0)
+    assert air.read().pressures[0] == AMBIENT  # another segment
+
+
+def test_a_regulator_moves_as_fast_as_a_pump_evacuates_and_a_valve_vents():
+    clock, air = regulators()
+    air.set_vacuum(0, 90e3)
+    assert vacuum_after(clock, air, 0.2) == pytest.approx(
+        ULTIMATE * (1 - exp(-0.2 / PLANT.evacuation_time)))
+    begin = vacuum_after(clock, air, 20.0)
+    air.set_vacuum(0, 0.0)
+    assert vacuum_after(clock, air, 0.3) == pytest.approx(begin * exp(-0.3 / PLANT.venting_time))
+
+
+def test_opening_and_closing_regulators_leaves_their_set_points():
+    _, air = regulators(initially_stiff=True)
+    before = air.read()
+    air.open()
+    air.close()
+    assert air.read() == before and before.vacuums == (air.max_vacuum,) * SEGMENTS

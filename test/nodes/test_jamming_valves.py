@@ -8,6 +8,8 @@ from ros_rig import AMBIENT, LATCHED, Rig, SEGMENTS, STIFF_VACUUM
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
+from soft_continuum_interfaces.srv import SetVacuum
+
 RELEASE_VACUUM = 40e3
 
 
@@ -172,3 +174,34 @@ def test_the_pump_rests_at_its_stop_vacuum_and_starts_again_at_its_start_vacuum(
         said = len(rig.statuses['jamming_valves'])
         rig.wait_for_status('jamming_valves', 'pump', pump, after=said)
     assert rig.all_stiff
+
+
+def set_vacuum(rig: Rig, segment: int, vacuum: float) -> SetVacuum.Response:
+    return rig.call(SetVacuum, f'jamming_valves/segment_{segment}/set_vacuum', vacuum=vacuum)
+
+
+def test_a_regulator_holds_a_vacuum_between_soft_and_stiff(rig: Rig) -> None:
+    rig.start('jamming_valves', simulated_jamming__regulators=True,
+              arm__stiffness_ratios=(10.0, 10.0, 0.0))
+    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
+    assert set_vacuum(rig, 2, 30e3).success
+    rig.wait_for(lambda: abs(vacuum(rig, 2) - 30e3) < 1e3, 'the vacuum')
+    assert rig.soft_segments() == [2]
+    told = rig.states['jamming_valves'].last.vacuums
+    assert list(told) == pytest.approx([90e3, 30e3, 90e3])
+    for wrong in (float('nan'), -1.0, 91e3):
+        answer = set_vacuum(rig, 2, wrong)
+        assert not answer.success and '0 to 90000 Pa' in answer.message
+    answer = set_vacuum(rig, 3, 30e3)  # whose jam is rigid
+    assert not answer.success and 'arm.stiffness_ratios' in answer.message
+    assert rig.set_stiff(2, True).success
+    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
+    assert list(rig.states['jamming_valves'].last.vacuums) == pytest.approx([90e3, 80e3, 90e3])
+    assert set_vacuum(rig, 3, 0.0).success
+    rig.assert_stiff_only_by_pressure()
+
+
+def test_valves_refuse_a_vacuum_between(valves: Rig) -> None:
+    answer = set_vacuum(valves, 2, 0.0)
+    assert not answer.success and 'valves' in answer.message
+    assert valves.all_stiff and not valves.states['jamming_valves'].last.vacuums

@@ -1,0 +1,40 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""The part of the full vacuum that each jam has, as its pressure tells."""
+
+from collections.abc import Mapping, Sequence
+from math import isfinite, nan
+from typing import Any
+
+MIN_PART = 0.01  # of a jam that the model has
+
+
+class JamVacuum:
+    """Follows the pressures of the segments whose jams are not rigid; others count as full."""
+
+    def __init__(self, elastic: Sequence[bool], parameters: Mapping[str, Any]) -> None:
+        """Begin with the full vacuum; parameters: those of kinematics."""
+        self._elastic, self._parameters = elastic, parameters
+        self._parts = [1.0] * len(elastic)
+
+    def follow(self, segment: int, pressure: float, told: Sequence[float]) -> None:
+        """
+        Take the pressure (absolute, Pa) of a segment (0-based).
+
+        told: set-points of regulators, Pa below ambient; of valves empty.  One that has followed
+        counts as its set-point says: if every noise of a sensor let the jam go and grow again, the
+        arm would creep in the model.
+        """
+        vacuum = self._parameters['ambient_pressure'] - pressure
+        if not isfinite(vacuum) or not self._elastic[segment]:
+            return
+        wanted = told[segment] if told else nan
+        if abs(vacuum - wanted) <= self._parameters['vacuum_tolerance']:
+            vacuum = wanted
+        part = round(vacuum / self._parameters['full_vacuum'], 2)
+        self._parts[segment] = min(1.0, max(MIN_PART, part))
+
+    @property
+    def parts(self) -> tuple[float, ...] | None:
+        """Of the full vacuum, per segment; None where every jam is rigid."""
+        return tuple(self._parts) if any(self._elastic) else None
