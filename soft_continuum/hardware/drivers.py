@@ -77,8 +77,8 @@ def driver_topics(values: Mapping[str, Any]) -> dict[str, tuple[dict[str, str], 
     """
     Return which topics of other nodes the chosen drivers use, by the parameter that chooses them.
 
-    values: checked parameters of a rig.  Of each, the type (as std_msgs/Bool) by name of the topics
-    that its node publishes, and of those it subscribes to; names are as in the parameters.
+    values: checked parameters of a rig.  Of each, the type (as std_msgs/Bool) by name of the
+    topics that its node publishes, and of those it subscribes to; names are as in the parameters.
     """
     found = {}
     for group, name in ((TENDON_DRIVERS, 'tendon_driver'), (JAMMING_DRIVERS, 'jamming_driver')):
