@@ -55,6 +55,12 @@ APPLIES = {'measured': 'steps', 'distance': 'steps', 'seen': 'signs', 'take_up':
 """Which option belongs to which procedure."""
 PER_TENDON = 'measured', 'seen', 'take_up'
 """Options with a value for each tendon."""
+STEPS = 'grbl.steps_per_mm'
+SIGNS = {'grbl': 'grbl.signs', 'ros_topics': 'ros_tendons.scales'}
+TRAVEL = {'grbl': STEPS, 'ros_topics': 'ros_tendons.scales'}
+"""Parameters that signs and steps correct, by driver; all but STEPS are travel per unit."""
+ZEROS = {'ros_topics': 'ros_tendons.zeros'}
+"""Parameter of drivers that know only from it where zero is, and have it as ``zeros``."""
 
 
 @dataclass
@@ -90,6 +96,8 @@ class Job:
     def per_tendon(self, name: str) -> tuple[float, ...]:
         """Return a parameter with a value for each tendon; raises CalibrationError."""
         values: tuple[float, ...] = self.values[name]
+        if len(values) == 1 and not name.startswith('grbl.'):  # one counts for all
+            return values * len(self.names)
         if len(values) != len(self.names):
             raise CalibrationError(f'parameter {name} is {as_yaml(values)}; needed: one value for '
                                    f'each of {", ".join(self.names)}; begin with estimates')
@@ -146,7 +154,7 @@ def _run(options: argparse.Namespace) -> None:
     values = load_rig(options.params_file)
     name = f'calibration_{options.what}.yaml' if options.what != 'all' else 'calibration.yaml'
     path = Path(options.output, name)
-    if options.what != 'zero':
+    if options.what != 'zero' or values['tendon_driver'] in ZEROS:
         path, = reserve_outputs(options.output, [name], options.force)
     job = Job(options, values)
     procedures = [procedure for name, procedure in PROCEDURES.items()
@@ -262,9 +270,10 @@ def _signs(job: Job) -> None:
                         one_of(*DIRECTIONS, 'again'))
                     bench.move(job.one(tendon, -SIGN_MOVE))
                 seen.append(answer)
+    name = SIGNS.get(job.values['tendon_driver'], 'grbl.signs')
     signs = tuple(sign * DIRECTIONS[answer]
-                  for sign, answer in zip(job.per_tendon('grbl.signs'), seen, strict=True))
-    _take(job, 'grbl.signs', signs)
+                  for sign, answer in zip(job.per_tendon(name), seen, strict=True))
+    _take(job, name, signs)
 
 
 def _steps(job: Job) -> None:
@@ -284,13 +293,20 @@ def _steps(job: Job) -> None:
                     f'By how many mm was the {name} tendon really pulled in?',
                     lambda text: _travel(text, distance)))
                 bench.move(job.one(tendon, -distance))
-    before = job.per_tendon('grbl.steps_per_mm')
-    steps = tuple(corrected_steps(old, distance / MM, travel / MM)
+    parameter = TRAVEL.get(job.values['tendon_driver'], STEPS)
+    before = job.per_tendon(parameter)
+    steps = tuple(_corrected(parameter, old, distance, travel)
                   for old, travel in zip(before, travels, strict=True))
-    _take(job, 'grbl.steps_per_mm', steps)
+    _take(job, parameter, steps)
     if job.values['tendon_driver'] == 'grbl' and steps != tuple(before):
         _forget_zero(job.values)
         print('The steps per mm have changed: the zero must be set again.')
+
+
+def _corrected(parameter: str, old: float, distance: float, travel: float) -> float:
+    """Return what a parameter of TRAVEL should have been; distance, travel: mm."""
+    steps = corrected_steps(old, distance / MM, travel / MM)  # raises for what cannot be
+    return steps if parameter == STEPS else float(f'{old * travel / distance:.6g}')
 
 
 def _travel(text: str, distance: float) -> float:
@@ -300,11 +316,11 @@ def _travel(text: str, distance: float) -> float:
 
 
 def _take(job: Job, name: str, values: tuple[float, ...]) -> None:
-    """Keep a result for the stepper controller, if the rig has one."""
+    """Keep a result, if it is for the driver of the rig."""
     print(f'{name}: {as_yaml(values)} ({", ".join(job.names)}); it was '
           f'{as_yaml(job.values[name])}')
     job.values[name] = values
-    if job.values['tendon_driver'] == 'grbl':
+    if job.values['tendon_driver'] in SIGNS:
         job.results[name] = values
     else:
         print(f'This is for a grbl controller and is not kept: tendon_driver is '
@@ -326,6 +342,13 @@ def _zero(job: Job) -> None:
         tendons.reference()
         sleep(MARK_TIME)
     print('The straight arm is zero.')
+    if parameter := ZEROS.get(job.values['tendon_driver']):
+        _take(job, parameter, tuple(tendons.zeros))  # type: ignore[attr-defined]
+        print('If the joints keep their position while they are switched off, set '
+              f'{parameter.partition(".")[0]}.absolute: true, and the arm is referenced after '
+              'every start. Else start the nodes, and with the arm straight and all tendons just '
+              'taut type soft_continuum reference.')
+        return
     tendons.open()  # as the node will
     try:
         kept = tendons.read().referenced

@@ -18,7 +18,7 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.ros.enclaves import CLIENT, with_enclave
 from soft_continuum.ros.executor import BestExecutor
-from soft_continuum.ros.network import choose_own_network, security_problem
+from soft_continuum.ros.network import choose_own_network, security_problem, wait_until_up
 
 
 class Connection:
@@ -40,6 +40,7 @@ class Connection:
         asks for.
         """
         choose_own_network()
+        wait_until_up()
         self._open = True
         self._context = Context()
         try:

@@ -75,12 +75,25 @@ def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
                 yield from _check_grbl(port, values['grbl.baud_rate'], motors)
         else:
             driver.open()
-            reading = driver.read()
-            driver.close()
-            yield Check(step, OK, 'opens and reads')
+            try:
+                yield Check(step, OK, 'opens and reads')
+                yield from _check_topics(driver)
+                reading = driver.read()
+            finally:
+                driver.close()
             yield _check_reference(reading.referenced)
     except (HardwareError, ParameterError) as error:
         yield Check(step, FAIL, str(error))
+
+
+def _check_topics(driver: Any) -> Iterator[Check]:
+    """Yield what is heard on the topics of a driver that has any."""
+    if hasattr(driver, 'link'):
+        from soft_continuum.hardware.topic_survey import survey  # needs ROS, as the driver does
+
+        for found in survey(driver):
+            yield Check(found.step, WARN if found.warning else OK,
+                        '; '.join(filter(None, (found.message, found.warning))))
 
 
 def _check_reference(referenced: bool) -> Check:
@@ -139,8 +152,11 @@ def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:
             if any(check.status == FAIL for check in checks):
                 return
         driver.open()
-        reading = driver.read()
-        driver.close()
+        try:
+            yield from _check_topics(driver)
+            reading = driver.read()
+        finally:
+            driver.close()
     except (HardwareError, ParameterError) as error:
         yield Check(step, FAIL, str(error))
         return

@@ -3,11 +3,13 @@
 """
 The drivers that can be chosen by name: those of this package, and those of other packages.
 
-A driver is a class that implements TendonDriver or JammingDriver and also has
+A driver is a class that implements TendonDriver, JammingDriver or RegulatorDriver and also has
 ``PARAMETERS``, a tuple of Parameter, and ``from_parameters(values, clock)``, which returns one for
 the checked parameters of its node (its own, and all that the node has without it) and a steady
-clock in s.  Another package adds one by an entry point in the group TENDON_DRIVERS or
-JAMMING_DRIVERS; docs/how_to/write_a_driver.md shows how.
+clock in s.  One that talks to other nodes has an attribute ``node``, which make_driver sets: the
+node that uses it, whose context, namespace and remapping it is to share, or None.  Another package
+adds one by an entry point in the group TENDON_DRIVERS or JAMMING_DRIVERS;
+docs/how_to/write_a_driver.md shows how.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,9 +26,11 @@ _HERE = 'soft_continuum.hardware'
 _OWN = {
     TENDON_DRIVERS: {'simulated': f'{_HERE}.simulated_tendons:SimulatedTendons',
                      'grbl': f'{_HERE}.grbl_tendons:GrblTendons',
-                     'dynamixel': f'{_HERE}.dynamixel_tendons:DynamixelTendons'},
+                     'dynamixel': f'{_HERE}.dynamixel_tendons:DynamixelTendons',
+                     'ros_topics': f'{_HERE}.ros_tendons:RosTendons'},
     JAMMING_DRIVERS: {'simulated': f'{_HERE}.simulated_jamming:SimulatedJamming',
-                      'modbus': f'{_HERE}.modbus_jamming:ModbusJamming'},
+                      'modbus': f'{_HERE}.modbus_jamming:ModbusJamming',
+                      'ros_topics': f'{_HERE}.ros_jamming:RosJamming'},
 }
 
 
@@ -56,13 +60,32 @@ def driver_parameters(group: str) -> tuple[Parameter, ...]:
 
 
 def make_driver(group: str, name: str, values: Mapping[str, Any],
-                clock: Callable[[], float]) -> Any:
+                clock: Callable[[], float], node: Any = None) -> Any:
     """
     Return the driver of that name, not opened yet.
 
-    Raises HardwareError when its package cannot be loaded, ParameterError for its parameters.
+    node: of ROS, which uses it; None outside of nodes.  A driver that talks to other nodes has an
+    attribute for it.  Raises HardwareError when its package cannot be loaded, ParameterError for
+    its parameters.
     """
-    return _load(group, name).from_parameters(values, clock)
+    driver = _load(group, name).from_parameters(values, clock)
+    if hasattr(driver, 'node'):
+        driver.node = node
+    return driver
+
+
+def driver_topics(values: Mapping[str, Any]) -> dict[str, tuple[dict[str, str], dict[str, str]]]:
+    """
+    Return which topics of other nodes the chosen drivers use, by the parameter that chooses them.
+
+    values: checked parameters of a rig.  Of each, the type (as std_msgs/Bool) by name of the
+    topics that its node publishes, and of those it subscribes to; names are as in the parameters.
+    """
+    found = {}
+    for group, name in ((TENDON_DRIVERS, 'tendon_driver'), (JAMMING_DRIVERS, 'jamming_driver')):
+        topics = getattr(_load(group, values[name]), 'topics', None)
+        found[name] = topics(values) if topics is not None else ({}, {})
+    return found
 
 
 def _load(group: str, name: str) -> Any:

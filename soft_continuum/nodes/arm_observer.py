@@ -173,4 +173,5 @@ class ArmObserver(ReportedArm):
             regulators=self.regulators,
             lost_tendons=self.conflicts.lost(TENDON_ACTUATION, self.timeout),
             lost_valves=self.conflicts.lost(JAMMING_VALVES, self.timeout),
-            agreed=not self._jamming or tuple(self.kinematics.stiff) == self.stiff)
+            agreed=(not self._jamming
+                    or tuple(self.kinematics.stiff) == self.jammed(self.stiffness)))

@@ -81,7 +81,7 @@ class JammingValves(ManagedNode):
     def open_device(self) -> Driver:
         """Connect and read; switch nothing."""
         driver: Driver = make_driver(
-            JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, STEADY)
+            JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, STEADY, self)
         if isinstance(driver, RegulatorDriver):
             self._settings.check_regulators(driver.max_vacuum)
         driver.open()

@@ -33,6 +33,7 @@ from soft_continuum.ros.network import (
     reachable_addresses,
     SAID,
     security_problem,
+    wait_until_up,
     who_commands,
 )
 
@@ -99,6 +100,7 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
     try:
         check_parameter_files(arguments, [name])
         discard_old_logs(os.environ)
+        wait_until_up()
         rclpy.init(args=with_enclave(arguments, name),
                    signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()

@@ -116,7 +116,7 @@ class TendonActuation(ManagedNode):
     def open_device(self) -> Device:
         """Connect and read; move nothing."""
         driver: TendonDriver = make_driver(
-            TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, STEADY)
+            TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, STEADY, self)
         driver.open()
         low, high = self.parameters['pull_limits']
         limits = TendonLimits(self._tendons, (low, high), self.parameters['speed_limit'])

@@ -25,8 +25,8 @@ class Interface:
     A row of a table.
 
     kind: topic, service or action.  role: publishes, subscribes, serves or calls.  name: relative,
-    ``~/name`` for private ones, or absolute; segment_N, disc_N and NODE stand for all of them,
-    and ``<parameter>`` for the name that a parameter has.  type: as ``std_msgs/msg/Bool``.
+    ``~/name`` for private ones, or absolute; segment_N, disc_N and NODE stand for all of them.
+    type: as ``std_msgs/msg/Bool``.
     """
 
     kind: str

@@ -11,6 +11,9 @@ from contextlib import suppress
 from ipaddress import ip_address, IPv4Address, IPv6Address
 import os
 from pathlib import Path
+from socket import AF_INET, SOCK_DGRAM, socket
+import sys
+from time import sleep
 
 PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -19,6 +22,8 @@ KEYSTORE = 'ROS_SECURITY_KEYSTORE'
 SAID = 'SOFT_CONTINUUM_NETWORK_SAID'
 """Environment variable of a node that is started with others: one of them says who commands."""
 LISTENING = '0A'  # state of a TCP socket
+NOT_UP = ('127.0.0.1 is not there: waiting for the interface lo; where nothing else brings it up, '
+          '`ip link set lo up` does')
 
 
 def choose_network(environment: MutableMapping[str, str], config: Path) -> None:
@@ -49,6 +54,24 @@ def choose_own_network() -> None:
     with suppress(ImportError, LookupError):  # not built
         from ament_index_python.packages import get_package_share_directory
         choose_network(os.environ, Path(get_package_share_directory('soft_continuum'), 'config'))
+
+
+def is_up() -> bool:
+    """Whether this computer has the address on which DDS listens, which a late ``lo`` has not."""
+    with socket(AF_INET, SOCK_DGRAM) as one:
+        try:
+            one.connect(('127.0.0.1', 9))  # sends nothing
+        except OSError:
+            return False
+    return True
+
+
+def wait_until_up(period: float = 0.5) -> None:
+    """Wait for 127.0.0.1, before DDS looks for it once; say so on stderr; period: s."""
+    if not is_up():
+        print(NOT_UP, file=sys.stderr, flush=True)
+        while not is_up():
+            sleep(period)
 
 
 def given_network(environment: Mapping[str, str]) -> dict[str, str]:

@@ -13,6 +13,7 @@ from dataclasses import replace
 import re
 from xml.etree import ElementTree
 
+from soft_continuum.hardware.drivers import driver_topics
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.nodes import DESCRIBED
 from soft_continuum.parameters.parameter import ParameterError, Value
@@ -27,7 +28,7 @@ from soft_continuum.ros.interface_tables import (
     OF_LIFECYCLE_NODES,
     SERVED,
 )
-from soft_continuum.ros.names import RECORDER, SHARED
+from soft_continuum.ros.names import JAMMING_VALVES, RECORDER, SHARED, TENDON_ACTUATION
 
 VERSION = '0.2.0'  # of the schema
 QUALIFIERS = {
@@ -37,6 +38,8 @@ QUALIFIERS = {
 SET_PARAMETERS = 'rcl_interfaces/srv/SetParameters'
 DESCRIBES_TYPES = Interface('service', SERVED, '*/get_type_description',
                             'type_description_interfaces/srv/GetTypeDescription')
+DRIVERS = {'tendon_driver': TENDON_ACTUATION, 'jamming_driver': JAMMING_VALVES}
+TOPIC = re.compile(r'(~/|/)?[a-z_]\w*(/[a-z_]\w*)*', re.ASCII | re.IGNORECASE)
 NAMESPACE = re.compile(r'/?([a-z]\w*(/[a-z]\w*)*)?/?', re.ASCII | re.IGNORECASE)
 
 
@@ -75,7 +78,9 @@ def profiles(values: Mapping[str, Value]) -> dict[str, set[Interface]]:
     publishes: sensors, obstacles, an emergency stop.  CLIENT does both, commands the tendons, and
     calls every service and action.
     """
-    listed = {name: {*_named(interfaces(name), values)} for name in documented_nodes()}
+    listed = {name: {*_numbered(interfaces(name), values)} for name in documented_nodes()}
+    for parameter, node in DRIVERS.items():
+        listed[node] |= {*_of_driver(values, parameter)}
     found = {name: own | {*OF_EVERY_NODE, *(OF_LIFECYCLE_NODES * is_lifecycle_node(name))}
              for name, own in listed.items()}
     # Their nodes may have any name. Ours have no parameters.
@@ -104,18 +109,23 @@ def _outside(node: str, one: Interface) -> Interface:
     return replace(one, name=re.sub('^~', node, one.name))
 
 
-def _named(rows: Iterable[Interface], values: Mapping[str, Value]) -> Iterator[Interface]:
-    """Yield the rows with the names of segments, discs and nodes, and those in parameters."""
+def _of_driver(values: Mapping[str, Value], parameter: str) -> Iterator[Interface]:
+    """Yield the topics of other nodes that the driver of a parameter uses."""
+    for role, topics in zip(('publishes', 'subscribes'), driver_topics(values)[parameter],
+                            strict=True):
+        for name, kind in topics.items():
+            if not TOPIC.fullmatch(name):
+                raise ParameterError(f'a topic of {parameter} is {name!r}, which is no name of '
+                                     'one: use letters, digits, _ and /')
+            yield Interface('topic', role, name, kind.replace('/', '/msg/'))
+
+
+def _numbered(rows: Iterable[Interface], values: Mapping[str, Value]) -> Iterator[Interface]:
+    """Yield the rows with the names of segments, discs and nodes."""
     segments = len(any_arm_from_parameters(dict(values)).segments)
     meant = {'segment_N': [f'segment_{n}' for n in range(1, segments + 1)],
              'disc_N': [f'disc_{n}' for n in range(segments + 1)], 'NODE': DESCRIBED}
     for row in rows:
-        name = re.sub('<(.*)>', lambda found: str(values[found[1]]), row.name)
-        if not name:
-            continue  # a topic that this arm does without
-        if re.search(r'[^\w/~*]', name, re.ASCII):
-            raise ParameterError(f'{row.name[1:-1]} is {name!r}, which is no name of a topic: use '
-                                 'letters, digits, _ and /')
-        part = next((part for part in meant if part in name), '')
+        part = next((part for part in meant if part in row.name), '')
         for one in meant.get(part, ['']):
-            yield Interface(row.kind, row.role, name.replace(part, one), row.type)
+            yield replace(row, name=row.name.replace(part, one))

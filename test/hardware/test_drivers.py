@@ -71,7 +71,7 @@ def test_the_driver_of_the_page_is_found_declared_and_made(tmp_path):
         driver = make_driver(TENDON_DRIVERS, 'servo', load_description(), lambda: 0.0)
         driver.move((0.001, -0.002), 0.02)
         print(driver.read().pulls)
-    """) == "('simulated', 'grbl', 'dynamixel', 'servo') 0.1\n(0.001, -0.002)\n"
+    """) == "('simulated', 'grbl', 'dynamixel', 'ros_topics', 'servo') 0.1\n(0.001, -0.002)\n"
 
 
 def test_a_package_that_cannot_be_loaded_fails_only_when_it_is_chosen(tmp_path):

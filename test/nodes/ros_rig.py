@@ -343,6 +343,12 @@ class Rig:
         self._groups.remove(group)
         group.end()
 
+    def end_all(self) -> None:
+        """End every node under test."""
+        for group in list(self._groups):
+            group.end()
+            self._groups.remove(group)
+
     def close(self) -> None:
         """Take everything down; fails if a node raised anything."""
         try:

@@ -5,8 +5,10 @@
 
 from contextlib import ExitStack
 from pathlib import Path
+from shutil import which
 import socket
 from socket import AF_INET, AF_INET6, SOCK_DGRAM, SOCK_STREAM
+import subprocess
 import sys
 
 from processes import module_command, NodeProcess, Processes
@@ -124,6 +126,35 @@ def test_another_middleware_is_limited_as_far_as_ros_can() -> None:
     environment = {'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}
     choose_network(environment, CONFIG)
     assert environment == {'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp', RANGE: 'LOCALHOST'}
+
+
+LATE = """
+import subprocess, sys, time
+from soft_continuum.client.connection import Connection
+node = subprocess.Popen([sys.executable, '-m', 'soft_continuum', 'jamming_valves'],
+                        stderr=subprocess.PIPE, text=True)
+said = node.stderr.readline()
+assert 'waiting for the interface lo' in said, said
+subprocess.run(['ip', 'link', 'set', 'lo', 'up'], check=True)
+connection, deadline = Connection('observer'), time.monotonic() + 60.0
+while not connection.node.count_publishers('jamming_valves/state'):
+    assert node.poll() is None and time.monotonic() < deadline
+    time.sleep(0.05)
+connection.close()
+node.terminate()
+print('found', node.wait())
+"""
+ALONE = ['unshare', '--map-root-user', '--net']  # no interface but lo, which is down
+
+
+@pytest.mark.skipif(not which('unshare') or not which('ip') or bool(
+    subprocess.run([*ALONE, 'true'], capture_output=True, check=False).returncode),
+    reason='needs leave to make a network namespace')
+def test_a_computer_without_a_network_is_enough_also_when_lo_comes_late(
+        processes: Processes) -> None:
+    program = processes.start([*ALONE, sys.executable, '-c', LATE],
+                              environment=dict.fromkeys((*PROFILES, RANGE), ''))
+    assert program.wait() == 0 and 'found 0' in program.output, program.output
 
 
 CLIENT = """

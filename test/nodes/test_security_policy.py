@@ -171,6 +171,30 @@ def test_an_arm_has_as_many_discs_as_it_is_described_with(tmp_path: Path) -> Non
     assert found == {f'/disc_{n}/measured_pose' for n in range(count + 1)}
 
 
+RIG = """\
+/**:
+  ros__parameters:
+    tendon_driver: ros_topics
+    ros_tendons: {state_topic: motors/states, command_topic: %s}
+"""
+
+
+def test_topics_that_parameters_name_are_allowed_to_the_node_that_has_the_driver(
+        tmp_path: Path) -> None:
+    rig = tmp_path / 'my_rig.yaml'
+    rig.write_text(RIG % '/motors/commands', encoding='utf-8')
+    text = policy(load_rig([description_file(), rig]), 'left')
+    may, feeds = (allowed(text, f'/left/{name}') for name in ('tendon_actuation', INPUTS))
+    assert '/motors/commands' in may['publish'] and '/left/motors/states' in may['subscribe']
+    assert '/left/motors/states' in feeds['publish'], 'who drives the motors'
+    assert '/motors/commands' not in feeds['publish']
+    without = allowed(policy(load_rig([description_file()]), 'left'), '/left/tendon_actuation')
+    assert not any('motors' in name for names in without.values() for name in names)
+    rig.write_text(RIG % '"commands</topic><topic>*"', encoding='utf-8')
+    with pytest.raises(ParameterError, match='tendon_driver'):
+        policy(load_rig([description_file(), rig]), 'left')
+
+
 @pytest.mark.parametrize('namespace', ['a b', '1', 'left//arm', 'läft', 'a"/><enclave path="/'])
 def test_a_namespace_that_ros_does_not_take_is_refused(namespace: str) -> None:
     with pytest.raises(ParameterError, match='namespace'):

@@ -1,0 +1,262 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Topics of other nodes, for a driver: read without waiting, and checked for who else uses them.
+
+Nothing here has a thread or an executor: whoever reads takes what DDS has received meanwhile.  So
+a control loop reads from a topic as it would from a port, whatever the rest of the process does.
+This module needs ROS, so drivers import it only when they are opened.
+"""
+
+from collections.abc import Iterable
+from contextlib import suppress
+from importlib import import_module
+import os
+import threading
+import time
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+
+from soft_continuum.hardware.clock import Clock
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.hardware.stamps import Stamps
+from soft_continuum.ros.entry import MAX_BYTES
+from soft_continuum.ros.text import plain
+
+BACKLOG = 5
+"""Messages that are looked at one by one; of more, as of a sender at 1 kHz, only the newest."""
+STATES = QoSProfile(depth=BACKLOG + 1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Compatible with every publisher, also with those of micro-ROS."""
+COMMANDS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+"""Reaches subscribers of either reliability, those of ros2_control and of micro-ROS."""
+GRAPH_PERIOD = 0.2  # s between two looks at who publishes
+POLL_INTERVAL = 0.01  # s
+
+
+class Listener:
+    """
+    The messages on a topic, and how long ago the last one came.
+
+    missed: whether there were others between those that were taken last, or before them.  number:
+    of the last, counted by its sender.  lag: s of this computer's time since its stamp.
+    """
+
+    def __init__(self, link: 'RosLink', kind: Any, parameter: str, topic: str, timeout: float
+                 ) -> None:
+        """Subscribe; parameter: that names the topic, for messages.  timeout: s."""
+        self.missed, self.number, self.lag = True, 0, 0.0
+        self.topic, self.parameter, self._kind = link.resolve(parameter, topic), parameter, kind
+        self._link, self.timeout = link, timeout
+        self._stamps, self._received = Stamps(timeout), link.clock()
+        self._subscription = link.node.create_subscription(
+            kind, self.topic, lambda _: None, STATES, raw=True)
+
+    def take(self) -> list[tuple[Any, float]]:
+        """
+        Return the messages that came since the last call, each with its stamp in s.
+
+        Those without a stamp have the time at which they were sent; those that are not newer than
+        others before are left out.  Raises HardwareError for what is no such message, or came too
+        late.
+        """
+        taken = []
+        while (one := self._subscription.handle.take_message(self._kind, True)) is not None:
+            taken.append(one)
+        newest = [self._read(*one) for one in (taken[-1:] if len(taken) > BACKLOG else taken)]
+        numbers = [info['publication_sequence_number'] for _, info in taken]
+        if numbers:
+            self.missed = len(newest) < len(taken) or numbers != [
+                *range(self.number + 1, self.number + 1 + len(numbers))]
+            self.number = numbers[-1]
+        return [one for one in newest if one is not None]
+
+    def _read(self, data: bytes, info: dict[str, Any]) -> tuple[Any, float] | None:
+        if len(data) > MAX_BYTES:
+            raise HardwareError(f'a message of {len(data)} bytes came on {self.topic}; allowed: '
+                                f'{MAX_BYTES}')
+        message, now = deserialize_message(data, self._kind), self._link.clock()
+        header = getattr(message, 'header', None)
+        stamp = header.stamp.sec + header.stamp.nanosec * 1e-9 if header is not None else 0.0
+        stamp = stamp or info['source_timestamp'] * 1e-9
+        try:
+            if not self._stamps.newer(stamp, now):
+                return None
+        except HardwareError as error:
+            raise HardwareError(f'a message on {self.topic}: {error}') from None
+        self._received, self.lag = now, time.time() - stamp
+        return message, stamp
+
+    def check(self) -> None:
+        """Raise HardwareError when no newer message came for too long."""
+        age, timeout = self._link.clock() - self._received, self.timeout
+        if age > timeout:
+            raise HardwareError(
+                f'nothing new on {self.topic} ({self.parameter}) for {age:.2f} s; allowed: '
+                f'{timeout:g} s; its publisher or the network failed, or its stamps stand still')
+
+    @property
+    def publishers(self) -> list[Any]:
+        """Who publishes the topic, as rclpy tells it."""
+        return list(self._link.node.get_publishers_info_by_topic(self.topic))
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with those who publish the topic, empty for nothing."""
+        found = self.publishers
+        where = f'{self.topic} ({self.parameter})'
+        if not found:
+            return (f'nobody publishes {where}; start its node, activate its controller, or '
+                    'correct the name')
+        if len(found) > 1:
+            return (f'{where} is published by {names(found)}; there must be one: end the others, '
+                    'or give this device a topic of its own')
+        return _other_type(where, found, self._kind)
+
+
+class Speaker:
+    """Publishes commands on a topic."""
+
+    def __init__(self, link: 'RosLink', kind: Any, parameter: str, topic: str) -> None:
+        """Create the publisher; nothing is sent."""
+        self.topic, self.parameter, self._kind = link.resolve(parameter, topic), parameter, kind
+        self._link = link
+        self._publisher = link.node.create_publisher(kind, self.topic, COMMANDS)
+
+    def send(self, message: Any) -> None:
+        """Publish; does not wait for anybody."""
+        self._publisher.publish(message)
+
+    @property
+    def subscribers(self) -> list[Any]:
+        """Who subscribes to the topic, as rclpy tells it."""
+        return list(self._link.node.get_subscriptions_info_by_topic(self.topic))
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with who else uses the topic, empty for nothing."""
+        node = self._link.node
+        where = f'{self.topic} ({self.parameter})'
+        publishers = node.get_publishers_info_by_topic(self.topic)
+        if len(publishers) > 1:
+            return (f'{where} is published by {names(publishers)}; a device obeys one: end the '
+                    'others')
+        found = self.subscribers
+        if not found:
+            return (f'nobody subscribes to {where}; start its node, configure its controller, or '
+                    'correct the name')
+        if problem := _other_type(where, found, self._kind):
+            return problem
+        if not self._publisher.get_subscription_count():
+            return (f'{names(found)} subscribes to {where} with a QoS that no publisher of '
+                    'commands has: durability must be volatile')
+        return ''
+
+
+class RosLink:
+    """
+    A node for the topics of a device, in the names and in the context of the node that uses it.
+
+    It is used by one thread at a time.
+    """
+
+    def __init__(self, lender: Any | None, clock: Clock) -> None:
+        """Start the node; lender: the node that has the driver, None outside of nodes."""
+        self.clock, self._lender = clock, lender
+        self._own = None if lender is not None else Context()
+        try:
+            if self._own is not None:
+                rclpy.init(context=self._own, args=[])
+            self.node = Node(
+                f'{lender.get_name()}_device' if lender is not None else f'device_{os.getpid()}',
+                context=self._own or lender.context,  # type: ignore[union-attr]
+                namespace=lender.get_namespace() if lender is not None else '/',
+                use_global_arguments=False, enable_rosout=False, start_parameter_services=False,
+                parameter_overrides=[Parameter('start_type_description_service', value=False)])
+        except Exception as error:  # no DDS, or its context was shut down
+            raise HardwareError(f'ROS cannot be used: {type(error).__name__}: {error}') from error
+        self.topics: list[Listener | Speaker] = []
+        self._looked, self._found = clock(), ''  # when the graph was looked at, and what was wrong
+
+    def resolve(self, parameter: str, topic: str) -> str:
+        """Return the whole name of a topic, as the lender would resolve it."""
+        try:
+            name: str = (self._lender or self.node).resolve_topic_name(topic)
+        except Exception as error:  # of rclpy, for what is no name
+            raise HardwareError(f'parameter {parameter} is {topic!r}, which is no name of a '
+                                f'topic: {str(error).splitlines()[0]}') from None
+        return name
+
+    def listen(self, kind: str, parameter: str, topic: str, timeout: float) -> Listener:
+        """Return what reads a topic; kind: such as sensor_msgs/JointState.  timeout: s."""
+        listener: Listener = _made(Listener, self, message_class(kind), parameter, topic, timeout)
+        self.topics.append(listener)
+        return listener
+
+    def speak(self, kind: str, parameter: str, topic: str) -> Speaker:
+        """Return what publishes on a topic; kind: such as std_msgs/Float64MultiArray."""
+        speaker: Speaker = _made(Speaker, self, message_class(kind), parameter, topic)
+        self.topics.append(speaker)
+        return speaker
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with who else uses the topics, empty for nothing."""
+        self._looked = self.clock()
+        self._found = next((problem for topic in self.topics if (problem := topic.problem)), '')
+        return self._found
+
+    def check(self) -> None:
+        """Raise HardwareError for a problem; looks only every GRAPH_PERIOD."""
+        recent = self.clock() - self._looked < GRAPH_PERIOD
+        if problem := self._found if recent else self.problem:
+            raise HardwareError(problem)
+
+    def wait_until(self, timeout: float, closing: threading.Event) -> str:
+        """Wait until there is no problem; return the one that remains after ``timeout`` s."""
+        deadline = self.clock() + timeout
+        while (problem := self.problem) and self.clock() < deadline and not closing.is_set():
+            self.clock.sleep(POLL_INTERVAL)
+        return problem
+
+    def close(self) -> None:
+        """End the node."""
+        with suppress(Exception):  # its context may have been shut down
+            self.node.destroy_node()
+        if self._own is not None:
+            self._own.try_shutdown()
+
+
+def _made(kind: Any, link: RosLink, message: Any, parameter: str, topic: str, *more: Any) -> Any:
+    try:
+        return kind(link, message, parameter, topic, *more)
+    except HardwareError:
+        raise
+    except Exception as error:  # of rclpy, such as for a topic that has another type here
+        raise HardwareError(f'{topic} ({parameter}) cannot be used: '
+                            f'{str(error).split(", at ")[0]}') from error
+
+
+def message_class(kind: str) -> Any:
+    """Return the class of messages called ``kind``, such as std_msgs/Bool."""
+    package, name = kind.split('/')
+    return getattr(import_module(f'{package}.msg'), name)
+
+
+def names(infos: Iterable[Any]) -> str:
+    """Return the nodes that rclpy tells of, for people."""
+    return ' and '.join(sorted(
+        plain(f'{info.node_namespace.rstrip("/")}/{info.node_name}') for info in infos))
+
+
+def _other_type(where: str, infos: Iterable[Any], kind: Any) -> str:
+    wanted = f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}'
+    for info in infos:
+        if info.topic_type != wanted:
+            return (f'{names([info])} has {plain(info.topic_type)} on {where}; needed: {wanted}')
+    return ''

@@ -1,0 +1,342 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Tendons that another node moves: commands and joint states on topics, such as of ros2_control.
+
+A position controller gets each set-point as it is due; a trajectory controller gets it as a
+trajectory of one point, to be reached in one period.  So no more than one period of motion is
+ever queued, and a joint comes to rest when the commands stop.
+"""
+
+from collections.abc import Callable, Mapping
+from math import isfinite
+import threading
+from typing import Any, ClassVar, Self, TYPE_CHECKING
+
+from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.joint_states import Joints, JointWatch, PREFIX
+from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
+from soft_continuum.parameters.parameter import Parameter
+
+if TYPE_CHECKING:
+    from soft_continuum.hardware.ros_link import Listener, RosLink, Speaker
+
+OPEN_TIMEOUT = 4.0
+"""s in which publishers and subscribers are discovered and a state comes."""
+FOLLOW_TIME = 0.3
+"""s for which a joint may be farther from its set-point than following_error."""
+STOP_TIMEOUT = 1.0  # s in which a stop must be confirmed, also by close()
+POLL_INTERVAL = 0.01  # s
+POSITIONS, TRAJECTORY = 'positions', 'trajectory'
+KINDS = {POSITIONS: 'std_msgs/Float64MultiArray', TRAJECTORY: 'trajectory_msgs/JointTrajectory'}
+STATES = 'sensor_msgs/JointState'
+SAME_PLACE = 1e-3  # m by which joints may have moved while they were not watched
+
+
+class RosTendons:
+    """Tendons on the joints of another node; see TendonDriver for what the methods promise."""
+
+    reference_moves = False
+    PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(f'{PREFIX}state_topic', 'joint_state_broadcaster/joint_states',
+                  'topic of the joint states (sensor_msgs/JointState), of one publisher'),
+        Parameter(f'{PREFIX}command_topic', 'position_controller/commands',
+                  'topic of the commands, with no other publisher'),
+        Parameter(f'{PREFIX}command_type', POSITIONS, 'what is published there: positions '
+                  '(std_msgs/Float64MultiArray, in the order of ros_tendons.joints) or trajectory '
+                  '(trajectory_msgs/JointTrajectory)', choices=(POSITIONS, TRAJECTORY)),
+        Parameter(f'{PREFIX}joints', ('',), 'joint that pulls each tendon; empty: joints with the '
+                  'names of the tendons'),
+        Parameter(f'{PREFIX}scales', (0.01,), 'pull per unit of the position of each joint: the '
+                  'radius of a spool in m/rad, 1.0 for a slide in m; negative where the joint '
+                  'pays out as its position grows; one counts for all', -10.0, 10.0),
+        Parameter(f'{PREFIX}zeros', (0.0,), 'position of each joint, in its unit, when the arm is '
+                  'straight, at least roughly; one counts for all', -1e6, 1e6),
+        Parameter(f'{PREFIX}absolute', False, 'the joints keep their position when they are '
+                  'switched off, so that ros_tendons.zeros is the reference; false: ~/reference '
+                  'sets it after each start'),
+        Parameter(f'{PREFIX}effort_scales', (0.0,), 'tension per unit of the effort of each '
+                  'joint, N, such as 1 over the radius of a spool whose effort is in N m; 0.0 '
+                  'alone: effort does not tell tension', -1e6, 1e6),
+        Parameter(f'{PREFIX}timeout', 0.25, 'age at which the joint states are stale', 0.05, 2.0,
+                  unit='s'),
+        Parameter(f'{PREFIX}following_error', 0.003, 'distance of a tendon from where it was sent '
+                  'that may not last', 1e-5, 0.1, unit='m'),
+    )
+    node: Any = None
+    """The node that has this driver; None: it makes one of its own when it is opened."""
+    _known: ClassVar[dict[bytes, tuple[Joints, tuple[float, ...], tuple[float, ...]]]] = {}
+    """Joints, zeros and last positions by publisher of states, for as long as this runs."""
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:
+        """
+        Return the driver that the parameters of the node describe.
+
+        clock: not used; a device continues when a node's clock is paused or set.  Raises
+        ParameterError.
+        """
+        return cls(Joints.from_parameters(values), values[f'{PREFIX}state_topic'],
+                   values[f'{PREFIX}command_topic'], values[f'{PREFIX}command_type'],
+                   values[f'{PREFIX}following_error'], values[f'{PREFIX}timeout'])
+
+    def __init__(self, joints: Joints, state_topic: str, command_topic: str, command_type: str,
+                 following_error: float, timeout: float, clock: Clock = STEADY) -> None:
+        """Describe the device; following_error: m, timeout: s.  Nothing is opened yet."""
+        self._joints, self._topics, self._type = joints, (state_topic, command_topic), command_type
+        self._following_error, self._timeout, self._clock = following_error, timeout, clock
+        self._lock = threading.RLock()  # of all that follows
+        self._closing = threading.Event()
+        self.link: RosLink | None = None
+        self._states: Listener
+        self._commands: Speaker
+        self._publisher = b''  # of the states
+        self._reset(JointWatch(joints))
+
+    def _reset(self, watch: JointWatch) -> None:
+        self._watch = watch
+        self._opened = False
+        self._setpoint: tuple[float, ...] | None = None  # positions that were sent last
+        self._sent = 0.0  # s, when
+        self._period = 0.0  # s, of the last command
+        self._stop_by: float | None = None  # s, by when a stop must be confirmed
+        self._near = 0.0  # s, when every joint was last where it was sent
+
+    @staticmethod
+    def topics(values: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
+        """Return type by name of the topics that are published, and that are subscribed to."""
+        return ({values[f'{PREFIX}command_topic']: KINDS[values[f'{PREFIX}command_type']]},
+                {values[f'{PREFIX}state_topic']: STATES})
+
+    # The connection.
+
+    def open(self) -> None:
+        """Find the topics and read the joints; raises HardwareError.  Nothing is sent."""
+        self._closing.clear()
+        with self._lock:
+            self._connect()
+        try:
+            self._first_states()
+        except BaseException:
+            self._disconnect()
+            raise
+
+    def _connect(self) -> None:
+        try:
+            from soft_continuum.hardware.ros_link import RosLink
+        except ImportError as error:
+            raise HardwareError(f'{error.name} is not there; source ROS 2 and the workspace'
+                                ) from error
+        self._reset(JointWatch(self._joints))
+        self.link = RosLink(self.node, self._clock)
+        state_topic, command_topic = self._topics
+        try:
+            self._states = self.link.listen(
+                STATES, f'{PREFIX}state_topic', state_topic, self._timeout)
+            self._commands = self.link.speak(
+                KINDS[self._type], f'{PREFIX}command_topic', command_topic)
+        except BaseException:
+            self._disconnect()
+            raise
+
+    def _first_states(self) -> None:
+        link = self.link
+        assert link is not None
+        deadline = self._clock() + OPEN_TIMEOUT
+        problem = link.wait_until(OPEN_TIMEOUT, self._closing)
+        while not self._closing.is_set():
+            if problem:
+                raise HardwareError(problem)
+            with self._lock:
+                self._receive()
+                if self._watch.watched(self._clock()):  # long enough to tell whether they rest
+                    self._recall()
+                    self._opened = True
+                    return
+            if self._clock() > deadline:
+                raise HardwareError(f'no joint state came on {self._states.topic} within '
+                                    f'{OPEN_TIMEOUT:g} s; is its publisher active?')
+            self._clock.sleep(POLL_INTERVAL)
+            problem = link.problem
+        raise HardwareError('the tendon driver was closed while it was being opened')
+
+    def _recall(self) -> None:
+        """Take up the zeros that were set while the same publisher had the joints here."""
+        self._publisher = bytes(self._states.publishers[0].endpoint_gid)
+        positions = self._watch.positions
+        joints, zeros, last = self._known.pop(self._publisher, (None, (), ()))
+        assert positions is not None
+        if not self._watch.known:
+            self._watch.zeros = positions
+        if joints == self._joints and max(
+                map(abs, self._joints.pulls(positions, last))) <= SAME_PLACE:
+            self._watch.zeros, self._watch.known = zeros, True
+
+    def close(self) -> None:
+        """Stop, hold and disconnect; an ``open`` under way ends with HardwareError."""
+        self._closing.set()
+        with self._lock:
+            watch, opened = self._watch, self._opened
+            if opened and watch.positions is not None:
+                self._end_motion()
+                if watch.known and watch.zeros is not self._joints.zeros:
+                    self._known[self._publisher] = self._joints, watch.zeros, watch.positions
+            if opened:
+                self._disconnect()
+
+    def _end_motion(self) -> None:
+        """Wait until the tendons rest, as long as that is known."""
+        try:
+            if self._moving():
+                self._begin_stop()
+            while self._moving():
+                self._clock.sleep(POLL_INTERVAL)
+                self._follow()
+        except HardwareError:  # close() cannot do more; read() said it before, or open() will
+            return
+
+    def _disconnect(self) -> None:
+        with self._lock:
+            link, self.link, self._opened = self.link, None, False
+        if link is not None:
+            link.close()
+
+    # What the thread of control calls.
+
+    def read(self) -> TendonReading:
+        """Return the state that was received last."""
+        with self._lock:
+            self._follow()
+            watch = self._watch
+            speeds = watch.speeds() if self._moving() else (0.0,) * len(self._joints.tendons)
+            return TendonReading(watch.pulls, speeds, watch.known, watch.tensions)
+
+    def move(self, pulls: tuple[float, ...], duration: float) -> None:
+        """Send all joints to ``pulls`` (m), to be there after ``duration`` (s)."""
+        (low, high), tendons = self._joints.pull_limits, self._joints.tendons
+        if len(pulls) != len(tendons):
+            raise HardwareError(
+                f'{len(pulls)} pulls were given; needed: one for each of {", ".join(tendons)}')
+        if not all(isfinite(x) for x in (*pulls, duration)) or duration < 0.0:
+            raise HardwareError(f'not a motion: pulls {pulls} m in {duration} s')
+        if min(pulls) < low - 1e-9 or max(pulls) > high + 1e-9:
+            raise HardwareError(
+                f'pulls of {describe_pulls(tendons, pulls)} are beyond pull_limits: {low:g} to '
+                f'{high:g} m')
+        with self._lock:
+            self._receive()
+            if not self._watch.known:
+                raise HardwareError('the position is not referenced; straighten the arm and call '
+                                    '~/reference')
+            if self._setpoint is None or not self._moving():
+                self._near = self._clock()
+            self._stop_by = None
+            self._send(self._joints.positions(pulls, self._watch.zeros), duration)
+
+    def stop(self) -> None:
+        """Send every joint to where it is, until states confirm that it rests there."""
+        with self._lock:
+            self._receive()
+            if self._moving():
+                self._begin_stop()
+
+    def reference(self) -> None:
+        """Take the present positions of the joints as zero pull, until this process ends."""
+        with self._lock:
+            self._receive()
+            if self._moving():
+                raise HardwareError('the tendons are moving; wait until they rest')
+            assert self._watch.positions is not None
+            self._watch.zeros, self._watch.known = self._watch.positions, True
+            self._setpoint = None
+
+    def describe(self) -> str:
+        """Return where the joints and the tendons are, for people."""
+        with self._lock:
+            self._receive()
+            joints = ', '.join(f'{name} {position:.4g}' for name, position in zip(
+                self._joints.names, self._watch.positions or (), strict=True))
+            return f'{joints}: {self._watch.describe()}'
+
+    @property
+    def zeros(self) -> tuple[float, ...]:
+        """Positions of the joints at zero pull, in their units, for ros_tendons.zeros."""
+        return self._watch.zeros
+
+    # Commands.
+
+    def _send(self, positions: tuple[float, ...], duration: float) -> None:
+        self._setpoint, self._sent, self._period = positions, self._clock(), duration
+        self._commands.send(self._message(positions, duration))
+
+    def _message(self, positions: tuple[float, ...], duration: float) -> Any:
+        if self._type == POSITIONS:
+            from std_msgs.msg import Float64MultiArray
+
+            return Float64MultiArray(data=list(positions))
+        from builtin_interfaces.msg import Duration
+        from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+        # Without a stamp it begins when it arrives, whatever the clocks of two computers say.
+        return JointTrajectory(joint_names=list(self._joints.names), points=[JointTrajectoryPoint(
+            positions=list(positions),
+            time_from_start=Duration(nanosec=max(1, min(999_999_999, int(1e9 * duration)))))])
+
+    def _begin_stop(self) -> None:
+        assert self._watch.positions is not None
+        if self._stop_by is None:  # else it is under way
+            self._stop_by = self._clock() + STOP_TIMEOUT
+        self._send(self._watch.positions, self._period)
+
+    # States.
+
+    def _receive(self) -> None:
+        """Take what came; raise HardwareError when it is wrong, stale or nobody is there."""
+        if self.link is None:
+            raise HardwareError('the tendon driver is not open; configure the node')
+        try:
+            for message, stamp in self._states.take():
+                self._watch.take(message, stamp, self._clock(), self._states.missed)
+            if self._opened:
+                self.link.check()
+                self._states.check()
+        except HardwareError:
+            raise
+        except Exception as error:  # of rclpy, when its context was shut down
+            raise HardwareError(f'ROS failed: {type(error).__name__}: {error}') from error
+
+    def _moving(self) -> bool:
+        return not self._watch.rests(self._sent, self._clock())
+
+    def _follow(self) -> None:
+        """Receive, and raise HardwareError when the joints do not do what they were sent."""
+        self._receive()
+        watch, now = self._watch, self._clock()
+        if self._setpoint is None or watch.positions is None:
+            return
+        if self._stop_by is not None:
+            self._confirm_stop(self._setpoint, self._stop_by)
+            return
+        off = max(map(abs, self._joints.pulls(watch.positions, self._setpoint)))
+        if off <= self._following_error:
+            self._near = now
+        elif off > 2.0 * self._following_error or now - self._near > FOLLOW_TIME:
+            sent = self._joints.pulls(self._setpoint, watch.zeros)
+            self._begin_stop()
+            raise HardwareError(
+                f'the joints do not follow: sent to '
+                f'{describe_pulls(self._joints.tendons, sent)}, they are at {watch.describe()} '
+                f'({PREFIX}following_error is {1e3 * self._following_error:g} mm); check that the '
+                f'controller is active, and the order and signs of {PREFIX}joints and '
+                f'{PREFIX}scales')
+
+    def _confirm_stop(self, setpoint: tuple[float, ...], stop_by: float) -> None:
+        if not self._moving():
+            self._stop_by, self._near = None, self._clock()
+        elif self._clock() > stop_by:
+            raise HardwareError(
+                f'a stop was not confirmed within {STOP_TIMEOUT:g} s: the tendons may still move '
+                f'({self._watch.describe()}); cut the power of the motors if they do, then look '
+                'at the controller')
+        else:  # a single message may be lost
+            self._commands.send(self._message(setpoint, self._period))

@@ -1,0 +1,59 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is heard on the topics of a driver: from whom, how often, how late.  Sends nothing."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.ros_link import Listener, names
+
+LISTENING = 2.0  # s
+READ_INTERVAL = 0.02  # s
+MIN_MESSAGES = 3.0
+"""Messages that should come within the timeout, so that a lost one does no harm."""
+MAX_LAG = 0.3
+"""s between a stamp and this computer's time beyond which their clocks differ."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was found on a topic; step: the parameter that names it.  warning: empty for none."""
+
+    step: str
+    message: str
+    warning: str = ''
+
+
+def survey(driver: Any, clock: Clock = STEADY) -> Iterator[Found]:
+    """
+    Yield what is heard for LISTENING s on the topics of an open driver, which is read meanwhile.
+
+    Raises HardwareError as the driver does.
+    """
+    topics = driver.link.topics
+    listeners = [topic for topic in topics if isinstance(topic, Listener)]
+    before, begin = [listener.number for listener in listeners], clock()
+    while clock() < begin + LISTENING:
+        driver.read()
+        clock.sleep(READ_INTERVAL)
+    passed = clock() - begin
+    for listener, number in zip(listeners, before, strict=True):
+        rate = (listener.number - number) / passed
+        warnings = []
+        if rate * listener.timeout < MIN_MESSAGES:
+            warnings.append(f'{MIN_MESSAGES / listener.timeout:.0f} Hz or more are needed for a '
+                            f'timeout of {listener.timeout:g} s')
+        if abs(listener.lag) > MAX_LAG:
+            warnings.append(f'its stamps are {listener.lag:.2f} s from the time of this '
+                            'computer: the clocks differ, or it has no stamps')
+        yield Found(listener.parameter, f'{listener.topic} from {names(listener.publishers)} at '
+                    f'{rate:.0f} Hz', '; '.join(warnings))
+    for topic in topics:
+        if topic not in listeners:
+            yield Found(topic.parameter, f'{topic.topic} to {names(topic.subscribers)}, '
+                        'and nobody else publishes it')
+    if hasattr(driver, 'describe'):
+        yield Found('joints', f'{driver.describe()}; if this is not what you measure, correct the '
+                    'scales')

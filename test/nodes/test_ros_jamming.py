@@ -1,0 +1,175 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Valves and regulators of another node over real DDS: what is switched, and what is refused."""
+
+from collections.abc import Callable, Iterator
+from math import isnan, nan
+import time
+from typing import Any
+
+import pytest
+from ros2_control import OtherNodes
+from ros_valves import AMBIENT, REGULATORS, Regulators, VALVES, Valves
+from sensor_msgs.msg import FluidPressure
+from std_msgs.msg import Bool
+
+from soft_continuum.hardware import ros_jamming
+from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
+from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
+from soft_continuum.parameters.files import load_description
+from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.parameters.parameter import ParameterError
+
+DEADLINE = 20.0  # s
+TABLE = {p.name: p for p in NODE_PARAMETERS['jamming_valves']}
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    deadline = time.monotonic() + DEADLINE
+    while not (value := condition()):
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    return value
+
+
+def checked(given: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters of the node; of a busy machine no answer is late."""
+    values = {**{name: p.default for name, p in TABLE.items()}, **load_description(),
+              'ros_jamming.timeout': 1.0, **given}
+    return {name: TABLE[name].check(value) for name, value in values.items() if name in TABLE}
+
+
+@pytest.fixture
+def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
+    """Return a maker of a driver and of the board that it talks to."""
+    monkeypatch.setattr(ros_jamming, 'OPEN_TIMEOUT', 1.0)
+    closing: list[Any] = []
+
+    def make_both(of: Any = Valves, **changes: Any) -> tuple[Any, Any]:
+        board, lender = of(domain), OtherNodes(domain, 'jamming_valves')
+        closing.extend([board, lender])
+        given = VALVES if of is Valves else REGULATORS
+        driver = make_driver(JAMMING_DRIVERS, 'ros_topics', checked(
+            {**given, **{f'ros_jamming.{name}': value for name, value in changes.items()}}),
+            STEADY, lender.node)
+        closing.insert(0, driver)
+        return driver, board
+
+    yield make_both
+    for one in closing:
+        one.close()
+
+
+def test_valves_and_pump_are_switched_and_read_back(make: Callable[..., Any]) -> None:
+    driver, board = make()
+    driver.open()
+    assert board.switched == 0
+    assert driver.read().evacuated == (True, True, True)
+    driver.set_evacuated(1, False)
+    assert driver.read().evacuated == board.plant.read().evacuated == (True, False, True)
+    until(lambda: driver.read().pressures[1] > AMBIENT - 1e3)
+    assert driver.read().pressures[0] < AMBIENT - 50e3
+    driver.set_pump(False)
+    assert not driver.read().pump
+    driver.close()
+    assert board.plant.read().evacuated == (True, False, True)
+    assert not isinstance(driver, RegulatorDriver)
+
+
+def test_regulators_take_a_set_point_each_and_keep_the_others(make: Callable[..., Any]) -> None:
+    driver, board = make(Regulators)
+    assert isinstance(driver, RegulatorDriver)
+    driver.open()
+    assert board.switched == 0
+    driver.set_vacuum(0, 0.0)
+    driver.set_vacuum(2, 30e3)
+    assert driver.read().vacuums == pytest.approx((0.0, 90e3, 30e3))
+    assert board.plant.read().vacuums == pytest.approx((0.0, 90e3, 30e3))
+    assert driver.read().evacuated == (False, True, True)
+    until(lambda: driver.read().pressures[2] == pytest.approx(AMBIENT - 30e3, abs=600.0))
+    until(lambda: driver.read().pressures[0] == pytest.approx(AMBIENT, abs=600.0))
+
+
+@pytest.mark.parametrize('of', [Valves, Regulators])
+def test_what_does_not_follow_its_command_is_named(make: Callable[..., Any], of: Any) -> None:
+    driver, board = make(of)
+    driver.open()
+    board.obeys = False
+    with pytest.raises(HardwareError, match='of segment 2 does not follow'):
+        driver.set_evacuated(1, False) if of is Valves else driver.set_vacuum(1, 0.0)
+    assert board.plant.read().evacuated == (True, True, True)
+
+
+def test_a_board_that_falls_silent_is_an_error_until_it_is_back(make: Callable[..., Any]) -> None:
+    driver, board = make()
+    driver.open()
+    board.publishes = False
+    with pytest.raises(HardwareError, match='nothing new on /board/'):
+        until(lambda: driver.read() and False)
+    switched = board.switched
+    with pytest.raises(HardwareError, match='nothing new on /board/'):
+        driver.set_evacuated(0, False)
+    board.publishes = True
+
+    def back() -> Any:
+        try:
+            return driver.read()
+        except HardwareError:
+            return None
+    assert until(back).evacuated == (True, True, True)
+    assert board.switched == switched
+
+
+@pytest.mark.parametrize('shown', [lambda p: 1e-3 * p, lambda p: 1e-5 * p, lambda p: p - AMBIENT,
+                                   lambda p: p + 2 * AMBIENT], ids=['kPa', 'bar', 'gauge', 'high'])
+def test_pressures_in_another_unit_are_an_error(
+        make: Callable[..., Any], shown: Callable[[float], float]) -> None:
+    driver, board = make()
+    board.pressure = shown
+    driver.open()
+    with pytest.raises(HardwareError, match='plausible: 2000 to 200000 Pa'):
+        driver.read()
+
+
+def test_a_pressure_that_is_nan_is_a_broken_sensor(make: Callable[..., Any]) -> None:
+    driver, board = make()
+    board.pressure = lambda pressure: nan
+    driver.open()
+    assert all(map(isnan, driver.read().pressures))
+
+
+def test_set_points_in_another_unit_are_an_error(make: Callable[..., Any]) -> None:
+    driver, _ = make(Regulators, vacuum_scale=-1e5)
+    driver.open()
+    with pytest.raises(HardwareError, match='check ros_jamming.vacuum_scale'):
+        driver.read()
+
+
+@pytest.mark.parametrize('topic, kind', [
+    ('pressure_1', FluidPressure), ('valve_1', Bool), ('pump_state', Bool)])
+def test_a_second_publisher_of_any_topic_is_an_error(
+        make: Callable[..., Any], domain: int, topic: str, kind: Any) -> None:
+    driver, board = make()
+    driver.open()
+    other = OtherNodes(domain, 'somebody_else')
+    other.node.create_publisher(kind, f'/board/{topic}', 10)
+    with pytest.raises(HardwareError, match=f'/board/{topic} .*somebody_else'):
+        until(lambda: driver.read() and False)
+    with pytest.raises(HardwareError, match=f'/board/{topic} .*somebody_else'):
+        driver.set_evacuated(0, False)
+    assert board.switched == 0
+    other.close()
+
+
+@pytest.mark.parametrize('given, words', [
+    ({'pump_topic': ''}, 'give both, or neither'),
+    ({'state_topics': ['one', 'two']}, 'needed: a topic for each of 3 segments'),
+    ({'pressure_type': 'std_msgs/Float64MultiArray'}, 'needed: one topic, because'),
+    ({'pressure_scales': [1.0, 1.0]}, 'has 2 values; the arm has 3 segments'),
+    ({'regulators': True}, 'a regulator takes and reports numbers')])
+def test_parameters_that_do_not_fit_together_are_refused(
+        make: Callable[..., Any], given: dict[str, Any], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        make(**given)

@@ -1,0 +1,319 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tendons on the joints of another node over real DDS: what is followed, and what is refused."""
+
+from collections.abc import Callable, Iterator
+from math import nan
+import threading
+import time
+from typing import Any
+
+import pytest
+from ros2_control import Controllers, JOINTS, OtherNodes
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64MultiArray
+
+from soft_continuum.hardware import ros_tendons
+from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.hardware.ros_tendons import RosTendons
+from soft_continuum.parameters.files import load_description
+from soft_continuum.parameters.nodes import NODE_PARAMETERS
+
+PERIOD = 0.02  # s
+DEADLINE = 20.0  # s
+SPEED = 0.03  # m/s
+Make = Callable[..., tuple[RosTendons, Controllers]]
+
+
+@pytest.fixture
+def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
+    """Return a maker of a driver and of the controllers that it talks to."""
+    monkeypatch.setattr(ros_tendons, 'OPEN_TIMEOUT', 1.0)
+    closing: list[Any] = []
+
+    def make_both(kind: str = 'positions', *, start: float = 0.3, **parameters: Any
+                  ) -> tuple[RosTendons, Controllers]:
+        controllers = Controllers(domain, kind, start=start)
+        lender = OtherNodes(domain, 'tendon_actuation')
+        given = {f'ros_tendons.{name}': value for name, value in parameters.items()}
+        values = {**{p.name: p.default for p in NODE_PARAMETERS['tendon_actuation']},
+                  **load_description(), 'ros_tendons.joints': JOINTS,
+                  # A busy machine may keep the threads of this test waiting.
+                  'ros_tendons.timeout': 1.0, **given}
+        if kind == 'trajectory':
+            values |= {'ros_tendons.command_type': 'trajectory',
+                       'ros_tendons.command_topic': 'trajectory_controller/joint_trajectory'}
+        driver = make_driver(TENDON_DRIVERS, 'ros_topics', values, STEADY, lender.node)
+        closing.extend([driver, controllers, lender])
+        return driver, controllers
+
+    yield make_both
+    for one in closing:
+        one.close()
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    deadline = time.monotonic() + DEADLINE
+    while not (value := condition()):
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    return value
+
+
+def ready(make: Make, kind: str = 'positions', **options: Any) -> tuple[RosTendons, Controllers]:
+    """Return a driver that is open and referenced."""
+    driver, controllers = make(kind, **options)
+    driver.open()
+    until(lambda: not driver.read().moving)
+    driver.reference()
+    return driver, controllers
+
+
+def move(driver: RosTendons, way: float, tendons: tuple[int, ...] = (0, 1), speed: float = SPEED
+         ) -> None:
+    """Send set-points as the node does: the right tendon by ``way`` (m), the left one back."""
+    begin = driver.read().pulls
+    steps = round(abs(way) / speed / PERIOD)
+    for step in range(1, steps + 1):
+        share = way * step / steps
+        driver.move(tuple(pull + (share if i == 0 else -share) * (i in tendons)
+                          for i, pull in enumerate(begin)), PERIOD)
+        driver.read()
+        time.sleep(PERIOD)
+
+
+@pytest.mark.parametrize('kind', ['positions', 'trajectory'])
+def test_tendons_go_where_they_are_sent_and_a_stop_holds_them(make: Make, kind: str) -> None:
+    driver, controllers = ready(make, kind)
+    assert controllers.commands == 0  # nothing is commanded before a motion
+    move(driver, 0.006)
+    until(lambda: not driver.read().moving)
+    assert driver.read().pulls == pytest.approx((0.006, -0.006), abs=1e-6)
+    assert controllers.pulls == pytest.approx((0.006, -0.006), abs=1e-6)
+    move(driver, 0.003)
+    driver.stop()
+    until(lambda: not driver.read().moving)
+    rests_at = controllers.pulls
+    assert driver.read().pulls == pytest.approx(rests_at, abs=1e-9)
+    assert rests_at[0] > 0.008
+    assert not controllers.refused
+
+
+def frozen() -> Callable[[JointState], JointState]:
+    stamps: list[Any] = []
+
+    def show(message: JointState) -> JointState:
+        stamps.append(message.header.stamp)
+        message.header.stamp = stamps[0]
+        return message
+    return show
+
+
+def with_positions(change: Callable[[float], float]) -> Callable[[JointState], JointState]:
+    def show(message: JointState) -> JointState:
+        message.position = [change(p) for p in message.position]
+        return message
+    return show
+
+
+def without(field: str, count: int) -> Callable[[JointState], JointState]:
+    def show(message: JointState) -> JointState:
+        setattr(message, field, list(getattr(message, field))[:-count])
+        return message
+    return show
+
+
+def degrees_per_second(message: JointState) -> JointState:
+    message.velocity = [57.3 * v for v in message.velocity]
+    return message
+
+
+FAULTS = {
+    'a topic that stops': (lambda m: None, 'nothing new on /joint_state_broadcaster'),
+    'stamps that stand still': (frozen(), 'its stamps stand still'),
+    'a position that is nan': (with_positions(lambda p: nan), 'positions nan, nan'),
+    'positions in degrees': (with_positions(lambda p: 57.3 * p), 'jumped by'),
+    'positions that jump': (with_positions(lambda p: p + 0.5), 'jumped by [45]'),
+    'too few positions': (without('position', 1), '2 values in position and 3 names'),
+    'a missing joint': (without('name', 1), 'spool_right not once'),
+}
+
+
+@pytest.mark.parametrize('fault', FAULTS)
+def test_states_that_cannot_be_true_end_the_motion(make: Make, fault: str) -> None:
+    driver, controllers = ready(make)
+    move(driver, 0.003)
+    change, words = FAULTS[fault]
+    controllers.message = change
+
+    def move_on() -> None:
+        for _ in range(int(DEADLINE / PERIOD)):
+            move(driver, 0.0006)
+    sent = controllers.commands
+    with pytest.raises(HardwareError, match=words):
+        move_on()
+    driver.close()
+    sent = controllers.commands
+    with pytest.raises(HardwareError, match='not open'):
+        driver.move((0.0, 0.0), PERIOD)
+    time.sleep(0.1)
+    assert controllers.commands <= sent + 1  # one may have been on its way
+    targets = [controllers.targets[name] for name in JOINTS]
+    until(lambda: [controllers.positions[name] for name in JOINTS] == targets)
+
+
+def test_velocities_in_another_unit_end_a_motion(make: Make) -> None:
+    driver, controllers = ready(make)
+    controllers.message = degrees_per_second
+    with pytest.raises(HardwareError, match='by the velocities'):
+        move(driver, 0.05)
+    controllers.message = lambda message: message
+
+
+@pytest.mark.parametrize('parameters', [
+    {'joints': JOINTS[::-1]}, {'scales': (-0.01, -0.01), 'command': -1.0}], ids=['order', 'signs'])
+def test_joints_that_do_something_else_than_they_were_sent_are_stopped(
+        make: Make, parameters: dict[str, Any]) -> None:
+    driver, controllers = ready(make)
+    # The controller has its joints in another order, or its motors turn the other way.
+    sign = parameters.pop('command', 1.0)
+    taken = controllers.positions.copy()
+    controllers.node.destroy_subscription(controllers.commanded)
+
+    def obey(message: Float64MultiArray) -> None:
+        controllers.targets.update({
+            name: taken[name] + sign * (value - taken[name])
+            for name, value in zip(parameters.get('joints', JOINTS), message.data, strict=True)})
+    controllers.commanded = controllers.node.create_subscription(
+        Float64MultiArray, 'position_controller/commands', obey, 10)
+    until(lambda: not driver.link.problem)  # the new subscription is found
+    with pytest.raises(HardwareError, match='do not follow'):
+        move(driver, 0.02)
+    assert abs(driver._watch.pulls[0]) < 0.008
+
+
+def test_a_controller_that_does_not_follow_is_an_error(make: Make) -> None:
+    driver, controllers = ready(make)
+    controllers.follows = False
+    with pytest.raises(HardwareError, match='do not follow: sent to right_tendon'):
+        move(driver, 0.02)
+    until(lambda: controllers.targets['spool_right'] == pytest.approx(0.3))  # where it is
+
+
+def test_a_stop_that_states_do_not_confirm_is_an_error(make: Make) -> None:
+    driver, controllers = ready(make)
+    move(driver, 0.003)
+    begin = time.monotonic()
+    at = controllers.positions['spool_right']
+    controllers.message = with_positions(lambda p: p + 0.5 * (time.monotonic() - begin))
+    driver.stop()
+    with pytest.raises(HardwareError, match='a stop was not confirmed'):
+        until(lambda: driver.read() and False)
+    assert controllers.positions['spool_right'] == pytest.approx(at, abs=0.2)
+
+
+@pytest.mark.parametrize('topic, kind', [
+    ('joint_state_broadcaster/joint_states', JointState),
+    ('position_controller/commands', Float64MultiArray)])
+def test_a_second_publisher_ends_a_motion_and_lets_none_begin(
+        make: Make, domain: int, topic: str, kind: Any) -> None:
+    driver, controllers = ready(make)
+    other = OtherNodes(domain, 'somebody_else')
+    other.node.create_publisher(kind, topic, 10)
+    words = f'/{topic} .* is published by .*/somebody_else'
+    with pytest.raises(HardwareError, match=words):
+        until(lambda: move(driver, 0.0006))
+    driver.close()
+    sent = controllers.commands
+    with pytest.raises(HardwareError, match=words):
+        driver.open()
+    assert controllers.commands == sent
+    other.close()
+
+
+REFUSED = {
+    'no publisher': ({'state_topic': 'nowhere'}, 'nobody publishes /nowhere'),
+    'no subscriber': ({'command_topic': 'nowhere'}, 'nobody subscribes to /nowhere'),
+    'another type': ({'command_topic': 'joint_state_broadcaster/joint_states'},
+                     'cannot be used: .* incompatible type'),
+    'no topic': ({'state_topic': 'a topic'}, "ros_tendons.state_topic is 'a topic', which is no"),
+    'no such joint': ({'joints': ('spool_right', 'spool')}, 'have spool not once; they have'),
+    'positions of 90 degrees': ({'start': 90.0}, 'reports 90, a pull of 900.0 mm'),
+    'known zeros in degrees': ({'start': 8.0, 'absolute': True}, 'reports 8, a pull of 80.0 mm'),
+    'no effort': ({'effort_scales': (100.0, 100.0)}, 'no effort, or nan'),
+}
+
+
+@pytest.mark.parametrize('case', REFUSED)
+def test_what_does_not_fit_the_parameters_is_refused_before_anything_moves(
+        make: Make, case: str) -> None:
+    parameters, words = REFUSED[case]
+    driver, controllers = make(**parameters)
+    with pytest.raises(HardwareError, match=words):
+        driver.open()
+    assert controllers.commands == 0
+
+
+def test_a_zero_lasts_as_long_as_the_node_that_reports_the_joints(make: Make) -> None:
+    driver, controllers = ready(make)
+    move(driver, 0.003)
+    until(lambda: not driver.read().moving)
+    driver.close()
+    driver.open()  # as after states that came late
+    assert driver.read().referenced
+    assert driver.read().pulls == pytest.approx((0.003, -0.003), abs=1e-6)
+    driver.close()
+    controllers.close()
+    driver, _ = make()
+    driver.open()
+    assert not driver.read().referenced
+    with pytest.raises(HardwareError, match='not referenced'):
+        driver.move((0.0, 0.0), PERIOD)
+
+
+def test_absolute_joints_need_no_reference_after_a_start(make: Make) -> None:
+    driver, _ = make(start=0.5, absolute=True, zeros=(0.3, 0.7), scales=(0.01, -0.01))
+    driver.open()
+    assert driver.read().referenced
+    assert driver.read().pulls == pytest.approx((0.002, 0.002))
+
+
+def test_efforts_become_tensions(make: Make) -> None:
+    driver, controllers = make(effort_scales=(100.0, -100.0))
+
+    def with_effort(message: JointState) -> JointState:
+        message.effort = [-0.02 if name == 'spool_left' else 0.05 for name in message.name]
+        return message
+    controllers.message = with_effort
+    driver.open()
+    assert driver.read().tensions == pytest.approx((5.0, 2.0))
+
+
+def test_a_driver_that_is_closed_while_it_waits_for_topics_ends_at_once(make: Make) -> None:
+    driver, _ = make(state_topic='nowhere')
+    raised: list[str] = []
+
+    def open_driver() -> None:
+        try:
+            driver.open()
+        except HardwareError as error:
+            raised.append(str(error))
+    thread = threading.Thread(target=open_driver)
+    thread.start()
+    until(lambda: driver.link is not None)
+    driver.close()
+    thread.join(DEADLINE)
+    assert len(raised) == 1
+
+
+def test_a_message_of_another_type_of_bool_is_not_taken(make: Make, domain: int) -> None:
+    driver, _ = make(state_topic='flags')
+    other = OtherNodes(domain, 'flags')
+    publisher = other.node.create_publisher(Bool, 'flags', 10)
+    publisher.publish(Bool(data=True))
+    with pytest.raises(HardwareError, match='needed: sensor_msgs/msg/JointState'):
+        driver.open()
+    other.close()
