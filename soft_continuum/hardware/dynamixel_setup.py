@@ -7,6 +7,7 @@ The settings are in the EEPROM of the servos, which is locked while their torque
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import pi
 from typing import Any, Self
@@ -184,16 +185,20 @@ def find_servos(bus: DynamixelBus, spools: Spools) -> list[Servo]:
     for i, (number, tendon) in enumerate(zip(spools.ids, spools.tendons, strict=True)):
         name = f'servo {number} ({tendon})'
         model = _model(name, _ping(bus, number, name, spools.ids))
-        try:
-            table = bus.read_bytes(number, 0, TABLE_END).data
-        except NoReplyError:
-            raise HardwareError(
-                f'{name} answers a ping but no read: its {STATUS_RETURN_LEVEL} is 0; switch it '
-                'off and on') from None
+        table = _table(bus, number, name)
         servos.append(Servo(
             number, tendon, model, spools.torque_constants[i] or model.torque_constant,
             spools.radii[i], spools.tension_limits[i], table))
     return servos
+
+
+def _table(bus: DynamixelBus, number: int, name: str) -> bytes:
+    for _ in range(PINGS):
+        with suppress(NoReplyError, DamagedReplyError):
+            return bus.read_bytes(number, 0, TABLE_END).data
+    raise HardwareError(
+        f'{name} answers a ping but no read: its {STATUS_RETURN_LEVEL} is 0 (switch it off and '
+        'on), or the line is bad')
 
 
 def _ping(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> int:
