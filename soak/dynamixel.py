@@ -19,7 +19,6 @@ import time
 
 from servo_rig import (
     BEYOND_TURN,
-    Fault,
     FAULTS,
     Outcome,
     rig,
@@ -63,34 +62,34 @@ def run(share: float) -> Report:
 
 
 def _faults(trials: int) -> tuple[str, list[str]]:
-    rows, wrong = [], []
-    for fault in FAULTS:
-        progress(f'{fault.name} ...')
-        found = _outcomes(fault, trials)
-        wrong += found.wrong
-        noticed = [outcome for outcome in found.each if outcome.noticed]
+    """Try each fault, at rest and in motion."""
+    found = {fault.name: Outcomes() for fault in FAULTS}
+    for seed, moving in zip(range(trials), cycle((True, False)), strict=False):
+        progress(f'{trials - seed} trials of each fault left')
+        for fault in FAULTS:
+            with TemporaryDirectory() as folder:
+                try:
+                    found[fault.name].each.append(trial(Path(folder), fault, seed, moving))
+                except (WrongStateError, HardwareError) as error:
+                    found[fault.name].wrong.append(f'{fault.name}, trial {seed}: {error}')
+                    progress(found[fault.name].wrong[-1])
+    return _of_faults(found), [text for each in found.values() for text in each.wrong]
+
+
+def _of_faults(found: dict[str, Outcomes]) -> str:
+    rows = []
+    for name, outcomes in found.items():
+        noticed = [outcome for outcome in outcomes.each if outcome.noticed]
         median, _, longest = spread([outcome.noticed_after for outcome in noticed])
         ran_on = max((1e3 * outcome.ran_on for outcome in noticed), default=0.0)
-        known = sum(outcome.known for outcome in found.each)
-        rows.append((fault.name, f'{len(noticed)} of {trials}', f'{median} / {longest}',
-                     f'{ran_on:.1f}', f'{known} / {len(found.each) - known}',
-                     str(len(found.wrong))))
-    head = ('fault', 'ended the motion, or was reported', 'after, ms: median / longest',
+        known = sum(outcome.known for outcome in outcomes.each)
+        rows.append((name, f'{len(noticed)} of {len(outcomes.each)}', f'{median} / {longest}',
+                     f'{ran_on:.1f}', f'{known} / {len(outcomes.each) - known}',
+                     str(len(outcomes.wrong))))
+    head = ('fault', 'reported, motion ended', 'after, ms: median / longest',
             'farthest that a tendon went on, mm', 'position then known / declared unknown',
             'wrong states')
-    return table(head, rows), wrong
-
-
-def _outcomes(fault: Fault, trials: int) -> Outcomes:
-    outcomes = Outcomes()
-    for seed, moving in zip(range(trials), cycle((True, False)), strict=False):
-        with TemporaryDirectory() as folder:
-            try:
-                outcomes.each.append(trial(Path(folder), fault, seed, moving))
-            except (WrongStateError, HardwareError) as error:
-                outcomes.wrong.append(f'{fault.name}, {seed}: {type(error).__name__}: {error}')
-                progress(outcomes.wrong[-1])
-    return outcomes
+    return table(head, rows)
 
 
 def _stops(trials: int) -> tuple[str, list[str]]:
@@ -134,7 +133,7 @@ def _stop(made: ServoRig, random: Random) -> tuple[float, float] | None:
         return None
     requested = clock()
     driver.stop()
-    stood = made.rest()
+    stood = made.rest(0.002)
     rested_at = made.pulls
     made.wait(0.5)
     made.rest()
