@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tendons on Dynamixel servos: they go where they are sent, stop, hold, and know where they are."""
+"""Tendons on Dynamixel servos go where they are sent, stop, hold, and know where they are."""
 
 from dynamixel_rig import (
     at_rest,
