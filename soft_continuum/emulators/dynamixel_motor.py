@@ -18,6 +18,8 @@ TIME_CONSTANT = 0.015  # s in which the motor follows a voltage, est
 LOAD_FRICTION = 0.1  # of the load torque, est
 OWN_FRICTION = 0.01  # of the stall torque, est
 OFF_DAMPING = 0.1  # of the damping of the powered motor, est
+STICTION, STANDSTILL = 1.2, 1e-3
+"""By how much friction is larger once the speed (rad/s) is below this, est."""
 
 
 @dataclass
@@ -91,8 +93,9 @@ class Motor:
         if abs(self.torque) > limit > 0.0:
             self.torque = copysign(limit, self.torque)
             speed = (mass * self.speed + self.torque + load) / (mass + OFF_DAMPING * damping)
-        lost = friction / mass
-        self.speed = 0.0 if abs(speed) <= lost or self.caught else speed - copysign(lost, speed)
+        lost = (1.0 if self.speed else STICTION) * friction / mass
+        stands = self.caught or abs(speed) <= lost + STANDSTILL
+        self.speed = 0.0 if stands else speed - copysign(friction / mass, speed)
         if self.speed == 0.0 and limit > 0.0:  # nothing that turns weakens it
             self.torque = max(-limit, min(limit, driving))
         self.angle += self.speed * time

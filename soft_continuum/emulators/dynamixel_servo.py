@@ -179,11 +179,15 @@ class DynamixelServo:
         watchdog = values['Bus Watchdog']
         if (values['Torque Enable'] and 0 < watchdog < WATCHDOG_ERROR
                 and self.time - self.heard > watchdog * WATCHDOG_UNIT):
-            values['Bus Watchdog'] = WATCHDOG_ERROR
-            values['Profile Velocity'] = values['Profile Acceleration'] = 0
-            self._control.stop(self.position)
+            self.expire()
         self._watch_health(time)
         self._control.step(time, self.position)
+
+    def expire(self) -> None:
+        """Let the Bus Watchdog end all motion: the torque stays on."""
+        self.values['Bus Watchdog'] = WATCHDOG_ERROR
+        self.values['Profile Velocity'] = self.values['Profile Acceleration'] = 0
+        self._control.stop(self.position)
 
     def fail(self, error: int) -> None:
         """Notice a hardware error (its bits) for a moment; some errors switch the motor off."""

@@ -27,6 +27,7 @@ from soft_continuum.user_files import dynamixel_zeros
 
 CLOSE_TIMEOUT = 1.0  # s that close() gives the tendons to stop
 POLL_INTERVAL = 0.005  # s
+COMING_BACK = 5e-4  # m by which a tendon beyond its limits may be ahead of a goal on the way back
 MAX_READ_TIME = 0.05  # s for all servos
 
 
@@ -147,11 +148,14 @@ class DynamixelTendons:
                 f'{len(pulls)} pulls were given; needed: one for each of {", ".join(tendons)}')
         if not all(isfinite(x) for x in (*pulls, duration)) or duration < 0.0:
             raise HardwareError(f'not a motion: pulls {pulls} m in {duration} s')
-        if min(pulls) < low - 1e-9 or max(pulls) > high + 1e-9:
+        session = self._connected()
+        # A tendon that went beyond while something failed must be able to come back.
+        if any(not min(low, at) - COMING_BACK <= pull <= max(high, at) + COMING_BACK
+               if at < low or at > high else not low - 1e-9 <= pull <= high + 1e-9
+               for pull, at in zip(pulls, session.reading().pulls, strict=True)):
             raise HardwareError(
                 f'pulls of {describe_pulls(tendons, pulls)} are beyond pull_limits: {low:g} to '
                 f'{high:g} m')
-        session = self._connected()
         rested = not session.busy
         session.move(pulls, duration)
         if rested:
