@@ -225,15 +225,17 @@ class DynamixelSession:
         """Send servos to where they are; and when they are slow, to where they come to rest."""
         speeds = self._velocities()
         if not self._braked:
-            self._braked, self._turning = True, speeds
             self._currents = [state.current for state in self._states]
         goals = self._path.holding_goals(self._positions(), self._currents)
-        for i, (before, now) in enumerate(zip(self._turning, speeds, strict=True)):
-            if before == 0.0:  # it is held already
-                goals[i] = self._written[i].goal
-            elif now / before <= CATCH_SHARE:
-                goals[i] += round(CYCLE * now)
-                self._turning[i] = 0.0
+        if self._braked:  # a goal changes once more: one that followed the servo would never end
+            for i, (before, now) in enumerate(zip(self._turning, speeds, strict=True)):
+                if before == 0.0 or now / before > CATCH_SHARE:
+                    goals[i] = self._written[i].goal
+                else:
+                    goals[i] += round(CYCLE * now)
+                    self._turning[i] = 0.0
+        else:
+            self._braked, self._turning = True, speeds
         self._set(goals=goals)
 
     def _velocities(self) -> list[float]:
