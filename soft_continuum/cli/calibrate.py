@@ -16,14 +16,22 @@ from typing import Any
 
 from soft_continuum.analysis.results import reserve_outputs
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, WRONG_USAGE
-from soft_continuum.cli import calibrate_camera, calibrate_load_cells, calibrate_vacuum
+from soft_continuum.cli import (
+    calibrate_camera,
+    calibrate_load_cells,
+    calibrate_servos,
+    calibrate_vacuum,
+)
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number, one_of
 from soft_continuum.hardware.calibration import (
     assess_vacuum,
     CalibrationError,
+    corrected_scale,
     corrected_steps,
-    forget_reference,
+    Drive,
+    DRIVES,
+    forget_zero,
     MARK_TIME,
     MAX_MOVE,
     measure_segment,
@@ -45,10 +53,13 @@ GUIDE = 'docs/how_to/set_up_a_rig.md'
 MM = 1e3  # per m
 SIGN_MOVE = 2.0  # mm
 MAX_JOG = 2.0  # mm
+TAKE_UP = 'dynamixel.take_up_tension'
 PULLED_IN, PAID_OUT = 'pulled-in', 'paid-out'
 DIRECTIONS = {PULLED_IN: 1.0, PAID_OUT: -1.0, 'pulled': 1.0, 'let-out': -1.0}
 """Sign by what was seen; the last two are the words of version 0.1."""
-OF_SENSORS = {CAMERA: calibrate_camera.main, LOAD_CELLS: calibrate_load_cells.main}
+OF_SENSORS = {CAMERA: calibrate_camera.main, LOAD_CELLS: calibrate_load_cells.main,
+              'servos': calibrate_servos.main}
+"""Procedures with options of their own."""
 WITH_VALUE = ('--output', '--params-file', '--namespace')
 APPLIES = {'measured': 'steps', 'distance': 'steps', 'seen': 'signs', 'take_up': 'zero',
            'leak_time': 'vacuum'}
@@ -94,6 +105,11 @@ class Job:
             raise CalibrationError(f'parameter {name} is {as_yaml(values)}; needed: one value for '
                                    f'each of {", ".join(self.names)}; begin with estimates')
         return values
+
+    @property
+    def drive(self) -> Drive:
+        """What signs and scale of the tendon driver are called; of others, those of grbl."""
+        return DRIVES.get(self.values['tendon_driver'], DRIVES['grbl'])
 
     def one(self, tendon: int, distance: float) -> tuple[float, ...]:
         """Return the distances (m) of all tendons that move only one, by ``distance`` in mm."""
@@ -185,7 +201,8 @@ def _bench(job: Job, text: str, sets_zero: bool = False
 
     Of what each tendon bends, the segment below its end is softened.
     """
-    values, arm = job.values, any_arm_from_parameters(job.values)
+    # Slack is taken up by whoever calibrates.
+    values, arm = job.values | {TAKE_UP: 0.0}, any_arm_from_parameters(job.values)
     ends = {len(arm.segments)} if isinstance(arm, Arm) else {t.end for t in arm.tendons}
     soft = sorted(end - 1 for end in ends) if job.jamming else []
     if soft and values['jamming_driver'] == 'simulated':
@@ -222,14 +239,11 @@ def _bench(job: Job, text: str, sets_zero: bool = False
 
 
 def _forget_zero(values: Mapping[str, Any]) -> None:
-    if values['tendon_driver'] != 'grbl':
-        return
-    for port in values['grbl.port'].split():
-        try:
-            forget_reference(port, values['grbl.baud_rate'])
-        except HardwareError as error:
-            print(f'The controller at {port} may still hold a provisional zero: power-cycle it '
-                  f'before anything else ({error})', file=sys.stderr)
+    try:
+        forget_zero(values)
+    except HardwareError as error:
+        print('The device of the tendons may still hold a provisional zero: power-cycle it before '
+              f'anything else ({error})', file=sys.stderr)
 
 
 UNHOOK_REQUEST = (
@@ -262,9 +276,10 @@ def _signs(job: Job) -> None:
                         one_of(*DIRECTIONS, 'again'))
                     bench.move(job.one(tendon, -SIGN_MOVE))
                 seen.append(answer)
+    name = job.drive.signs
     signs = tuple(sign * DIRECTIONS[answer]
-                  for sign, answer in zip(job.per_tendon('grbl.signs'), seen, strict=True))
-    _take(job, 'grbl.signs', signs)
+                  for sign, answer in zip(job.per_tendon(name), seen, strict=True))
+    _take(job, name, signs)
 
 
 def _steps(job: Job) -> None:
@@ -284,11 +299,12 @@ def _steps(job: Job) -> None:
                     f'By how many mm was the {name} tendon really pulled in?',
                     lambda text: _travel(text, distance)))
                 bench.move(job.one(tendon, -distance))
-    before = job.per_tendon('grbl.steps_per_mm')
-    steps = tuple(corrected_steps(old, distance / MM, travel / MM)
-                  for old, travel in zip(before, travels, strict=True))
-    _take(job, 'grbl.steps_per_mm', steps)
-    if job.values['tendon_driver'] == 'grbl' and steps != tuple(before):
+    name = job.drive.scale
+    before = job.per_tendon(name)
+    scales = tuple(corrected_scale(job.drive, old, distance / MM, travel / MM)
+                   for old, travel in zip(before, travels, strict=True))
+    _take(job, name, scales)
+    if job.values['tendon_driver'] == 'grbl' and scales != tuple(before):
         _forget_zero(job.values)
         print('The steps per mm have changed: the zero must be set again.')
 
@@ -300,15 +316,14 @@ def _travel(text: str, distance: float) -> float:
 
 
 def _take(job: Job, name: str, values: tuple[float, ...]) -> None:
-    """Keep a result for the stepper controller, if the rig has one."""
+    """Keep a result, if the rig has the driver that it is for."""
     print(f'{name}: {as_yaml(values)} ({", ".join(job.names)}); it was '
           f'{as_yaml(job.values[name])}')
     job.values[name] = values
-    if job.values['tendon_driver'] == 'grbl':
+    if name.startswith(f'{job.values["tendon_driver"]}.'):
         job.results[name] = values
     else:
-        print(f'This is for a grbl controller and is not kept: tendon_driver is '
-              f'{job.values["tendon_driver"]}.')
+        print(f'This is not kept: tendon_driver is {job.values["tendon_driver"]}.')
 
 
 def _zero(job: Job) -> None:

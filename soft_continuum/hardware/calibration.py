@@ -7,16 +7,20 @@ Everything goes through the driver protocols.  Whatever ends a procedure early, 
 ends its motion and stops its pump.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import contextlib
 from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite, log, nan
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.dynamixel_bus import DynamixelBus
+from soft_continuum.hardware.dynamixel_reference import ZeroFile
+from soft_continuum.hardware.dynamixel_setup import Spools
+from soft_continuum.hardware.dynamixel_start import forget_marks
 from soft_continuum.hardware.grbl_link import GrblLink, SOFT_RESET
 from soft_continuum.hardware.grbl_setup import find_controller
 from soft_continuum.hardware.jamming_controller import JammingSettings, RESPONSE_TIME
@@ -29,6 +33,7 @@ from soft_continuum.hardware.protocols import (
 )
 from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.hardware.tendon_controller import TendonLimits
+from soft_continuum.user_files import dynamixel_zeros
 
 SPEED = 2e-3
 """m/s of every motion here."""
@@ -181,6 +186,41 @@ def corrected_steps(steps_per_mm: float, commanded: float, measured: float) -> f
             f'{_mm([low])} to {_mm([high])}. Give mm; if it is really so, '
             'correct the steps/mm of controller and configuration roughly first')
     return round(steps_per_mm * commanded / measured, 3)  # as many digits as GRBL keeps
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What a driver calls signs and scale of the tendons; inverse: more of it is less turning."""
+
+    signs: str
+    scale: str
+    inverse: bool
+
+
+DRIVES = {'grbl': Drive('grbl.signs', 'grbl.steps_per_mm', inverse=False),
+          'dynamixel': Drive('dynamixel.signs', 'dynamixel.spool_radii', inverse=True)}
+
+
+def corrected_scale(drive: Drive, scale: float, commanded: float, measured: float) -> float:
+    """Return the scale with which ``commanded`` (m) would have been ``measured`` (m)."""
+    if drive.inverse:  # the radius of a spool, m
+        corrected_steps(1.0, commanded, measured)  # raises for what cannot be
+        return round(scale * measured / commanded, 7)
+    return corrected_steps(scale, commanded, measured)
+
+
+def forget_zero(values: Mapping[str, Any]) -> None:
+    """Let the device of the tendons forget its zero, which was only an aid; nothing moves."""
+    if values['tendon_driver'] == 'grbl':
+        for port in values['grbl.port'].split():
+            forget_reference(port, values['grbl.baud_rate'])
+    elif values['tendon_driver'] == 'dynamixel':
+        spools, port = Spools.from_parameters(values), values['dynamixel.port']
+        bus = DynamixelBus.from_parameters(values)
+        try:
+            forget_marks(bus, spools.ids, ZeroFile(dynamixel_zeros(), port))
+        finally:
+            bus.close()
 
 
 def forget_reference(port: str, baud_rate: int) -> None:

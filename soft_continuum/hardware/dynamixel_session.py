@@ -9,7 +9,6 @@ the next hundredth of a second and reads all servos: where they are, and what wa
 write that was lost is noticed and repeated, and a reply that does not repeat it is not taken.
 """
 
-from collections import deque
 from collections.abc import Sequence
 import contextlib
 from dataclasses import replace
@@ -37,7 +36,14 @@ from soft_continuum.hardware.dynamixel_registers import (
     WATCHDOG_UNIT,
 )
 from soft_continuum.hardware.dynamixel_setup import CALIBRATE, Servo, Spools
-from soft_continuum.hardware.dynamixel_state import BLOCK, fastest, ServoState, Written
+from soft_continuum.hardware.dynamixel_state import (
+    BLOCK,
+    fastest,
+    REST_TIME,
+    ServoState,
+    Track,
+    Written,
+)
 from soft_continuum.hardware.dynamixel_take_up import TakeUp
 from soft_continuum.hardware.protocols import HardwareError, TendonReading
 
@@ -47,8 +53,6 @@ SILENCE_TIMEOUT, MIN_MISSED = 0.15, 4
 """s without a reply that can be taken, and cycles in succession, that are a failure."""
 MARK_ATTEMPTS = 5
 STOP_TIMEOUT = 1.0  # s for a stop to be confirmed
-REST_TIME, REST_PULSES = 0.03, 1
-"""s over which a tendon at rest is seen to turn its servo by no more pulses."""
 CATCH_SHARE = 0.55  # of its speed, below which a servo that brakes is held
 ARRIVAL_TIMEOUT = 2.0  # s after the end of the path
 DISTANCE_BEHIND, TIME_BEHIND, BEHIND_TIMEOUT = 0.003, 0.15, 0.25
@@ -84,7 +88,7 @@ class DynamixelSession:
         self._unknown = '; '.join(zero.unknown for zero in zeros if zero.unknown)
         self._path = HeldPath(spools, [zero.position for zero in zeros], self._positions(),
                               [written.goal for written in self._written])
-        self._history = deque([(found[0].time, self._positions())] * 2)
+        self._track = Track(found[0].time, self._positions())
         self._target: tuple[tuple[float, ...], float] | None = None  # and its arrival, s
         self._braked = False
         self._turning = [0.0] * len(self._servos)  # pulses/s, of those that brake
@@ -109,7 +113,7 @@ class DynamixelSession:
             scale = self._spools.pull_per_pulse
             speeds = (0.0,) * len(scale)
             if self.state in BUSY:
-                speeds = tuple(s * v for s, v in zip(scale, self._velocities(), strict=True))
+                speeds = tuple(s * v for s, v in zip(scale, self._track.velocities(), strict=True))
                 if not any(speeds):  # not at rest, even if no pulse was made
                     speeds = tuple(abs(s) / REST_TIME for s in scale)
             # A tendon cannot push: what friction makes negative is no tension.
@@ -223,7 +227,7 @@ class DynamixelSession:
 
     def _brake(self) -> None:
         """Send servos to where they are; and when they are slow, to where they come to rest."""
-        speeds = self._velocities()
+        speeds = self._track.velocities()
         if not self._braked:
             self._currents = [state.current for state in self._states]
         goals = self._path.holding_goals(self._positions(), self._currents)
@@ -237,13 +241,6 @@ class DynamixelSession:
         else:
             self._braked, self._turning = True, speeds
         self._set(goals=goals)
-
-    def _velocities(self) -> list[float]:
-        """Return how fast the servos turned in the last cycle, pulses/s."""
-        end, places = self._history[-1]
-        begin, before = next((time, at) for time, at in reversed(self._history)
-                             if time <= end - 0.8 * CYCLE or time == self._history[0][0])
-        return [(b - a) / max(end - begin, CYCLE) for a, b in zip(before, places, strict=True)]
 
     def _set(self, goals: Sequence[int], currents: Sequence[int] | None = None) -> None:
         currents = currents or [written.current for written in self._written]
@@ -288,9 +285,7 @@ class DynamixelSession:
                 return
         with self._lock:
             self._states, self._heard, self._missed = states, now, 0
-            self._history.append((now, self._positions()))
-            while len(self._history) > 2 and self._history[1][0] <= now - REST_TIME:
-                self._history.popleft()
+            self._track.add(now, self._positions())
 
     def _miss(self, why: str) -> None:
         """Count a reply that was not taken; raises HardwareError when there are too many."""
@@ -345,7 +340,7 @@ class DynamixelSession:
             if self.state is State.STOPPING and now - self._since > STOP_TIMEOUT:
                 raise self._unconfirmed()
             return
-        still = self._still()
+        still = self._track.still()
         if self.state is State.STOPPING:
             if self._braked and still:
                 self._path.place(self._positions(), [w.goal for w in self._written])
@@ -392,13 +387,6 @@ class DynamixelSession:
             self._path.place(positions, positions)
             self._unknown, self._mark_due = '', True
         self._enter(State.RESTING)
-
-    def _still(self) -> bool:
-        """Whether all servos have rested for REST_TIME."""
-        (begin, _), (end, _) = self._history[0], self._history[-1]
-        return end - begin > 0.99 * REST_TIME and all(
-            max(places) - min(places) <= REST_PULSES
-            for places in zip(*(places for _, places in self._history), strict=True))
 
     def _unconfirmed(self) -> HardwareError:
         return HardwareError(

@@ -9,7 +9,7 @@ The settings are in the EEPROM of the servos, which is locked while their torque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from math import pi
+from math import hypot, pi
 from typing import Any, Self
 
 from soft_continuum.hardware.dynamixel_bus import (
@@ -53,6 +53,7 @@ PINGS = 3
 """Requests to each servo: two of the same ID rarely damage each other's replies always alike."""
 MIN_PWM_LIMIT = 443  # half of what the supply gives
 OVERHEATING = 0x04
+FRICTION_SHARE, FRICTION_OF_STALL = 0.3, 0.02  # of tension, and of the one at stall
 RAM_RESTORE = 0x02
 EEPROM_END, TABLE_END = 64, 147
 RADIUS_RANGE = 0.001, 0.1  # m
@@ -161,6 +162,17 @@ class Servo:
     def tension(self, counts: int) -> float:
         """Return the tension (N) of counts of current that pull."""
         return counts * self.model.current_unit * self.torque_constant / self.radius
+
+    def deviation(self, tension: float) -> float:
+        """
+        Return the standard deviation (N) with which a tension (N) is known from the current.
+
+        The gear rubs: at rest it carries a part of the load that the motor does not feel, and in
+        motion the motor feels its friction too.  The maker gives no figure, and none was measured
+        here: the shares are assumptions for gears of four or five stages.
+        """
+        stall = self.model.stall_torque / self.radius
+        return hypot(FRICTION_SHARE * tension, FRICTION_OF_STALL * stall)
 
     @property
     def homing_offset(self) -> int:
