@@ -5,7 +5,6 @@
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
 from functools import partial
 from math import isfinite
 from pathlib import Path
@@ -16,14 +15,18 @@ from typing import Any
 
 from soft_continuum.analysis.results import reserve_outputs
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, WRONG_USAGE
-from soft_continuum.cli import calibrate_camera, calibrate_load_cells, calibrate_vacuum
+from soft_continuum.cli import (
+    calibrate_camera,
+    calibrate_load_cells,
+    calibrate_servos,
+    calibrate_vacuum,
+)
+from soft_continuum.cli.calibrate_job import Job, MM
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number, one_of
 from soft_continuum.hardware.calibration import (
     assess_vacuum,
     CalibrationError,
-    corrected_steps,
-    forget_reference,
     MARK_TIME,
     MAX_MOVE,
     measure_segment,
@@ -31,6 +34,12 @@ from soft_continuum.hardware.calibration import (
     TendonBench,
 )
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.drives import (
+    corrected_scale,
+    corrected_steps,
+    DRIVES,
+    forget_zero,
+)
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, TendonDriver
 from soft_continuum.hardware.tendon_controller import TendonLimits
 from soft_continuum.mechanics.arm import Arm
@@ -42,70 +51,19 @@ from soft_continuum.ros.names import CAMERA, LOAD_CELLS
 
 NAME = 'calibrate'
 GUIDE = 'docs/how_to/set_up_a_rig.md'
-MM = 1e3  # per m
 SIGN_MOVE = 2.0  # mm
 MAX_JOG = 2.0  # mm
+TAKE_UP = 'dynamixel.take_up_tension'
 PULLED_IN, PAID_OUT = 'pulled-in', 'paid-out'
 DIRECTIONS = {PULLED_IN: 1.0, PAID_OUT: -1.0, 'pulled': 1.0, 'let-out': -1.0}
 """Sign by what was seen; the last two are the words of version 0.1."""
-OF_SENSORS = {CAMERA: calibrate_camera.main, LOAD_CELLS: calibrate_load_cells.main}
+OF_SENSORS = {CAMERA: calibrate_camera.main, LOAD_CELLS: calibrate_load_cells.main,
+              'servos': calibrate_servos.main}
+"""Procedures with options of their own."""
 WITH_VALUE = ('--output', '--params-file', '--namespace')
 APPLIES = {'measured': 'steps', 'distance': 'steps', 'seen': 'signs', 'take_up': 'zero',
            'leak_time': 'vacuum'}
 """Which option belongs to which procedure."""
-PER_TENDON = 'measured', 'seen', 'take_up'
-"""Options with a value for each tendon."""
-STEPS = 'grbl.steps_per_mm'
-SIGNS = {'grbl': 'grbl.signs', 'ros_topics': 'ros_tendons.scales'}
-TRAVEL = {'grbl': STEPS, 'ros_topics': 'ros_tendons.scales'}
-"""Parameters that signs and steps correct, by driver; all but STEPS are travel per unit."""
-ZEROS = {'ros_topics': 'ros_tendons.zeros'}
-"""Parameter of drivers that know only from it where zero is, and have it as ``zeros``."""
-
-
-@dataclass
-class Job:
-    """
-    The options, the parameters as corrected so far, the results and what failed.
-
-    names: of the tendons, as they are typed.
-    """
-
-    options: argparse.Namespace
-    values: dict[str, Any]
-    results: dict[str, tuple[float, ...] | float] = field(default_factory=dict)
-    failures: list[str] = field(default_factory=list)
-    names: tuple[str, ...] = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Find the names; raises CalibrationError for options that are not for each of them."""
-        tendons = any_arm_from_parameters(self.values).tendon_names
-        self.names = tuple(name.removesuffix('_tendon') for name in tendons)
-        for option in PER_TENDON:
-            given = getattr(self.options, option)
-            if given is not None and len(given) != len(self.names):
-                raise CalibrationError(
-                    f'--{option.replace("_", "-")} has {len(given)} values; needed: one for each '
-                    f'of {", ".join(self.names)}')
-
-    @property
-    def jamming(self) -> bool:
-        """Whether the arm has segments that can be stiffened."""
-        return bool(self.values['arm.jamming'])
-
-    def per_tendon(self, name: str) -> tuple[float, ...]:
-        """Return a parameter with a value for each tendon; raises CalibrationError."""
-        values: tuple[float, ...] = self.values[name]
-        if len(values) == 1 and not name.startswith('grbl.'):  # one counts for all
-            return values * len(self.names)
-        if len(values) != len(self.names):
-            raise CalibrationError(f'parameter {name} is {as_yaml(values)}; needed: one value for '
-                                   f'each of {", ".join(self.names)}; begin with estimates')
-        return values
-
-    def one(self, tendon: int, distance: float) -> tuple[float, ...]:
-        """Return the distances (m) of all tendons that move only one, by ``distance`` in mm."""
-        return tuple(distance / MM if i == tendon else 0.0 for i in range(len(self.names)))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -154,9 +112,9 @@ def _run(options: argparse.Namespace) -> None:
     values = load_rig(options.params_file)
     name = f'calibration_{options.what}.yaml' if options.what != 'all' else 'calibration.yaml'
     path = Path(options.output, name)
-    if options.what != 'zero' or values['tendon_driver'] in ZEROS:
-        path, = reserve_outputs(options.output, [name], options.force)
     job = Job(options, values)
+    if options.what != 'zero' or job.drive.zeros:
+        path, = reserve_outputs(options.output, [name], options.force)
     procedures = [procedure for name, procedure in PROCEDURES.items()
                   if options.what in (name, 'all') and (job.jamming or name != 'vacuum'
                                                         or options.what == name)]
@@ -193,7 +151,8 @@ def _bench(job: Job, text: str, sets_zero: bool = False
 
     Of what each tendon bends, the segment below its end is softened.
     """
-    values, arm = job.values, any_arm_from_parameters(job.values)
+    # Slack is taken up by whoever calibrates.
+    values, arm = job.values | {TAKE_UP: 0.0}, any_arm_from_parameters(job.values)
     ends = {len(arm.segments)} if isinstance(arm, Arm) else {t.end for t in arm.tendons}
     soft = sorted(end - 1 for end in ends) if job.jamming else []
     if soft and values['jamming_driver'] == 'simulated':
@@ -230,14 +189,11 @@ def _bench(job: Job, text: str, sets_zero: bool = False
 
 
 def _forget_zero(values: Mapping[str, Any]) -> None:
-    if values['tendon_driver'] != 'grbl':
-        return
-    for port in values['grbl.port'].split():
-        try:
-            forget_reference(port, values['grbl.baud_rate'])
-        except HardwareError as error:
-            print(f'The controller at {port} may still hold a provisional zero: power-cycle it '
-                  f'before anything else ({error})', file=sys.stderr)
+    try:
+        forget_zero(values)
+    except HardwareError as error:
+        print('The device of the tendons may still hold a provisional zero: power-cycle it before '
+              f'anything else ({error})', file=sys.stderr)
 
 
 UNHOOK_REQUEST = (
@@ -270,7 +226,7 @@ def _signs(job: Job) -> None:
                         one_of(*DIRECTIONS, 'again'))
                     bench.move(job.one(tendon, -SIGN_MOVE))
                 seen.append(answer)
-    name = SIGNS.get(job.values['tendon_driver'], 'grbl.signs')
+    name = job.drive.signs
     signs = tuple(sign * DIRECTIONS[answer]
                   for sign, answer in zip(job.per_tendon(name), seen, strict=True))
     _take(job, name, signs)
@@ -293,20 +249,14 @@ def _steps(job: Job) -> None:
                     f'By how many mm was the {name} tendon really pulled in?',
                     lambda text: _travel(text, distance)))
                 bench.move(job.one(tendon, -distance))
-    parameter = TRAVEL.get(job.values['tendon_driver'], STEPS)
-    before = job.per_tendon(parameter)
-    steps = tuple(_corrected(parameter, old, distance, travel)
-                  for old, travel in zip(before, travels, strict=True))
-    _take(job, parameter, steps)
-    if job.values['tendon_driver'] == 'grbl' and steps != tuple(before):
+    name = job.drive.scale
+    before = job.per_tendon(name)
+    scales = tuple(corrected_scale(job.drive, old, distance / MM, travel / MM)
+                   for old, travel in zip(before, travels, strict=True))
+    _take(job, name, scales)
+    if job.values['tendon_driver'] == 'grbl' and scales != tuple(before):
         _forget_zero(job.values)
         print('The steps per mm have changed: the zero must be set again.')
-
-
-def _corrected(parameter: str, old: float, distance: float, travel: float) -> float:
-    """Return what a parameter of TRAVEL should have been; distance, travel: mm."""
-    steps = corrected_steps(old, distance / MM, travel / MM)  # raises for what cannot be
-    return steps if parameter == STEPS else float(f'{old * travel / distance:.6g}')
 
 
 def _travel(text: str, distance: float) -> float:
@@ -316,15 +266,14 @@ def _travel(text: str, distance: float) -> float:
 
 
 def _take(job: Job, name: str, values: tuple[float, ...]) -> None:
-    """Keep a result, if it is for the driver of the rig."""
+    """Keep a result, if the rig has the driver that it is for."""
     print(f'{name}: {as_yaml(values)} ({", ".join(job.names)}); it was '
           f'{as_yaml(job.values[name])}')
     job.values[name] = values
-    if job.values['tendon_driver'] in SIGNS:
+    if job.values['tendon_driver'] in DRIVES:
         job.results[name] = values
     else:
-        print(f'This is for a grbl controller and is not kept: tendon_driver is '
-              f'{job.values["tendon_driver"]}.')
+        print(f'This is not kept: tendon_driver is {job.values["tendon_driver"]}.')
 
 
 def _zero(job: Job) -> None:
@@ -342,7 +291,7 @@ def _zero(job: Job) -> None:
         tendons.reference()
         sleep(MARK_TIME)
     print('The straight arm is zero.')
-    if parameter := ZEROS.get(job.values['tendon_driver']):
+    if parameter := job.drive.zeros:
         _take(job, parameter, tuple(tendons.zeros))  # type: ignore[attr-defined]
         print('If the joints keep their position while they are switched off, set '
               f'{parameter.partition(".")[0]}.absolute: true, and the arm is referenced after '

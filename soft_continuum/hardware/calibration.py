@@ -17,8 +17,6 @@ from typing import TypeVar
 import numpy as np
 
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.grbl_link import GrblLink, SOFT_RESET
-from soft_continuum.hardware.grbl_setup import find_controller
 from soft_continuum.hardware.jamming_controller import JammingSettings, RESPONSE_TIME
 from soft_continuum.hardware.protocols import (
     describe_pulls,
@@ -27,7 +25,6 @@ from soft_continuum.hardware.protocols import (
     TendonDriver,
     TendonReading,
 )
-from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.hardware.tendon_controller import TendonLimits
 
 SPEED = 2e-3
@@ -39,8 +36,6 @@ TIMEOUT = 10.0  # s that anything may take longer than it should
 POLL_INTERVAL = 0.01  # s
 RETRY_TIME = 3.0  # s for which a reading or a switch is tried again when a reply was missed
 MARK_TIME = 1.0  # s for a driver to mark the reference in the controller
-MAX_STEPS_FACTOR = 10.0
-"""By which steps/mm may be wrong; beyond, the measured value counts as a typing error."""
 
 PLATEAU_TIME, PLATEAU_RISE, MIN_EVACUATION_TIME = 1.0, 0.01, 3.0
 """s over which the vacuum rises by less than this share at its end; s before that is judged."""
@@ -166,36 +161,6 @@ class TendonBench:
 
 def _mm(lengths: Sequence[float]) -> str:
     return ' and '.join(f'{1e3 * x:.2f}' for x in lengths) + ' mm'
-
-
-def corrected_steps(steps_per_mm: float, commanded: float, measured: float) -> float:
-    """
-    Return the steps/mm with which ``commanded`` (m) would have been the travel ``measured`` (m).
-
-    Raises CalibrationError when the two differ by more than MAX_STEPS_FACTOR.
-    """
-    low, high = commanded / MAX_STEPS_FACTOR, commanded * MAX_STEPS_FACTOR
-    if not (isfinite(measured) and low <= measured <= high):
-        raise CalibrationError(
-            f'{_mm([measured])} measured for {_mm([commanded])} commanded; allowed: '
-            f'{_mm([low])} to {_mm([high])}. Give mm; if it is really so, '
-            'correct the steps/mm of controller and configuration roughly first')
-    return round(steps_per_mm * commanded / measured, 3)  # as many digits as GRBL keeps
-
-
-def forget_reference(port: str, baud_rate: int) -> None:
-    """
-    Let a GRBL controller at rest forget its zero, which was only an aid: nothing moves.
-
-    Raises HardwareError when it cannot be reached.
-    """
-    link = GrblLink(open_serial(port, baud_rate))
-    try:
-        find_controller(link)
-        link.write(SOFT_RESET)
-        find_controller(link)
-    finally:
-        link.close()
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,15 @@ from typing import Any
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.dynamixel_bus import DynamixelBus, latency_timer
+from soft_continuum.hardware.dynamixel_reference import ZeroFile
+from soft_continuum.hardware.dynamixel_registers import (
+    PRESENT_CURRENT,
+    RETURN_DELAY,
+    TORQUE_ENABLE,
+)
+from soft_continuum.hardware.dynamixel_setup import find_servos, problems, Servo, Spools
+from soft_continuum.hardware.dynamixel_start import find_zeros, read_states
 from soft_continuum.hardware.grbl_link import GrblLink
 from soft_continuum.hardware.grbl_motion import Motors
 from soft_continuum.hardware.grbl_setup import find_controller, invalid_settings, UNLOCK
@@ -22,6 +31,7 @@ from soft_continuum.hardware.modbus_jamming import registers_from_parameters
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import describe_ports, open_serial
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.user_files import dynamixel_zeros
 
 OK, WARN, FAIL = 'OK', 'WARN', 'FAIL'
 ROUND_TRIPS, MAX_LOST_REPLIES = 5, 1
@@ -30,8 +40,11 @@ MAX_TIMEOUT_SHARE = 0.5
 """Share of modbus.timeout that a reply may take."""
 MAX_ZERO_ERROR = 3e3
 """Pa that a vented segment may differ from ambient pressure: 3 % of the usual full scale."""
+MAX_LATENCY = 1  # ms that a USB adapter may keep what it receives
 SIMULATED = 'simulated'
-PORTS = {'grbl.port': ('tendon_driver', 'grbl'), 'modbus.port': ('jamming_driver', 'modbus')}
+PORTS = {'grbl.port': ('tendon_driver', 'grbl'),
+         'dynamixel.port': ('tendon_driver', 'dynamixel'),
+         'modbus.port': ('jamming_driver', 'modbus')}
 """Which parameter is a port, and the driver that uses it."""
 
 
@@ -73,6 +86,8 @@ def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
         elif name == 'grbl':
             for port, motors in Motors.of_boards(values):
                 yield from _check_grbl(port, values['grbl.baud_rate'], motors)
+        elif name == 'dynamixel':
+            yield from check_servos(values)
         else:
             driver.open()
             try:
@@ -81,7 +96,7 @@ def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
                 reading = driver.read()
             finally:
                 driver.close()
-            yield _check_reference(reading.referenced)
+            yield check_reference(reading.referenced, reading.unreferenced)
     except (HardwareError, ParameterError) as error:
         yield Check(step, FAIL, str(error))
 
@@ -96,13 +111,14 @@ def _check_topics(driver: Any) -> Iterator[Check]:
                         '; '.join(filter(None, (found.message, found.warning))))
 
 
-def _check_reference(referenced: bool) -> Check:
+def check_reference(referenced: bool, why: str = '') -> Check:
+    """Return whether the zero of the tendons is known; why: not."""
     if referenced:
         return Check('tendon reference', OK, 'the zero of the tendons is known')
     return Check('tendon reference', WARN,
-                 'the zero of the tendons is not known, so no motion is allowed: use calibrate '
-                 'zero, or straighten the arm with both tendons just taut and call '
-                 '/tendon_actuation/reference')
+                 f'the zero of the tendons is not known{why and f" ({why})"}, so no motion is '
+                 'allowed: use calibrate zero, or straighten the arm with both tendons just taut '
+                 'and call /tendon_actuation/reference')
 
 
 def _check_grbl(port: str, baud_rate: int, motors: Motors) -> Iterator[Check]:
@@ -133,7 +149,57 @@ def _check_grbl(port: str, baud_rate: int, motors: Motors) -> Iterator[Check]:
         yield Check('tendon reference', WARN, 'the tendons have to be homed before any motion: '
                     'straighten and stiffen the arm, and call /tendon_actuation/reference')
     else:
-        yield _check_reference(found.zero is not None)
+        yield check_reference(found.zero is not None)
+
+
+def check_servos(values: Mapping[str, Any]) -> Iterator[Check]:
+    """Yield the state of Dynamixel servos; nothing is written to them."""
+    port = values['dynamixel.port']
+    spools = Spools.from_parameters(values)
+    try:
+        bus = DynamixelBus.from_parameters(values)
+    except HardwareError as error:
+        yield Check('tendon port', FAIL, str(error))
+        return
+    yield _check_latency(port)
+    try:
+        servos = find_servos(bus, spools)
+        unfit = False
+        for servo in servos:
+            yield (check := _check_servo(servo, spools))
+            unfit |= check.status == FAIL
+        if not unfit:
+            states = read_states(bus, servos)
+            zeros = find_zeros(bus, servos, states, spools, ZeroFile(dynamixel_zeros(), port))
+            why = '; '.join(zero.unknown for zero in zeros if zero.unknown)
+            yield check_reference(not why, why)
+    except HardwareError as error:
+        yield Check('tendon servos', FAIL, str(error))
+    finally:
+        bus.close()
+
+
+def _check_latency(port: str) -> Check:
+    step, message = 'tendon port', f'{port} opened, no other program uses it'
+    if (latency := latency_timer(port)) is not None and latency > MAX_LATENCY:
+        return Check(step, WARN, f'{message}; its adapter keeps what it receives for {latency} '
+                     f'ms, which slows every cycle: set it to {MAX_LATENCY} with a udev rule '
+                     '(docs/how_to/use_dynamixel_servos.md)')
+    return Check(step, OK, message)
+
+
+def _check_servo(servo: Servo, spools: Spools) -> Check:
+    if found := problems(servo, spools.speed_limit):
+        return Check(str(servo), FAIL, '; '.join(found))
+    sign = spools.signs[spools.ids.index(servo.id)]
+    tension = max(0.0, sign * servo.tension(servo.get(PRESENT_CURRENT)))
+    torque = 'holds' if servo.get(TORQUE_ENABLE) else 'torque off'
+    message = (f'{servo.describe()}, {torque}, about {tension:.1f} N '
+               f'(standard deviation {servo.deviation(tension):.1f} N)')
+    if servo.get(RETURN_DELAY):
+        return Check(str(servo), WARN, f'{message}; {RETURN_DELAY} is '
+                     f'{servo.get(RETURN_DELAY)}, which slows every cycle: set it to 0')
+    return Check(str(servo), OK, message)
 
 
 def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:

@@ -12,6 +12,7 @@ import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 import termios
+from typing import Any, Self
 
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.dynamixel_registers import Register
@@ -70,6 +71,11 @@ class DynamixelBus:
         self._aborted = False
         self.fast = False
         """Whether all servos answer a sync read in one packet (Fast Sync Read)."""
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Any]) -> Self:
+        """Open the port that the parameters of the node describe."""
+        return cls(values['dynamixel.port'], values['dynamixel.baud'])
 
     def close(self) -> None:
         """Close the port."""

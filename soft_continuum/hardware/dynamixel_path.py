@@ -4,8 +4,9 @@
 Which goals the servos are sent: a path within speed and acceleration limits, and a lead.
 
 A servo holds a load only with a position error: its goal is a little ahead of where it is.  This
-``lead`` is adapted while the path rests, until the tendons are where they should be; a stop keeps
-it, so that it does not let a loaded tendon go.
+``lead`` is adapted while the path rests, until the tendons are where they should be.  It is
+proportional to the current, and so a stop knows what it must keep of it, in order not to let a
+loaded tendon go.
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ LEAD_RATE = 8.0  # 1/s with which the lead removes an error at rest
 MAX_LEAD = 0.01  # m
 ARRIVAL_TOLERANCE = 1e-4  # m
 SATURATED = 0.95  # of the current that a servo may use: a lead would only wind up
+MIN_COUNTS = 5  # of current, from which on it tells the lead
 PATH_RESOLUTION = 1e-9  # m
 
 
@@ -30,6 +32,7 @@ class HeldPath:
         """Hold servos at their ``positions`` by the ``goals`` that they have; zeros: of pulls."""
         self._spools, self._scale = spools, spools.pull_per_pulse
         self.zeros = list(zeros)
+        self._leads_per_count = [0.0] * len(self._scale)  # as found at rest, pulses
         self.place(positions, goals)
 
     def place(self, positions: Sequence[int], goals: Sequence[int]) -> None:
@@ -64,14 +67,23 @@ class HeldPath:
         self.wanted = self.to_pulses([
             a + b for a, b in zip(self._origin, self._path.read().pulls, strict=True)])
 
-    def adapt(self, elapsed: float, positions: Sequence[int], currents: Sequence[float]) -> None:
-        """Lead the goals more where servos are short of the end; currents: shares of the limit."""
-        for i, (error, current, most) in enumerate(zip(
-                self.errors(positions), currents, self._max_lead(), strict=True)):
-            pushes = abs(current) >= SATURATED and error * current > 0.0
-            if abs(error) > self.tolerances[i] / 2.0 and not pushes:
-                lead = self.lead[i] + LEAD_RATE * min(elapsed, MAX_STEP) * error
-                self.lead[i] = max(-most, min(most, lead))
+    def adapt(self, elapsed: float, positions: Sequence[int], currents: Sequence[int],
+              limits: Sequence[int]) -> None:
+        """Lead the goals more where servos are short of the end; currents and limits: counts."""
+        for i, (error, current, limit, most) in enumerate(zip(
+                self.errors(positions), currents, limits, self._max_lead(), strict=True)):
+            if abs(error) > self.tolerances[i] / 2.0:
+                if abs(current) < SATURATED * limit or error * current < 0.0:
+                    lead = self.lead[i] + LEAD_RATE * min(elapsed, MAX_STEP) * error
+                    self.lead[i] = max(-most, min(most, lead))
+            elif abs(current) >= MIN_COUNTS and self.lead[i] * current > 0.0:
+                self._leads_per_count[i] = (self.lead[i] + error) / current
+
+    def holding_goals(self, positions: Sequence[int], currents: Sequence[int]) -> list[int]:
+        """Return goals that hold servos where they are, against loads that need the currents."""
+        return [round(position + max(-most, min(most, per_count * current)))
+                for position, current, per_count, most in zip(
+                    positions, currents, self._leads_per_count, self._max_lead(), strict=True)]
 
     @property
     def goals(self) -> list[int]:

@@ -97,8 +97,12 @@ class ZeroFile:
         zero = self._all().get(self._port, {}).get(str(servo))
         return zero if isinstance(zero, int) else None
 
-    def write(self, servos: Sequence[int], zeros: Sequence[int]) -> None:
-        """Keep zeros; raises HardwareError: an older one that stays would be a wrong one."""
+    def write(self, servos: Sequence[int], zeros: Sequence[int | None]) -> None:
+        """
+        Keep zeros, None for none.
+
+        Raises HardwareError: an older one that stays would be a wrong one.
+        """
         known = self._all()
         known[self._port] = known.get(self._port, {}) | {
             str(servo): zero for servo, zero in zip(servos, zeros, strict=True)}
@@ -109,7 +113,7 @@ class ZeroFile:
             raise HardwareError(f'the zero cannot be kept in {self._path} ({error.strerror}); '
                                 'make that possible, and reference again') from None
 
-    def _all(self) -> dict[str, dict[str, int]]:
+    def _all(self) -> dict[str, dict[str, int | None]]:
         try:
             known = json.loads(read_bytes(self._path, MAX_FILE))
         except (OSError, ValueError):

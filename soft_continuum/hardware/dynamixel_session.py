@@ -9,7 +9,6 @@ the next hundredth of a second and reads all servos: where they are, and what wa
 write that was lost is noticed and repeated, and a reply that does not repeat it is not taken.
 """
 
-from collections import deque
 from collections.abc import Sequence
 import contextlib
 from dataclasses import replace
@@ -37,7 +36,14 @@ from soft_continuum.hardware.dynamixel_registers import (
     WATCHDOG_UNIT,
 )
 from soft_continuum.hardware.dynamixel_setup import CALIBRATE, Servo, Spools
-from soft_continuum.hardware.dynamixel_state import BLOCK, fastest, ServoState, Written
+from soft_continuum.hardware.dynamixel_state import (
+    BLOCK,
+    fastest,
+    REST_TIME,
+    ServoState,
+    Track,
+    Written,
+)
 from soft_continuum.hardware.dynamixel_take_up import TakeUp
 from soft_continuum.hardware.protocols import HardwareError, TendonReading
 
@@ -47,8 +53,7 @@ SILENCE_TIMEOUT, MIN_MISSED = 0.15, 4
 """s without a reply that can be taken, and cycles in succession, that are a failure."""
 MARK_ATTEMPTS = 5
 STOP_TIMEOUT = 1.0  # s for a stop to be confirmed
-REST_TIME, REST_PULSES = 0.03, 1
-"""s over which a tendon at rest is seen to turn its servo by no more pulses."""
+CATCH_SHARE = 0.55  # of its speed, below which a servo that brakes is held
 ARRIVAL_TIMEOUT = 2.0  # s after the end of the path
 DISTANCE_BEHIND, TIME_BEHIND, BEHIND_TIMEOUT = 0.003, 0.15, 0.25
 """m, and s of the fastest motion, by which a tendon may be behind; s for which by more."""
@@ -83,9 +88,11 @@ class DynamixelSession:
         self._unknown = '; '.join(zero.unknown for zero in zeros if zero.unknown)
         self._path = HeldPath(spools, [zero.position for zero in zeros], self._positions(),
                               [written.goal for written in self._written])
-        self._history = deque([(found[0].time, self._positions())])
+        self._track = Track(found[0].time, self._positions())
         self._target: tuple[tuple[float, ...], float] | None = None  # and its arrival, s
         self._braked = False
+        self._turning = [0.0] * len(self._servos)  # pulses/s, of those that brake
+        self._currents = [0] * len(self._servos)  # with which the stop began
         self._mark_due = not self._unknown  # where the zero was found in another way
         self._since = self._stepped = self._heard = self._near = bus.clock()
         self._missed = 0
@@ -106,9 +113,7 @@ class DynamixelSession:
             scale = self._spools.pull_per_pulse
             speeds = (0.0,) * len(scale)
             if self.state in BUSY:
-                (begin, a), (end, b) = self._history[0], self._history[-1]
-                speeds = tuple(s * (q - p) / max(end - begin, CYCLE)
-                               for s, p, q in zip(scale, a, b, strict=True))
+                speeds = tuple(s * v for s, v in zip(scale, self._track.velocities(), strict=True))
                 if not any(speeds):  # not at rest, even if no pulse was made
                     speeds = tuple(abs(s) / REST_TIME for s in scale)
             # A tendon cannot push: what friction makes negative is no tension.
@@ -192,9 +197,7 @@ class DynamixelSession:
             self._receive()
             with self._lock:
                 if self._missed == 0:
-                    self._braked = True
-                    self._set(goals=[round(p + lead) for p, lead in zip(
-                        self._positions(), self._path.lead, strict=True)])
+                    self._brake()
         self._send()
         self._receive()
         with self._lock:
@@ -211,15 +214,33 @@ class DynamixelSession:
             if not self._take_up.done:
                 self._take_up.step(self._states, now)
             self._set(goals=self._take_up.goals, currents=self._take_up.currents)
+        elif self.state is State.STOPPING:
+            self._brake()
         elif self.state in (State.MOVING, State.RESTING):
             if not self._missed:  # nothing moves on blindly
                 self._path.advance(elapsed)
             if self._path.done and not self._missed:
-                self._path.adapt(elapsed, self._positions(), [
-                    s.current / w.current
-                    for s, w in zip(self._states, self._written, strict=True)])
+                self._path.adapt(elapsed, self._positions(), [s.current for s in self._states],
+                                 [w.current for w in self._written])
             self._set(goals=self._path.goals,
                       currents=[servo.goal_current for servo in self._servos])
+
+    def _brake(self) -> None:
+        """Send servos to where they are; and when they are slow, to where they come to rest."""
+        speeds = self._track.velocities()
+        if not self._braked:
+            self._currents = [state.current for state in self._states]
+        goals = self._path.holding_goals(self._positions(), self._currents)
+        if self._braked:  # a goal changes once more: one that followed the servo would never end
+            for i, (before, now) in enumerate(zip(self._turning, speeds, strict=True)):
+                if before == 0.0 or now / before > CATCH_SHARE:
+                    goals[i] = self._written[i].goal
+                else:
+                    goals[i] += round(CYCLE * now)
+                    self._turning[i] = 0.0
+        else:
+            self._braked, self._turning = True, speeds
+        self._set(goals=goals)
 
     def _set(self, goals: Sequence[int], currents: Sequence[int] | None = None) -> None:
         currents = currents or [written.current for written in self._written]
@@ -264,9 +285,7 @@ class DynamixelSession:
                 return
         with self._lock:
             self._states, self._heard, self._missed = states, now, 0
-            self._history.append((now, self._positions()))
-            while len(self._history) > 2 and self._history[1][0] <= now - REST_TIME:
-                self._history.popleft()
+            self._track.add(now, self._positions())
 
     def _miss(self, why: str) -> None:
         """Count a reply that was not taken; raises HardwareError when there are too many."""
@@ -321,7 +340,7 @@ class DynamixelSession:
             if self.state is State.STOPPING and now - self._since > STOP_TIMEOUT:
                 raise self._unconfirmed()
             return
-        still = self._still()
+        still = self._track.still()
         if self.state is State.STOPPING:
             if self._braked and still:
                 self._path.place(self._positions(), [w.goal for w in self._written])
@@ -369,13 +388,6 @@ class DynamixelSession:
             self._unknown, self._mark_due = '', True
         self._enter(State.RESTING)
 
-    def _still(self) -> bool:
-        """Whether all servos have rested for REST_TIME."""
-        (begin, _), (end, _) = self._history[0], self._history[-1]
-        return end - begin > 0.99 * REST_TIME and all(
-            max(places) - min(places) <= REST_PULSES
-            for places in zip(*(places for _, places in self._history), strict=True))
-
     def _unconfirmed(self) -> HardwareError:
         return HardwareError(
             f'the servos have not confirmed a stop within {STOP_TIMEOUT:g} s: the tendons may '
@@ -388,8 +400,8 @@ class DynamixelSession:
         with self._lock:
             moved = self.state in BUSY and not self._missed
             self.state, self.failure = State.FAILED, reason
-            goals = [round(p + lead) for p, lead in zip(
-                self._positions(), self._path.lead, strict=True)]
+            goals = self._path.holding_goals(
+                self._positions(), [state.current for state in self._states])
         if moved:
             with contextlib.suppress(HardwareError):
                 self._write(GOAL_POSITION, goals)

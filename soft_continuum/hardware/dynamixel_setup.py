@@ -7,8 +7,9 @@ The settings are in the EEPROM of the servos, which is locked while their torque
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from math import pi
+from math import hypot, pi
 from typing import Any, Self
 
 from soft_continuum.hardware.dynamixel_bus import (
@@ -52,6 +53,7 @@ PINGS = 3
 """Requests to each servo: two of the same ID rarely damage each other's replies always alike."""
 MIN_PWM_LIMIT = 443  # half of what the supply gives
 OVERHEATING = 0x04
+FRICTION_SHARE, FRICTION_OF_STALL = 0.3, 0.02  # of tension, and of the one at stall
 RAM_RESTORE = 0x02
 EEPROM_END, TABLE_END = 64, 147
 RADIUS_RANGE = 0.001, 0.1  # m
@@ -116,10 +118,14 @@ class Spools:
         # Here, because it loads the mechanics: doctor must run when they do not compile.
         from soft_continuum.parameters.arm import any_arm_from_parameters
 
-        return cls(any_arm_from_parameters(values).tendon_names, *(values[name] for name in (
-            'dynamixel.ids', 'dynamixel.spool_radii', 'dynamixel.signs',
-            'dynamixel.tension_limits', 'dynamixel.torque_constants', 'speed_limit',
-            'acceleration_limit', 'pull_limits', 'dynamixel.take_up_tension')))
+        ids = values['dynamixel.ids']  # ROS has them as numbers with a decimal point
+        if any(number != int(number) for number in ids):
+            raise ParameterError(f'parameter dynamixel.ids is {list(ids)}; give whole numbers')
+        return cls(any_arm_from_parameters(values).tendon_names, tuple(map(int, ids)), *(
+            values[name] for name in (
+                'dynamixel.spool_radii', 'dynamixel.signs', 'dynamixel.tension_limits',
+                'dynamixel.torque_constants', 'speed_limit', 'acceleration_limit',
+                'pull_limits', 'dynamixel.take_up_tension')))
 
     @property
     def pull_per_pulse(self) -> tuple[float, ...]:
@@ -157,6 +163,17 @@ class Servo:
         """Return the tension (N) of counts of current that pull."""
         return counts * self.model.current_unit * self.torque_constant / self.radius
 
+    def deviation(self, tension: float) -> float:
+        """
+        Return the standard deviation (N) with which a tension (N) is known from the current.
+
+        The gear rubs: at rest it carries a part of the load that the motor does not feel, and in
+        motion the motor feels its friction too.  The maker gives no figure, and none was measured
+        here: the shares are assumptions for gears of four or five stages.
+        """
+        stall = self.model.stall_torque / self.radius
+        return hypot(FRICTION_SHARE * tension, FRICTION_OF_STALL * stall)
+
     @property
     def homing_offset(self) -> int:
         """What the servo adds to its position, pulses."""
@@ -184,16 +201,20 @@ def find_servos(bus: DynamixelBus, spools: Spools) -> list[Servo]:
     for i, (number, tendon) in enumerate(zip(spools.ids, spools.tendons, strict=True)):
         name = f'servo {number} ({tendon})'
         model = _model(name, _ping(bus, number, name, spools.ids))
-        try:
-            table = bus.read_bytes(number, 0, TABLE_END).data
-        except NoReplyError:
-            raise HardwareError(
-                f'{name} answers a ping but no read: its {STATUS_RETURN_LEVEL} is 0; switch it '
-                'off and on') from None
+        table = _table(bus, number, name)
         servos.append(Servo(
             number, tendon, model, spools.torque_constants[i] or model.torque_constant,
             spools.radii[i], spools.tension_limits[i], table))
     return servos
+
+
+def _table(bus: DynamixelBus, number: int, name: str) -> bytes:
+    for _ in range(PINGS):
+        with suppress(NoReplyError, DamagedReplyError):
+            return bus.read_bytes(number, 0, TABLE_END).data
+    raise HardwareError(
+        f'{name} answers a ping but no read: its {STATUS_RETURN_LEVEL} is 0 (switch it off and '
+        'on), or the line is bad')
 
 
 def _ping(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> int:

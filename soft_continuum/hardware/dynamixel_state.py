@@ -7,6 +7,8 @@ The block that is read has what the driver wrote itself: a reply that does not r
 this servo now, or something that was written was lost.
 """
 
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from soft_continuum.hardware.dynamixel_bus import Reply
@@ -25,6 +27,9 @@ from soft_continuum.hardware.dynamixel_registers import (
 )
 
 BLOCK = BUS_WATCHDOG.address, PRESENT_POSITION.end
+REST_TIME, REST_PULSES = 0.03, 1
+"""s over which a servo at rest is seen to turn by no more pulses."""
+VELOCITY_TIME = 0.008  # s
 TICK_TOLERANCE = 0.1
 """s by which the clock of a servo may be ahead of that of the computer between two replies."""
 
@@ -76,3 +81,32 @@ class ServoState:
         new = ticks > 0 or elapsed < 0.002
         return (new and 1e-3 * ticks <= elapsed + TICK_TOLERANCE
                 and abs(self.position - earlier.position) <= fastest * (elapsed + 0.02) + 20)
+
+
+class Track:
+    """Where servos were in the last REST_TIME."""
+
+    def __init__(self, time: float, positions: Sequence[int]) -> None:
+        """Begin with servos at rest at ``positions``; time: s."""
+        self._places = deque([(time, positions)])
+
+    def add(self, time: float, positions: Sequence[int]) -> None:
+        """Note where they are at a later time (s)."""
+        self._places.append((time, positions))
+        while len(self._places) > 2 and self._places[1][0] <= time - REST_TIME:
+            self._places.popleft()
+
+    def velocities(self) -> list[float]:
+        """Return how fast they turned in the last hundredth of a second, pulses/s."""
+        end, places = self._places[-1]
+        begin, before = next(
+            ((time, at) for time, at in reversed(self._places) if time <= end - VELOCITY_TIME),
+            self._places[0])
+        return [(b - a) / max(end - begin, VELOCITY_TIME)
+                for a, b in zip(before, places, strict=True)]
+
+    def still(self) -> bool:
+        """Whether they have rested for REST_TIME."""
+        return self._places[-1][0] - self._places[0][0] > 0.99 * REST_TIME and all(
+            max(places) - min(places) <= REST_PULSES
+            for places in zip(*(places for _, places in self._places), strict=True))

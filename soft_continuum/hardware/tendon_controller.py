@@ -133,8 +133,10 @@ class TendonController:
             raise MotionRefusedError(
                 Reason.HOMING, 'the tendons are being homed; wait until they rest')
         if not self.reading.referenced:
-            raise MotionRefusedError(Reason.NOT_REFERENCED, 'the position is not referenced; '
-                                     'straighten the arm and call ~/reference')
+            why = f' ({self.reading.unreferenced})' if self.reading.unreferenced else ''
+            raise MotionRefusedError(
+                Reason.NOT_REFERENCED, f'the position is not referenced{why}; straighten the arm '
+                'and call ~/reference')
         self._check(times, pulls, now)
         # From the set-point that was sent last through the points that are still ahead of it.
         start = max(now, self._setpoint_time) if self.following else now

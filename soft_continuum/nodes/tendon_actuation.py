@@ -289,7 +289,8 @@ class TendonActuation(ManagedNode):
         if state.stopped != TendonActuationState.NOT_STOPPED:
             return WARN, f'stopped: {state.stop_message}'
         if not state.referenced:
-            return WARN, 'position not referenced'
+            why = report.reading.unreferenced if report.reading else ''
+            return WARN, f'position not referenced{why and f": {why}"}'
         if report.unmeasured:
             return WARN, report.unmeasured
         if report.ended:

@@ -96,5 +96,5 @@ def in_motion(bus, tendons, pull=0.04):
 
 
 def standing(bus):
-    """Whether no servo turns."""
-    return bus.now(lambda: all(abs(slave.speed) < 1.0 for slave in bus.slaves))
+    """Whether no tendon moves by more than 0.5 mm/s."""
+    return bus.now(lambda: all(abs(slave.speed) * PULSE < 5e-4 for slave in bus.slaves))

@@ -10,7 +10,6 @@ import pytest
 from soft_continuum.hardware.calibration import (
     assess_vacuum,
     CalibrationError,
-    corrected_steps,
     MAX_MOVE,
     measure_segment,
     SegmentVacuum,
@@ -18,6 +17,7 @@ from soft_continuum.hardware.calibration import (
     TendonBench,
 )
 from soft_continuum.hardware.clock import Clock
+from soft_continuum.hardware.drives import corrected_steps
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming

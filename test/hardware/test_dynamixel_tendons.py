@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tendons on Dynamixel servos: they go where they are sent, stop, hold, and know where they are."""
+"""Tendons on Dynamixel servos go where they are sent, stop, hold, and know where they are."""
 
 from dynamixel_rig import (
     at_rest,
@@ -80,7 +80,7 @@ def test_signs_radii_and_a_loaded_tendon(tmp_path):
         assert turned == pytest.approx([-0.01 / PULSE, 0.005 / PULSE], abs=8)
 
 
-def test_a_stop_in_motion_ends_it_within_a_tenth_of_a_second_and_holds(tmp_path):
+def test_a_stop_in_motion_ends_it_within_150_ms_and_holds(tmp_path):
     with rig(tmp_path) as (bus, tendons):
         loaded(bus.slaves[0])
         bus.clock.sleep(0.5)
@@ -89,7 +89,7 @@ def test_a_stop_in_motion_ends_it_within_a_tenth_of_a_second_and_holds(tmp_path)
         begin = bus.clock()
         tendons.stop()
         until(bus, lambda: standing(bus), 'standing')
-        assert bus.clock() - begin < 0.1
+        assert bus.clock() - begin < 0.15
         rest = at_rest(tendons)
         assert rest.pulls[0] == pytest.approx(at, abs=1.5e-3)
         assert rest.tensions[0] == pytest.approx(9.6, abs=0.5)

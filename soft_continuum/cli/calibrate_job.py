@@ -1,0 +1,66 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the procedures of ``calibrate`` share: options, parameters as corrected so far, results."""
+
+import argparse
+from dataclasses import dataclass, field
+from typing import Any
+
+from soft_continuum.hardware.calibration import CalibrationError
+from soft_continuum.hardware.drives import Drive, DRIVES
+from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.parameter import as_yaml
+
+MM = 1e3  # per m
+PER_TENDON = 'measured', 'seen', 'take_up'
+"""Options with a value for each tendon."""
+
+
+@dataclass
+class Job:
+    """
+    The options, the parameters as corrected so far, the results and what failed.
+
+    names: of the tendons, as they are typed.
+    """
+
+    options: argparse.Namespace
+    values: dict[str, Any]
+    results: dict[str, tuple[float, ...] | float] = field(default_factory=dict)
+    failures: list[str] = field(default_factory=list)
+    names: tuple[str, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Find the names; raises CalibrationError for options that are not for each of them."""
+        tendons = any_arm_from_parameters(self.values).tendon_names
+        self.names = tuple(name.removesuffix('_tendon') for name in tendons)
+        for option in PER_TENDON:
+            given = getattr(self.options, option)
+            if given is not None and len(given) != len(self.names):
+                raise CalibrationError(
+                    f'--{option.replace("_", "-")} has {len(given)} values; needed: one for each '
+                    f'of {", ".join(self.names)}')
+
+    @property
+    def jamming(self) -> bool:
+        """Whether the arm has segments that can be stiffened."""
+        return bool(self.values['arm.jamming'])
+
+    def per_tendon(self, name: str) -> tuple[float, ...]:
+        """Return a parameter with a value for each tendon; raises CalibrationError."""
+        values: tuple[float, ...] = self.values[name]
+        if len(values) == 1 and name.startswith('ros_tendons.'):  # one counts for all
+            return values * len(self.names)
+        if len(values) != len(self.names):
+            raise CalibrationError(f'parameter {name} is {as_yaml(values)}; needed: one value for '
+                                   f'each of {", ".join(self.names)}; begin with estimates')
+        return values
+
+    @property
+    def drive(self) -> Drive:
+        """What signs and scale of the tendon driver are called; of others, those of grbl."""
+        return DRIVES.get(self.values['tendon_driver'], DRIVES['grbl'])
+
+    def one(self, tendon: int, distance: float) -> tuple[float, ...]:
+        """Return the distances (m) of all tendons that move only one, by ``distance`` in mm."""
+        return tuple(distance / MM if i == tendon else 0.0 for i in range(len(self.names)))

@@ -1,0 +1,97 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What calibration corrects of the drivers of tendons: signs, scales, zeros that were an aid."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from soft_continuum.hardware.calibration import CalibrationError
+from soft_continuum.hardware.dynamixel_bus import DynamixelBus
+from soft_continuum.hardware.dynamixel_reference import ZeroFile
+from soft_continuum.hardware.dynamixel_setup import Spools
+from soft_continuum.hardware.dynamixel_start import forget_marks
+from soft_continuum.hardware.grbl_link import GrblLink, SOFT_RESET
+from soft_continuum.hardware.grbl_setup import find_controller
+from soft_continuum.hardware.serial_ports import open_serial
+from soft_continuum.user_files import dynamixel_zeros
+
+MAX_STEPS_FACTOR = 10.0
+"""By which a scale may be wrong; beyond, the measured value counts as a typing error."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """
+    What a driver calls signs and scale of the tendons; inverse: more of it is less turning.
+
+    zeros: what it calls the positions at zero pull, where it knows them only from a parameter.
+    """
+
+    signs: str
+    scale: str
+    inverse: bool
+    zeros: str = ''
+
+
+DRIVES = {'grbl': Drive('grbl.signs', 'grbl.steps_per_mm', inverse=False),
+          'dynamixel': Drive('dynamixel.signs', 'dynamixel.spool_radii', inverse=True),
+          'ros_topics': Drive('ros_tendons.scales', 'ros_tendons.scales', inverse=True,
+                              zeros='ros_tendons.zeros')}
+
+
+def _mm(length: float) -> str:
+    return f'{1e3 * length:.2f} mm'
+
+
+def corrected_steps(steps_per_mm: float, commanded: float, measured: float) -> float:
+    """
+    Return the steps/mm with which ``commanded`` (m) would have been the travel ``measured`` (m).
+
+    Raises CalibrationError when the two differ by more than MAX_STEPS_FACTOR.
+    """
+    low, high = commanded / MAX_STEPS_FACTOR, commanded * MAX_STEPS_FACTOR
+    if not (isfinite(measured) and low <= measured <= high):
+        raise CalibrationError(
+            f'{_mm(measured)} measured for {_mm(commanded)} commanded; allowed: '
+            f'{_mm(low)} to {_mm(high)}. Give mm; if it is really so, '
+            'correct the steps/mm of controller and configuration roughly first')
+    return round(steps_per_mm * commanded / measured, 3)  # as many digits as GRBL keeps
+
+
+def corrected_scale(drive: Drive, scale: float, commanded: float, measured: float) -> float:
+    """Return the scale with which ``commanded`` (m) would have been ``measured`` (m)."""
+    if drive.inverse:  # the radius of a spool, m
+        corrected_steps(1.0, commanded, measured)  # raises for what cannot be
+        return float(f'{scale * measured / commanded:.6g}')
+    return corrected_steps(scale, commanded, measured)
+
+
+def forget_zero(values: Mapping[str, Any]) -> None:
+    """Let the device of the tendons forget its zero, which was only an aid; nothing moves."""
+    if values['tendon_driver'] == 'grbl':
+        for port in values['grbl.port'].split():
+            forget_reference(port, values['grbl.baud_rate'])
+    elif values['tendon_driver'] == 'dynamixel':
+        spools, port = Spools.from_parameters(values), values['dynamixel.port']
+        bus = DynamixelBus.from_parameters(values)
+        try:
+            forget_marks(bus, spools.ids, ZeroFile(dynamixel_zeros(), port))
+        finally:
+            bus.close()
+
+
+def forget_reference(port: str, baud_rate: int) -> None:
+    """
+    Let a GRBL controller at rest forget its zero, which was only an aid: nothing moves.
+
+    Raises HardwareError when it cannot be reached.
+    """
+    link = GrblLink(open_serial(port, baud_rate))
+    try:
+        find_controller(link)
+        link.write(SOFT_RESET)
+        find_controller(link)
+    finally:
+        link.close()

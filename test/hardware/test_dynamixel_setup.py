@@ -1,0 +1,210 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Servos that are missing, doubled or set up wrongly are refused with words; nothing moves."""
+
+import random
+
+from dynamixel_rig import at_rest, driver, RADIUS, refusal, rig, servos, TENDONS
+from dynamixel_slave import packet, Slave
+import pytest
+
+from soft_continuum.cli.calibrate_servos import main as calibrate_servos
+from soft_continuum.hardware.checks import check_servos, FAIL, OK, WARN
+from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.dynamixel_reference import (
+    mark,
+    marked_zero,
+    zero_within_turn,
+)
+from soft_continuum.hardware.dynamixel_setup import Spools
+from soft_continuum.parameters.files import load_rig
+from soft_continuum.parameters.parameter import ParameterError
+
+TORQUE = 64
+
+
+@pytest.mark.parametrize(('slaves', 'options', 'words'), [
+    ((Slave(1),), {}, 'servo 2 (left_tendon) does not answer at 1000000 baud, but the servos 1 '
+     'do'),
+    ((), {'baud': 57600}, 'at 57600 baud: set dynamixel.baud to 57600'),
+    ((Slave(1, protocol=1), Slave(2, protocol=1)), {}, 'answers in Protocol 1.0'),
+    ((Slave(1), Slave(1), Slave(2)), {}, 'two servos may have the ID 1'),
+    ((Slave(1), Slave(2, model=1060)), {}, 'servo 2 (left_tendon) is an XL430-W250, which can '
+     'neither measure nor limit its current'),
+    ((Slave(1, model=9), Slave(2)), {}, 'has the model number 9, which this driver does not know'),
+    ((Slave(1, _11=3), Slave(2)), {}, 'Operating Mode (11) is 3, needed: 5'),
+    ((Slave(1, _10=1), Slave(2)), {}, 'Drive Mode (10) is 1, needed: 0, not reversed'),
+    ((Slave(1, _10=4), Slave(2)), {}, 'profile by velocity'),
+    ((Slave(1, _12=7), Slave(2)), {}, 'Secondary ID (12) is 7'),
+    ((Slave(1, _38=30), Slave(2)), {}, 'Current Limit (38) is 30, needed: 42, at least'),
+    ((Slave(1, _44=20), Slave(2)), {}, 'Velocity Limit (44) is 20'),
+    ((Slave(1, _36=100), Slave(2)), {}, 'PWM Limit (36) is 100'),
+    ((Slave(1, _60=2), Slave(2)), {}, 'Startup Configuration (60) is 2, needed: 0'),
+    ((Slave(1, _63=32), Slave(2)), {}, 'Shutdown (63) is 32'),
+])
+def test_what_makes_the_driver_wrong_is_refused(tmp_path, slaves, options, words):
+    with servos(*slaves, **options) as bus:
+        message = refusal(driver(bus, tmp_path))
+        assert words in message
+        assert all(not slave.get(TORQUE) for slave in bus.slaves)
+        assert {slave.turned for slave in bus.slaves} == {1000.0}
+
+
+def test_servos_without_fast_sync_read_do(tmp_path):
+    with servos() as bus:
+        bus.fast = False
+        tendons = driver(bus, tmp_path)
+        tendons.open()
+        tendons.reference()
+        bus.clock.sleep(0.2)
+        tendons.move((0.002, -0.002), 0.2)
+        assert at_rest(tendons).pulls == pytest.approx((0.002, -0.002), abs=1e-4)
+        tendons.close()
+
+
+GOOD = {'tendons': TENDONS, 'ids': (1, 2), 'radii': (RADIUS,) * 2, 'signs': (1.0, 1.0),
+        'tension_limits': (20.0, 20.0), 'torque_constants': (0.0, 0.0), 'speed_limit': 0.03,
+        'acceleration_limit': 0.3, 'pull_limits': (-0.06, 0.06)}
+
+
+@pytest.mark.parametrize(('change', 'words'), [
+    ({'radii': (10.0, 10.0)}, 'spool_radii has 10 m; allowed: 0.001 to 0.1 m; 10 mm are 0.01 m'),
+    ({'radii': (1e-5, 0.01)}, 'spool_radii has 1e-05 m'),
+    ({'ids': (1, 1)}, 'every servo needs an ID of its own'),
+    ({'ids': (1, 2, 3)}, 'one value for each of right_tendon, left_tendon'),
+    ({'signs': (1.0, 0.5)}, 'allowed: 1 or -1'),
+    ({'take_up_tension': 20.0}, 'must be less than each of dynamixel.tension_limits'),
+])
+def test_parameters_that_cannot_be_right(change, words):
+    with pytest.raises(ParameterError) as error:
+        Spools(**GOOD | change)
+    assert words in str(error.value)
+
+
+def test_a_tension_or_speed_that_a_servo_has_not(tmp_path):
+    with servos() as bus:
+        # an XM430-W350 stalls at 4.1 N m and turns at 46 rev/min
+        assert 'stalls at 410 N' in refusal(driver(bus, tmp_path, tension_limits=(500.0, 20.0)))
+        assert '46 rev/min at most, 0.0482 m/s' in refusal(driver(bus, tmp_path, speed_limit=0.1))
+
+
+# The zero
+
+
+def test_a_mark_is_read_back_and_nothing_else_is_a_mark():
+    zeros = [0, 1, -1, 2048, -131073, 1_048_575, -1_048_575]
+    assert [marked_zero(7, mark(7, zero)) for zero in zeros] == zeros
+    assert marked_zero(7, 0) is None
+    assert marked_zero(8, mark(7, 2048)) is None
+    rng = random.Random(1)
+    taken = sum(marked_zero(7, rng.getrandbits(32)) is not None for _ in range(10_000))
+    assert taken < 30  # one in 1,000 of what another program leaves there by chance
+
+
+@pytest.mark.parametrize(('position', 'limits', 'known'), [
+    (300, (-0.02, 0.02), True), (300 + 4096, (-0.02, 0.02), True),
+    (2000, (-0.02, 0.02), False),  # 30 mm
+    (300, (-0.06, 0.06), False)])  # -58 mm is possible too
+def test_a_turn_is_known_where_only_one_is_possible(position, limits, known):
+    scale = 2 * 3.141592653589793 * RADIUS / 4096
+    zero = zero_within_turn('servo', position, 5, scale, limits)
+    assert bool(zero.unknown) is not known
+    if known:
+        assert (position - zero.position) % 4096 == 295
+        assert limits[0] <= scale * (position - zero.position) <= limits[1]
+
+
+# Packets
+
+
+def test_no_damaged_packet_is_taken_for_a_reply(tmp_path):
+    """Also such as have a right CRC: another ID, length, goal or clock than was asked for."""
+    rng = random.Random(5)
+
+    def damaged(reply):
+        kind = rng.randrange(6)
+        data = bytearray(reply)
+        if kind == 0:
+            for _ in range(rng.randint(1, 4)):
+                data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+        elif kind == 1:
+            del data[rng.randrange(len(data))]
+        elif kind == 2:
+            return packet(data[4], 0x55, rng.randbytes(len(data) - 10), stuffed=False)
+        elif kind == 3:
+            return packet(data[4], 0x55, rng.randbytes(rng.randrange(1, 200)))
+        elif kind == 4:
+            return rng.randbytes(len(data))
+        else:
+            return packet(rng.randrange(254), 0x55, data[8:-2])
+        return bytes(data) if bytes(data) != reply else b''
+
+    with rig(tmp_path) as (bus, tendons):
+        tendons.move((0.005, -0.005), 0.5)
+        count = 0
+
+        def sometimes(reply):
+            nonlocal count
+            count += 1
+            return damaged(reply) if count % 2 else reply
+
+        bus.now(lambda: setattr(bus, 'transform', sometimes))
+        for _ in range(150):
+            bus.clock.sleep(0.02)
+            true = bus.now(lambda: [slave.turned - 1000 for slave in bus.slaves])
+            pulls = tendons.read().pulls
+            assert pulls == pytest.approx([t * 1.5339808e-5 for t in true], abs=2e-3)
+        assert count > 100
+        assert at_rest(tendons).pulls == pytest.approx((0.005, -0.005), abs=1e-4)
+
+
+# Commands
+
+
+@pytest.fixture
+def real(tmp_path, monkeypatch):
+    """Servos in real time, the file of a rig for them, and its parameters."""
+    from dynamixel_slave import serving
+
+    monkeypatch.setenv('XDG_STATE_HOME', str(tmp_path))
+    with serving((Slave(1), Slave(2, _11=3, _9=250)), STEADY) as bus:
+        file = tmp_path / 'rig.yaml'
+        file.write_text(f"""/**:
+  ros__parameters:
+    tendon_driver: dynamixel
+    dynamixel: {{port: {bus.port}, spool_radii: [0.01, 0.01]}}
+""", encoding='utf-8')
+        yield bus, file
+
+
+def test_doctor_names_what_is_wrong_and_calibrate_servos_sets_it(real, capsys):
+    bus, file = real
+    values = load_rig([file])
+    found = {check.step: check for check in check_servos(values)}
+    assert found['tendon port'].status == OK
+    assert found['servo 1 (right_tendon)'].status == OK
+    assert 'XM430-W350, firmware 48, 12.0 V, 30 °C' in found['servo 1 (right_tendon)'].message
+    assert found['servo 2 (left_tendon)'].status == FAIL
+    assert 'calibrate servos sets this' in found['servo 2 (left_tendon)'].message
+    assert all(instruction != 3 and instruction != 0x83 for _, instruction, _ in bus.instructions)
+    bus.slaves[1].shut_down(0x20)
+    assert calibrate_servos(['--params-file', str(file), '--yes']) == 0
+    shown = capsys.readouterr().out
+    assert 'Operating Mode (11) is 3, needed: 5' in shown
+    assert 'overload' in shown
+    assert 'the tendon must be slack' in shown
+    assert 'nothing to change' in shown  # of servo 1
+    assert bus.slaves[1].get(11) == 5
+    assert not bus.slaves[1].get(70)
+    found = {check.step: check for check in check_servos(values)}
+    assert found['servo 2 (left_tendon)'].status == WARN
+    assert 'Return Delay Time (9) is 250' in found['servo 2 (left_tendon)'].message
+    assert found['tendon reference'].status == WARN
+
+
+def test_calibrate_servos_asks_first(real, monkeypatch, capsys):
+    bus, file = real
+    monkeypatch.setattr('builtins.input', lambda _: 'no')
+    assert calibrate_servos(['--params-file', str(file)]) == 1
+    assert 'nothing more was done' in capsys.readouterr().err
+    assert bus.slaves[1].get(11) == 3
