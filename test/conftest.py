@@ -8,6 +8,10 @@ from pathlib import Path
 
 import pytest
 
+# As the program and the benchmarks do, before numpy is imported: in matrices this small, threads
+# only wait for each other, and on a busy machine that takes most of the time.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
 with suppress(ImportError, AttributeError):  # an older hypothesis knows no such thing
     from hypothesis.internal.conjecture import providers
 
