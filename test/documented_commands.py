@@ -38,8 +38,6 @@ OTHER_PROGRAMS = ('rosdep install ', 'dask ', 'colcon build --base-paths ',
                   '~/soft_continuum_venv/bin/pip ', 'export PYTHONPATH=')
 OF_THE_READER = {'my_arm.yaml', 'my_rig.yaml', 'my_shapes.yaml', 'left_arm.yaml',
                  'right_arm.yaml', 'calibration.yaml', 'my_study.yaml'}
-EXAMPLES = {'tendon_driver:=servo', 'servo.address:=can1'}
-"""Parameters of the driver that a page shows how to write."""
 OUTPUTS = ('output', 'picture', 'link', 'grbl_link', 'modbus_link')
 
 
@@ -157,7 +155,7 @@ class Checker:
         for flag, value in zip(words[::2], words[1::2], strict=True):
             if flag == '--params-file':
                 self._read(value)
-            elif flag == '-p' and value not in EXAMPLES:
+            elif flag == '-p':
                 name, _, text = value.partition(':=')
                 assert name in parameters, f'{node} has no parameter {name}'
                 parameters[name].check(yaml.safe_load(text))
