@@ -19,6 +19,7 @@ from soft_continuum.hardware.drivers import (
 )
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'how_to' / 'write_a_driver.md'
+EXAMPLE = Path(__file__).parents[2] / 'examples' / 'my_tendons'
 METHODS = {
     TENDON_DRIVERS: ('open', 'close', 'read', 'move', 'stop', 'reference'),
     JAMMING_DRIVERS: ('open', 'close', 'read', 'set_evacuated', 'set_pump'),
@@ -59,19 +60,11 @@ def run_with(directory: Path, code: str) -> str:
                           check=True, timeout=60).stdout
 
 
-def test_the_driver_of_the_page_is_found_declared_and_made(tmp_path):
-    code = re.search(r'```python\n(# my_rig.*?)```', PAGE.read_text('utf-8'), re.DOTALL)
-    other_package(tmp_path, code[1])
-    assert run_with(tmp_path, """
-        from soft_continuum.parameters.files import load_description
-        from soft_continuum.parameters.nodes import NODE_PARAMETERS
-        from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
-        table = {p.name: p for p in NODE_PARAMETERS['tendon_actuation']}
-        print(table['tendon_driver'].choices, table['servo.drum_radius'].high)
-        driver = make_driver(TENDON_DRIVERS, 'servo', load_description(), lambda: 0.0)
-        driver.move((0.001, -0.002), 0.02)
-        print(driver.read().pulls)
-    """) == "('simulated', 'grbl', 'dynamixel', 'ros_topics', 'servo') 0.1\n(0.001, -0.002)\n"
+def test_the_page_shows_what_stands_in_the_example():
+    example = ''.join(path.read_text('utf-8') for path in EXAMPLE.rglob('*.py'))
+    shown = re.findall(r'```python\n(.*?)```', PAGE.read_text('utf-8'), re.DOTALL)
+    assert len(shown) == 2
+    assert all(block in example for block in shown)
 
 
 def test_a_package_that_cannot_be_loaded_fails_only_when_it_is_chosen(tmp_path):
