@@ -10,6 +10,7 @@ from typing import Any
 
 from hypothesis import given, settings
 import pytest
+import test_dynamixel_fuzz
 import test_grbl_link
 import test_modbus_fuzz
 
@@ -43,7 +44,7 @@ def run(share: float) -> Report:
     """Feed ``share`` of 100 000 inputs to each reader."""
     cases = max(100, round(share * CASES))
     rows, failures = [], []
-    for name, feed in (('GRBL', _grbl), ('Modbus', _modbus)):
+    for name, feed in (('GRBL', _grbl), ('Modbus', _modbus), ('Dynamixel', _dynamixel)):
         inputs, crash = Inputs(), ''
         try:
             feed(cases, inputs)
@@ -80,3 +81,15 @@ def _modbus(cases: int, inputs: Inputs) -> None:
         for ask, reply in exchanges:
             test_modbus_fuzz.test_only_a_reply_is_taken_for_a_reply(
                 patch, lambda bus, ask=ask: inputs.feed(ask, bus), reply)
+
+
+def _dynamixel(cases: int, inputs: Inputs) -> None:
+    exchanges = test_dynamixel_fuzz.EXCHANGES
+    with pytest.MonkeyPatch.context() as patch:
+        for name, (_, replies) in exchanges.items():
+            @settings(max_examples=-(-cases // len(exchanges)), deadline=None, derandomize=True)
+            @given(test_dynamixel_fuzz.streams(replies))
+            def fuzz(data: bytes, name: str = name) -> None:
+                inputs.feed(test_dynamixel_fuzz.check, patch, name, data)
+
+            fuzz()

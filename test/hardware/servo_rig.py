@@ -84,12 +84,12 @@ class ServoRig:
             clock.sleep(CYCLE)
             self.look()
 
-    def rest(self) -> float:
-        """Wait until no spool has turned for 0.1 s; return since when, s on the clock."""
+    def rest(self, step: float = 0.01) -> float:
+        """Wait until no spool has turned for 0.1 s; return since when, to a step, in s."""
         clock = self.emulator.clock
         end, since = clock() + TIMEOUT, clock()
         while clock() - since < 0.1:
-            clock.sleep(0.002)
+            clock.sleep(step)
             if self.emulator.moving:
                 since = clock()
             if clock() > end:
@@ -269,7 +269,7 @@ def trial(folder: Path, fault: Fault, seed: int, moving: bool, tendons: int = le
     limits = random.choice([WITHIN_TURN, BEYOND_TURN])
     with rig(folder, limits, tendons) as made:
         emulator, clock = made.emulator, made.emulator.clock
-        made.follow(somewhere(random, tendons), 1.0)
+        made.follow(somewhere(random, tendons), 0.6)
         due = clock() + random.uniform(0.0, 0.6)
         at: list[tuple[float, tuple[float, ...]]] = []
 
@@ -281,8 +281,8 @@ def trial(folder: Path, fault: Fault, seed: int, moving: bool, tendons: int = le
         noticed, ended = False, clock()
         try:
             if moving:
-                made.follow(somewhere(random, tendons), 1.5, inject)
-            while clock() < due + 1.5:
+                made.follow(somewhere(random, tendons), 1.2, inject)
+            while clock() < due + 1.0:
                 inject()
                 clock.sleep(CYCLE)
                 made.check()
@@ -324,5 +324,5 @@ def recover(made: ServoRig, fault: Fault) -> bool:
         made.seen.clear()
         if not made.check():
             raise WrongStateError('it cannot be referenced')
-    made.follow((0.0,) * len(emulator.servos), 1.5)  # and it works again
+    made.follow((0.0,) * len(emulator.servos), 0.7)  # and it works again
     return known

@@ -1,0 +1,212 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Dynamixel servos: every fault many times, stops, and programs killed in motion.
+
+Driver and emulated servos without nodes.  Faults and stops take place in a time of their own, in
+which nothing waits for a busy computer; programs are killed in real time.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+from itertools import cycle
+import os
+from pathlib import Path
+from random import Random
+import signal
+from tempfile import TemporaryDirectory
+import time
+
+from servo_rig import (
+    BEYOND_TURN,
+    FAULTS,
+    Outcome,
+    rig,
+    ServoRig,
+    servos,
+    somewhere,
+    spools,
+    TENDONS,
+    trial,
+    WrongStateError,
+)
+
+from benchmarks.tables import table
+from soak.report import progress, Report, spread
+from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.dynamixel_tendons import DynamixelTendons
+from soft_continuum.hardware.protocols import HardwareError
+
+TRIALS = 50  # of each fault
+STOPS = 1000
+MAX_STOP_TIME, MEDIAN_STOP_TIME = 0.15, 0.1  # s
+KILLS = 50
+ATTEMPTS = 20  # to connect
+MAX_RUN_ON = 1.0  # s that servos may go on after the death of a program
+
+
+@dataclass
+class Outcomes:
+    """What followed a fault."""
+
+    each: list[Outcome] = field(default_factory=list)
+    wrong: list[str] = field(default_factory=list)
+
+
+def run(share: float) -> Report:
+    """Do ``share`` of all trials."""
+    faults, wrong = _faults(max(2, round(share * TRIALS)))
+    stops, late = _stops(max(2, round(share * STOPS)))
+    kills, unsafe = _kills(max(2, round(share * KILLS)))
+    return Report('\n\n'.join([faults, stops, kills]), (*wrong, *late, *unsafe))
+
+
+def _faults(trials: int) -> tuple[str, list[str]]:
+    """Try each fault, at rest and in motion."""
+    found = {fault.name: Outcomes() for fault in FAULTS}
+    for seed, moving in zip(range(trials), cycle((True, False)), strict=False):
+        progress(f'{trials - seed} trials of each fault left')
+        for fault in FAULTS:
+            with TemporaryDirectory() as folder:
+                try:
+                    found[fault.name].each.append(trial(Path(folder), fault, seed, moving))
+                except (WrongStateError, HardwareError) as error:
+                    found[fault.name].wrong.append(f'{fault.name}, trial {seed}: {error}')
+                    progress(found[fault.name].wrong[-1])
+    return _of_faults(found), [text for each in found.values() for text in each.wrong]
+
+
+def _of_faults(found: dict[str, Outcomes]) -> str:
+    rows = []
+    for name, outcomes in found.items():
+        noticed = [outcome for outcome in outcomes.each if outcome.noticed]
+        median, _, longest = spread([outcome.noticed_after for outcome in noticed])
+        ran_on = max((1e3 * outcome.ran_on for outcome in noticed), default=0.0)
+        known = sum(outcome.known for outcome in outcomes.each)
+        rows.append((name, f'{len(noticed)} of {len(outcomes.each)}', f'{median} / {longest}',
+                     f'{ran_on:.1f}', f'{known} / {len(outcomes.each) - known}',
+                     str(len(outcomes.wrong))))
+    head = ('fault', 'reported, motion ended', 'after, ms: median / longest',
+            'farthest that a tendon went on, mm', 'position then known / declared unknown',
+            'wrong states')
+    return table(head, rows)
+
+
+def _stops(trials: int) -> tuple[str, list[str]]:
+    """Stop at random moments of a motion: how long until the last spool rests."""
+    random, times, moved = Random(1), list[float](), 0.0
+    with TemporaryDirectory() as folder, rig(Path(folder), BEYOND_TURN) as made:
+        while len(times) < trials:
+            if len(times) % 100 == 0:
+                progress(f'{trials - len(times)} stops left')
+            stopped = _stop(made, random)
+            if stopped is not None:
+                times.append(stopped[0])
+                moved = max(moved, stopped[1])
+    median, percentile, longest = spread(times)
+    rows = [('stops in motion', str(len(times)), ''),
+            ('stop to rest, median', f'{median} ms', f'{1e3 * MEDIAN_STOP_TIME:.0f} ms'),
+            ('99 %', f'{percentile} ms', ''),
+            ('longest', f'{longest} ms', f'{1e3 * MAX_STOP_TIME:.0f} ms'),
+            ('farthest from there 0.5 s later', f'{1e3 * moved:.2f} mm', '')]
+    late = []
+    if float(median) > 1e3 * MEDIAN_STOP_TIME or max(times) > MAX_STOP_TIME:
+        late.append(f'stops took {median} ms (median) and {longest} ms (longest)')
+    return table(('', 'measured', 'allowed'), rows), late
+
+
+def _stop(made: ServoRig, random: Random) -> tuple[float, float] | None:
+    """Return after how many s all spools rest, and how far (m) they are 0.5 s later."""
+    driver, emulator = made.driver, made.emulator
+    clock, speed = emulator.clock, random.uniform(0.008, 0.028)
+    begin, goal = driver.read().pulls, somewhere(random, len(TENDONS))
+    duration = max(abs(a - b) for a, b in zip(begin, goal, strict=True)) / speed
+    start = clock()
+    end = start + min(random.uniform(0.1, 0.8), 0.9 * duration)
+    while clock() < end:
+        part = (clock() - start + 0.02) / duration
+        driver.move(tuple(a + part * (b - a) for a, b in zip(begin, goal, strict=True)), 0.02)
+        clock.sleep(0.02)
+        made.check()
+    clock.sleep(random.uniform(0.0, 0.02))
+    if not emulator.moving:
+        return None
+    requested = clock()
+    driver.stop()
+    stood = made.rest(0.002)
+    rested_at = made.pulls
+    made.wait(0.5)
+    made.rest()
+    moved = max(abs(a - b) for a, b in zip(made.pulls, rested_at, strict=True))
+    made.check()
+    return stood - requested, moved
+
+
+def _kills(trials: int) -> tuple[str, list[str]]:
+    """Kill a program that drives servos, start another one, in real time."""
+    random, ceased, unsafe = Random(1), list[float](), []
+    with TemporaryDirectory() as folder, servos(link=Path(folder) / 'port', clock=STEADY
+                                                ) as emulator:
+        def driver() -> DynamixelTendons:
+            return DynamixelTendons(emulator.port, 1000000, spools(pull_limits=BEYOND_TURN),
+                                    Path(folder) / 'zeros.json')
+
+        tendons = driver()
+        _open(tendons)
+        tendons.reference()
+        time.sleep(0.3)
+        made = ServoRig(emulator, tendons, emulator.pulls, deque())
+        for n in range(trials):
+            tendons.close()
+            child = os.fork()
+            if child == 0:
+                _drive(driver(), Random(n))
+            deadline = time.monotonic() + 20.0
+            while not emulator.moving and time.monotonic() < deadline:
+                time.sleep(0.005)
+            time.sleep(random.uniform(0.0, 0.5))
+            os.kill(child, signal.SIGKILL)
+            died = time.monotonic()
+            os.waitpid(child, 0)
+            ceased.append(max(0.0, made.rest() - died))
+            _open(tendons)
+            made.seen.clear()
+            try:
+                if not made.check():
+                    unsafe.append(f'kill {n}: the position is unknown')
+            except WrongStateError as error:
+                unsafe.append(f'kill {n}: {error}')
+        tendons.close()
+    median, percentile, longest = spread(ceased)
+    if max(ceased) > MAX_RUN_ON:
+        unsafe.append(f'servos moved for {longest} ms after a kill')
+    rows = [('programs killed (SIGKILL) in motion, and started again', str(len(ceased)), ''),
+            ('servos at rest after, median', f'{median} ms', ''), ('99 %', f'{percentile} ms', ''),
+            ('longest', f'{longest} ms', f'{1e3 * MAX_RUN_ON:.0f} ms'),
+            ('positions known, and true, then', str(trials - len(unsafe)), str(trials))]
+    return table(('', 'measured', 'needed'), rows), unsafe
+
+
+def _open(driver: DynamixelTendons) -> None:
+    """Connect, as a node does: again after an error, which a busy computer may give."""
+    for _ in range(ATTEMPTS):
+        try:
+            return driver.open()
+        except HardwareError as error:
+            progress(f'opened again: {error}')
+            time.sleep(0.5)
+    return driver.open()
+
+
+def _drive(driver: DynamixelTendons, random: Random) -> None:
+    """Move to and fro until the process is killed."""
+    try:
+        _open(driver)
+        while True:
+            begin, goal = driver.read().pulls, somewhere(random, len(TENDONS))
+            for step in range(1, 51):
+                driver.move(tuple(a + step / 50 * (b - a)
+                                  for a, b in zip(begin, goal, strict=True)), 0.02)
+                time.sleep(0.02)
+    finally:
+        os._exit(1)
