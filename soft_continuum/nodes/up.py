@@ -129,7 +129,7 @@ def nodes_for(arm: AnyArm, jamming: bool) -> tuple[str, ...]:
 def chosen_nodes(options: Namespace) -> tuple[str, ...]:
     """Return the nodes that the options of start_parser ask for, as nodes_of."""
     nodes = nodes_of(description_files(options))
-    return (*nodes, *[CAMERA] * options.camera, *STEERING * options.teleop)
+    return (*nodes, *[CAMERA] * options.camera, *STEERING * vars(options).get('teleop', False))
 
 
 @contextmanager
