@@ -10,7 +10,7 @@ from benchmarks.tables import Section, write
 from benchmarks.timing import progress
 
 NAMES = ('startup', 'solve', 'batch', 'joints', 'accuracy', 'nodes', 'loops', 'drivers', 'camera',
-         'twin', 'estimate', 'loop', 'servo', 'faults', 'spatial_faults', 'spatial_imus',
+         'twin', 'estimate', 'loop', 'servo', 'teleop', 'faults', 'spatial_faults', 'spatial_imus',
          'spatial', 'spatial_camera', 'spatial_loop', 'tdcr', 'ftdcr', 'plan', 'study')
 
 

@@ -35,7 +35,7 @@ from soft_continuum.colours import (
     WRONG,
 )
 from soft_continuum.ros.names import SHAPE_SEQUENCER
-from soft_continuum_interfaces.msg import RecorderState
+from soft_continuum_interfaces.msg import RecorderState, TeleopState
 
 WARNING: Colour = (255, 222, 89)
 PLAIN: Colour = (255, 255, 255)
@@ -76,6 +76,18 @@ def recording_html(state: RecorderState | None) -> str:
     lost = f', {state.lost} lost' if state.lost else ''
     text = f'{state.messages} messages{lost}, in {state.file}'
     return _table([(_chip('REC', WRONG), _text(text))])
+
+
+def steering_html(state: TeleopState | None) -> str:
+    """Return what a joystick or keyboard steers, or how it could."""
+    if state is None:
+        return _table([(_chip('absent', UNKNOWN), 'to steer by a keyboard, type in a terminal: '
+                        '<code>soft_continuum teleop</code>')])
+    chip = (_chip('no joystick', UNKNOWN) if not state.connected else
+            _chip('HELD', SOFT) if state.enabled else _chip('released', PLAIN))
+    what = 'tip, with segment' if state.mode == TeleopState.TIP else 'segment'
+    chosen = f'{what} <b>{state.segment}</b>' if state.segment else 'no segment chosen'
+    return _table([(chip, chosen), (_text(state.message),)])
 
 
 def segments_html(state: ArmState, description: Description, history: History) -> str:

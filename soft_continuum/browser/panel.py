@@ -52,6 +52,8 @@ class Panel:
         if description is not None:
             self._add_controls(gui, description)
         if playback is None:
+            with gui.add_folder('Steering'):
+                self._steering = gui.add_html('')
             with gui.add_folder('Recording'):
                 self._recording = gui.add_html('')
                 self._record = add_button(
@@ -165,6 +167,7 @@ class Panel:
             self._recording.content = html.recording_html(recorder)
             self._record.label = END if recorder is not None and recorder.recording else RECORD
             enable(self._record, recorder is not None)
+            self._steering.content = html.steering_html(self._session.observed.teleop)
         self._nodes.content = html.nodes_html(state)
         self._notices.content = html.notices_html(
             list(self._session.notices)[-NOTICES_IN_PANEL:])

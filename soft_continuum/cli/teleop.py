@@ -48,6 +48,8 @@ HELP = (
     'q Ctrl-C     quit',
 )
 STALE_AFTER = 3.0  # s: teleop repeats its state once a second
+BRIEF = ('space STOP; arrows move; s, t soften, stiffen; n next segment; m mode; e emergency '
+         'stop; r reset; + - speed; q quit')
 MAX_SHOWN = 500  # characters of a message
 
 
@@ -250,6 +252,5 @@ def screen_lines(text: tuple[str, str], speed: float, height: int, width: int) -
              *wrap(message, width), '']
     if height < len(lines) + len(HELP):
         lines = [line for line in lines if line]
-        brief = '  '.join(' '.join(line.split(maxsplit=1)) for line in HELP)
-        return [*lines, *wrap(brief, width)][:height]
+        return [*lines, *wrap(BRIEF, width)][:height]
     return [*lines, *HELP]

@@ -42,6 +42,7 @@ from soft_continuum.ros.names import (
     RECORDER,
     SENSORS,
     SHAPE_SEQUENCER,
+    TELEOP,
     TENDON_ACTUATION,
 )
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
@@ -52,6 +53,7 @@ from soft_continuum_interfaces.msg import (
     KinematicsState,
     RecorderState,
     ShapeSequencerState,
+    TeleopState,
     TendonActuationState,
 )
 
@@ -66,6 +68,7 @@ KINEMATICS_STATE = f'{KINEMATICS}/state'
 PREDICTED_DISCS = 'predicted_disc_poses'
 SEQUENCER_STATE = f'{SHAPE_SEQUENCER}/state'
 RECORDER_STATE = f'{RECORDER}/state'
+TELEOP_STATE = f'{TELEOP}/state'
 TOPICS: dict[str, tuple[Any, Any, str]] = {
     'tendon_states': (JointState, SENSOR, TENDON_ACTUATION),
     TENDON_STATE: (TendonActuationState, EVERY_STATE, TENDON_ACTUATION),
@@ -78,12 +81,13 @@ TOPICS: dict[str, tuple[Any, Any, str]] = {
     PREDICTED_DISCS: (PoseArray, SENSOR, KINEMATICS),
     SEQUENCER_STATE: (ShapeSequencerState, EVERY_STATE, SHAPE_SEQUENCER),
     RECORDER_STATE: (RecorderState, EVERY_STATE, RECORDER),
+    TELEOP_STATE: (TeleopState, EVERY_STATE, TELEOP),
     FEEDBACK: (RunShapeSequence.Impl.FeedbackMessage, SENSOR, SHAPE_SEQUENCER),
     **{f'{node}/status': (DiagnosticStatus, EVERY_STATE, node)
        for node in (*NODES, *SENSORS)},
 }
 """Message, QoS and publishing node of the topics that do not depend on the arm."""
-OPTIONAL = {FEEDBACK, RECORDER_STATE, PREDICTED_DISCS,
+OPTIONAL = {FEEDBACK, RECORDER_STATE, TELEOP_STATE, PREDICTED_DISCS,
             *(f'{node}/status' for node in SENSORS)}
 """Of these, what an arm may be without."""
 
@@ -145,9 +149,12 @@ class ObservedArm:
     @property
     def recorder(self) -> RecorderState | None:
         """The latest state of the recorder that runs; None while none does."""
-        fresh = self.age(RECORDER_STATE) < STALE_AFTER
-        message: RecorderState | None = self.message(RECORDER_STATE)
-        return message if fresh else None
+        return self._fresh(RECORDER_STATE)
+
+    @property
+    def teleop(self) -> TeleopState | None:
+        """The latest state of teleop; None while it does not run."""
+        return self._fresh(TELEOP_STATE)
 
     def message(self, topic: str) -> Any:
         """Return the latest message of a topic; None before the first."""

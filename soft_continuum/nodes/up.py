@@ -136,9 +136,9 @@ def nodes_for(arm: AnyArm, jamming: bool) -> tuple[str, ...]:
 def chosen_nodes(options: Namespace) -> tuple[str, ...]:
     """Return the nodes that the options of start_parser ask for, as nodes_of."""
     nodes = nodes_of(description_files(options))
-    computer = vars(options).get('computer', ALL)  # demo has no such option
-    return nodes_on(
-        computer, (*nodes, *[CAMERA] * options.camera, *STEERING * options.teleop))
+    given = {'computer': ALL, 'teleop': False, **vars(options)}  # demo has no such options
+    return nodes_on(given['computer'], (
+        *nodes, *[CAMERA] * options.camera, *STEERING * given['teleop']))
 
 
 def nodes_on(computer: str, nodes: Iterable[str]) -> tuple[str, ...]:

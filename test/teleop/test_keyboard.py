@@ -83,6 +83,6 @@ def test_the_screen_fits_and_shows_the_state_first(size):
     assert len(lines) <= size[0]
     assert 'segment 2'[:size[1] - 8] in lines[0]
     shown = ' '.join(' '.join(lines).split())
-    assert ('space STOP' in shown) == (size[0] >= 6)
+    assert ('space STOP' in shown) == (size[0] >= 6)  # the keys are left out first
     if size[0] == 24:
         assert {*HELP} <= {*lines}
