@@ -324,7 +324,7 @@ def test_every_parameter_is_documented_and_those_of_the_arm_once():
     assert documented.keys() == {'parameters.md', *(f'{node}.md' for node in NODE_PARAMETERS)}
     names = [p.name for parameters in documented.values() for p in parameters]
     assert {p.name for p in ALL_PARAMETERS} == set(names) - {
-        'shapes.<name>', 'shape_directions.<name>'}
+        'shapes.<name>', 'shape_directions.<name>', 'shape_vacuums.<name>'}
     assert all(names.count(p.name) == 1 for p in ARM_PARAMETERS)
 
 

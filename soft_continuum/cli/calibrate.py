@@ -40,7 +40,12 @@ from soft_continuum.hardware.drives import (
     DRIVES,
     forget_zero,
 )
-from soft_continuum.hardware.protocols import HardwareError, JammingDriver, TendonDriver
+from soft_continuum.hardware.protocols import (
+    HardwareError,
+    JammingDriver,
+    RegulatorDriver,
+    TendonDriver,
+)
 from soft_continuum.hardware.tendon_controller import TendonLimits
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
@@ -133,8 +138,8 @@ def _run(options: argparse.Namespace) -> None:
 
 
 @contextmanager
-def _jamming(job: Job) -> Iterator[JammingDriver]:
-    driver: JammingDriver = make_driver(
+def _jamming(job: Job) -> Iterator[JammingDriver | RegulatorDriver]:
+    driver: JammingDriver | RegulatorDriver = make_driver(
         JAMMING_DRIVERS, job.values['jamming_driver'], job.values, monotonic)
     driver.open()
     try:
@@ -350,11 +355,14 @@ def _vacuum(job: Job) -> None:
     settings = jamming_settings(job.values)
     segments = len(job.values['arm.segment_lengths'])
     confirm('One segment after the other is evacuated while all others are vented: the arm '
-             'becomes soft. Support it, with all tendons slack. Afterwards the pump is off '
+             'becomes soft. Support it, with all tendons slack. Afterwards a switched pump is off '
              f'and all segments are soft. This takes about {segments * (leak_time + 12):.0f} s. '
              'Ctrl-C stops.', job.options.yes)
     results: list[SegmentVacuum] = []
     with _jamming(job) as jamming:
+        if isinstance(jamming, RegulatorDriver):
+            job.failures += calibrate_vacuum.regulators(jamming, job.values, settings)
+            return
         for segment in range(segments):
             print(f'segment {segment + 1} ...', flush=True)
             results.append(measure_segment(

@@ -22,6 +22,7 @@ from soft_continuum.hardware.protocols import (
     describe_pulls,
     HardwareError,
     JammingDriver,
+    RegulatorDriver,
     TendonDriver,
     TendonReading,
 )
@@ -57,7 +58,7 @@ class CalibrationError(ValueError):
 class TendonBench:
     """Tendons that may move a little, slowly, and only while some segments are soft."""
 
-    def __init__(self, tendons: TendonDriver, jamming: JammingDriver | None,
+    def __init__(self, tendons: TendonDriver, jamming: JammingDriver | RegulatorDriver | None,
                  segments: Sequence[int], limits: TendonLimits, soft_pressure: float,
                  clock: Clock = STEADY) -> None:
         """
@@ -88,7 +89,7 @@ class TendonBench:
         if jamming is None:
             return
         for segment in self._segments:
-            retry(partial(jamming.set_evacuated, segment, False), self._clock)
+            retry(partial(vent, jamming, segment), self._clock)
         deadline = self._clock() + RESPONSE_TIME
         while stiff := self.stiff:
             if self._clock() > deadline:
@@ -201,6 +202,14 @@ def assess_vacuum(result: SegmentVacuum, settings: JammingSettings) -> tuple[str
             f'leaks: the pump would start every {rest / result.leak_rate:.1f} s; look for the '
             'leak, and for a pump without a check valve')
     return tuple(problems)
+
+
+def vent(jamming: JammingDriver | RegulatorDriver, segment: int) -> None:
+    """Vent a segment (0-based) by its valve or by its regulator."""
+    if isinstance(jamming, RegulatorDriver):
+        jamming.set_vacuum(segment, 0.0)
+    else:
+        jamming.set_evacuated(segment, False)
 
 
 def retry(action: Callable[[], T], clock: Clock = STEADY) -> T:

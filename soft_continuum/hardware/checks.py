@@ -6,7 +6,7 @@ The checks of ``doctor``: ports, firmware, settings, boards, valves and sensors 
 They move and switch nothing.  Steps that depend on one that failed are left out.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from math import isfinite
 import os
@@ -28,6 +28,8 @@ from soft_continuum.hardware.grbl_motion import Motors
 from soft_continuum.hardware.grbl_setup import find_controller, invalid_settings, UNLOCK
 from soft_continuum.hardware.modbus_bus import MAX_PAUSE, ModbusBus
 from soft_continuum.hardware.modbus_jamming import registers_from_parameters
+from soft_continuum.hardware.modbus_regulators import Outputs
+from soft_continuum.hardware.modbus_transmitters import Transmitters
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import describe_ports, open_serial
 from soft_continuum.parameters.parameter import ParameterError
@@ -41,6 +43,7 @@ MAX_TIMEOUT_SHARE = 0.5
 MAX_ZERO_ERROR = 3e3
 """Pa that a vented segment may differ from ambient pressure: 3 % of the usual full scale."""
 MAX_LATENCY = 1  # ms that a USB adapter may keep what it receives
+OUTPUT_BOARD = 'output board'
 SIMULATED = 'simulated'
 PORTS = {'grbl.port': ('tendon_driver', 'grbl'),
          'dynamixel.port': ('tendon_driver', 'dynamixel'),
@@ -226,10 +229,12 @@ def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:
     except (HardwareError, ParameterError) as error:
         yield Check(step, FAIL, str(error))
         return
-    yield _check_pump(reading.pump, reading.evacuated)
+    if not reading.vacuums:
+        yield _check_pump(reading.pump, reading.evacuated)
     for i, (pressure, evacuated) in enumerate(
             zip(reading.pressures, reading.evacuated, strict=True)):
-        yield _check_segment(f'segment {i + 1}', values, pressure, evacuated)
+        told = reading.vacuums[i] if reading.vacuums else 0.0
+        yield _check_segment(f'segment {i + 1}', values, pressure, evacuated, told)
 
 
 def _check_boards(values: Mapping[str, Any]) -> Iterator[Check]:
@@ -240,13 +245,13 @@ def _check_boards(values: Mapping[str, Any]) -> Iterator[Check]:
         yield Check('jamming port', FAIL, str(error))
         return
     yield Check('jamming port', OK, f'{values["modbus.port"]} opened, no other program uses it')
-    boards = registers_from_parameters(values)
     trips: list[float] = []
+    transmitters = Transmitters.from_parameters(values)
     try:
         for board, ask, unit, addresses in (
-                ('relay board', bus.read_coils, boards.relay_unit, boards.coils),
-                ('analog board', bus.read_input_registers, boards.transmitters.unit,
-                 boards.transmitters.registers)):
+                _switching_board(bus, values),
+                ('analog board', bus.read_input_registers, transmitters.unit,
+                 transmitters.registers)):
             state: tuple[int, ...] = ()
             lost: list[str] = []
             for _ in range(ROUND_TRIPS):
@@ -261,7 +266,7 @@ def _check_boards(values: Mapping[str, Any]) -> Iterator[Check]:
                 if len(lost) > MAX_LOST_REPLIES:
                     break
             message = f'unit {unit} answers: ' + ', '.join(
-                _state(a, s) for a, s in zip(addresses, state, strict=False))
+                _state(board, a, s) for a, s in zip(addresses, state, strict=False))
             if len(lost) > MAX_LOST_REPLIES:
                 yield Check(board, FAIL, lost[-1])
             elif lost:
@@ -278,7 +283,19 @@ def _check_boards(values: Mapping[str, Any]) -> Iterator[Check]:
         yield _check_round_trip(trips, values['modbus.timeout'])
 
 
-def _state(address: int, state: int) -> str:
+def _switching_board(bus: ModbusBus, values: Mapping[str, Any]
+                     ) -> tuple[str, Callable[[int, int, int], tuple[int, ...]], int, range]:
+    """Return the board that evacuates segments: how it is asked, its unit and its addresses."""
+    if values['modbus.regulators']:
+        outputs = Outputs.from_parameters(values)
+        return OUTPUT_BOARD, bus.read_holding_registers, outputs.unit, outputs.registers
+    relays = registers_from_parameters(values)
+    return 'relay board', bus.read_coils, relays.relay_unit, relays.coils
+
+
+def _state(board: str, address: int, state: int) -> str:
+    if board == OUTPUT_BOARD:
+        return f'register {address} is {state}'
     if isinstance(state, bool):
         return f'coil {address} {"on" if state else "off"}'
     return f'register {address} {state / 1000:.2f} mA'
@@ -306,12 +323,18 @@ def _check_pump(pump: bool, evacuated: tuple[bool, ...]) -> Check:
 
 
 def _check_segment(step: str, values: Mapping[str, Any], pressure: float,
-                   evacuated: bool) -> Check:
+                   evacuated: bool, told: float) -> Check:
     if not isfinite(pressure):
         return Check(step, FAIL, 'no pressure: its transmitter gives no current between 3.6 and '
                      '21 mA; check its wires and its supply, and modbus.pressure_registers')
     vacuum = values['ambient_pressure'] - pressure
     message = f'{vacuum / 1e3:.1f} kPa of vacuum'
+    if told:
+        text = f'{message}, its regulator is set to {told / 1e3:.1f} kPa'
+        if abs(vacuum - told) <= values['vacuum_tolerance']:
+            return Check(step, OK, text)
+        return Check(step, FAIL, f'{text}; if that was not a moment ago, its regulator, the '
+                     'supply of the regulators or its sensor fails, or it leaks')
     if evacuated:
         return Check(step, WARN, f'{message}, connected to the pump: its sensor can be judged '
                      'only while it is vented; vent it and run this again')

@@ -3,11 +3,11 @@
 """What part of full vacuum does to the stiffness and the limit of a jam."""
 
 from energy_reference import Reference
-from general_arms import paper_like
+from general_arms import paper_like, STIFFNESS
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import SLACK, Statics
+from soft_continuum.mechanics import PointForce, SLACK, Statics
 from soft_continuum.mechanics.laws import Jam, linear, MomentCurvature
 
 
@@ -83,3 +83,19 @@ def test_a_vacuum_of_the_wrong_size_or_range_is_refused(vacuum):
     statics = Statics(paper_like(2, Jam(5.0)))
     with pytest.raises(ValueError, match='vacuum'):
         statics.solve(statics.chain.straight(), (0.01, SLACK), (True, False), vacuum=vacuum)
+
+
+@pytest.mark.parametrize('vacuum', [1.0, 0.4, 0.1, 0.01])
+def test_a_segment_turns_by_the_moments_of_a_load_over_the_stiffness_at_its_vacuum(vacuum):
+    """By hand: each of the n + 1 joints turns by F lever / (c (1 + (K - 1) v^a)), c (5)."""
+    force, length, height, bodies, bending = 0.02, 0.07, 0.03, 12, STIFFNESS[0]
+    statics = Statics(paper_like(1, Jam(9.0, stiffness_exponent=0.7), bodies=bodies,
+                                 forces=(PointForce(1, force, 0.0),)))
+    stiff = statics.solve(statics.chain.straight(), (SLACK, SLACK), (False,), vacuum=(1.0,))
+    state = statics.solve(stiff, (SLACK, SLACK), (False,), vacuum=(vacuum,))
+    levers = height / 2 + length * np.arange(bodies + 1) / bodies
+    joint = (bodies + 1) * bending / length * (1.0 + 8.0 * vacuum**0.7)
+    assert state.bending_angles[0] == pytest.approx(force * levers.sum() / joint, rel=2e-3)
+    # More vacuum holds the shape that is there.
+    more = statics.solve(state, (SLACK, SLACK), (False,), vacuum=(1.0,))
+    assert more.bending_angles == pytest.approx(state.bending_angles, rel=1e-9)

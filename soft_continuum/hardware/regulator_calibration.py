@@ -1,0 +1,108 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What ``calibrate vacuum`` measures of a vacuum regulator: its speed, and how true it is."""
+
+from dataclasses import dataclass
+from functools import partial
+from math import inf, isfinite
+from statistics import fmean
+
+from soft_continuum.hardware.calibration import POLL_INTERVAL, retry
+from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.jamming_controller import JammingSettings, RESPONSE_TIME
+from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
+
+LEVELS = (1 / 3, 2 / 3, 1.0)  # of the full vacuum
+SETTLING_TIME = 1.0  # s at a level before its readings count
+READINGS = 10
+USUAL_RISE = 5.0  # s
+
+
+@dataclass(frozen=True)
+class RegulatorResponse:
+    """
+    How a segment (0-based) follows its regulator.
+
+    rise, fall: s from 0 to near the full vacuum, and from there to soft; inf: never.  errors: at
+    each of LEVELS, vacuum that is measured less what the regulator is told, Pa.
+    """
+
+    segment: int
+    rise: float
+    fall: float
+    errors: tuple[float, ...]
+
+
+def measure_regulator(driver: RegulatorDriver, segment: int, segments: int,
+                      settings: JammingSettings, soft_vacuum: float, clock: Clock = STEADY
+                      ) -> RegulatorResponse:
+    """
+    Give one segment (0-based) of ``segments`` the full vacuum, then less, then none.
+
+    soft_vacuum: Pa.  Before and after, also when it fails, all are told 0.  Raises HardwareError
+    when a device fails.
+    """
+    def vacuum() -> float:
+        value = settings.ambient_pressure - retry(driver.read, clock).pressures[segment]
+        if not isfinite(value):
+            raise HardwareError(f'segment {segment + 1}: no pressure; check the wire and the '
+                                'supply of its pressure sensor')
+        return value
+
+    def arrival(told: float, near: float) -> float:
+        """Return how long it takes to come so near (Pa) to what is told; inf: never."""
+        begin = clock()
+        retry(partial(driver.set_vacuum, segment, told), clock)
+        while abs(vacuum() - told) > near:
+            if clock() > begin + RESPONSE_TIME:
+                return inf
+            clock.sleep(POLL_INTERVAL)
+        return clock() - begin
+
+    def error(told: float) -> float:
+        clock.sleep(SETTLING_TIME)
+        found = []
+        for _ in range(READINGS):
+            found.append(vacuum() - told)
+            clock.sleep(POLL_INTERVAL)
+        return fmean(found)
+
+    try:
+        release_all(driver, segments, clock)
+        arrival(0.0, soft_vacuum)
+        full = settings.full_vacuum
+        rise, errors = arrival(full, settings.vacuum_tolerance), [error(full)]
+        for level in reversed(LEVELS[:-1]):
+            arrival(level * full, settings.vacuum_tolerance)
+            errors.append(error(level * full))
+        arrival(full, settings.vacuum_tolerance)
+        return RegulatorResponse(
+            segment, rise, arrival(0.0, soft_vacuum), tuple(reversed(errors)))
+    finally:
+        release_all(driver, segments, clock)
+
+
+def release_all(driver: RegulatorDriver, segments: int, clock: Clock = STEADY) -> None:
+    """Tell every regulator 0, trying again where the line was disturbed."""
+    for segment in range(segments):
+        retry(partial(driver.set_vacuum, segment, 0.0), clock)
+
+
+def assess_regulator(result: RegulatorResponse, settings: JammingSettings) -> tuple[str, ...]:
+    """Say what is wrong with a regulator, and what to do; empty when nothing is."""
+    problems = []
+    if result.fall == inf:
+        problems.append('never soft: the regulator does not vent, its vent is blocked, or the '
+                        'pressure sensor is stuck')
+    if settings.full_vacuum + result.errors[-1] < settings.stiff_vacuum:
+        problems.append('never stiff: look for a leak, and for the supply of the regulators')
+    elif result.rise > USUAL_RISE:
+        problems.append(f'slow: {USUAL_RISE:g} s is usual; look for narrow or long tubes, and for '
+                        'a weak supply')
+    worst = max(result.errors, key=abs)
+    if not abs(worst) <= settings.vacuum_tolerance:
+        problems.append(
+            f'{worst / 1e3:+.1f} kPa off what it is told; vacuum_tolerance: '
+            f'{settings.vacuum_tolerance / 1e3:g} kPa; compare modbus.output_range, '
+            'modbus.output_vacuums and modbus.vacuum_at_20_ma with both devices')
+    return tuple(problems)
