@@ -21,6 +21,7 @@ from soft_continuum.mechanics.statics import warm_up
 GOALS = 8  # for each quality of the cable
 CUTS, KILLS = 50, 5
 ALLOWED = 0.6  # s from the cut to rest
+UNDER_WAY = 0.3  # s until what arrived before is done: a valve switches
 AFTERWARDS = 3.0  # s in which nothing may move by itself
 QUALITIES = (
     PERFECT,
@@ -138,6 +139,7 @@ def _begin(arm: SplitArm, shape: list[float], ends: Ends) -> bool:
 
 def _see(arm: SplitArm, begin: int, moving: bool, ends: Ends) -> None:
     """Note what happens to the arm, as long as it is alone."""
+    time.sleep(UNDER_WAY)
     valves = arm.valves
     time.sleep(RANDOM.uniform(1.0, 6.0))
     if moving:
@@ -170,7 +172,7 @@ def _kill(arm: SplitArm, ends: Ends) -> None:
         _see(arm, arm.kill(WORKSTATION), moving, ends)
         rest, valves = time.time_ns(), arm.valves
         arm.up(WORKSTATION)
-        arm.rig.wait_for_more(arm.rig.statuses['shape_sequencer'], 1)
+        arm.operate()
         time.sleep(AFTERWARDS)
         ends.afterwards += bool(arm.moved_after(rest)) or arm.valves != valves
     except FAILED as error:

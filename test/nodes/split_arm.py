@@ -95,9 +95,7 @@ class SplitArm:
             for name in (RIG, WORKSTATION):
                 self.up(name)
             self.rig.wait_until_ready('tendon_actuation', 'jamming_valves')
-            self.operator = Operator(self)
-            self._closing.append(self.operator.close)
-            assert self.operator.answer() == 'ready'
+            self.operate()
         except BaseException:
             self.close()
             raise
@@ -107,6 +105,12 @@ class SplitArm:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def operate(self) -> None:
+        """Start the program that sends goals; return when it has found the arm."""
+        self.operator = Operator(self)
+        self._closing.append(self.operator.close)
+        assert self.operator.answer() == 'ready'
 
     def up(self, name: str, *arguments: str) -> NodeProcess:
         """Start the nodes of a computer."""
