@@ -58,7 +58,10 @@ def run(share: float) -> Report:
                 with _attack(kind, port, cookie):
                     begin = time.time_ns()
                     time.sleep(share * DURATION)
-                    times = [one.time for one in list(rig.tendons.heard) if one.time > begin]
+                    end = time.time_ns()  # what was written before may still be on its way
+                    rig.wait_for(lambda end=end: rig.tendons.heard[-1].time > end, 'the tendons')
+                    times = [one.time for one in list(rig.tendons.heard)
+                             if begin < one.time < end]
                     stops = [_stop(rig, bar) for _ in range(max(2, round(share * STOPS)))]
                 gaps = (np.diff(times) * 1e-9).tolist()
                 memory = Path(f'/proc/{view}/statm').read_text(encoding='ascii').split()[1]
