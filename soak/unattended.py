@@ -25,7 +25,8 @@ from soft_continuum.client import Arm, ClientError
 from soft_continuum.nodes.sequence_server import RESULT_TIMEOUT
 
 DURATION = 3600.0  # s
-MAX_GROWTH = 5.0  # MB/h, of all processes together
+MAX_GROWTH = 5.0  # MB/h, of all processes together but RECORDING
+RECORDING = 'recording'  # which keeps the index of its file until it ends
 START_TIMEOUT = 120.0  # s
 SHAPES = 'c_form', 'upright_c_form', 's_form'
 CAMERA = {'type': 'ViewerCameraMessage', 'wxyz': [1, 0, 0, 0], 'position': [0, 0, 1], 'fov': 1.0,
@@ -44,7 +45,7 @@ def run(share: float) -> Report:
           Arm(timeout=START_TIMEOUT) as arm):
         address = programs.start_view()
         arm.run(SHAPES[0])  # waits for the nodes
-        programs.start('recording', 'record', '--output', str(Path(directory, 'recording')))
+        programs.start(RECORDING, 'record', '--output', str(Path(directory, 'recording')))
         ended = threading.Event()
         page = threading.Thread(target=_look, args=(address, ended), daemon=True)
         page.start()
@@ -64,15 +65,16 @@ def run(share: float) -> Report:
         failures += [] if page.is_alive() else ['the page has lost its connection']
         ended.set()
     growths = {name: _growth(rows) for name, rows in sizes.items()}
-    if sum(growths.values()) > MAX_GROWTH:
-        failures.append(f'memory grew by {sum(growths.values()):.1f} MB/h')
+    growth = sum(of for name, of in growths.items() if name != RECORDING)
+    if growth > MAX_GROWTH:
+        failures.append(f'memory grew by {growth:.1f} MB/h')
     rows = [(name, f'{of[0][1]:.0f}', f'{of[-1][1]:.1f}', f'{growths[name]:+.1f}')
             for name, of in sizes.items()]
     return Report(
         f'{share * DURATION / 60:.0f} min, {goals} goals of {len(SHAPES)} shapes, '
         f'{ended_early} that ended early, one page open.'
         '\n\n' + table(('process', 'at first, MB', 'in the end, MB',
-                        'growth in the second half, MB/h; allowed in all: '
+                        'growth in the second half, MB/h; allowed in all but recording: '
                         f'{MAX_GROWTH:g}'), rows), tuple(failures))
 
 
