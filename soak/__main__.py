@@ -10,7 +10,7 @@ import sys
 from benchmarks.tables import machine, Section, write
 from soak.report import progress, Report
 
-PARTS = ('sequences', 'stops', 'fuzz', 'kills', 'dynamixel', 'network', 'unattended')
+PARTS = ('sequences', 'stops', 'fuzz', 'kills', 'dynamixel', 'network', 'unattended', 'attacks')
 QUICK = 0.01
 
 

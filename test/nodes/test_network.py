@@ -18,6 +18,7 @@ from ros_rig import Rig
 from soft_continuum.nodes.up import description_file
 from soft_continuum.ros.network import (
     choose_network,
+    given_network,
     PROFILES,
     RANGE,
     reachable_addresses,
@@ -113,6 +114,13 @@ def test_the_network_is_closed_unless_the_user_opens_it(given: dict[str, str]) -
     profile = str(CONFIG / 'fastdds.xml')
     assert environment == {RANGE: 'SYSTEM_DEFAULT', **dict.fromkeys(PROFILES, profile)}
     assert Path(profile).is_file()
+
+
+def test_what_the_user_chose_is_known_afterwards() -> None:
+    for given in ({}, {RANGE: 'SUBNET'}, dict.fromkeys(PROFILES, '/home/me/my.xml')):
+        environment = dict(given)
+        choose_network(environment, CONFIG)
+        assert given_network(environment) == given
 
 
 @pytest.mark.parametrize('name', PROFILES)
