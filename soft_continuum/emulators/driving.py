@@ -15,7 +15,9 @@ AXES = 3
 BAUD_RATE = 1000000
 SPOOL_RADIUS = 0.01
 """m, of an emulated servo."""
-MODBUS_TIMEOUT = 0.4  # s: boards that share a processor with a plant answer later than real ones
+MODBUS_TIMEOUT, DYNAMIXEL_TIMEOUT = 0.4, 0.2
+"""s: devices that share a processor with a plant answer later than real ones."""
+TENSION_LIMIT = 60.0  # N
 
 
 def board_links(first: str | Path, tendons: int) -> tuple[str, ...]:
@@ -34,10 +36,12 @@ def dynamixel_parameters(port: str | Path, tendons: int, baud_rate: int = BAUD_R
                          ) -> dict[str, Value]:
     """Return the parameters of servos with the IDs 1, 2, ... at a port."""
     return {'tendon_driver': 'dynamixel', 'dynamixel.port': str(port),
-            'dynamixel.baud': baud_rate,
+            'dynamixel.baud': baud_rate, 'dynamixel.timeout': DYNAMIXEL_TIMEOUT,
             'dynamixel.ids': tuple(float(n + 1) for n in range(tendons)),
             'dynamixel.spool_radii': (SPOOL_RADIUS,) * tendons,
-            'dynamixel.signs': (1.0,) * tendons}
+            'dynamixel.signs': (1.0,) * tendons,
+            'dynamixel.tension_limits': (TENSION_LIMIT,) * tendons,
+            'dynamixel.torque_constants': (0.0,) * tendons}
 
 
 def modbus_parameters(port: str | Path) -> dict[str, Value]:

@@ -19,6 +19,8 @@ from soft_continuum.hardware.dynamixel_registers import Register
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import discard_output, open_serial
 
+TIMEOUT = 0.02
+"""s for a reply beyond its own duration: the latency timer of FTDI adapters is 16 ms."""
 REPLY_GAP = 0.004
 """s after a reply in which a second servo of the same ID would reply too."""
 ALERT = 0x80
@@ -57,16 +59,21 @@ class Reply:
 class DynamixelBus:
     """An open port with servos behind it; for one thread, but ``abort``."""
 
-    def __init__(self, port: str, baud_rate: int, clock: Clock = STEADY) -> None:
-        """Open a port that no other program may open until it is closed."""
+    def __init__(self, port: str, baud_rate: int, clock: Clock = STEADY,
+                 timeout: float = TIMEOUT) -> None:
+        """
+        Open a port that no other program may open until it is closed.
+
+        timeout: s for a reply beyond its own duration.
+        """
         try:
             from soft_continuum.hardware.dynamixel_packets import Packets, Port
         except ModuleNotFoundError as error:
             raise HardwareError(
                 f'{error.name} is not installed, which Dynamixel servos need: '
                 'pip install dynamixel-sdk==4.1.0, or rosdep install dynamixel_sdk') from None
-        self.name, self.clock = port, clock
-        self._port = Port(open_serial(port, baud_rate), clock)
+        self.name, self.clock, self.timeout = port, clock, timeout
+        self._port = Port(open_serial(port, baud_rate), clock, timeout)
         self._packets = Packets()
         self._aborted = False
         self.fast = False
@@ -75,7 +82,8 @@ class DynamixelBus:
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any]) -> Self:
         """Open the port that the parameters of the node describe."""
-        return cls(values['dynamixel.port'], values['dynamixel.baud'])
+        return cls(values['dynamixel.port'], values['dynamixel.baud'],
+                   timeout=values['dynamixel.timeout'])
 
     def close(self) -> None:
         """Close the port."""

@@ -16,18 +16,16 @@ import serial
 
 from soft_continuum.hardware.clock import Clock
 
-ECHO_ALLOWANCE = 0.02
-"""s for a reply beyond its own duration: the latency timer of FTDI adapters is 16 ms."""
-
 
 class Port(PortHandler):  # type: ignore[misc]
     """An open serial port as the SDK wants it, on a clock of ours; it sleeps while it waits."""
 
-    def __init__(self, line: serial.Serial, clock: Clock) -> None:
-        """Use an open ``line``."""
+    def __init__(self, line: serial.Serial, clock: Clock, timeout: float) -> None:
+        """Use an open ``line``; timeout: s for a reply beyond its own duration."""
         super().__init__(line.port)
         line.timeout = 0
         self.ser, self.clock, self.is_open = line, clock, True
+        self._timeout = timeout
         self._deadline = 0.0
         self.set_speed(line.baudrate)
 
@@ -45,7 +43,7 @@ class Port(PortHandler):  # type: ignore[misc]
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
         """Give a reply of so many bytes its time."""
-        self._deadline = (self.clock() + self.tx_time_per_byte * packet_length + ECHO_ALLOWANCE)
+        self._deadline = self.clock() + self.tx_time_per_byte * packet_length + self._timeout
 
     def setPacketTimeoutMillis(self, msec: float) -> None:  # noqa: N802
         """Give a reply so many ms."""
