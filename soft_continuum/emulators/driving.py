@@ -15,8 +15,8 @@ AXES = 3
 BAUD_RATE = 1000000
 SPOOL_RADIUS = 0.01
 """m, of an emulated servo."""
-MODBUS_TIMEOUT, DYNAMIXEL_TIMEOUT = 0.4, 0.2
-"""s: devices that share a processor with a plant answer later than real ones."""
+MODBUS_TIMEOUT, DYNAMIXEL_TIMEOUT = 0.4, 0.1
+"""s: devices that share a processor with a plant answer later; watchdogs of servos are 0.2 s."""
 TENSION_LIMIT = 60.0  # N
 
 
