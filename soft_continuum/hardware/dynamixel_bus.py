@@ -19,7 +19,7 @@ from soft_continuum.hardware.dynamixel_registers import Register
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import discard_output, open_serial
 
-TIMEOUT = 0.02
+TIMEOUT = 0.03
 """s for a reply beyond its own duration: the latency timer of FTDI adapters is 16 ms."""
 REPLY_GAP = 0.004
 """s after a reply in which a second servo of the same ID would reply too."""

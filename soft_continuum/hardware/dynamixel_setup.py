@@ -7,7 +7,7 @@ The settings are in the EEPROM of the servos, which is locked while their torque
 """
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+import contextlib
 from dataclasses import dataclass
 from math import hypot, pi
 from typing import Any, Self
@@ -51,6 +51,7 @@ BAUD_RATES = 57600, 1000000, 115200, 2000000, 3000000, 4000000, 9600
 """At which servos are looked for when none answers; 57600 is how they are sold."""
 PINGS = 3
 """Requests to each servo: two of the same ID rarely damage each other's replies always alike."""
+MAX_MISSED = 1  # of them, where the computer is busy
 MIN_PWM_LIMIT = 443  # half of what the supply gives
 OVERHEATING = 0x04
 FRICTION_SHARE, FRICTION_OF_STALL = 0.3, 0.02  # of tension, and of the one at stall
@@ -209,12 +210,12 @@ def find_servos(bus: DynamixelBus, spools: Spools) -> list[Servo]:
 
 
 def _table(bus: DynamixelBus, number: int, name: str) -> bytes:
+    """Return the registers of a servo that answered a ping."""
     for _ in range(PINGS):
-        with suppress(NoReplyError, DamagedReplyError):
+        with contextlib.suppress(NoReplyError, DamagedReplyError):
             return bus.read_bytes(number, 0, TABLE_END).data
-    raise HardwareError(
-        f'{name} answers a ping but no read: its {STATUS_RETURN_LEVEL} is 0 (switch it off and '
-        'on), or the line is bad')
+    raise HardwareError(f'{name} answers a ping but no read: its {STATUS_RETURN_LEVEL} is 0 '
+                        '(switch it off and on), or its cable is bad')
 
 
 def _ping(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> int:
@@ -235,7 +236,7 @@ def _ping(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> int:
             'rate or the line is wrong')
     if missed == PINGS:
         raise HardwareError(_why_missing(bus, number, name, ids))
-    if missed:
+    if missed > MAX_MISSED:
         raise HardwareError(f'{name} answered {PINGS - missed} of {PINGS} requests; check its '
                             'cable and its supply')
     return model
