@@ -19,8 +19,8 @@ from soft_continuum.hardware.dynamixel_registers import Register
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import discard_output, open_serial
 
-TIMEOUT = 0.03
-"""s for a reply beyond its own duration: the latency timer of FTDI adapters is 16 ms."""
+REPLY_TIME, SEARCH_TIME = 0.15, 0.03
+"""s that a reply to one servo's request may take, and while servos are looked for."""
 REPLY_GAP = 0.004
 """s after a reply in which a second servo of the same ID would reply too."""
 ALERT = 0x80
@@ -59,21 +59,16 @@ class Reply:
 class DynamixelBus:
     """An open port with servos behind it; for one thread, but ``abort``."""
 
-    def __init__(self, port: str, baud_rate: int, clock: Clock = STEADY,
-                 timeout: float = TIMEOUT) -> None:
-        """
-        Open a port that no other program may open until it is closed.
-
-        timeout: s for a reply beyond its own duration.
-        """
+    def __init__(self, port: str, baud_rate: int, clock: Clock = STEADY) -> None:
+        """Open a port that no other program may open until it is closed."""
         try:
             from soft_continuum.hardware.dynamixel_packets import Packets, Port
         except ModuleNotFoundError as error:
             raise HardwareError(
                 f'{error.name} is not installed, which Dynamixel servos need: '
                 'pip install dynamixel-sdk==4.1.0, or rosdep install dynamixel_sdk') from None
-        self.name, self.clock, self.timeout = port, clock, timeout
-        self._port = Port(open_serial(port, baud_rate), clock, timeout)
+        self.name, self.clock = port, clock
+        self._port = Port(open_serial(port, baud_rate), clock)
         self._packets = Packets()
         self._aborted = False
         self.fast = False
@@ -82,8 +77,7 @@ class DynamixelBus:
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any]) -> Self:
         """Open the port that the parameters of the node describe."""
-        return cls(values['dynamixel.port'], values['dynamixel.baud'],
-                   timeout=values['dynamixel.timeout'])
+        return cls(values['dynamixel.port'], values['dynamixel.baud'])
 
     def close(self) -> None:
         """Close the port."""
@@ -113,13 +107,13 @@ class DynamixelBus:
 
     # One servo.
 
-    def ping(self, servo: int) -> int:
+    def ping(self, servo: int, reply_time: float = REPLY_TIME) -> int:
         """
-        Return the model number of a servo.
+        Return the model number of a servo; reply_time: s that it may take.
 
         Raises DamagedReplyError when more than one reply came: two servos have this ID.
         """
-        data = self._ask(servo, 0x01, b'', 3).data
+        data = self._ask(servo, 0x01, b'', 3, reply_time).data
         self._port.setPacketTimeoutMillis(1e3 * REPLY_GAP)
         if self._received():
             raise DamagedReplyError(f'more than one reply came to the ID {servo}')
@@ -152,10 +146,11 @@ class DynamixelBus:
         return (len(reply) == 6 and reply[:4] == bytes((0xFF, 0xFF, servo, 2))
                 and reply[5] == ~sum(reply[2:5]) & 0xFF)
 
-    def _ask(self, servo: int, instruction: int, parameters: bytes, length: int) -> Reply:
+    def _ask(self, servo: int, instruction: int, parameters: bytes, length: int,
+             reply_time: float = REPLY_TIME) -> Reply:
         """Send an instruction; return the reply, which must have ``length`` bytes of data."""
         self._transmit(servo, instruction, parameters)
-        self._port.setPacketTimeout(length + STATUS_OVERHEAD)
+        self._port.setPacketTimeoutMillis(1e3 * reply_time)
         packet = self._packet(servo, length + STATUS_OVERHEAD)
         if code := packet[8] & ~ALERT:
             raise RefusedError(f'servo {servo} refuses: {REASONS.get(code, f"error {code}")}')
@@ -208,7 +203,7 @@ class DynamixelBus:
         for servo in servos:
             with contextlib.suppress(NoReplyError):
                 try:
-                    self.ping(servo)
+                    self.ping(servo, SEARCH_TIME)
                 except DamagedReplyError:
                     continue
                 found.append(servo)

@@ -16,17 +16,20 @@ import serial
 
 from soft_continuum.hardware.clock import Clock
 
+REPLY_TIME = 0.05
+"""s for a reply beyond its own duration: the latency timer of FTDI adapters is 16 ms."""
+
 
 class Port(PortHandler):  # type: ignore[misc]
     """An open serial port as the SDK wants it, on a clock of ours; it sleeps while it waits."""
 
-    def __init__(self, line: serial.Serial, clock: Clock, timeout: float) -> None:
-        """Use an open ``line``; timeout: s for a reply beyond its own duration."""
+    def __init__(self, line: serial.Serial, clock: Clock) -> None:
+        """Use an open ``line``."""
         super().__init__(line.port)
         line.timeout = 0
         self.ser, self.clock, self.is_open = line, clock, True
-        self._timeout = timeout
         self._deadline = 0.0
+        self.reply_time = REPLY_TIME
         self.set_speed(line.baudrate)
 
     def set_speed(self, baud_rate: int) -> None:
@@ -43,7 +46,7 @@ class Port(PortHandler):  # type: ignore[misc]
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
         """Give a reply of so many bytes its time."""
-        self._deadline = self.clock() + self.tx_time_per_byte * packet_length + self._timeout
+        self._deadline = (self.clock() + self.tx_time_per_byte * packet_length + self.reply_time)
 
     def setPacketTimeoutMillis(self, msec: float) -> None:  # noqa: N802
         """Give a reply so many ms."""
@@ -52,10 +55,6 @@ class Port(PortHandler):  # type: ignore[misc]
     def isPacketTimeout(self) -> bool:  # noqa: N802
         """Whether that time is over."""
         return self.clock() >= self._deadline
-
-    def shorten(self, seconds: float) -> None:
-        """Wait no longer than ``seconds`` from now."""
-        self._deadline = min(self._deadline, self.clock() + seconds)
 
 
 class Packets(Protocol2PacketHandler):  # type: ignore[misc]

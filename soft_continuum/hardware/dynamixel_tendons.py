@@ -16,7 +16,7 @@ import threading
 from typing import Any, ClassVar, Self
 
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.dynamixel_bus import DynamixelBus, TIMEOUT
+from soft_continuum.hardware.dynamixel_bus import DynamixelBus
 from soft_continuum.hardware.dynamixel_reference import ZeroFile
 from soft_continuum.hardware.dynamixel_session import CYCLE, DynamixelSession, RESTING_CYCLE
 from soft_continuum.hardware.dynamixel_setup import find_servos, problems, Spools
@@ -38,8 +38,6 @@ class DynamixelTendons:
         Parameter('dynamixel.port', '', 'serial port of the adapter to the bus of the servos, '
                   'best the name below /dev/serial/by-id that stays with it'),
         Parameter('dynamixel.baud', 1000000, 'bits/s of that bus', 9600, 4500000),
-        Parameter('dynamixel.timeout', TIMEOUT, 'time for a reply of a servo beyond its own '
-                  'duration; adapters add up to 0.016 s', 0.001, 1.0, unit='s'),
         Parameter('dynamixel.ids', (1.0, 2.0), 'ID of the servo of each tendon', 0, 252),
         Parameter('dynamixel.spool_radii', (0.01, 0.01), 'radius of each spool, to the middle of '
                   'the tendon on it', 1e-6, 1e4, unit='m'),
@@ -62,17 +60,11 @@ class DynamixelTendons:
         ParameterError.
         """
         return cls(values['dynamixel.port'], values['dynamixel.baud'],
-                   Spools.from_parameters(values), dynamixel_zeros(),
-                   timeout=values['dynamixel.timeout'])
+                   Spools.from_parameters(values), dynamixel_zeros())
 
     def __init__(self, port: str, baud_rate: int, spools: Spools, zeros: Path,
-                 clock: Clock = STEADY, timeout: float = TIMEOUT) -> None:
-        """
-        Describe the devices; nothing is opened yet.
-
-        zeros: file that keeps their zeros.  timeout: s for a reply beyond its own duration.
-        """
-        self._timeout = timeout
+                 clock: Clock = STEADY) -> None:
+        """Describe the devices; nothing is opened yet.  zeros: file that keeps their zeros."""
         self._port, self._baud_rate, self._spools, self.clock = port, baud_rate, spools, clock
         self._zero_file = ZeroFile(zeros, port)
         self.reference_moves = spools.take_up_tension > 0.0
@@ -86,7 +78,7 @@ class DynamixelTendons:
 
     def open(self) -> None:
         """Connect and hold; raise HardwareError when servos or settings are not as needed."""
-        bus = DynamixelBus(self._port, self._baud_rate, self.clock, self._timeout)
+        bus = DynamixelBus(self._port, self._baud_rate, self.clock)
         with self._lock:
             self._opening = bus
         try:
@@ -112,11 +104,10 @@ class DynamixelTendons:
         states = read_states(bus, servos)
         begin = self.clock()
         states = read_states(bus, servos)
-        allowed = max(MAX_READ_TIME, bus.timeout)
-        if (took := self.clock() - begin) > allowed:
+        if (took := self.clock() - begin) > MAX_READ_TIME:
             raise HardwareError(
                 f'reading the servos takes {1e3 * took:.0f} ms at {bus.baud_rate} baud; allowed: '
-                f'{1e3 * allowed:.0f} ms; set their Baud Rate (8) to 3 (1000000) or more, '
+                f'{1e3 * MAX_READ_TIME:.0f} ms; set their Baud Rate (8) to 3 (1000000) or more, '
                 'and Return Delay Time (9) to 0')
         zeros = find_zeros(bus, servos, states, spools, self._zero_file)
         held = take_over(bus, servos, spools, states)

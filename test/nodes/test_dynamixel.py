@@ -1,0 +1,50 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The nodes with Dynamixel servos behind a pseudo-terminal, in real time."""
+
+from pathlib import Path
+import sys
+
+from processes import Processes
+import pytest
+from ros_rig import ALL, QUICK, Rig
+from std_srvs.srv import SetBool
+
+BEND = (0.0, 0.0, 0.3)
+SLOW = {'tendon_speed': 0.004, 'tendon_acceleration': 0.1, 'speed_limit': 0.03,
+        'acceleration_limit': 0.3, 'silence_timeout': 3.0}
+
+
+def test_a_node_that_is_killed_in_motion_knows_afterwards_where_its_servos_are(
+        rig: Rig, processes: Processes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('XDG_STATE_HOME', str(tmp_path / 'state'))
+    port = tmp_path / 'servos'
+    processes.start([sys.executable, '-m', 'soft_continuum', 'emulate', 'dynamixel',
+                     '--link', str(port)])
+    rig.wait_for(port.exists, 'servos')
+    given = {**QUICK, **SLOW, 'tendon_driver': 'dynamixel', 'dynamixel.port': str(port),
+             'dynamixel.tension_limits': [60.0, 60.0]}
+    node = processes.node('tendon_actuation', parameters=given)
+    rig.start(*(name for name in ALL if name != 'tendon_actuation'), **SLOW)
+    rig.wait_until_ready(*ALL)
+    rig.wait_for(lambda: 'without power' in rig.statuses['tendon_actuation'].last.message,
+                 'why the position is not referenced')
+    assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
+    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
+    assert rig.trigger('tendon_actuation/reference').success
+    rig.wait_for(lambda: len(rig.joints), 'joint_states')
+    goal = rig.goal_in_motion(BEND)
+    node.kill()
+    assert goal.result()[0] == 'ABORTED'
+    last = rig.pulls
+
+    heard = len(rig.tendons)
+    processes.node('tendon_actuation', parameters=given)
+    rig.wait_for(lambda: len(rig.tendons) > heard + 20, 'tendon_states')
+    states = list(rig.tendons)[heard:]
+    # By what was commanded ahead, and the lag of the servo: no turn, and no zero, was lost.
+    assert list(states[0].position) == pytest.approx(last, abs=2e-3)
+    assert states[0].position[0] > 1e-4
+    assert not any(any(m.velocity) for m in states)
+    assert list(states[-1].position) == pytest.approx(list(states[0].position), abs=2e-4)
