@@ -27,14 +27,12 @@ BEND = (0.0, 0.3, -0.2)
 START_TIMEOUT = 120.0  # s for eight processes to import what they need, on a busy machine
 
 
-@pytest.mark.parametrize('driver', ['grbl', 'dynamixel'])
 def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
-        rig: Rig, processes: Processes, tmp_path: Path, driver: str) -> None:
-    links = {name: tmp_path / name for name in (driver, 'modbus')}
+        rig: Rig, processes: Processes, tmp_path: Path) -> None:
+    links = {name: tmp_path / name for name in ('grbl', 'modbus')}
     twin = processes.start(
         [*module_command('twin'), '--preset', 'ideal', '--namespace', rig.namespace,
-         f'--tendon-driver={driver}', f'--tendon-link={links[driver]}',
-         f'--modbus-link={links["modbus"]}'])
+         *(f'--{name}-link={link}' for name, link in links.items())])
     rig.wait_for(lambda: 'Ctrl-C ends it' in twin.output, 'the twin')
     discs = rig.record(PoseArray, 'twin/disc_poses', STREAM)
     joints = rig.record(JointState, 'twin/joint_states', STREAM)
