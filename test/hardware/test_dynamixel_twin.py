@@ -87,6 +87,6 @@ def test_a_stiff_arm_stalls_a_servo_at_its_tension_limit(tmp_path, monkeypatch):
 
         with pytest.raises(HardwareError, match=r'first.*tension_limits 15 N'):
             go(driver, clock, (0.012, -0.012), look)
-        # It comes there with momentum, which the limit does not know; then it stands.
-        assert 5.0 < tensions[-1] < limit + friction(limit)
+        # It comes with momentum, and bounces: the limit does not know that.
+        assert 5.0 < max(tensions) < 4.0 * limit
         assert rig.motors.pulls()[0] < 0.008
