@@ -71,7 +71,7 @@ class DynamixelBus:
         self._port = Port(open_serial(port, baud_rate), clock)
         self._packets = Packets()
         self._aborted = False
-        self.fast = False
+        self.fast = True
         """Whether all servos answer a sync read in one packet (Fast Sync Read)."""
 
     @classmethod

@@ -16,7 +16,7 @@ import serial
 
 from soft_continuum.hardware.clock import Clock
 
-REPLY_TIME = 0.05
+REPLY_TIME = 0.03
 """s for a reply beyond its own duration: the latency timer of FTDI adapters is 16 ms."""
 
 

@@ -49,7 +49,7 @@ from soft_continuum.hardware.protocols import HardwareError, TendonReading
 
 CYCLE, RESTING_CYCLE = 0.01, 0.05
 """s between two cycles, and between two while the tendons rest."""
-SILENCE_TIMEOUT, MIN_MISSED = 0.2, 4
+SILENCE_TIMEOUT, MIN_MISSED = 0.15, 4
 """s without a reply that can be taken, and cycles in succession, that are a failure."""
 MARK_ATTEMPTS = 5
 STOP_TIMEOUT = 1.0  # s for a stop to be confirmed

@@ -8,6 +8,7 @@ where they are.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from soft_continuum.hardware.dynamixel_bus import (
     DamagedReplyError,
@@ -52,7 +53,7 @@ def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
     """Return the state of all servos, by the fastest way of reading that they have."""
     ids = [servo.id for servo in servos]
     for attempt in range(ATTEMPTS):
-        bus.fast = attempt < 2  # older firmware has no Fast Sync Read
+        bus.fast &= attempt < 2  # older firmware has no Fast Sync Read
         try:
             replies = bus.sync_read(ids, *BLOCK)
         except (NoReplyError, DamagedReplyError) as error:
@@ -127,6 +128,11 @@ def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
                             f'of {wanted}; check the line')
     for servo in off:
         _switch_on(bus, servo)
+    if off:  # somebody may have turned one meanwhile
+        for i, state in enumerate(read_states(bus, servos)):
+            if servos[i] in off:
+                goals[i] = state.position
+                wanted[i] = replace(wanted[i], goal=state.position)
     for _ in range(ATTEMPTS):
         write(GOAL_POSITION, goals)  # switching on sets it to the present position
         write(BUS_WATCHDOG, [WATCHDOG] * len(servos))

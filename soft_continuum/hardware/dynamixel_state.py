@@ -107,6 +107,7 @@ class Track:
 
     def still(self) -> bool:
         """Whether they have rested for REST_TIME."""
-        return self._places[-1][0] - self._places[0][0] > 0.99 * REST_TIME and all(
+        return len(self._places) > 2 and (
+            self._places[-1][0] - self._places[0][0] > 0.99 * REST_TIME) and all(
             max(places) - min(places) <= REST_PULSES
             for places in zip(*(places for _, places in self._places), strict=True))

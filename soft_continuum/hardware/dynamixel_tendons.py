@@ -124,7 +124,7 @@ class DynamixelTendons:
             with contextlib.suppress(HardwareError):  # it has failed: all motion was ended then
                 session.stop()
             self._closing = True
-            self._wake_up()
+        self._wake_up()
         while thread.is_alive():
             self.clock.sleep(POLL_INTERVAL)
         with self._lock:
@@ -134,6 +134,7 @@ class DynamixelTendons:
             self._closed_reason = 'the Dynamixel servos are disconnected; configure the node'
             for end in self._wake:
                 os.close(end)
+            self._wake = (-1, -1)
         session.bus.close()
 
     def read(self) -> TendonReading:
@@ -186,7 +187,7 @@ class DynamixelTendons:
 
     def _wake_up(self) -> None:
         """Let the next cycle begin at once; from any thread."""
-        with contextlib.suppress(OSError):  # closed meanwhile
+        with self._lock, contextlib.suppress(OSError):  # closed meanwhile
             os.write(self._wake[1], b'w')
 
     def _run(self, session: DynamixelSession) -> None:
