@@ -20,8 +20,8 @@ with suppress(ImportError, AttributeError):  # an older hypothesis knows no such
 
 SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation.py',
         'test_examples.py', 'analysis/test_commands.py', 'analysis/test_identification.py',
-        'mechanics/test_elastica.py', 'mechanics/test_mujoco.py', 'mechanics/test_spatial_tip.py',
-        'twin')
+        'mechanics/test_elastica.py', 'mechanics/test_kernel.py', 'mechanics/test_mujoco.py',
+        'mechanics/test_spatial_tip.py', 'study', 'twin')
 """Tests below these start nodes, devices, programs or other solvers, or run whole analyses."""
 
 

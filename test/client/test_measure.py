@@ -171,7 +171,7 @@ def test_without_a_sensor_nothing_moves_and_the_remedy_is_said(
     status, _, error = call('measure', 's_form', '--output', str(tmp_path))
     assert status == 1
     assert 'does the node camera or disc_sensors run' in error
-    arm.assert_rests()
+    arm.assert_rests(5)
     assert not list(tmp_path.iterdir())
 
 

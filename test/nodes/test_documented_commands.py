@@ -44,7 +44,7 @@ from soft_continuum.ros.names import NODES
 FOLLOWED = ('README.md', 'docs/tutorials/first_shapes.md')
 REFUSED = ('soft_continuum jog --right 2', 'soft_continuum run no_such_shape')
 """Lines that show what is not allowed."""
-ELSEWHERE = ('up', 'ui', 'demo', 'examples/hello_shapes.py')
+ELSEWHERE = ('up', 'ui', 'demo', 'characterize', 'converge', 'examples/hello_shapes.py')
 """What other tests run: the arm of this module is the one that up starts."""
 START_TIMEOUT = 120.0  # s for five processes to import what they need, on a busy machine
 
