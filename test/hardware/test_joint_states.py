@@ -60,6 +60,23 @@ def test_noise_at_rest_is_no_other_unit(noise):
     assert watch.rests(0.0, 29.99)
 
 
+def move(watch, velocity, steps=300):
+    """Let the right tendon move at 10 mm/s; velocity: in the message at each step, rad/s."""
+    for step in range(steps):
+        watch.take(State(position=(9.0, 2.0, 1.0 + 0.01 * step),
+                         velocity=(0.0, 0.0, velocity(step))), 0.01 * step, 0.01 * step, False)
+
+
+@pytest.mark.parametrize('factor', [57.3, 0.01, -1.0])
+def test_velocities_in_another_unit_or_sense_are_refused(factor):
+    with pytest.raises(HardwareError, match='by the velocities in the joint states'):
+        move(JointWatch(JOINTS), lambda _: factor)
+
+
+def test_a_velocity_that_is_wrong_now_and_then_is_believed():
+    move(JointWatch(JOINTS), lambda step: 100.0 if step in (70, 200) else 1.0)
+
+
 def test_a_velocity_of_zeros_counts_as_not_measured():
     watch = JointWatch(JOINTS)
     for step in range(200):
