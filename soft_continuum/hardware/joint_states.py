@@ -20,8 +20,9 @@ REST_TIME, REST_BAND = 0.15, 1e-4
 """s for which a tendon that rests stays within so many m."""
 JUMP, JUMP_SPEED = 2e-3, 2.0
 """m, and times speed_limit: what no tendon moves beyond from one state to the next."""
-COMPARED_TIME, COMPARED_MOTION, MAX_RATIO = 1.0, 5e-3, 5.0
-"""s and m of a motion whose velocities are compared with its positions; how they may differ."""
+COMPARED_TIME, COMPARED_MOTION, MAX_RATIO, MAX_UNLIKE = 0.5, 4e-3, 5.0, 3
+"""s and m of motion in which velocities are compared with positions, how they may differ, and how
+often in a row they must: one time alone may be noise, or a sender that was kept waiting."""
 ZERO_MARGIN, SOUGHT_MARGIN = 0.1, 1.0
 """Shares of the range of pull_limits beyond it that are believed: of known zeros, of others."""
 MAX_LISTED = 8  # joints in a message
@@ -116,6 +117,7 @@ class JointWatch:
         self._begin: tuple[float, tuple[float, ...]] | None = None
         """Stamp and positions since which velocities are compared with positions."""
         self._travelled = [0.0] * len(joints.tendons)  # m since then, by the velocities
+        self._unlike = [0] * len(joints.tendons)  # how often in a row they differed too much
 
     @property
     def pulls(self) -> tuple[float, ...]:
@@ -222,15 +224,18 @@ class JointWatch:
         self._travelled = [t + v * passed for t, v in zip(self._travelled, speeds, strict=True)]
         if stamp - begin[0] < COMPARED_TIME:
             return
-        for name, moved, travelled in zip(
-                self.joints.tendons, self.joints.pulls(positions, begin[1]), self._travelled,
-                strict=True):
-            if max(abs(moved), abs(travelled)) > COMPARED_MOTION and travelled and not (
-                    1.0 / MAX_RATIO < travelled / (moved or REST_BAND) < MAX_RATIO):
+        for i, (moved, travelled) in enumerate(zip(
+                self.joints.pulls(positions, begin[1]), self._travelled, strict=True)):
+            if max(abs(moved), abs(travelled)) < COMPARED_MOTION or not travelled:
+                continue
+            unlike = not 1.0 / MAX_RATIO < travelled / (moved or REST_BAND) < MAX_RATIO
+            self._unlike[i] = (self._unlike[i] + 1) * unlike
+            if self._unlike[i] == MAX_UNLIKE:
                 raise HardwareError(
-                    f'{name} moved by {1e3 * moved:.2f} mm in {stamp - begin[0]:.1f} s, but by '
-                    f'{1e3 * travelled:.2f} mm by the velocities in the joint states; give both '
-                    'in one unit, or leave velocity empty where it is not measured')
+                    f'{self.joints.tendons[i]} moved by {1e3 * moved:.2f} mm in '
+                    f'{stamp - begin[0]:.1f} s, but by {1e3 * travelled:.2f} mm by the '
+                    'velocities in the joint states; give both in one unit, or leave velocity '
+                    'empty where it is not measured')
         self._begin, self._travelled = (stamp, positions), [0.0] * len(positions)
 
     def watched(self, now: float) -> bool:

@@ -35,6 +35,7 @@ STATES = QoSProfile(depth=BACKLOG + 1, reliability=ReliabilityPolicy.BEST_EFFORT
 """Compatible with every publisher, also with those of micro-ROS."""
 COMMANDS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 """Reaches subscribers of either reliability, those of ros2_control and of micro-ROS."""
+UNKNOWN = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node has not been discovered yet
 GRAPH_PERIOD = 0.2  # s between two looks at who publishes
 POLL_INTERVAL = 0.01  # s
 
@@ -251,7 +252,8 @@ def message_class(kind: str) -> Any:
 def names(infos: Iterable[Any]) -> str:
     """Return the nodes that rclpy tells of, for people."""
     return ' and '.join(sorted(
-        plain(f'{info.node_namespace.rstrip("/")}/{info.node_name}') for info in infos))
+        'a node that is not known yet' if info.node_name == UNKNOWN
+        else plain(f'{info.node_namespace.rstrip("/")}/{info.node_name}') for info in infos))
 
 
 def _other_type(where: str, infos: Iterable[Any], kind: Any) -> str:
