@@ -15,6 +15,7 @@ AXES = 3
 BAUD_RATE = 1000000
 SPOOL_RADIUS = 0.01
 """m, of an emulated servo."""
+TENSION_LIMIT, SETTLE_TOLERANCE = 60.0, 2e-4  # N, m: servos rest within friction, not to a step
 MODBUS_TIMEOUT = 0.4  # s: boards that share a processor with a plant answer later than real ones
 
 
@@ -32,12 +33,15 @@ def grbl_parameters(ports: str | Path, tendons: int) -> dict[str, Value]:
 
 def dynamixel_parameters(port: str | Path, tendons: int, baud_rate: int = BAUD_RATE
                          ) -> dict[str, Value]:
-    """Return the parameters of servos with the IDs 1, 2, ... at a port."""
-    return {'tendon_driver': 'dynamixel', 'dynamixel.port': str(port),
+    """Return the parameters of all nodes with servos with the IDs 1, 2, ... at a port."""
+    return {'settle_tolerance': SETTLE_TOLERANCE,
+            'tendon_driver': 'dynamixel', 'dynamixel.port': str(port),
             'dynamixel.baud': baud_rate,
             'dynamixel.ids': tuple(float(n + 1) for n in range(tendons)),
             'dynamixel.spool_radii': (SPOOL_RADIUS,) * tendons,
-            'dynamixel.signs': (1.0,) * tendons}
+            'dynamixel.signs': (1.0,) * tendons,
+            'dynamixel.tension_limits': (TENSION_LIMIT,) * tendons,
+            'dynamixel.torque_constants': (0.0,) * tendons}
 
 
 def modbus_parameters(port: str | Path) -> dict[str, Value]:

@@ -26,7 +26,7 @@ from soft_continuum.emulators.dynamixel_servo import (
 from soft_continuum.hardware.clock import Clock
 
 CONFIGURATION = """\
-Put this into the parameter file of tendon_actuation:
+Put this into the parameter file of all nodes:
 /**:
   ros__parameters:
 {parameters}Type a fault, or help. N is the number of a servo, 1 is the first.

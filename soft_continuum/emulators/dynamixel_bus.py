@@ -36,6 +36,7 @@ from soft_continuum.hardware.clock import Clock, STEADY
 
 TIME_STEP = 0.002  # s, while a servo moves
 RESTING_STEP = 0.02  # s
+MAX_LATENESS = 0.05  # s that are made up for
 BITS_PER_BYTE = 10
 GAP = 0.05  # s without a byte after which a packet that began is given up; assumed
 PING_SLOT = 0.003  # s for each ID in answer to a broadcast ping, as the maker's SDK waits
@@ -141,7 +142,8 @@ class DynamixelEmulator(EmulatedDevice):
 
     def _advance(self) -> None:
         now = self.clock()
-        elapsed, self._time = now - self._time, now
+        # A computer that is too slow lets the servos stand still, rather than their watchdogs end.
+        elapsed, self._time = min(now - self._time, MAX_LATENESS), now
         while elapsed > 0.0:
             resting = all(servo.resting for servo in self.servos)
             step = min(elapsed, RESTING_STEP if resting else TIME_STEP)

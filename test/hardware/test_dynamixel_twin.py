@@ -1,0 +1,92 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Servos that pull at the twin feel the tensions of its plant, and give way where they must."""
+
+from contextlib import contextmanager
+
+import pytest
+from servo_rig import SPEED, spools
+from virtual_clock import VirtualClock
+
+from soft_continuum.emulators.driving import SPOOL_RADIUS
+from soft_continuum.hardware.dynamixel_tendons import DynamixelTendons
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.twin.differences import read_differences
+from soft_continuum.twin.rig import TwinRig
+
+STALL_TORQUE = 4.1  # N m, of an XM430-W350 at 12 V
+
+
+def friction(tension):
+    """Tension (N) that the gears of the emulated servos may hide, while they stick."""
+    return 1.2 * (0.1 * tension + 0.01 * STALL_TORQUE / SPOOL_RADIUS) + 2.0
+
+
+@contextmanager
+def twin(tmp_path, monkeypatch, jams, **changes):
+    """The ideal twin, and a driver of its two servos, in a time of their own."""
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log
+    differences = read_differences(description_file().with_name('twin.yaml'), 'ideal')
+    clock = VirtualClock()
+    with TwinRig(load_arm(description_file()), differences, clock=clock, jams=jams,
+                 tendon_driver='dynamixel') as rig:
+        given = rig.parameters()
+        driver = DynamixelTendons(
+            given['dynamixel.port'], given['dynamixel.baud'],
+            spools(2, signs=given['dynamixel.signs'], radii=given['dynamixel.spool_radii'],
+                   **changes), tmp_path / 'zeros.json', clock)
+        driver.open()
+        driver.reference()
+        clock.sleep(0.2)
+        yield rig, driver, clock
+        driver.close()
+
+
+def go(driver, clock, goal, meanwhile=lambda: None, speed=0.5 * SPEED):
+    """Move as the node does; return the reading at rest."""
+    begin = driver.read().pulls
+    seconds = max(abs(a - b) for a, b in zip(begin, goal, strict=True)) / speed
+    start = clock()
+    while (part := (clock() - start) / seconds) < 1.0:
+        driver.move(tuple(a + part * (b - a) for a, b in zip(begin, goal, strict=True)), 0.02)
+        clock.sleep(0.02)
+        meanwhile()
+        driver.read()
+    driver.move(goal, 0.02)
+    while driver.read().moving:
+        clock.sleep(0.02)
+        meanwhile()
+    clock.sleep(0.5)
+    return driver.read()
+
+
+def test_the_tension_of_a_bent_arm_shows_in_the_present_current(tmp_path, monkeypatch):
+    with twin(tmp_path, monkeypatch, jams=False) as (rig, driver, clock):
+        reading = go(driver, clock, (0.01, -0.015))
+        assert reading.pulls == pytest.approx((0.01, -0.015), abs=2e-4)
+        assert reading.pulls == pytest.approx(rig.motors.pulls(), abs=5e-5)
+        with rig.lock:
+            tensions = rig.plant.tensions
+            bent = abs(rig.plant.joint_angles.sum())
+        assert bent > 0.2 and tensions.max() > 0.1, tensions
+        for known, is_so in zip(reading.tensions, tensions, strict=True):
+            assert known == pytest.approx(is_so, abs=friction(is_so))
+
+
+def test_a_stiff_arm_stalls_a_servo_at_its_tension_limit(tmp_path, monkeypatch):
+    limit = 15.0
+    with twin(tmp_path, monkeypatch, jams=True, tension_limits=(limit, limit)) as (
+            rig, driver, clock):
+        tensions = []
+
+        def look():
+            with rig.lock:
+                tensions.append(rig.plant.tensions[0])
+
+        with pytest.raises(HardwareError, match=r'first.*tension_limits 15 N'):
+            go(driver, clock, (0.012, -0.012), look)
+        # It comes there with momentum, which the limit does not know; then it stands.
+        assert 5.0 < tensions[-1] < limit + friction(limit)
+        assert rig.motors.pulls()[0] < 0.008
