@@ -71,8 +71,8 @@ class DynamixelBus:
         self._port = Port(open_serial(port, baud_rate), clock)
         self._packets = Packets()
         self._aborted = False
-        self.fast = True
-        """Whether all servos answer a sync read in one packet (Fast Sync Read)."""
+        self.fast: bool | None = None
+        """Whether all answer a sync read in one packet (Fast Sync Read); None: not tried."""
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any]) -> Self:

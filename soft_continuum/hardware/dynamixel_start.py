@@ -52,8 +52,9 @@ ATTEMPTS = 5  # to read all servos, and to write what they must have
 def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
     """Return the state of all servos, by the fastest way of reading that they have."""
     ids = [servo.id for servo in servos]
+    fast = bus.fast is not False
     for attempt in range(ATTEMPTS):
-        bus.fast &= attempt < 2  # older firmware has no Fast Sync Read
+        bus.fast = fast and attempt < 2  # older firmware has no Fast Sync Read
         try:
             replies = bus.sync_read(ids, *BLOCK)
         except (NoReplyError, DamagedReplyError) as error:

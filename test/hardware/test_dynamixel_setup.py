@@ -8,9 +8,12 @@ from dynamixel_rig import at_rest, driver, RADIUS, refusal, rig, servos, TENDONS
 from dynamixel_slave import packet, Slave
 import pytest
 
+from soft_continuum.cli.calibrate import main as calibrate
 from soft_continuum.cli.calibrate_servos import main as calibrate_servos
+from soft_continuum.hardware.calibration import forget_zero
 from soft_continuum.hardware.checks import check_servos, FAIL, OK, WARN
 from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.dynamixel_reference import (
     mark,
     marked_zero,
@@ -208,3 +211,30 @@ def test_calibrate_servos_asks_first(real, monkeypatch, capsys):
     assert calibrate_servos(['--params-file', str(file)]) == 1
     assert 'nothing more was done' in capsys.readouterr().err
     assert bus.slaves[1].get(11) == 3
+
+
+def test_calibrate_finds_signs_and_radii(real, tmp_path):
+    _, file = real
+    given = ['--params-file', str(file), '--output', str(tmp_path), '--yes']
+    assert calibrate(['signs', *given, '--seen', 'pulled-in', 'paid-out']) == 0
+    found = load_rig([file, tmp_path / 'calibration_signs.yaml'])
+    assert found['dynamixel.signs'] == (1.0, -1.0)
+    # 5 mm were commanded; where a mark moved by 5.5 mm the spool is 10 % larger than was thought.
+    assert calibrate(['steps', *given, '--measured', '5.5', '5']) == 0
+    found = load_rig([file, tmp_path / 'calibration_steps.yaml'])
+    assert found['dynamixel.spool_radii'] == pytest.approx((0.011, 0.01))
+
+
+def test_a_provisional_zero_is_forgotten(real, tmp_path):
+    bus, file = real
+    bus.slaves[1].set(11, 5)
+    values = load_rig([file])
+    tendons = make_driver(TENDON_DRIVERS, 'dynamixel', values, STEADY)
+    tendons.open()
+    tendons.reference()
+    tendons.close()
+    assert {check.step: check for check in check_servos(values)}['tendon reference'].status == OK
+    forget_zero(values)
+    check = {check.step: check for check in check_servos(values)}['tendon reference']
+    assert check.status == WARN
+    assert 'no zero of it is kept' in check.message
