@@ -31,14 +31,16 @@ class MotionRequests:
     def __init__(self) -> None:
         """Start without any."""
         self.accepted, self.refused = MotionRequest(), MotionRequest()
+        self.start = 0.0  # of the accepted one, s (steady)
 
     @property
     def following(self) -> bool:
         """Whether the accepted trajectory has not come to its end yet."""
         return bool(self.accepted.status == MotionRequest.FOLLOWING)
 
-    def accept(self, request_id: str) -> None:
-        """Follow a trajectory from now on."""
+    def accept(self, request_id: str, start: float) -> None:
+        """Follow a trajectory, whose times count from ``start``, s (steady)."""
+        self.start = start
         self.accepted = MotionRequest(id=request_id, status=MotionRequest.FOLLOWING)
 
     def refuse(self, request_id: str, reason: Reason, message: str) -> None:

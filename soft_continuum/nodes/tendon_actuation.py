@@ -3,6 +3,8 @@
 """The node that owns the tendon steppers."""
 
 from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
 import traceback
 from typing import Any
 
@@ -93,6 +95,11 @@ class TendonActuation(ManagedNode):
         self.create_subscription(JointTrajectory, '~/joint_trajectory',
                                  guarded(self, self._on_trajectory), STREAM, raw=True)
         self._emergency = EmergencyStop(self, self._on_emergency)
+        self._action: Any = None
+        if find_spec('control_msgs') is not None:
+            from soft_continuum.nodes.follow_joint_trajectory import FollowServer
+            self._action = FollowServer(
+                self, self._tendons, self._have_judged, partial(self._holds.put, True))
         serve(self, Trigger, '~/stop', self._on_stop)
         serve(self, Trigger, '~/resume', self._on_resume)
         serve(self, Trigger, '~/reference', self._on_reference)
@@ -171,26 +178,36 @@ class TendonActuation(ManagedNode):
         super().quit()
         self._judging.close(CLOSE_TIMEOUT)
 
+    def destroy_node(self) -> None:
+        """Take down the action server before the node, as rclpy needs it."""
+        if self._action is not None:
+            self._action.destroy()
+        super().destroy_node()
+
     # Trajectories.
 
     def _on_trajectory(self, data: bytes) -> None:
         """Leave a trajectory to the thread that judges; one without points holds at once."""
         if len(data) <= MAX_HOLD_BYTES and not deserialize_message(data, JointTrajectory).points:
             self._holds.put(True)
-            return
+        else:
+            self._have_judged(data)
+
+    def _have_judged(self, data: bytes, request_id: str = '') -> None:
+        """Have a trajectory judged; request_id: only where each is to be answered, unread too."""
         if len(data) > MAX_BYTES:
-            self._refuse_unread(MotionRefusedError(
+            self._refuse_unread(request_id, MotionRefusedError(
                 Reason.INVALID, f'a trajectory of {len(data)} bytes; allowed: {MAX_BYTES}; '
                 'send it in parts'))
         elif not self._judging.submit(self._judge, data, self._control.revocations):
-            self._refuse_unread(MotionRefusedError(
+            self._refuse_unread(request_id, MotionRefusedError(
                 Reason.BUSY, 'too many trajectories wait to be judged; send them more slowly'))
 
-    def _refuse_unread(self, error: MotionRefusedError) -> None:
+    def _refuse_unread(self, request_id: str, error: MotionRefusedError) -> None:
         """Report a refusal, but not each of a flood: that costs more than the refusal."""
-        if self._unread_age.seconds > UNREAD_GAP:
+        if request_id or self._unread_age.seconds > UNREAD_GAP:
             self._unread_age.refresh()
-            self._refuse('', error)
+            self._refuse(request_id, error)
 
     def _request(self, message: JointTrajectory, revocations: int) -> Request:
         """Return a trajectory as numbers; raises MotionRefusedError when it cannot be one."""
@@ -269,6 +286,8 @@ class TendonActuation(ManagedNode):
             message.header.stamp = self.ros_time.stamp(report.time)
             self._states.publish(message)
         self._reading = reading
+        if self._action is not None:
+            self._action.report(report)
         self._state_publisher.publish(state)
         self.status.set(*self._summary(report), stopped=state.stop_message, ended=report.ended,
                         referenced=str(state.referenced).lower(), refused=report.refused)

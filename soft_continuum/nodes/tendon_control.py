@@ -35,7 +35,7 @@ class Report:
 
     ended, refused: why the last motion was, for people; empty when a later one was accepted.
     unmeasured: which load cell tells nothing.  reading: the last one, None while it means
-    nothing.  time: at which it was read, s (steady).
+    nothing.  time, start: of it and of the accepted trajectory, s (steady).
     """
 
     state: TendonActuationState
@@ -44,6 +44,7 @@ class Report:
     unmeasured: str
     reading: TendonReading | None
     time: float
+    start: float
 
 
 class TendonControl:
@@ -172,14 +173,15 @@ class TendonControl:
         begins = not controller.busy
         if not self._continues(request):
             controller.delay = 0.0
-        controller.accept(*self._trajectory(controller, request))
+        trajectory = self._trajectory(controller, request)
+        controller.accept(*trajectory)
         if begins:
             self._guard.begin(controller.reading)
         if request.id != self._requests.accepted.id and self._requests.following:
             self._end_request(Reason.REPLACED, 'another trajectory '
                               f'({request.id or "without an id"}) took its place')
             self.report()
-        self._requests.accept(request.id)
+        self._requests.accept(request.id, trajectory[3])
         self._stiffness_at_start, self._stamped = stiffness, request.start is not None
         self._ended = self._refused = ''
         self.report()
@@ -390,7 +392,8 @@ class TendonControl:
             if self._active and (state.referenced or not state.homing):
                 reading = controller.reading
         unmeasured = self._guard.unmeasured(reading, self._tension_limit()) if reading else ''
-        return Report(state, self._ended, self._refused, unmeasured, reading, self._time)
+        return Report(state, self._ended, self._refused, unmeasured, reading, self._time,
+                      self._requests.start)
 
     def report(self) -> None:
         """Publish a snapshot for the other threads."""
