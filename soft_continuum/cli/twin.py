@@ -27,7 +27,7 @@ A simulated rig, preset {preset}. Put this into a parameter file of the nodes:
     tendon_driver: grbl
     grbl: {{port: {grbl}, steps_per_mm: {steps}, signs: {signs}}}
     jamming_driver: modbus
-    modbus: {{port: {modbus}, timeout: {timeout}}}
+    modbus: {{port: {modbus}, timeout: {timeout}, regulators: {regulators}}}
     load_cells: {{used: true, zeros: {zeros}, scales: {scales}}}
 Ctrl-C ends it.
 """
@@ -79,6 +79,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                         'PATH_3, ... for the boards of an arm with more tendons than three')
     parser.add_argument('--modbus-link', type=Path, metavar='PATH',
                         help='the same for valves and sensors')
+    parser.add_argument('--regulators', action='store_true',
+                        help='vacuum regulators on an output board, in place of pump and valves')
     options = parser.parse_args(argv)
     try:
         import_module('mujoco')
@@ -97,7 +99,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         arm = any_arm_from_parameters(values)
         rig = running.enter_context(TwinRig(
             arm, chosen_differences(options), options.grbl_link or '',
-            options.modbus_link or '', jams=bool(values['arm.jamming'])))
+            options.modbus_link or '', jams=bool(values['arm.jamming']),
+            regulators=options.regulators))
         running.enter_context(Truth(rig, options.namespace))
         running.enter_context(SensorTopics(rig, options.namespace))
         given = rig.parameters() | load_cell_parameters(len(arm.tendon_names))
@@ -105,6 +108,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             preset=options.preset, grbl=given['grbl.port'],
             steps=given['grbl.steps_per_mm'], signs=given['grbl.signs'],
             modbus=given['modbus.port'], timeout=given['modbus.timeout'],
+            regulators=str(given['modbus.regulators']).lower(),
             zeros=given['load_cells.zeros'], scales=given['load_cells.scales']), flush=True)
 
     return serve(parser, begin)

@@ -36,20 +36,21 @@ class TwinRig:
     """
 
     def __init__(self, arm: AnyArm, differences: Differences, grbl_link: str | Path = '',
-                 modbus_link: str | Path = '', clock: Clock = STEADY, *, jams: bool = True
-                 ) -> None:
+                 modbus_link: str | Path = '', clock: Clock = STEADY, *, jams: bool = True,
+                 regulators: bool = False) -> None:
         """
         Make the rig.
 
         links: paths at which the ports can always be found; those of further boards of tendons end
-        with _2, _3, ...  jams: whether segments can be stiff.
+        with _2, _3, ...  jams: whether segments can be stiff.  regulators: of vacuum, in place of
+        pump and valves.
         """
         self.plant = plant_of(arm, differences)
         self.boards = [GrblEmulator(link, clock)
                        for link in board_links(grbl_link, len(arm.tendon_names))]
         self.modbus = ModbusEmulator(
             len(arm.segments), initially_stiff=jams, link=modbus_link or None, baud_rate=9600,
-            clock=clock)
+            clock=clock, regulators=regulators)
         self.lock = threading.Lock()
         self.lost = 0.0
         self._clock = clock
@@ -77,7 +78,8 @@ class TwinRig:
     def parameters(self) -> dict[str, object]:
         """Return the parameters of nodes that are to drive this rig."""
         return driving_parameters(' '.join(board.port for board in self.boards),
-                                  self.modbus.port, len(self.plant.arm.tendon_names))
+                                  self.modbus.port, len(self.plant.arm.tendon_names)) | {
+            'modbus.regulators': self.modbus.regulators}
 
     def _run(self) -> None:
         tendons, begin = len(self.plant.arm.tendon_names), self._clock()
