@@ -28,6 +28,7 @@ RECORD, END = 'Record', 'End recording'
 PLAY, PAUSE = 'Play', 'Pause'
 SLIDER_STEP = 0.1  # s
 NOTICES_IN_PANEL = 6
+MAX_VACUUM = 100.0  # kPa that can be typed; the regulators take less
 PANEL_WIDTH = 340  # px
 
 
@@ -39,6 +40,7 @@ class Panel:
         """Add every control; of a playback its slider, and none that moves an arm."""
         self._server, self._session, self._playback = server, session, playback
         self._switches: list[Any] = []
+        self._regulators: list[Any] = []
         self._jogs: list[Any] = []
         self._rests: list[Any] = []
         self._description = description = session.description
@@ -101,6 +103,7 @@ class Panel:
                                 partial(self._switch, segment))
                       for segment in range(1, len(arm.segments) + 1)),
                     add_button(gui, 'Stiffen all', self._session.stiffen_all)]
+                self._add_regulators(gui, len(arm.segments))
         with gui.add_folder('Tip and sensors'):
             self._picture = gui.add_html('')
             self._positions = gui.add_html('')
@@ -109,6 +112,17 @@ class Panel:
             self._tendons = gui.add_html('')
             if moves:
                 self._add_tendons(gui, arm.tendon_names)
+
+    def _add_regulators(self, gui: viser.GuiApi, segments: int) -> None:
+        """Add a vacuum to type, and to set, for each segment; shown where there are regulators."""
+        for segment in range(1, segments + 1):
+            number = gui.add_number(
+                f'Vacuum {segment} [kPa]', 0.0, min=0.0, max=MAX_VACUUM, step=1.0, visible=False)
+            button = add_button(
+                gui, f'Set vacuum {segment}', partial(self._set_vacuum, segment, number),
+                visible=False, hint='Below ambient; between soft and stiff')
+            self._switches += [number, button]
+            self._regulators += [number, button]
 
     def _add_loop(self, gui: viser.GuiApi) -> None:
         async def switched(event: Any) -> None:
@@ -145,6 +159,13 @@ class Panel:
 
     def _switch(self, segment: int, choice: str) -> None:
         self._session.set_stiff(segment, choice == STIFFEN)
+
+    def _set_vacuum(self, segment: int, number: Any) -> None:
+        value = number.value
+        if isinstance(value, int | float) and 0.0 <= value <= MAX_VACUUM:
+            self._session.set_vacuum(segment, 1e3 * value)
+        else:  # a browser may send any
+            self._session.refuse('Vacuum', f'allowed: 0 to {MAX_VACUUM:g} kPa')
 
     def _jog(self, tendon: str, choice: str) -> None:
         self._session.jog(tendon, float(choice) * 1e-3)
@@ -199,6 +220,9 @@ class Panel:
         any_soft = not self._description.jamming or False in state.stiff
         self._shapes.show(may_run, runs)
         self._tip.show(state, may_run)
+        for control in self._regulators:
+            if control.visible is not bool(state.set_vacuums):
+                control.visible = bool(state.set_vacuums)
         for control, works in (
                 (self._loop, closed is not None and SHAPE_SEQUENCER in works_now),
                 *((c, may_switch) for c in self._switches),

@@ -258,6 +258,10 @@ class Session:
         self._start(f'{"Stiffen" if stiff else "Soften"} segment {segment}',
                     self.requests.set_stiff(segment, stiff))
 
+    def set_vacuum(self, segment: int, vacuum: float) -> None:
+        """Set the vacuum of a segment (from 1), Pa below ambient, where it has a regulator."""
+        self._start(f'Vacuum of segment {segment}', self.requests.set_vacuum(segment, vacuum))
+
     def stiffen_all(self) -> None:
         """Evacuate every segment."""
         self._start('Stiffen all segments', self.requests.set_stiff(None, True))

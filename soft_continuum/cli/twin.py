@@ -79,6 +79,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                         'PATH_3, ... for the boards of an arm with more tendons than three')
     parser.add_argument('--modbus-link', type=Path, metavar='PATH',
                         help='the same for valves and sensors')
+    parser.add_argument('--regulators', action='store_true',
+                        help='vacuum regulators on an output board, in place of pump and valves')
     options = parser.parse_args(argv)
     try:
         import_module('mujoco')
@@ -98,7 +100,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         rig = running.enter_context(TwinRig(
             arm, chosen_differences(options), options.tendon_link or '',
             options.modbus_link or '', tendon_driver=options.tendon_driver,
-            jams=bool(values['arm.jamming'])))
+            jams=bool(values['arm.jamming']), regulators=options.regulators))
         running.enter_context(Truth(rig, options.namespace))
         running.enter_context(SensorTopics(rig, options.namespace))
         given = rig.parameters() | load_cell_parameters(len(arm.tendon_names))

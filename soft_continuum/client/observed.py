@@ -331,6 +331,8 @@ class ObservedArm:
             referenced=None if tendons is None else tendons.referenced,
             stiff=tuple(self.stiff(n) for n in numbers),
             pressures=tuple(self.pressure(n) for n in numbers),
+            set_vacuums=tuple(self.jamming_valves.vacuums[:MAX_SEGMENTS])
+            if self.jamming_valves else (),
             bending_angles=bends, bending_directions=towards,
             joint_angles=angles, segment_poses=segment_poses, disc_poses=disc_poses,
             tip=disc_poses[-1] if disc_poses else None, progress=self.progress(),

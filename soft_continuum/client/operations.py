@@ -172,7 +172,7 @@ class Operations(Tasks):
         """
         observed = self.observed
         await self._refuse_during_sequence()
-        await self._check_segment(segment or 1)
+        await self._check_segment(1 if segment is None else segment)
         numbers = list(range(1, observed.segments + 1)) if segment is None else [segment]
         limit, timeout = 0.0, SWITCHING_TIMEOUT
         if observed.running()[SHAPE_SEQUENCER]:

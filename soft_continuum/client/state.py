@@ -84,6 +84,7 @@ class ArmState:
     on, so that resuming and switching are refused.  referenced: whether pulls are known relative
     to the straight arm.
     stiff: of each segment, base first, as confirmed by its pressure.  pressures: Pa, absolute.
+    set_vacuums: what the regulator of each segment is set to, Pa below ambient; empty of valves.
     bending_angles: rad, one per segment; of a spatial arm never negative.  bending_directions: of
     a spatial arm, rad, one per segment: towards where it leans, about +z from +x of the disc below
     it; empty of a planar one.  joint_angles: rad, all joints of the URDF.
@@ -119,6 +120,7 @@ class ArmState:
     predicted_disc_poses: tuple[Pose, ...] | None = None
     estimate: Estimate | None = None
     bending_directions: tuple[float, ...] = ()
+    set_vacuums: tuple[float, ...] = ()
 
     @property
     def in_space(self) -> bool:

@@ -35,19 +35,20 @@ class TwinRig:
 
     def __init__(self, arm: AnyArm, differences: Differences, tendon_link: str | Path = '',
                  modbus_link: str | Path = '', clock: Clock = STEADY, *,
-                 tendon_driver: str = 'grbl', jams: bool = True) -> None:
+                 tendon_driver: str = 'grbl', jams: bool = True,
+                 regulators: bool = False) -> None:
         """
         Make the rig.
 
         links: paths at which the ports can always be found; those of further boards of tendons end
         with _2, _3, ...  tendon_driver: one of TENDON_MOTORS.  jams: whether segments can be
-        stiff.
+        stiff.  regulators: of vacuum, in place of pump and valves.
         """
         self.plant = plant_of(arm, differences)
         self.motors = TENDON_MOTORS[tendon_driver](tendon_link, len(arm.tendon_names), clock)
         self.modbus = ModbusEmulator(
             len(arm.segments), initially_stiff=jams, link=modbus_link or None, baud_rate=9600,
-            clock=clock)
+            clock=clock, regulators=regulators)
         self.lock = threading.Lock()
         self.lost = 0.0
         self._clock = clock
@@ -73,7 +74,8 @@ class TwinRig:
 
     def parameters(self) -> dict[str, Value]:
         """Return the parameters of nodes that are to drive this rig."""
-        return self.motors.parameters() | modbus_parameters(self.modbus.port)
+        return self.motors.parameters() | modbus_parameters(self.modbus.port) | {
+            'modbus.regulators': self.modbus.regulators}
 
     def _run(self) -> None:
         begin = self._clock()
