@@ -160,6 +160,10 @@ class ArmObserver(ReportedArm):
         """When the arm was last measured, s (steady); None for never."""
         return self._ros_time.steady(self.kinematics.measured)
 
+    def _lost(self, node: str, age: Age) -> bool:
+        """Return whether a node is gone: with its device alone, its signs of life would come."""
+        return age.seconds > self.timeout and self.conflicts.lost(node, self.timeout)
+
     def observation(self, motion_failure: Failure | None, fault: str) -> Observation:
         """Return what a Runner needs, with the failures of what it has requested."""
         ambient = self.parameters['ambient_pressure']
@@ -171,7 +175,7 @@ class ArmObserver(ReportedArm):
             motion_failure=motion_failure, measured=self.measured,
             anomaly='; '.join(one.message for one in self.kinematics.anomalies),
             regulators=self.regulators,
-            lost_tendons=self.conflicts.lost(TENDON_ACTUATION, self.timeout),
-            lost_valves=self.conflicts.lost(JAMMING_VALVES, self.timeout),
+            lost_tendons=self._lost(TENDON_ACTUATION, self._tendon_age),
+            lost_valves=self._lost(JAMMING_VALVES, self.jamming_age),
             agreed=(not self._jamming
                     or tuple(self.kinematics.stiff) == self.jammed(self.stiffness)))

@@ -114,6 +114,33 @@ def test_a_new_motion_begins_without_the_failure_of_the_one_before(
     assert commander.motion_failure is None
 
 
+def test_a_piece_that_the_network_brings_when_the_motion_is_done_is_no_failure(
+        commander: ArmCommander) -> None:
+    own = follow(commander, 1)
+    state = refused(own, MotionRequest.LATE)
+    state.accepted = accepted(own, MotionRequest.DONE).accepted
+    commander.on_tendon_state(state)
+    assert commander.motion_failure is None
+    state.accepted.status = MotionRequest.FOLLOWING
+    commander.on_tendon_state(state)
+    assert commander.motion_failure is not None
+
+
+def test_what_was_not_answered_is_withdrawn_when_a_run_ends(commander: ArmCommander) -> None:
+    node, clients = commander._node, [Mock() for _ in ARM.segments]
+    commander._clients = list(clients)
+    for client, done in zip(clients, (True, False), strict=False):
+        client.call_async.return_value.done.return_value = done
+    commander.set_stiff(0, True)
+    commander.set_stiff(1, False)
+    commander.end()
+    node.destroy_client.assert_called_once_with(clients[1])
+    assert commander._clients[0] is clients[0]
+    assert commander._clients[1] is not clients[1]
+    commander.end()
+    node.destroy_client.assert_called_once()
+
+
 def test_no_two_processes_and_no_two_runs_use_the_same_id() -> None:
     ids = set()
     for _ in range(2):

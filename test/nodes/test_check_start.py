@@ -7,7 +7,13 @@ from collections.abc import Sequence
 
 import pytest
 
-from soft_continuum.nodes.up import check_start, description_file
+from soft_continuum.nodes.up import (
+    check_start,
+    chosen_nodes,
+    description_file,
+    start_parser,
+    twin_of,
+)
 from soft_continuum.parameters.parameter import ParameterError
 
 
@@ -25,3 +31,17 @@ def test_what_cannot_be_started_is_refused_before_anything_starts(
         namespace: str, files: Sequence[str], packages: Sequence[str], reason: str) -> None:
     with pytest.raises(ParameterError, match=reason):
         check_start(namespace, files, packages)
+
+
+@pytest.mark.parametrize(('options', 'nodes'), [
+    ([], {'tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer'}),
+    (['--computer', 'rig'], {'tendon_actuation', 'jamming_valves'}),
+    (['--computer', 'workstation', '--camera'], {'kinematics', 'shape_sequencer', 'camera'})])
+def test_each_of_two_computers_has_its_nodes(options: Sequence[str], nodes: set[str]) -> None:
+    assert set(chosen_nodes(start_parser('up', '').parse_args(options))) == nodes
+
+
+def test_the_boards_of_the_twin_are_not_on_the_workstation() -> None:
+    options = start_parser('up', '').parse_args(['--twin', '--computer', 'workstation'])
+    with pytest.raises(ParameterError, match='with --computer rig'), twin_of(options):
+        pass

@@ -404,6 +404,28 @@ def test_a_stale_node_ends_the_run_at_rest_and_stiff(phase):
     check_ends(rig, Code.HARDWARE_FAULT, rig.fault)
 
 
+@pytest.mark.parametrize('phase', WORKING_PHASES)
+def test_a_run_that_loses_the_rig_ends_at_once_and_leaves_the_segments_as_they_are(phase):
+    rig = running(phase)
+    rig.fault, rig.lost = 'nothing received for 0.5 s', True
+    before = len(rig.commands)
+    outcome = rig.run(most=0.5)
+    assert outcome.code is Code.HARDWARE_FAULT
+    assert outcome.message.startswith(rig.fault)
+    assert {command[1] for command in rig.commands[before:]} <= {'hold'}
+    assert 'left as they are' in outcome.message or all(rig.jamming.stiff)
+
+
+def test_nothing_moves_before_the_model_has_the_segment_soft():
+    rig = VirtualRig((BOW,), agreed=False)
+    rig.run(until=reaches(Phase.SOFTENING))
+    rig.go_on(2.0)
+    assert not any(rig.jamming.stiff[:1])
+    assert not any(command[1] == 'follow' for command in rig.commands)
+    rig.agreed = True
+    assert rig.run(one_soft_at_most_and_none_moved_stiff).code is Code.SUCCESSFUL
+
+
 def test_a_segment_that_never_softens_ends_the_run():
     rig = VirtualRig((BOW,))
     rig.broken.add(0)

@@ -70,6 +70,8 @@ class VirtualRig:
     acceleration: float = ACCELERATION
     now: float = 1000.0
     fault: str = ''
+    lost: bool = False
+    agreed: bool = True
     plan_ticks: int = 0
     stuck: bool = False
     broken: set = field(default_factory=set)
@@ -196,7 +198,8 @@ class VirtualRig:
         self.observed.append((self.now, Observation(
             self.tendons.reading.pulls, self.moving, tuple(self.jamming.stiff), self.vacuum,
             self.tendons.stopped_because, self.fault, self.motion_failure,
-            regulators=self.regulators)))
+            regulators=self.regulators, lost_tendons=self.lost, lost_valves=self.lost,
+            agreed=self.agreed)))
         while len(self.observed) > 1 and self.observed[1][0] <= self.now - self.latency + 1e-9:
             self.observed.popleft()
         return self.observed[0][1]
