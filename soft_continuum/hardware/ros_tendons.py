@@ -65,8 +65,9 @@ class RosTendons:
     )
     node: Any = None
     """The node that has this driver; None: it makes one of its own when it is opened."""
-    _known: ClassVar[dict[bytes, tuple[Joints, tuple[float, ...], tuple[float, ...]]]] = {}
-    """Joints, zeros and last positions by publisher of states, for as long as this runs."""
+    _known: ClassVar[dict[bytes, tuple[Joints, tuple[float, ...], tuple[float, ...],
+                                       tuple[float, ...]]]] = {}
+    """Joints, zeros, last positions and set-points by publisher of states, while this runs."""
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:
@@ -164,12 +165,14 @@ class RosTendons:
         """Take up the zeros that were set while the same publisher had the joints here."""
         self._publisher = bytes(self._states.publishers[0].endpoint_gid)
         positions = self._watch.positions
-        joints, zeros, last = self._known.pop(self._publisher, (None, (), ()))
+        joints, zeros, last, sent = self._known.pop(self._publisher, (None, (), (), ()))
         assert positions is not None
         if not self._watch.known:
             self._watch.zeros = positions
-        if joints == self._joints and max(
-                map(abs, self._joints.pulls(positions, last))) <= SAME_PLACE:
+        if joints == self._joints and all(  # at most it has gone on to where it was sent
+                min(0.0, way) - SAME_PLACE <= gone <= max(0.0, way) + SAME_PLACE
+                for way, gone in zip(self._joints.pulls(sent, last),
+                                     self._joints.pulls(positions, last), strict=True)):
             self._watch.zeros, self._watch.known = zeros, True
 
     def close(self) -> None:
@@ -180,7 +183,9 @@ class RosTendons:
             if opened and watch.positions is not None:
                 self._end_motion()
                 if watch.known and watch.zeros is not self._joints.zeros:
-                    self._known[self._publisher] = self._joints, watch.zeros, watch.positions
+                    self._known[self._publisher] = (
+                        self._joints, watch.zeros, watch.positions,
+                        self._setpoint or watch.positions)
             if opened:
                 self._disconnect()
 

@@ -42,7 +42,7 @@ def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
         values = {**{p.name: p.default for p in NODE_PARAMETERS['tendon_actuation']},
                   **load_description(), 'ros_tendons.joints': JOINTS,
                   # A busy machine may keep the threads of this test waiting.
-                  'ros_tendons.timeout': 1.0, **given}
+                  'ros_tendons.timeout': 2.0, **given}
         if kind == 'trajectory':
             values |= {'ros_tendons.command_type': 'trajectory',
                        'ros_tendons.command_topic': 'trajectory_controller/joint_trajectory'}
@@ -98,7 +98,7 @@ def test_tendons_go_where_they_are_sent_and_a_stop_holds_them(make: Make, kind: 
     until(lambda: not driver.read().moving)
     rests_at = controllers.pulls
     assert driver.read().pulls == pytest.approx(rests_at, abs=1e-9)
-    assert rests_at[0] > 0.008
+    assert rests_at[0] > 0.006  # how far it came depends on how busy the machine is
     assert not controllers.refused
 
 

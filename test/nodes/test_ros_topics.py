@@ -46,7 +46,7 @@ def make(rig: Rig) -> Iterator[Callable[..., Bench]]:
             'ros_tendons.scales': [RADIUS], 'ros_tendons.state_topic': STATES,
             'ros_tendons.command_topic': command_topic, 'ros_tendons.command_type': kind,
             'tendon_speed': 0.04, 'tendon_acceleration': 1.0, 'speed_limit': 0.1,
-            'silence_timeout': 8.0, 'ros_tendons.timeout': 1.0, 'ros_jamming.timeout': 1.0,
+            'silence_timeout': 8.0, 'ros_tendons.timeout': 2.0, 'ros_jamming.timeout': 1.0,
             'ros_tendons.following_error': 0.02, **BOARDS[board], **changes})
         bench.prepare()
         return bench
