@@ -208,13 +208,13 @@ def test_only_one_segment_is_soft_at_a_time_and_none_is_switched_while_it_is_hel
 
 def test_two_joysticks_or_two_teleops_move_nothing(joystick: Joystick) -> None:
     rig = joystick.rig
-    other = rig.observer.create_publisher(Joy, 'joy', 5)
+    other = rig.on_ros_thread(rig.observer.create_publisher, Joy, 'joy', 5)
     joystick.wait_for('joy is published by observer and observer')
     joystick.show(LB)
     joystick.show(LB, x=RIGHT)
     joystick.assert_rests()
     joystick.show()
-    rig.observer.destroy_publisher(other)
+    rig.on_ros_thread(rig.observer.destroy_publisher, other)
     joystick.wait_for('ready')
     second, = rig.start('teleop', ready=False)
     joystick.wait_for('another /arm_under_test/teleop is running')
