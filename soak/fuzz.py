@@ -86,10 +86,14 @@ def _modbus(cases: int, inputs: Inputs) -> None:
 def _dynamixel(cases: int, inputs: Inputs) -> None:
     exchanges = test_dynamixel_fuzz.EXCHANGES
     with pytest.MonkeyPatch.context() as patch:
-        for name, (_, replies) in exchanges.items():
-            @settings(max_examples=-(-cases // len(exchanges)), deadline=None, derandomize=True)
-            @given(test_dynamixel_fuzz.streams(replies))
-            def fuzz(data: bytes, name: str = name) -> None:
-                inputs.feed(test_dynamixel_fuzz.check, patch, name, data)
+        for name in exchanges:
+            _exchange(name, -(-cases // len(exchanges)), inputs, patch)
 
-            fuzz()
+
+def _exchange(name: str, cases: int, inputs: Inputs, patch: pytest.MonkeyPatch) -> None:
+    @settings(max_examples=cases, deadline=None, derandomize=True)
+    @given(test_dynamixel_fuzz.streams(test_dynamixel_fuzz.EXCHANGES[name][1]))
+    def fuzz(data: bytes) -> None:
+        inputs.feed(test_dynamixel_fuzz.check, patch, name, data)
+
+    fuzz()
