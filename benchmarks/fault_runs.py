@@ -15,7 +15,8 @@ from benchmarks.lab import Description, Lab, Pose, TRUTH
 from benchmarks.loop import random_goal
 from soft_continuum.mechanics import Arm, Statics
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
+from soft_continuum.sequencing.planar_planner import Planner
+from soft_continuum.sequencing.planner import Move, PlanError, PlanSettings, Shape
 from soft_continuum.twin.differences import Differences
 from soft_continuum.twin.plant import plant_of, TIME_STEP
 

@@ -18,7 +18,8 @@ import setuptools
 
 ROOT = Path(__file__).resolve().parent.parent
 # Where the name of an import is not that of the distribution.
-IMPORTED_AS = {'cv2': 'opencv-python-headless', 'mcap_ros2': 'mcap-ros2-support',
+IMPORTED_AS = {'cv2': 'opencv-python-headless', 'dynamixel_sdk': 'dynamixel-sdk',
+               'mcap_ros2': 'mcap-ros2-support',
                'mpl_toolkits': 'matplotlib', 'serial': 'pyserial', 'yaml': 'pyyaml'}
 MANIFESTS = ('package.xml', 'soft_continuum_interfaces/package.xml')
 

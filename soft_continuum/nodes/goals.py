@@ -102,12 +102,11 @@ def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: A
     return Shape(item.name or f'shape {number}', angles, hold, directions, vacuums=vacuums)
 
 
-def check_regulators(shapes: Sequence[Shape], regulators: bool) -> None:
-    """Raise PlanError for a shape with vacuums where there are valves, not regulators."""
-    for shape in shapes:
-        if shape.vacuums and not regulators:
-            raise PlanError(f'{shape.name}: vacuums are given, but jamming_valves has valves, not '
-                            'regulators; leave the vacuums out')
+def regulator_problem(shapes: Sequence[Shape], regulators: bool) -> str:
+    """Return which shape has vacuums where there are valves, not regulators; empty for none."""
+    return next((f'{shape.name}: vacuums are given, but jamming_valves has valves, not '
+                 'regulators; leave the vacuums out'
+                 for shape in shapes if shape.vacuums and not regulators), '')
 
 
 def _tips(label: str, item: ShapeMessage, arm: AnyArm, parameters: Mapping[str, Any]

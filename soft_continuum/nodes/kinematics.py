@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The node that knows the shape of the arm: from tendons, stiffness, model and measurements."""
 
 from collections.abc import Iterable, Sequence

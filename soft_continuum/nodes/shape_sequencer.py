@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The node that runs sequences of shapes, by the topics and services of the other three."""
 
 from collections.abc import Sequence
@@ -18,7 +17,7 @@ from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.entries import guarded, repeat
 from soft_continuum.nodes.ghost import Ghost
-from soft_continuum.nodes.goals import check_aim, check_regulators, shape_library, shapes_of
+from soft_continuum.nodes.goals import check_aim, regulator_problem, shape_library, shapes_of
 from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.obstacles import KnownObstacles
@@ -187,7 +186,8 @@ class ShapeSequencer(Node):
         if check.plans is None and self._waits(check):
             self._report()
             return
-        problem = observed.interlock or self._vacuum_problem(check.shapes)
+        problem = (observed.interlock
+                   or regulator_problem(check.shapes, observed.regulators))
         if not problem and observed.tendons.stops != check.stops:
             problem = 'the tendons were stopped and resumed before the goal was accepted'
         if not problem and check.plans is None and self._may_plan:
@@ -216,15 +216,9 @@ class ShapeSequencer(Node):
     def _shapes_now(self, items: Sequence[ShapeMessage]) -> list[Shape]:
         """Return the shapes of a request that is answered at once; raises PlanError."""
         shapes = self._shapes_of(items)
-        check_regulators(shapes, self._observed.regulators)
+        if problem := regulator_problem(shapes, self._observed.regulators):
+            raise PlanError(problem)
         return shapes
-
-    def _vacuum_problem(self, shapes: Sequence[Shape]) -> str:
-        try:
-            check_regulators(shapes, self._observed.regulators)
-        except PlanError as error:
-            return str(error)
-        return ''
 
     def _busy(self) -> str:
         """Why plan_shapes has to wait; empty when it need not."""

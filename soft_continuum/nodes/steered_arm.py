@@ -11,7 +11,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PointStamped, Vector3
 import numpy as np
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.node import Node
 from std_msgs.msg import Bool, Empty
 from std_srvs.srv import SetBool, Trigger
@@ -24,7 +24,12 @@ from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.nodes.emergency_stop import TOPIC as EMERGENCY_STOP
 from soft_continuum.nodes.entries import subscribe
-from soft_continuum.ros.names import JAMMING_VALVES, SERVO, TENDON_ACTUATION
+from soft_continuum.ros.names import (
+    JAMMING_VALVES,
+    SERVO,
+    SHAPE_SEQUENCER,
+    TENDON_ACTUATION,
+)
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
 from soft_continuum.ros.text import plain
 from soft_continuum_interfaces.msg import TeleopState, TendonActuationState
@@ -97,6 +102,7 @@ class SteeredArm:
             self._requests.client(SetBool, name)
         self._requests.client(Trigger, f'{TENDON_ACTUATION}/resume')
         self._requests.client(SetParameters, f'{SERVO}/set_parameters')
+        self._requests.client(GetParameters, f'{SHAPE_SEQUENCER}/get_parameters')
 
     # What may be done.
 

@@ -18,7 +18,8 @@ from soft_continuum.mechanics.chain import RigidChain
 from soft_continuum.nodes import shape_sequencer
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.planner import PlanError, Planner
+from soft_continuum.sequencing.planar_planner import Planner
+from soft_continuum.sequencing.planner import PlanError
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import KinematicsState, Shape, TipGoal
 

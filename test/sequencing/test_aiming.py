@@ -17,7 +17,8 @@ from soft_continuum.sequencing.aiming import (
     predicted,
     worth_setting_again,
 )
-from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings
+from soft_continuum.sequencing.planar_planner import Planner
+from soft_continuum.sequencing.planner import PlanError, PlanSettings
 
 ELASTIC = replace(ARM, bodies_per_segment=4, segments=tuple(
     replace(s, jam=Jam(15.0)) for s in ARM.segments))

@@ -11,7 +11,8 @@ from virtual_rig import PLAN_SETTINGS, VirtualRig
 from soft_continuum.mechanics import Jam, Statics
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.planner import PlanError, Planner, Shape
+from soft_continuum.sequencing.planar_planner import Planner
+from soft_continuum.sequencing.planner import PlanError, Shape
 from soft_continuum.sequencing.progress import Code, Phase
 
 DEGREE = np.radians(1.0)

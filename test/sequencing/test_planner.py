@@ -15,7 +15,8 @@ import pytest
 from soft_continuum.mechanics import LEFT, RIGHT, Statics, Tendon
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.shapes import PAPER_SHAPES
-from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, Shape
+from soft_continuum.sequencing.planar_planner import Planner
+from soft_continuum.sequencing.planner import PlanError, PlanSettings, Shape
 from soft_continuum.sequencing.timing import timed
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'

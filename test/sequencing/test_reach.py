@@ -13,7 +13,8 @@ import pytest
 from soft_continuum.mechanics import Statics
 from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings
+from soft_continuum.sequencing.planar_planner import Planner
+from soft_continuum.sequencing.planner import PlanError, PlanSettings
 from soft_continuum.sequencing.reach import (
     follow,
     NoObstacles,
