@@ -7,7 +7,7 @@ Such a file is YAML: node names (``/**`` for all), below them ``ros__parameters`
 nested keys.  A key that no table of parameters has is refused.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -141,10 +141,18 @@ def given_parameters(path: str | Path, known: Sequence[Parameter], node: str = '
                 values[name] = table[name].check(value)
             elif not name.startswith(tuple(prefixes)):
                 raise ParameterError(f'unknown parameter {printable(name)}' + (
-                    name_hint(name, table) or f'; known: {", ".join(sorted(table))}'))
+                    name_hint(name, table) or _known(name, table)))
         except ParameterError as error:
             raise ParameterError(f'{path}: {error}') from None
     return values
+
+
+def _known(name: str, table: Iterable[str]) -> str:
+    """Return which parameters there are in the group of an unknown one, or which groups."""
+    group = name.partition('.')[0] + '.'
+    found = [known for known in table if known.startswith(group)] or {
+        f'{first}.*' if dot else first for first, dot, _ in (k.partition('.') for k in table)}
+    return f'; known: {", ".join(sorted(found))}'
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]

@@ -8,8 +8,10 @@ arguments, before it has a node.
 """
 
 from collections.abc import Sequence
+import re
 
 ENCLAVE = '--enclave', '-e'
+NAME = re.compile(r'(/\w+)+', re.ASCII)
 CLIENT, VIEWER, INPUTS = 'client', 'viewer', 'inputs'
 """Those of programs that are no node of the suite: who commands, who looks, who feeds it."""
 
@@ -34,5 +36,7 @@ def with_enclave(arguments: Sequence[str], name: str, namespace: str = '') -> li
                 namespace = value
             elif rule in ('__node', '__name'):
                 name = value
-        words += ['--ros-args', ENCLAVE[0], enclave(namespace, name)]
+        path = enclave(namespace, name)
+        if NAME.fullmatch(path):  # else ROS says what is wrong with the namespace
+            words += ['--ros-args', ENCLAVE[0], path]
     return words

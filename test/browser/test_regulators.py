@@ -24,7 +24,7 @@ def test_vacuums_can_be_typed_only_where_regulators_are(monkeypatch: pytest.Monk
     session = Mock(description=Description(load_arm(description_file())), notices=[],
                    closed_loop=None)
     session.picture.address = ''
-    session.observed.recorder = None
+    session.observed.recorder = session.observed.teleop = None
     panel = Panel(server, session)
     number, button = panel._regulators[2:4]  # of segment 2
     for vacuums in ((), (80e3, 80e3, 80e3), ()):

@@ -27,6 +27,7 @@ from soft_continuum.parameters.shapes import (
     PAPER_SHAPES,
     shape_parameter,
     SHAPE_PREFIX,
+    vacuum_parameter,
 )
 
 GOOD = description_file().read_text(encoding='utf-8')
@@ -293,7 +294,7 @@ def test_the_parameters_of_a_node_are_those_of_its_table(rig: Rig, node: str) ->
     table = {p.name: p for p in NODE_PARAMETERS[node]}
     if node == 'shape_sequencer':
         table |= {parameter(name).name: parameter(name) for name in PAPER_SHAPES
-                  for parameter in (shape_parameter, direction_parameter)}
+                  for parameter in (shape_parameter, direction_parameter, vacuum_parameter)}
     assert own == set(table)
     answer = rig.call(DescribeParameters, f'{node}/describe_parameters', names=list(table))
     for parameter, descriptor in zip(table.values(), answer.descriptors, strict=True):
