@@ -51,7 +51,7 @@ def vacuum_parameter(name: str) -> Parameter:
     return Parameter(
         f'{VACUUM_PREFIX}{name}', (), f'vacuum below ambient of each segment while the shape '
         f'{name} is held, where regulators hold it, base first; not given: every segment stiff',
-        unit='Pa')
+        0.0, 101e3, unit='Pa')
 
 
 def shapes_from_parameters(values: Mapping[str, Any], arm: AnyArm
