@@ -8,7 +8,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from soft_continuum.nodes.arm_commander import ArmCommander
+from soft_continuum.nodes.arm_commander import ArmCommander, SET_STIFF
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.progress import Code
@@ -128,15 +128,15 @@ def test_a_piece_that_the_network_brings_when_the_motion_is_done_is_no_failure(
 
 def test_what_was_not_answered_is_withdrawn_when_a_run_ends(commander: ArmCommander) -> None:
     node, clients = commander._node, [Mock() for _ in ARM.segments]
-    commander._clients = list(clients)
+    commander._clients = {(SET_STIFF, n): client for n, client in enumerate(clients)}
     for client, done in zip(clients, (True, False), strict=False):
         client.call_async.return_value.done.return_value = done
     commander.set_stiff(0, True)
     commander.set_stiff(1, False)
     commander.end()
     node.destroy_client.assert_called_once_with(clients[1])
-    assert commander._clients[0] is clients[0]
-    assert commander._clients[1] is not clients[1]
+    assert commander._clients[SET_STIFF, 0] is clients[0]
+    assert commander._clients[SET_STIFF, 1] is not clients[1]
     commander.end()
     node.destroy_client.assert_called_once()
 
