@@ -3,6 +3,7 @@
 """Coroutines on the thread that spins a node: service calls and waits with deadlines."""
 
 from array import array
+from collections import Counter
 from collections.abc import Callable, Coroutine, Generator, Sequence
 from concurrent.futures import Future
 import os
@@ -65,6 +66,7 @@ class Tasks:
         self.discovery_timeout = discovery_timeout
         self._open = True
         self._clients: dict[str, Any] = {}
+        self._callers: Counter[str] = Counter()  # of each of them, that wait
         self._tasks: dict[Coroutine[Any, None, Any], Future[Any]] = {}
         self._timer = node.create_timer(
             POLL_PERIOD, self.step, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -141,14 +143,19 @@ class Tasks:
         """
         client = self.client(kind, name)
         node = next((n for n in (*NODES, RECORDER) if name.startswith(f'{n}/')), NODES[-1])
-        await self.found(client.service_is_ready, name, node)
         timeout = self.timeout if within is None else within
-        for _ in range(attempts):
-            future = client.call_async(kind.Request(**request))
-            if await self.done(future, timeout / attempts):
-                return future.result()
-            client.remove_pending_request(future)
-        if self._clients.pop(name, None):  # what nobody waits for must not be carried out later
+        self._callers[name] += 1
+        try:
+            await self.found(client.service_is_ready, name, node)
+            for _ in range(attempts):
+                future = client.call_async(kind.Request(**request))
+                if await self.done(future, timeout / attempts):
+                    return future.result()
+                client.remove_pending_request(future)
+        finally:
+            self._callers[name] -= 1
+        # What nobody waits for must not be carried out later; what others wait for must be.
+        if not self._callers[name] and self._clients.pop(name, None):
             self.node.destroy_client(client)
         raise self.not_found(f'an answer of {name}', [node], timeout)
 

@@ -242,9 +242,12 @@ class JointWatch:
         """Return whether states came for REST_TIME up to ``now``, s."""
         return bool(self._window) and self._window[0][0] <= now - REST_TIME
 
-    def rests(self, since: float, now: float) -> bool:
-        """Return whether no tendon moved for REST_TIME up to ``now``, nor since ``since``, s."""
-        if now - since < REST_TIME or not self.watched(now):
+    def rests(self, since: float) -> bool:
+        """Return whether states of REST_TIME, all of after ``since`` (s), show that none moved."""
+        if not self._window:
+            return False
+        last = self._window[-1][0]  # while no state comes nobody knows whether they rest
+        if last - since < REST_TIME or not self.watched(last):
             return False
         columns = zip(*(positions for _, positions in self._window), strict=True)
         return all(abs(scale) * (max(column) - min(column)) <= REST_BAND

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Valves or vacuum regulators, a pump and pressure sensors of another node, on topics."""
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
 import threading
 from typing import Any, ClassVar, TYPE_CHECKING
 
@@ -209,13 +211,17 @@ class RosVacuum:
                     f'message) and {PREFIX}pressures_are ({ABSOLUTE} or {GAUGE})')
         return pressures
 
+    @abstractmethod
+    def _reported(self) -> tuple[float, ...]:
+        """Return what every segment reports, as is sent; raises HardwareError for what is none."""
+
     def _set(self, segment: int, value: float, same: Callable[[float], bool], what: str) -> None:
         """Send a value for a segment until its state is the ``same``; raises HardwareError."""
         with self._lock:
             self._update()
             # Of the others nothing is changed: they get what they report.
             values = [value if i == segment else state
-                      for i, state in enumerate(self._states.values)]
+                      for i, state in enumerate(self._reported())]
             self._confirm(lambda: self._commands.send(segment, values),
                           lambda: same(self._states.values[segment]), what)
 
@@ -326,13 +332,16 @@ class RosJamming(RosVacuum):
         """Return the state that was received last."""
         with self._lock:
             self._update()
-            for i, state in enumerate(self._states.values):
-                if state not in (0.0, 1.0):
-                    raise HardwareError(f'segment {i + 1}: its valve reports {state:g}; allowed: '
-                                        f'0 or 1; check {PREFIX}state_topics')
             return JammingReading(self._absolute(),
-                                  tuple(state == 1.0 for state in self._states.values),
+                                  tuple(state == 1.0 for state in self._reported()),
                                   not self._has_pump or self._pump.values == (1.0,))
+
+    def _reported(self) -> tuple[float, ...]:
+        for i, state in enumerate(self._states.values):
+            if state not in (0.0, 1.0):
+                raise HardwareError(f'segment {i + 1}: its valve reports {state:g}; allowed: '
+                                    f'0 or 1; check {PREFIX}state_topics')
+        return self._states.values
 
     def set_evacuated(self, segment: int, evacuated: bool) -> None:
         """Switch the valve of a segment (0-based) and wait until it reports that."""
@@ -364,6 +373,7 @@ class RosRegulators(RosVacuum):
                 f'{PREFIX}command_type and {PREFIX}state_type are {NUMBER} or {ARRAY}, and '
                 f'{PREFIX}vacuum_scale is not 0')
         self.max_vacuum: float = values[f'{PREFIX}max_vacuum']
+        self._told: dict[int, float] = {}  # Pa, by segment (0-based): the last set-points
 
     def read(self) -> JammingReading:
         """Return the state that was received last."""
@@ -372,9 +382,13 @@ class RosRegulators(RosVacuum):
             return JammingReading.of_regulators(self._absolute(), self._setpoints())
 
     def _setpoints(self) -> tuple[float, ...]:
-        """Return the set-points, Pa below ambient; raises HardwareError for another unit."""
+        """
+        Return the set-points, Pa below ambient; raises HardwareError for another unit.
+
+        What is reported of one, such as measured of an output, may be noisy: one changes when it
+        differs from what it was by more than that.
+        """
         tolerance = SAME_SETPOINT * self.max_vacuum
-        setpoints = []
         for i, value in enumerate(self._states.values):
             vacuum = self._scale * value
             if not -tolerance <= vacuum <= self.max_vacuum + tolerance:
@@ -382,8 +396,12 @@ class RosRegulators(RosVacuum):
                     f'segment {i + 1}: its regulator reports a set-point of {vacuum:.4g} Pa of '
                     f'vacuum; allowed: 0 to {self.max_vacuum:g} Pa; check {PREFIX}vacuum_scale '
                     f'and {PREFIX}max_vacuum')
-            setpoints.append(0.0 if abs(vacuum) <= tolerance else vacuum)
-        return tuple(setpoints)
+            if not abs(vacuum - self._told.get(i, inf)) <= tolerance:
+                self._told[i] = 0.0 if abs(vacuum) <= tolerance else vacuum
+        return tuple(self._told[i] for i in range(self._segments))
+
+    def _reported(self) -> tuple[float, ...]:
+        return tuple(vacuum / self._scale for vacuum in self._setpoints())
 
     def set_vacuum(self, segment: int, vacuum: float) -> None:
         """Set the vacuum of a segment (0-based), Pa, and wait until it reports that."""
@@ -391,3 +409,4 @@ class RosRegulators(RosVacuum):
         self._set(segment, vacuum / self._scale,
                   lambda state: abs(self._scale * state - vacuum) <= tolerance,
                   f'the regulator of segment {segment + 1}')
+        self._told[segment] = vacuum if vacuum > tolerance else 0.0

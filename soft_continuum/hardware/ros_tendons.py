@@ -27,6 +27,8 @@ FOLLOW_TIME = 0.3
 """s for which a joint may be farther from its set-point than following_error."""
 STOP_TIMEOUT = 1.0  # s in which a stop must be confirmed, also by close()
 POLL_INTERVAL = 0.01  # s
+LONGEST_STEP, STEP = 0.2, 0.02
+"""s: a motion that is to take longer is sent in steps of so long, as read() is called."""
 POSITIONS, TRAJECTORY = 'positions', 'trajectory'
 KINDS = {POSITIONS: 'std_msgs/Float64MultiArray', TRAJECTORY: 'trajectory_msgs/JointTrajectory'}
 STATES = 'sensor_msgs/JointState'
@@ -102,6 +104,9 @@ class RosTendons:
         self._period = 0.0  # s, of the last command
         self._stop_by: float | None = None  # s, by when a stop must be confirmed
         self._near = 0.0  # s, when every joint was last where it was sent
+        self._way: tuple[tuple[float, ...], tuple[float, ...], float] | None = None
+        """Of a motion in steps: positions from and to, and s that it takes."""
+        self._passed = 0.0  # s of that
 
     @staticmethod
     def topics(values: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
@@ -235,8 +240,15 @@ class RosTendons:
                                     '~/reference')
             if self._setpoint is None or not self._moving():
                 self._near = self._clock()
-            self._stop_by = None
-            self._send(self._joints.positions(pulls, self._watch.zeros), duration)
+            self._stop_by = self._way = None
+            target = self._joints.positions(pulls, self._watch.zeros)
+            if duration <= LONGEST_STEP:
+                self._send(target, duration)
+            else:
+                assert self._watch.positions is not None
+                self._way = self._setpoint or self._watch.positions, target, duration
+                self._passed = 0.0
+                self._go_on(*self._way)
 
     def stop(self) -> None:
         """Send every joint to where it is, until states confirm that it rests there."""
@@ -274,6 +286,14 @@ class RosTendons:
         self._setpoint, self._sent, self._period = positions, self._clock(), duration
         self._commands.send(self._message(positions, duration))
 
+    def _go_on(self, begin: tuple[float, ...], end: tuple[float, ...], duration: float) -> None:
+        """Send the next step of a motion; what comes late is not caught up."""
+        self._passed += min(self._clock() - self._sent, STEP)
+        share = min(1.0, self._passed / duration)
+        if share == 1.0:
+            self._way = None
+        self._send(tuple(a + share * (b - a) for a, b in zip(begin, end, strict=True)), STEP)
+
     def _message(self, positions: tuple[float, ...], duration: float) -> Any:
         if self._type == POSITIONS:
             from std_msgs.msg import Float64MultiArray
@@ -288,9 +308,12 @@ class RosTendons:
             time_from_start=Duration(nanosec=max(1, min(999_999_999, int(1e9 * duration)))))])
 
     def _begin_stop(self) -> None:
+        self._way = None
+        if self._stop_by is not None and self._setpoint is not None:  # it is under way
+            self._commands.send(self._message(self._setpoint, self._period))
+            return
         assert self._watch.positions is not None
-        if self._stop_by is None:  # else it is under way
-            self._stop_by = self._clock() + STOP_TIMEOUT
+        self._stop_by = self._clock() + STOP_TIMEOUT
         self._send(self._watch.positions, self._period)
 
     # States.
@@ -300,6 +323,8 @@ class RosTendons:
         if self.link is None:
             raise HardwareError('the tendon driver is not open; configure the node')
         try:
+            if self._opened and self._watch.positions is None:
+                raise HardwareError('a joint state could not be believed; open the driver again')
             for message, stamp in self._states.take():
                 self._watch.take(message, stamp, self._clock(), self._states.missed)
             if self._opened:
@@ -311,7 +336,7 @@ class RosTendons:
             raise HardwareError(f'ROS failed: {type(error).__name__}: {error}') from error
 
     def _moving(self) -> bool:
-        return not self._watch.rests(self._sent, self._clock())
+        return not self._watch.rests(self._sent)
 
     def _follow(self) -> None:
         """Receive, and raise HardwareError when the joints do not do what they were sent."""
@@ -334,6 +359,8 @@ class RosTendons:
                 f'({PREFIX}following_error is {1e3 * self._following_error:g} mm); check that the '
                 f'controller is active, and the order and signs of {PREFIX}joints and '
                 f'{PREFIX}scales')
+        if self._way is not None:
+            self._go_on(*self._way)
 
     def _confirm_stop(self, setpoint: tuple[float, ...], stop_by: float) -> None:
         if not self._moving():

@@ -53,7 +53,7 @@ class Instance:
         process, of_program, description, host, time = (
             message.data.split('\n', 5) + [''] * 5)[:5]
         return cls(plain(process), plain(of_program), plain(description), plain(host),
-                   float(time) if ROS_NUMBER.fullmatch(time[:30]) else None)
+                   float(time[:30]) if ROS_NUMBER.fullmatch(time[:30]) else None)
 
 
 class About:

@@ -25,6 +25,8 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.tendon_controller import Reason
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.nodes.entries import guarded
+from soft_continuum.nodes.motion_requests import MAX_POINTS
 from soft_continuum.nodes.tendon_control import Report
 from soft_continuum.ros.conversions import seconds, trajectory_from_ros
 from soft_continuum.ros.ros_time import duration_to_ros, RosTime
@@ -100,20 +102,21 @@ class FollowServer(ActionServer):
     Follows goals, one at a time; on the thread of ROS.
 
     take: hands a serialised trajectory, whose id is given, to whoever judges.  hold: lets the
-    tendons brake and hold.
+    tendons brake and hold.  give_up: has the trajectory of an id not be followed any more.
     """
 
     def __init__(self, node: Node, tendons: tuple[str, ...], take: Callable[[bytes, str], None],
-                 hold: Callable[[], None]) -> None:
+                 hold: Callable[[], None], give_up: Callable[[str], None]) -> None:
         """Serve the action."""
-        self._tendons, self._take, self._hold = tendons, take, hold
+        self._tendons, self._take, self._hold, self._give_up = tendons, take, hold, give_up
         self._time = RosTime(node.get_clock())
         self._goals: dict[str, _Goal] = {}  # by the id of the trajectory
         super().__init__(
             node, FollowJointTrajectory, '~/follow_joint_trajectory', lambda handle: None,
             goal_callback=lambda _: (GoalResponse.ACCEPT if len(self._goals) < MAX_GOALS
                                      else GoalResponse.REJECT),
-            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel)
+            handle_accepted_callback=guarded(node, self._on_accepted),
+            cancel_callback=guarded(node, self._on_cancel))
 
     def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
         """Leave the goal executing until it is ended."""
@@ -157,6 +160,9 @@ class FollowServer(ActionServer):
         if sorted(trajectory.joint_names) != sorted(self._tendons) or named - {*self._tendons}:
             raise GoalError(Result.INVALID_JOINTS, f'joint names {plain(str(sorted(named)))}; '
                             f'needed: {list(self._tendons)}')
+        if len(trajectory.points) > MAX_POINTS:
+            raise GoalError(Result.INVALID_GOAL, f'{len(trajectory.points)} points; allowed: '
+                            f'{MAX_POINTS}; send the trajectory in parts')
         if not trajectory.points:
             raise GoalError(Result.INVALID_GOAL, 'a trajectory without points; to hold, cancel')
         try:
@@ -209,6 +215,7 @@ class FollowServer(ActionServer):
                 self._finish(name, Result.OLD_HEADER_TIMESTAMP if old else Result.INVALID_GOAL,
                              refused.message)
             elif STEADY() - goal.since > JUDGING_TIMEOUT:
+                self._give_up(name)  # it may still be judged
                 self._finish(name, Result.INVALID_GOAL, 'the trajectory was not judged in time')
 
     def _follow(self, name: str, goal: _Goal, report: Report) -> None:

@@ -8,6 +8,9 @@ from soft_continuum.hardware.tendon_controller import Reason
 from soft_continuum.mechanics.chain import Array
 from soft_continuum_interfaces.msg import MotionRequest
 
+MAX_POINTS = 1000
+"""Points of one trajectory."""
+
 
 @dataclass(frozen=True)
 class Request:

@@ -157,6 +157,7 @@ class ShapeSequencer(Node):
             runner.cancel(Code.HARDWARE_FAULT, f'shape_sequencer failed: {text}')
         else:
             self._runner = None
+            self._commander.end()
             self._planning.abandon()
             self._end(self._handle, Outcome(
                 Code.HARDWARE_FAULT, f'shape_sequencer failed: {text}', 0))

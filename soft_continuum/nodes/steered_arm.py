@@ -146,7 +146,7 @@ class SteeredArm:
         if self._arm is None or tendons is None:
             return 'the arm is not known: its nodes do not run, or have not answered yet'
         if self._emergency:
-            return 'the emergency stop is on: reset turns it off'
+            return self._other_stops() or 'the emergency stop is on: reset turns it off'
         if tendons.emergency_stop:
             return 'an emergency stop is on: whoever turned it on has to turn it off'
         if self.stopped:
@@ -288,7 +288,7 @@ class SteeredArm:
             raise RefusedError(answer.message)
         if not await until(lambda: self._enabled, ENABLING_TIMEOUT):
             raise RefusedError(self.servo_text or 'the servo is not ready yet')
-        self._ready = segment == self.segment
+        self._ready = self._enabled and segment == self.segment  # until() looks now and then
         return ''
 
     def soften(self) -> None:
@@ -335,16 +335,16 @@ class SteeredArm:
         self._emergency_stop.publish(Bool(data=True))
         self.release()
 
+    def keep_stopped(self) -> None:
+        """Say again that the emergency stop is on, if it is: one may be lost, or overruled."""
+        if self._emergency:
+            self._emergency_stop.publish(Bool(data=True))
+
     def reset(self) -> None:
         """Turn the emergency stop off; if it is off, allow motion again."""
-        node = self._node
-        others = ', '.join(sorted({  # besides one of this name that was killed a moment ago
-            plain(info.node_name) for info in node.get_publishers_info_by_topic(
-                node.resolve_topic_name(EMERGENCY_STOP)) if info.node_name != node.get_name()}))
-        if self._emergency and others:
-            self.note = (f'the emergency stop stays on: {others} may have it on too, and would be '
-                         'overruled; end it first')
-        elif self._emergency:
+        if self._emergency and self._other_stops():
+            return  # problem() says so
+        if self._emergency:
             self._emergency = False
             self._emergency_stop.publish(Bool(data=False))
             self.note = 'the emergency stop is off: reset once more lets the tendons move again'
@@ -352,6 +352,15 @@ class SteeredArm:
             self._do('motion is being resumed', self._requests.resume())
         else:
             self.note = 'nothing is stopped'
+
+    def _other_stops(self) -> str:
+        """Return why the emergency stop must not be turned off here; empty when it may be."""
+        node = self._node
+        others = ', '.join(sorted({  # besides one of this name that was killed a moment ago
+            plain(info.node_name) for info in node.get_publishers_info_by_topic(
+                node.resolve_topic_name(EMERGENCY_STOP)) if info.node_name != node.get_name()}))
+        return others and (f'the emergency stop stays on: {others} may have it on too, and would '
+                           'be overruled; end it first')
 
 
 def _limited(vector: Array, most: float) -> Array:

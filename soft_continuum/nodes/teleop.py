@@ -108,7 +108,7 @@ class Teleop(Node):
         if EMERGENCY_STOP in pressed:
             self._arm.stop_all()
         for name, action in self._actions.items():
-            if name in pressed:
+            if name in pressed and not self._device_problem:  # two would seem to press by turns
                 if self._dead_man.held:
                     self._arm.note = 'release the dead-man button first'
                 else:
@@ -118,6 +118,7 @@ class Teleop(Node):
         now = STEADY()
         self._device_problem = self._find_device_problem()
         self._arm.choose()
+        self._arm.keep_stopped()
         if not self._dead_man.connected(now):
             self._pressed = None
         self._steer(now)

@@ -27,7 +27,7 @@ from soft_continuum.nodes.entries import guarded, serve
 from soft_continuum.nodes.load_cells import LoadCells
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
 from soft_continuum.nodes.model import load_model, loading
-from soft_continuum.nodes.motion_requests import Request
+from soft_continuum.nodes.motion_requests import MAX_POINTS, Request
 from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
 from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
@@ -42,8 +42,6 @@ from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.text import name_problem, plain
 from soft_continuum_interfaces.msg import TendonActuationState
 
-MAX_POINTS = 1000
-"""Points of one trajectory."""
 MAX_HOLD_BYTES = 1000
 """Of a trajectory that is looked into at once, because it may ask to hold."""
 PAUSE = 4.0  # after the conversion of a long trajectory, over the time that it took
@@ -99,7 +97,8 @@ class TendonActuation(ManagedNode):
         if find_spec('control_msgs') is not None:
             from soft_continuum.nodes.follow_joint_trajectory import FollowServer
             self._action = FollowServer(
-                self, self._tendons, self._have_judged, partial(self._holds.put, True))
+                self, self._tendons, self._have_judged, partial(self._holds.put, True),
+                partial(self._loop.post, self._control.give_up))
         serve(self, Trigger, '~/stop', self._on_stop)
         serve(self, Trigger, '~/resume', self._on_resume)
         serve(self, Trigger, '~/reference', self._on_reference)
@@ -286,11 +285,11 @@ class TendonActuation(ManagedNode):
             message.header.stamp = self.ros_time.stamp(report.time)
             self._states.publish(message)
         self._reading = reading
-        if self._action is not None:
-            self._action.report(report)
         self._state_publisher.publish(state)
         self.status.set(*self._summary(report), stopped=state.stop_message, ended=report.ended,
                         referenced=str(state.referenced).lower(), refused=report.refused)
+        if self._action is not None:  # last: whatever it raises, the state was told
+            self._action.report(report)
 
     def _summary(self, report: Report) -> tuple[bytes, str]:
         """Return the level and the text of the status."""

@@ -242,6 +242,12 @@ class TendonControl:
             if len(self._over) > MAX_REVOKED:
                 del self._over[next(iter(self._over))]
 
+    def give_up(self, request_id: str) -> None:
+        """Follow no trajectory of an id any more: its sender was told that it has failed."""
+        if self._requests.accepted.id == request_id:
+            self.hold(Reason.HELD, 'its sender has given it up')
+        self._forbid(request_id, Reason.HELD, 'its sender has given it up')
+
     def hold(self, reason: Reason, message: str) -> None:
         """Brake and hold, ready for the next trajectory."""
         self._revoke(reason, message)

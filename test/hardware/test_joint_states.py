@@ -37,7 +37,7 @@ def test_tendons_rest_only_when_that_was_watched_long_enough():
         now = 0.01 * step
         angle = 1.0 + 0.01 * min(step, 10)  # 10 mm/s for 0.1 s
         watch.take(State(position=(9.0, 2.0, angle)), now, now, False)
-        assert watch.rests(0.0, now) == (step > 10 + 14), step
+        assert watch.rests(0.0) == (step > 10 + 14), step
         if 2 < step <= 10:
             assert watch.speeds()[0] > 0.0
 
@@ -46,8 +46,16 @@ def test_what_was_commanded_just_now_does_not_rest():
     watch = JointWatch(JOINTS)
     for step in range(40):
         watch.take(State(), 0.01 * step, 0.01 * step, False)
-    assert watch.rests(0.2, 0.39)
-    assert not watch.rests(0.3, 0.39)
+    assert watch.rests(0.2)
+    assert not watch.rests(0.3)
+
+
+def test_without_states_of_afterwards_nobody_knows_that_a_command_has_come_to_rest():
+    watch = JointWatch(JOINTS)
+    for step in range(21):
+        watch.take(State(), 0.01 * step, 0.01 * step, False)
+    assert watch.rests(0.05)
+    assert not watch.rests(0.19)  # whatever the time is now
 
 
 @pytest.mark.parametrize('noise', [0.0, 0.004])  # rad: 40 um of pull
@@ -57,7 +65,7 @@ def test_noise_at_rest_is_no_other_unit(noise):
         angle = 1.0 + noise * (step % 2)
         watch.take(State(position=(9.0, 2.0, angle), velocity=(0.0, 0.001, -0.002)),
                    0.01 * step, 0.01 * step, False)
-    assert watch.rests(0.0, 29.99)
+    assert watch.rests(0.0)
 
 
 def move(watch, velocity, steps=300):

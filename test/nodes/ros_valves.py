@@ -102,6 +102,7 @@ class Regulators(_Board):
     def __init__(self, domain: int) -> None:
         super().__init__(domain)
         self.plant = SimulatedRegulators(time.monotonic, 3, QUICK, True)
+        self.setpoint: Callable[[float], float] = lambda setpoint: setpoint
         self.obey(Float64MultiArray, 'setpoints', self._set)
         self._setpoints = [self.publisher(Float64, f'setpoint_{n}') for n in (1, 2, 3)]
         self._pressures = self.publisher(Float64MultiArray, 'pressures')
@@ -116,6 +117,6 @@ class Regulators(_Board):
             return
         reading = self.plant.read()
         for publisher, vacuum in zip(self._setpoints, reading.vacuums, strict=True):
-            publisher.publish(Float64(data=-vacuum / KPA))
+            publisher.publish(Float64(data=self.setpoint(-vacuum / KPA)))
         self._pressures.publish(Float64MultiArray(data=[
             self.pressure((pressure - AMBIENT) / KPA) for pressure in reading.pressures]))

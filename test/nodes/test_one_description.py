@@ -42,6 +42,13 @@ def test_every_parameter_of_the_arm_counts(parameter: object) -> None:
     assert description_digest(values | {parameter.name: changed}) != OF_FILE
 
 
+@pytest.mark.parametrize('time', ['1' * 30 + 'x', 'nan', 'inf', '', '1e', '9' * 30])
+def test_a_time_that_is_none_costs_nothing_but_itself(time: str) -> None:
+    said = Instance.from_ros(String(data=f'process\n1.0\ndigest\nhost\n{time}'))
+    assert (said.process, said.host) == ('process', 'host')
+    assert said.time is None or said.time > 1e29 and time.isdigit() or time.endswith('x')
+
+
 def test_every_node_answers_what_it_is(shared_arm: Rig) -> None:
     for node in ALL:
         answer = shared_arm.call(About, f'{node}/about')

@@ -4,6 +4,7 @@
 """Valves and regulators of another node over real DDS: what is switched, and what is refused."""
 
 from collections.abc import Callable, Iterator
+from itertools import cycle
 from math import isnan, nan
 import time
 from typing import Any
@@ -145,6 +146,32 @@ def test_set_points_in_another_unit_are_an_error(make: Callable[..., Any]) -> No
     driver.open()
     with pytest.raises(HardwareError, match='check ros_jamming.vacuum_scale'):
         driver.read()
+
+
+def test_a_set_point_that_is_no_number_is_not_sent_back(make: Callable[..., Any]) -> None:
+    driver, board = make(Regulators)
+    driver.open()
+    board.setpoint = lambda setpoint: nan
+    with pytest.raises(HardwareError, match='reports a set-point of nan'):
+        until(lambda: driver.read() and False)
+    board.switched = 0
+    with pytest.raises(HardwareError, match='reports a set-point of nan'):
+        driver.set_vacuum(0, 0.0)
+    assert board.switched == 0
+
+
+def test_noise_of_a_set_point_that_is_read_back_is_no_other_set_point(
+        make: Callable[..., Any]) -> None:
+    driver, board = make(Regulators)
+    noise = cycle((0.0, 0.3, -0.3))  # kPa
+    board.setpoint = lambda setpoint: setpoint + next(noise)
+    driver.open()
+    driver.set_vacuum(1, 30e3)
+    first = driver.read().vacuums
+    seen = []
+    until(lambda: seen.append(driver.read().vacuums) or len(seen) > 40)
+    assert first[1] == 30e3
+    assert set(seen) == {first}
 
 
 @pytest.mark.parametrize('topic, kind', [

@@ -102,6 +102,36 @@ def test_tendons_go_where_they_are_sent_and_a_stop_holds_them(make: Make, kind: 
     assert not controllers.refused
 
 
+@pytest.mark.parametrize('kind', ['positions', 'trajectory'])
+def test_a_motion_that_is_to_take_long_goes_in_steps_while_the_driver_is_read(
+        make: Make, kind: str) -> None:
+    driver, _ = ready(make, kind)
+    sent: list[float] = []
+    message = driver._message
+
+    def noted(positions: tuple[float, ...], duration: float) -> Any:
+        sent.append(positions[0])
+        assert duration <= PERIOD
+        return message(positions, duration)
+    driver._message = noted  # type: ignore[method-assign]
+    driver.move((0.005, -0.005), 0.5)
+    time.sleep(0.1)  # who does not read for a while
+    until(lambda: not driver.read().moving)
+    assert driver.read().pulls == pytest.approx((0.005, -0.005), abs=1e-6)
+    steps = [b - a for a, b in zip([0.3, *sent], sent, strict=False)]
+    assert min(steps) >= 0.0 and max(steps) <= 0.5 * PERIOD / 0.5 + 1e-9  # rad, of 0.5 in 0.5 s
+    driver.move((0.0, 0.0), 0.5)
+    driver.stop()
+    until(lambda: not driver.read().moving)
+    assert driver.read().pulls[0] > 0.0045
+
+
+def test_a_stop_that_is_asked_for_again_and_again_is_confirmed(make: Make) -> None:
+    driver, _ = ready(make)
+    move(driver, 0.003)
+    until(lambda: driver.stop() or not driver.read().moving)
+
+
 def frozen() -> Callable[[JointState], JointState]:
     stamps: list[Any] = []
 
@@ -155,6 +185,9 @@ def test_states_that_cannot_be_true_end_the_motion(make: Make, fault: str) -> No
     sent = controllers.commands
     with pytest.raises(HardwareError, match=words):
         move_on()
+    for call in driver.read, driver.stop:  # never anything else, as whoever calibrates may ask
+        with pytest.raises(HardwareError):
+            call()
     driver.close()
     sent = controllers.commands
     with pytest.raises(HardwareError, match='not open'):

@@ -175,6 +175,24 @@ def test_the_emergency_stop_stays_until_it_is_reset_and_nothing_moves_before_a_r
     joystick.steer(LEFT)
 
 
+def test_no_other_publisher_turns_its_emergency_stop_off(joystick: Joystick) -> None:
+    rig = joystick.rig
+    states = rig.states['tendon_actuation']
+    joystick.press(B, 'the emergency stop is on')
+    rig.wait_for(lambda: states.last.emergency_stop, 'a stop')
+    other = rig.on_ros_thread(rig.observer.create_publisher, Bool, 'emergency_stop', 5)
+    stops = states.last.stops
+
+    def stopped_again() -> bool:
+        other.publish(Bool(data=False))
+        return bool(states.last.emergency_stop and states.last.stops > stops)
+    rig.wait_for(stopped_again, 'another stop')
+    joystick.press(START, 'observer may have it on too')
+    rig.on_ros_thread(rig.observer.destroy_publisher, other)
+    joystick.press(START, 'motion is stopped')
+    joystick.press(START, 'ready')
+
+
 def test_a_stop_by_others_ends_it_and_a_resume_does_not_move_it(joystick: Joystick) -> None:
     rig = joystick.rig
     joystick.steer(RIGHT)
