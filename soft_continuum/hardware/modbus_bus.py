@@ -40,6 +40,7 @@ BITS_PER_CHARACTER = 11  # the longest there is; 8N1 has 10
 EXCEPTION_SIZE = 5
 ECHOED = WriteSingleCoilRequest.function_code, WriteSingleRegisterRequest.function_code
 """Functions whose reply repeats the request."""
+MAX_DRAINED = 4096  # bytes: more than late replies can be
 OVERHEAD = 5  # bytes of a reply besides what was read: unit, function, byte count, CRC
 EXCEPTIONS = {
     1: 'does not know the function',
@@ -206,10 +207,7 @@ class ModbusBus:
         if self._paused_until - SHORT_PAUSE <= self.clock():
             self.clock.sleep(self._paused_until - self.clock())
         try:
-            ready = self.clock.wait([line.fileno()], 0.0)
-            unrequested = os.read(line.fileno(), 4096) if ready else b''
-            if ready and not unrequested:
-                raise OSError('hung up')
+            unrequested = self._drain(line)
         except (OSError, ValueError):
             raise self._lost() from None
         if unrequested and not self._error:
@@ -224,6 +222,17 @@ class ModbusBus:
         self._error = ''
         self.clock.sleep(self._used_at + self._gap - self.clock())
         return line
+
+    def _drain(self, line: serial.Serial) -> bytes:
+        """Return what was received, as far as it is no endless stream."""
+        received = b''
+        # Linux hands over what its driver has sorted in so far: one read may not be all.
+        while len(received) < MAX_DRAINED and self.clock.wait([line.fileno()], 0.0):
+            part = os.read(line.fileno(), MAX_DRAINED)
+            if not part:
+                raise OSError('hung up')
+            received += part
+        return received
 
     def _failed(self, message: str) -> HardwareError:
         """Pause the line, and return the error to raise."""
