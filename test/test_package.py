@@ -97,12 +97,13 @@ def test_rosdep_is_told_of_both_packages() -> None:
                for line in commands), commands
 
 
-def test_valves_need_neither_scipy_nor_the_compiler() -> None:
+def test_valves_need_neither_scipy_nor_the_compiler_nor_the_boards_of_others() -> None:
     # They take 90 MB and seconds of every start.
     script = 'import sys, soft_continuum.nodes.jamming_valves; print(*sys.modules)'
     done = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,
                           check=True)
-    assert {'scipy', 'numba', 'llvmlite'}.isdisjoint(done.stdout.split())
+    assert {'scipy', 'numba', 'llvmlite', 'pymodbus', 'asyncio', 'dynamixel_sdk'}.isdisjoint(
+        done.stdout.split())
 
 
 def imports(path: Path) -> Iterator[str]:

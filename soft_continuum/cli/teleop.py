@@ -11,7 +11,7 @@ import signal
 import sys
 from tempfile import NamedTemporaryFile, TemporaryDirectory
 from textwrap import wrap
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any, NoReturn, TYPE_CHECKING
 
 from soft_continuum.arguments import DONE, FAILED, NO_NODES, Parser, WRONG_USAGE
@@ -32,6 +32,7 @@ JOY_PERIOD = 0.04  # s between two messages, as of a joystick that repeats
 KEY_WAIT = 10  # ms for a key
 DRAW_PERIOD = 0.1  # s
 START_TIMEOUT = 20.0  # s for servo and teleop to start
+START_POLL = 0.05  # s between two looks for them, which need the processor to start
 STOP, QUIT = ' ', 'q'
 CODES = {curses.KEY_RIGHT: 'right', curses.KEY_LEFT: 'left', curses.KEY_UP: 'up',
          curses.KEY_DOWN: 'down'}
@@ -132,6 +133,7 @@ def _steer(parser: Parser, connection: 'Connection', log: Path) -> int:
         if monotonic() - begin > START_TIMEOUT:
             lines = log.read_text(encoding='utf-8', errors='replace').splitlines()[-3:]
             return parser.fail(f'teleop did not start: {" ".join(lines)}')
+        sleep(START_POLL)
     try:
         values = requests.start(requests.parameters(
             TELEOP, [p.name for p in NODE_PARAMETERS[TELEOP]])).result()

@@ -35,9 +35,15 @@ _OWN = {
 
 
 @cache
+def _installed() -> Any:  # of another type in each version of Python
+    """Return the entry points of all groups: to read one group takes as long."""
+    return entry_points()
+
+
+@cache
 def _available(group: str) -> dict[str, EntryPoint]:
     own = {name: EntryPoint(name, value, group) for name, value in _OWN[group].items()}
-    return {entry.name: entry for entry in entry_points(group=group)} | own
+    return {entry.name: entry for entry in _installed().select(group=group)} | own
 
 
 def driver_names(group: str) -> tuple[str, ...]:

@@ -7,26 +7,23 @@ RTU replies carry no number, so a late reply looks like the answer to a later re
 nothing is sent twice, and a request succeeds only when exactly its reply is received in time:
 unit, function, length, echo and CRC.  After anything else the line is not used until nothing was
 received for a while; ``out_of_step`` then tells the user of the bus that late replies may still be
-on their way.  Frames and CRC are pymodbus's; its client is not used, as it accepts a late reply.
+on their way.  Frames and CRC are pymodbus's (modbus_frames.py); its client is not used, as it
+accepts a late reply.
 """
 
 from collections.abc import Callable
 import os
 import threading
+from typing import TYPE_CHECKING
 
-from pymodbus.framer import FramerRTU
-from pymodbus.pdu import DecodePDU, ModbusPDU
-from pymodbus.pdu.bit_message import ReadCoilsRequest, WriteSingleCoilRequest
-from pymodbus.pdu.register_message import (
-    ReadHoldingRegistersRequest,
-    ReadInputRegistersRequest,
-    WriteSingleRegisterRequest,
-)
 import serial
 
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import discard_output, open_serial
+
+if TYPE_CHECKING:
+    from pymodbus.pdu import ModbusPDU
 
 PAUSE = 0.2
 """Timeouts without a byte before the line is used again; doubled by each failure in a row."""
@@ -38,8 +35,9 @@ OPEN_ATTEMPTS = 2
 """A reply to a program that was killed just before may still be on its way to the first one."""
 BITS_PER_CHARACTER = 11  # the longest there is; 8N1 has 10
 EXCEPTION_SIZE = 5
-ECHOED = WriteSingleCoilRequest.function_code, WriteSingleRegisterRequest.function_code
+ECHOED = 5, 6
 """Functions whose reply repeats the request."""
+MAX_DRAINED = 4096  # bytes: more than late replies can be
 OVERHEAD = 5  # bytes of a reply besides what was read: unit, function, byte count, CRC
 EXCEPTIONS = {
     1: 'does not know the function',
@@ -65,6 +63,12 @@ class ModbusBus:
 
     def __init__(self, port: str, baud_rate: int, timeout: float, clock: Clock = STEADY) -> None:
         """Use ``port``, 8N1, once it is opened; timeout: s from a request to its whole reply."""
+        try:
+            from soft_continuum.hardware.modbus_frames import Frames
+        except ModuleNotFoundError as error:
+            raise HardwareError(
+                f'{error.name} is not installed, which Modbus boards need: '
+                'pip install pymodbus==3.16.1') from None
         self.clock = clock
         self._lock = threading.Lock()  # of all that follows, during a request
         self._port = port
@@ -72,7 +76,7 @@ class ModbusBus:
         self._timeout = timeout
         # The standard's 3.5 characters of silence between frames, at least 1.75 ms.
         self._gap = max(3.5 * BITS_PER_CHARACTER / baud_rate, 0.00175)
-        self._framer = FramerRTU(DecodePDU(is_server=False))
+        self._frames = Frames()
         self._serial: serial.Serial | None = None
         self._opened = False  # by open(), whether or not the port is there now
         self._used_at = 0.0
@@ -117,33 +121,32 @@ class ModbusBus:
 
     def read_coils(self, unit: int, first: int, count: int) -> tuple[bool, ...]:
         """Return ``count`` coils from ``first`` on (function 01)."""
-        request = ReadCoilsRequest(address=first, count=count, dev_id=unit)
-        reply = self._request(request, OVERHEAD + (count + 7) // 8)
+        frame = self._frames.read_coils(unit, first, count)
+        reply = self._request(frame, OVERHEAD + (count + 7) // 8)
         return tuple(bool(bit) for bit in reply.bits[:count])
 
     def read_input_registers(self, unit: int, first: int, count: int) -> tuple[int, ...]:
         """Return ``count`` input registers from ``first`` on (function 04)."""
-        request = ReadInputRegistersRequest(address=first, count=count, dev_id=unit)
-        return tuple(self._request(request, OVERHEAD + 2 * count).registers)
+        frame = self._frames.read_input_registers(unit, first, count)
+        return tuple(self._request(frame, OVERHEAD + 2 * count).registers)
 
     def write_coil(self, unit: int, coil: int, on: bool) -> None:
         """Switch one coil (function 05); an acknowledgement does not prove that it moved."""
-        request = WriteSingleCoilRequest(address=coil, bits=[on], dev_id=unit)
-        self._request(request, len(self._framer.buildFrame(request)))
+        frame = self._frames.write_coil(unit, coil, on)
+        self._request(frame, len(frame))
 
     def read_holding_registers(self, unit: int, first: int, count: int) -> tuple[int, ...]:
         """Return ``count`` holding registers from ``first`` on (function 03)."""
-        request = ReadHoldingRegistersRequest(address=first, count=count, dev_id=unit)
-        return tuple(self._request(request, OVERHEAD + 2 * count).registers)
+        frame = self._frames.read_holding_registers(unit, first, count)
+        return tuple(self._request(frame, OVERHEAD + 2 * count).registers)
 
     def write_register(self, unit: int, register: int, value: int) -> None:
         """Write one holding register (function 06); an acknowledgement proves no more."""
-        request = WriteSingleRegisterRequest(address=register, registers=[value], dev_id=unit)
-        self._request(request, len(self._framer.buildFrame(request)))
+        frame = self._frames.write_register(unit, register, value)
+        self._request(frame, len(frame))
 
-    def _request(self, request: ModbusPDU, size: int) -> ModbusPDU:
+    def _request(self, frame: bytes, size: int) -> 'ModbusPDU':
         """Send a request; return its reply of ``size`` bytes, or raise HardwareError."""
-        frame = self._framer.buildFrame(request)
         with self._lock:
             line = self._ready_line()
             try:
@@ -153,11 +156,11 @@ class ModbusBus:
             except (OSError, ValueError):
                 raise self._lost() from None
             self._used_at = self.clock()
-            return self._checked(request, frame, reply, size)
+            return self._checked(frame, reply, size)
 
-    def _checked(self, request: ModbusPDU, frame: bytes, reply: bytes, size: int) -> ModbusPDU:
+    def _checked(self, frame: bytes, reply: bytes, size: int) -> 'ModbusPDU':
         """Return the answer to ``frame`` in ``reply``; raise HardwareError if there is none."""
-        who = f'Modbus unit {request.dev_id} on {self._port}'
+        who = f'Modbus unit {frame[0]} on {self._port}'
         if not reply:
             raise self._failed(
                 f'{who} does not answer within {self._timeout:g} s; check its power, the wires, '
@@ -172,7 +175,7 @@ class ModbusBus:
             code = answer.exception_code
             raise RefusedError(
                 f'{who} {EXCEPTIONS.get(code, "refuses")} (exception {code} to function '
-                f'{request.function_code:02d}, address {request.address}); compare the modbus '
+                f'{frame[1]:02d}, address {int.from_bytes(frame[2:4])}); compare the modbus '
                 'parameters with the manual of the board')
         return answer
 
@@ -187,7 +190,7 @@ class ModbusBus:
             reply += received
         return reply
 
-    def _decode(self, frame: bytes, reply: bytes, size: int) -> ModbusPDU | None:
+    def _decode(self, frame: bytes, reply: bytes, size: int) -> 'ModbusPDU | None':
         """Return the reply if it is one to this request and nothing besides."""
         unit, function = frame[:2]
         if len(reply) == EXCEPTION_SIZE and reply[:2] == bytes([unit, function | 0x80]):
@@ -196,7 +199,7 @@ class ModbusBus:
             expected = reply == frame
         else:
             expected = len(reply) == size and reply[:3] == bytes([unit, function, size - OVERHEAD])
-        return self._framer.handleFrame(reply, unit, 0)[1] if expected else None
+        return self._frames.decode(reply, unit) if expected else None
 
     def _ready_line(self) -> serial.Serial:
         """Return the line when it is open and not paused; raise HardwareError otherwise."""
@@ -206,10 +209,7 @@ class ModbusBus:
         if self._paused_until - SHORT_PAUSE <= self.clock():
             self.clock.sleep(self._paused_until - self.clock())
         try:
-            ready = self.clock.wait([line.fileno()], 0.0)
-            unrequested = os.read(line.fileno(), 4096) if ready else b''
-            if ready and not unrequested:
-                raise OSError('hung up')
+            unrequested = self._drain(line)
         except (OSError, ValueError):
             raise self._lost() from None
         if unrequested and not self._error:
@@ -224,6 +224,17 @@ class ModbusBus:
         self._error = ''
         self.clock.sleep(self._used_at + self._gap - self.clock())
         return line
+
+    def _drain(self, line: serial.Serial) -> bytes:
+        """Return what was received, as far as it is no endless stream."""
+        received = b''
+        # Linux hands over what its driver has sorted in so far: one read may not be all.
+        while len(received) < MAX_DRAINED and self.clock.wait([line.fileno()], 0.0):
+            part = os.read(line.fileno(), MAX_DRAINED)
+            if not part:
+                raise OSError('hung up')
+            received += part
+        return received
 
     def _failed(self, message: str) -> HardwareError:
         """Pause the line, and return the error to raise."""

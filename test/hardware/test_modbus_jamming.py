@@ -378,7 +378,11 @@ def test_a_dead_device_is_an_error_on_open_and_leaves_the_port_free(emulator):
     other.close()
 
 
-def test_a_reply_to_a_program_that_was_killed_does_not_hold_up_the_next_one():
+@pytest.mark.parametrize('part', [4096, 4])
+def test_a_reply_to_a_program_that_was_killed_does_not_hold_up_the_next_one(monkeypatch, part):
+    # A busy machine hands over what is received in parts, however much is asked for.
+    read = os.read
+    monkeypatch.setattr(os, 'read', lambda file, size: read(file, min(size, part)))
     with emulated(baud_rate=9600) as rig:
         for age in (0.0, 0.005, 0.02):
             killed, jamming = driver_of(rig, baud_rate=9600), driver_of(rig, baud_rate=9600)

@@ -1,12 +1,17 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The pages of msg_docs list the topics, services and actions of the nodes: no more, no less."""
+"""
+Pages of msg_docs and policy of SROS 2 list what running nodes do: no more, no less.
 
-from collections.abc import Callable, Iterable
+All nodes run at once, as a start of each for each claim would take a minute.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 import re
 
+from policies import allowed, used
 import pytest
 from rclpy.action import (
     get_action_client_names_and_types_by_node,
@@ -14,6 +19,8 @@ from rclpy.action import (
 )
 from ros_rig import ALL, DEADLINE, Rig
 
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_rig
 from soft_continuum.ros.interface_tables import (
     documented_nodes,
     interfaces,
@@ -21,7 +28,9 @@ from soft_continuum.ros.interface_tables import (
     OF_LIFECYCLE_NODES,
 )
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP
+from soft_continuum.ros.security_policy import policy
 
+OTHERS = (CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP)
 LEFT_OUT = {one.name for one in OF_EVERY_NODE} | {'/clock'}
 LIFECYCLE = {one.name for one in OF_LIFECYCLE_NODES}
 
@@ -59,12 +68,19 @@ def assert_same(node: str, kind: str, on_page: dict[str, str],
     assert on_page == found(), f'msg_docs/{node}.md, {kind}: the page has the first, the graph'
 
 
-@pytest.mark.parametrize('node', [*ALL, DISC_SENSORS, RECORDER, SERVO, TELEOP])
-def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node: str) -> None:
-    if node == TELEOP:
-        rig.start_arm()  # it asks for the number of segments
-    rig.start(node, ready=node in ALL, load_cells__used=True)
-    observer, space = rig.observer, rig.namespace
+@pytest.fixture(scope='module')
+def suite(module_domain: int) -> Iterator[Rig]:
+    """Return every node of the suite, with load cells."""
+    rig = Rig(module_domain)
+    rig.start_arm(load_cells__used=True)
+    rig.start(*OTHERS, ready=False)
+    yield rig
+    rig.close()
+
+
+@pytest.mark.parametrize('node', [*ALL, *OTHERS])
+def test_the_page_of_a_node_lists_its_topics_services_and_actions(suite: Rig, node: str) -> None:
+    observer, space = suite.observer, suite.namespace
     for kind, role, found in (
             ('topic', 'publishes', observer.get_publisher_names_and_types_by_node),
             ('topic', 'subscribes', observer.get_subscriber_names_and_types_by_node),
@@ -73,8 +89,16 @@ def test_the_page_of_a_node_lists_its_topics_services_and_actions(rig: Rig, node
             ('action', 'serves', partial(get_action_server_names_and_types_by_node, observer)),
             ('action', 'calls', partial(get_action_client_names_and_types_by_node, observer))):
         assert_same(node, f'{role} {kind}s', documented(node, kind, role),
-                    lambda of=found: in_graph(rig, node, of(node, space)), rig)
+                    lambda of=found: in_graph(suite, node, of(node, space)), suite)
+
+
+@pytest.mark.parametrize('node', sorted({*documented_nodes()} - {RECORDER}))
+def test_the_policy_of_a_node_is_what_it_does(suite: Rig, node: str) -> None:
+    may = allowed(policy(load_rig([description_file()]), suite.namespace),
+                  f'{suite.namespace}/{node}')
+    suite.until(lambda: used(suite, node) == may, DEADLINE)
+    assert used(suite, node) == may
 
 
 def test_there_is_a_page_for_every_node_and_no_other_node() -> None:
-    assert {*documented_nodes()} == {*ALL, CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP}
+    assert {*documented_nodes()} == {*ALL, *OTHERS}

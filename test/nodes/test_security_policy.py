@@ -1,15 +1,19 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The policy of SROS 2 allows what the running nodes do: no more, no less."""
+"""
+The policy of SROS 2 is a file that sros2 takes, and of each who takes part it knows the place.
+
+test_interfaces.py compares it with what each node does.
+"""
 
 from collections.abc import Callable
 from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
-import re
 from xml.etree import ElementTree
 
+from policies import allowed, used
 from processes import Processes
 import pytest
 from ros_rig import ALL, DEADLINE, Rig
@@ -24,8 +28,6 @@ from soft_continuum.ros.interface_tables import documented_nodes
 from soft_continuum.ros.names import RECORDER
 from soft_continuum.ros.security_policy import policy
 
-# What an action is made of, as rcl_action names it: of its server. Its client has the reverse.
-ACTION = {'publish': ('feedback', 'status'), 'reply': ('send_goal', 'get_result', 'cancel_goal')}
 # Element, attributes and children, as policy.xsd of ros2/sros2 (0.2.0) has them.
 SCHEMA: dict[str, tuple[set[str], set[str], tuple[str, ...]]] = {
     'policy': ({'version'}, set(), ('enclaves',)),
@@ -38,47 +40,6 @@ SCHEMA: dict[str, tuple[set[str], set[str], tuple[str, ...]]] = {
     'actions': (set(), {'call', 'execute'}, ('action',)),
     'topic': (set(), set(), ()), 'service': (set(), set(), ()), 'action': (set(), set(), ()),
 }
-
-
-def allowed(text: str, path: str) -> dict[str, set[str]]:
-    """Return the full names that an enclave may use by how, as permissions.xsl makes them."""
-    enclave = ElementTree.fromstring(text).find(f"./enclaves/enclave[@path='{path}']")
-    assert enclave is not None, f'no enclave {path}'
-    found: dict[str, set[str]] = {
-        how: set() for how in ('publish', 'subscribe', 'reply', 'request')}
-    for profile in enclave.iter('profile'):
-        space = profile.get('ns', '').rstrip('/')
-        for group in profile:
-            for how in group.attrib:
-                for element in group:
-                    name = re.sub('^~', f"{space}/{profile.get('node')}", element.text or '')
-                    name = name if name.startswith('/') else f'{space}/{name}'
-                    if group.tag != 'actions':
-                        found[how].add(name)
-                        continue
-                    swap = {'publish': 'subscribe', 'reply': 'request'} if how == 'call' else {}
-                    for part, ends in ACTION.items():
-                        found[swap.get(part, part)] |= {f'{name}/_action/{end}' for end in ends}
-    return found
-
-
-def used(rig: Rig, node: str) -> dict[str, set[str]]:
-    """Return the full names that a node uses, as the graph shows them, hidden ones too."""
-    get = rig.observer
-    return {how: {name for name, _ in ask(node, rig.namespace)} for how, ask in (
-        ('publish', get.get_publisher_names_and_types_by_node),
-        ('subscribe', get.get_subscriber_names_and_types_by_node),
-        ('reply', get.get_service_names_and_types_by_node),
-        ('request', get.get_client_names_and_types_by_node))}
-
-
-@pytest.mark.parametrize('node', sorted({*documented_nodes()} - {RECORDER}))
-def test_the_policy_of_a_node_is_what_it_does(rig: Rig, node: str) -> None:
-    rig.start(node, ready=False, load_cells__used=True)
-    values = load_rig([description_file()])
-    may = allowed(policy(values, rig.namespace), f'{rig.namespace}/{node}')
-    rig.until(lambda: used(rig, node) == may, DEADLINE)
-    assert used(rig, node) == may
 
 
 def test_a_recorder_may_read_all_and_say_nothing_of_it(shared_arm: Rig) -> None:

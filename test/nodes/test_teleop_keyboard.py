@@ -82,12 +82,11 @@ def test_a_key_that_is_held_moves_the_arm_until_the_terminal_is_closed(
     wait_for('segment 1 is soft')
     assert 'STOP' in terminal.screen
 
-    def moved() -> bool:
+    deadline = time.monotonic() + DEADLINE
+    while not (rig.moving and abs(rig.pulls[0]) > 0.001):
+        assert time.monotonic() < deadline, terminal.screen[-500:]
         terminal.type(RIGHT)
         time.sleep(REPEAT)
-        return rig.moving and abs(rig.pulls[0]) > 0.001
-
-    rig.wait_for(moved, 'a motion')
     terminal.close()
     assert terminal.process.wait(DEADLINE) in (0, 1)
     rig.wait_for(lambda: rig.at_rest, 'rest')

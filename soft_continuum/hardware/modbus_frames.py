@@ -1,0 +1,51 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Modbus RTU frames: requests of one who asks, and what a reply says.  Frames and CRC are pymodbus's.
+
+Only this module imports pymodbus, and only a bus that is made imports it: not every node has one.
+"""
+
+from pymodbus.framer import FramerRTU
+from pymodbus.pdu import DecodePDU, ModbusPDU
+from pymodbus.pdu.bit_message import ReadCoilsRequest, WriteSingleCoilRequest
+from pymodbus.pdu.register_message import (
+    ReadHoldingRegistersRequest,
+    ReadInputRegistersRequest,
+    WriteSingleRegisterRequest,
+)
+
+
+class Frames:
+    """Makes the frames of requests and reads those of replies."""
+
+    def __init__(self) -> None:
+        self._framer = FramerRTU(DecodePDU(is_server=False))
+
+    def read_coils(self, unit: int, first: int, count: int) -> bytes:
+        """Ask for ``count`` coils from ``first`` on (function 01)."""
+        return self._built(ReadCoilsRequest(address=first, count=count, dev_id=unit))
+
+    def read_holding_registers(self, unit: int, first: int, count: int) -> bytes:
+        """Ask for ``count`` holding registers from ``first`` on (function 03)."""
+        return self._built(ReadHoldingRegistersRequest(address=first, count=count, dev_id=unit))
+
+    def read_input_registers(self, unit: int, first: int, count: int) -> bytes:
+        """Ask for ``count`` input registers from ``first`` on (function 04)."""
+        return self._built(ReadInputRegistersRequest(address=first, count=count, dev_id=unit))
+
+    def write_coil(self, unit: int, coil: int, on: bool) -> bytes:
+        """Switch one coil (function 05)."""
+        return self._built(WriteSingleCoilRequest(address=coil, bits=[on], dev_id=unit))
+
+    def write_register(self, unit: int, register: int, value: int) -> bytes:
+        """Write one holding register (function 06)."""
+        return self._built(WriteSingleRegisterRequest(
+            address=register, registers=[value], dev_id=unit))
+
+    def decode(self, reply: bytes, unit: int) -> ModbusPDU | None:
+        """Return what a whole frame of a unit says; None when it is none, as by its CRC."""
+        return self._framer.handleFrame(reply, unit, 0)[1]
+
+    def _built(self, request: ModbusPDU) -> bytes:
+        return self._framer.buildFrame(request)
