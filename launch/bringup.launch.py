@@ -28,7 +28,7 @@ from soft_continuum.ros.names import KINEMATICS, TELEOP
 from soft_continuum.ros.network import SAID
 from soft_continuum.urdf import arm_urdf
 
-DRIVERS = {'tendon_driver': ('driver of the tendon steppers', TENDON_DRIVERS),
+DRIVERS = {'tendon_driver': ('driver of the tendon motors', TENDON_DRIVERS),
            'jamming_driver': ('driver of pump, valves and pressure sensors', JAMMING_DRIVERS)}
 FROM_FILE = 'as in the parameter files'
 EXECUTABLES = {TELEOP: 'teleop_node'}  # where it is not the name of the node

@@ -77,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for at, word in enumerate(words):
         if word in OF_SENSORS and words[at - 1] not in WITH_VALUE:  # nothing as with the rest
             return OF_SENSORS[word]([*words[:at], *words[at + 1:]])
-    parser = Parser(NAME, 'Measure a rig: steps/mm and signs of the steppers, the zero of the '
+    parser = Parser(NAME, 'Measure a rig: scales and signs of the motors, the zero of the '
                     'tendons, pump and segments. Results are a parameter file to give to the '
                     'nodes after the others.', *FOR_ANALYSIS)
     per_tendon: dict[str, Any] = {'nargs': '+', 'metavar': 'TENDON'}

@@ -19,6 +19,7 @@ from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import KINEMATICS, SERVO, SHAPE_SEQUENCER, TELEOP
+from soft_continuum.teleop.dead_man import MOVE, RELEASE
 from soft_continuum.teleop.keyboard import Keyboard
 from soft_continuum.teleop.pad import Controls, Pad
 from soft_continuum.text import printable
@@ -48,6 +49,8 @@ HELP = (
     'r            emergency stop off; resume',
     'q Ctrl-C     quit',
 )
+KEYS = {RELEASE: 'let go of all keys', MOVE: 'hold an arrow', ': reset ': ': r '}
+"""What teleop says of the controls of a joystick, and the keys for them."""
 STALE_AFTER = 3.0  # s: teleop repeats its state once a second
 BRIEF = ('space STOP; arrows move; s, t soften, stiffen; n next segment; m mode; e emergency '
          'stop; r reset; + - speed; q quit')
@@ -240,7 +243,14 @@ class _Screen:
         what = (f'segment {state.segment or "none"}' if state.mode == state.BENDING else
                 f'tip, with segment {state.segment or "none"}')
         message = f'{self._note}; {state.message}' if self._note else state.message
-        return what + (', held' if state.enabled else ''), printable(message, MAX_SHOWN)
+        return what + (', held' if state.enabled else ''), in_keys(printable(message, MAX_SHOWN))
+
+
+def in_keys(message: str) -> str:
+    """Return what teleop says with keys in place of the controls of a joystick."""
+    for control, key in KEYS.items():
+        message = message.replace(control, key)
+    return message
 
 
 def screen_lines(text: tuple[str, str], speed: float, height: int, width: int) -> list[str]:

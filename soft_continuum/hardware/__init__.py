@@ -1,3 +1,3 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tendon steppers and jamming valves: protocols, drivers and controllers; without ROS."""
+"""Tendon motors and jamming valves: protocols, drivers and controllers; without ROS."""

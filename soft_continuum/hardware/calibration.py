@@ -149,14 +149,14 @@ class TendonBench:
             if now - moved >= REST_TIME:
                 break
             if now - begin > duration + TIMEOUT:
-                raise HardwareError('the tendons do not come to rest; check the steppers')
+                raise HardwareError('the tendons do not come to rest; check the motors')
             self._clock.sleep(POLL_INTERVAL)
         errors = (abs(a - b) for a, b in zip(reading.pulls, target, strict=True))
         if max(errors) > POSITION_TOLERANCE:
             tendons = self._limits.tendons
             raise HardwareError(
                 f'the tendons rest at {describe_pulls(tendons, reading.pulls)} instead of '
-                f'{describe_pulls(tendons, target)}; check the steppers')
+                f'{describe_pulls(tendons, target)}; check the motors')
         return reading
 
 

@@ -79,7 +79,7 @@ def check_ports(values: Mapping[str, Any]) -> Check:
 
 
 def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
-    """Yield the state of the steppers; nothing moves."""
+    """Yield the state of the motors; nothing moves."""
     name = values['tendon_driver']
     step = f'tendon driver {name}'
     try:

@@ -295,7 +295,7 @@ class DynamixelSession:
         answering = self.bus.find(self._spools.ids)
         silent = [str(servo) for servo in self._servos if servo.id not in answering]
         if silent:
-            why = f'{" and ".join(silent)} does not answer any more; check its cable and supply'
+            why = f'{" and ".join(silent)}: no answer any more; check its cable and supply'
         raise HardwareError(why)
 
     def _why_other(self, servo: Servo, found: Written, written: Written) -> str:

@@ -248,8 +248,10 @@ def _why_missing(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) 
     missing = f'{name} does not answer at {baud_rate} baud'
     others = bus.find(other for other in ids if other != number)
     if others:
-        return (f'{missing}, but the servos {", ".join(map(str, others))} do; check its cable, '
-                'its supply and its ID (dynamixel.ids)')
+        answering = ('servo {} does' if len(others) == 1 else 'servos {} do').format(
+            ', '.join(map(str, others)))
+        return (f'{missing}, but {answering}; check its cable, its supply and its ID '
+                '(dynamixel.ids)')
     try:
         for rate in (baud_rate, *(rate for rate in BAUD_RATES if rate != baud_rate)):
             try:

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a driver of tendon steppers and a driver of jamming valves or regulators must do."""
+"""What a driver of tendon motors and a driver of jamming valves or regulators must do."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ def describe_pulls(tendons: Sequence[str], pulls: Sequence[float]) -> str:
 @dataclass(frozen=True)
 class TendonReading:
     """
-    State of the steppers, one value per tendon, in the order of the arm's ``tendon_names``.
+    State of the motors, one value per tendon, in the order of the arm's ``tendon_names``.
 
     pulls: m, negative is paid out.  speeds: m/s.  tensions: N, None where nothing measures them.
     referenced: whether the pulls are known relative to the straight arm.  unreferenced: why they

@@ -32,6 +32,7 @@ from soft_continuum.ros.names import (
 )
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
 from soft_continuum.ros.text import plain
+from soft_continuum.teleop.dead_man import MOVE
 from soft_continuum_interfaces.msg import TeleopState, TendonActuationState
 
 PREPARING = 'the servo is being prepared'
@@ -306,7 +307,7 @@ class SteeredArm:
             if other != segment and self._observed.stiff(other) is not True:
                 await self._requests.set_stiff(other, True)
         await self._requests.set_stiff(segment, False)
-        return f'segment {segment} is soft: hold the dead-man button and move the stick'
+        return f'segment {segment} is soft: {MOVE}'
 
     def stiffen(self) -> None:
         """Stiffen the chosen segment."""

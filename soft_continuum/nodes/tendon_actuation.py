@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that owns the tendon steppers."""
+"""The node that owns the motors of the tendons."""
 
 from collections.abc import Callable
 from functools import partial
@@ -117,7 +117,7 @@ class TendonActuation(ManagedNode):
 
     def hardware_id(self) -> str:
         """Name the driver."""
-        return f'{self.parameters["tendon_driver"]} tendon steppers'
+        return f'{self.parameters["tendon_driver"]} tendon motors'
 
     def open_device(self) -> Device:
         """Connect and read; move nothing."""

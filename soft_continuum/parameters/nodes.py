@@ -75,7 +75,7 @@ VACUUM_TOLERANCE = Parameter(
 NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     TENDON_ACTUATION: (
         *ARM_PARAMETERS, AUTOSTART, PULL_LIMITS, TENSION_LIMIT, CO_CONTRACTION_LIMIT, STALE_AFTER,
-        Parameter('tendon_driver', 'simulated', 'driver of the steppers',
+        Parameter('tendon_driver', 'simulated', 'driver of the motors',
                   choices=driver_names(TENDON_DRIVERS)),
         Parameter('tendon_rate', 50.0, 'rate of control and of tendon_states', 5.0, 500.0,
                   unit='Hz'),

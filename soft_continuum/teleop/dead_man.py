@@ -6,6 +6,7 @@ from math import inf
 
 from soft_continuum.teleop.pad import Controls, DEAD_MAN
 
+MOVE = 'hold the dead-man button and move the stick'
 RELEASE = 'release the dead-man button, let go of the stick, then press it again'
 
 

@@ -27,8 +27,8 @@ TORQUE = 64
 
 
 @pytest.mark.parametrize(('slaves', 'options', 'words'), [
-    ((Slave(1),), {}, 'servo 2 (left_tendon) does not answer at 1000000 baud, but the servos 1 '
-     'do'),
+    ((Slave(1),), {}, 'servo 2 (left_tendon) does not answer at 1000000 baud, but servo 1 '
+     'does'),
     ((), {'baud': 57600}, 'at 57600 baud: set dynamixel.baud to 57600'),
     ((Slave(1, protocol=1), Slave(2, protocol=1)), {}, 'answers in Protocol 1.0'),
     ((Slave(1), Slave(1), Slave(2)), {}, 'two servos may have the ID 1'),

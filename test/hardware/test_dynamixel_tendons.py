@@ -132,7 +132,7 @@ def test_the_requests_of_the_control_loop_never_wait(tmp_path):
         tendons.read()
         tendons.stop()
         assert bus.clock() == begin
-        assert 'does not answer any more' in failed(tendons)
+        assert 'no answer any more' in failed(tendons)
 
 
 # What is known of the position
@@ -321,7 +321,7 @@ def test_lost_and_damaged_replies_do_not_end_a_motion_but_silence_does(tmp_path)
         assert at_rest(tendons).pulls == pytest.approx((0.01, -0.01), abs=1e-4)
         in_motion(bus, tendons)
         bus.now(lambda: setattr(bus, 'slaves', bus.slaves[:1]))
-        assert 'servo 2 (left_tendon) does not answer any more' in failed(tendons)
+        assert 'servo 2 (left_tendon): no answer any more' in failed(tendons)
         bus.clock.sleep(0.1)
         assert standing(bus)
 

@@ -467,7 +467,7 @@ def test_diagnostics_name_the_driver(rig: Rig) -> None:
 
     rig.wait_for(lambda: len(named()) == 3, 'diagnostics of three nodes')
     prefix = rig.namespace.lstrip('/')
-    assert named()[f'{prefix}/tendon_actuation'] == 'simulated tendon steppers'
+    assert named()[f'{prefix}/tendon_actuation'] == 'simulated tendon motors'
     assert named()[f'{prefix}/jamming_valves'] == 'simulated jamming valves'
 
 

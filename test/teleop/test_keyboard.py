@@ -5,8 +5,8 @@
 
 import pytest
 
-from soft_continuum.cli.teleop import HELP, screen_lines
-from soft_continuum.teleop.dead_man import DeadMan
+from soft_continuum.cli.teleop import HELP, in_keys, screen_lines
+from soft_continuum.teleop.dead_man import DeadMan, RELEASE
 from soft_continuum.teleop.keyboard import Keyboard
 
 
@@ -75,6 +75,13 @@ def test_a_button_is_pressed_once_and_without_the_dead_man_button(typist):
     typist.keyboard.press('s', typist.now)
     assert typist.keyboard.controls(typist.now + 0.1).pressed == {'soften'}
     assert not typist.keyboard.controls(typist.now + 0.3).pressed
+
+
+def test_who_steers_by_keys_is_told_of_no_button():
+    for said in (f'refused: {RELEASE}', 'the emergency stop is on: reset turns it off',
+                 'segment 2 is soft: hold the dead-man button and move the stick'):
+        assert not {'button', 'stick', 'reset'} & {*in_keys(said).split()}
+    assert in_keys('the emergency stop is on: reset turns it off').endswith(': r turns it off')
 
 
 @pytest.mark.parametrize('size', [(24, 79), (12, 60), (6, 39), (3, 20), (1, 8)])
