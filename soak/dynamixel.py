@@ -30,6 +30,14 @@ from servo_rig import (
     trial,
     WrongStateError,
 )
+from servo_stops import (
+    MAX_STOP_TIME,
+    MEDIAN_STOP_TIME,
+    REST_DISTANCE,
+    REST_SPEED,
+    Stop,
+    stop_in_motion,
+)
 
 from benchmarks.tables import table
 from soak.report import progress, Report, spread
@@ -39,7 +47,6 @@ from soft_continuum.hardware.protocols import HardwareError
 
 TRIALS = 50  # of each fault
 STOPS = 1000
-MAX_STOP_TIME, MEDIAN_STOP_TIME = 0.15, 0.1  # s
 KILLS = 50
 ATTEMPTS = 20  # to connect
 MAX_RUN_ON = 1.0  # s that servos may go on after the death of a program
@@ -94,52 +101,29 @@ def _of_faults(found: dict[str, Outcomes]) -> str:
 
 def _stops(trials: int) -> tuple[str, list[str]]:
     """Stop at random moments of a motion: how long until the last spool rests."""
-    random, times, moved = Random(1), list[float](), 0.0
+    random, stops = Random(1), list[Stop]()
     with TemporaryDirectory() as folder, rig(Path(folder), BEYOND_TURN) as made:
-        while len(times) < trials:
-            if len(times) % 100 == 0:
-                progress(f'{trials - len(times)} stops left')
-            stopped = _stop(made, random)
-            if stopped is not None:
-                times.append(stopped[0])
-                moved = max(moved, stopped[1])
-    median, percentile, longest = spread(times)
-    rows = [('stops in motion', str(len(times)), ''),
-            ('stop to rest, median', f'{median} ms', f'{1e3 * MEDIAN_STOP_TIME:.0f} ms'),
-            ('99 %', f'{percentile} ms', ''),
-            ('longest', f'{longest} ms', f'{1e3 * MAX_STOP_TIME:.0f} ms'),
-            ('farthest from there 0.5 s later', f'{1e3 * moved:.2f} mm', '')]
+        while len(stops) < trials:
+            if len(stops) % 100 == 0:
+                progress(f'{trials - len(stops)} stops left')
+            if (stop := stop_in_motion(made, random)) is not None:
+                stops.append(stop)
+    head = ('stop, until every tendon', 'median, ms', '99 %, ms', 'longest, ms')
+    rest = f'stays slower than {1e3 * REST_SPEED:g} mm/s, and within {1e3 * REST_DISTANCE:g} mm'
+    rows = [(name, *spread(times)) for name, times in (
+        (f'{rest} of where it rests', [stop.slow for stop in stops]),
+        (f'stays within {1e3 * REST_DISTANCE:g} mm of where it rests',
+         [stop.near for stop in stops]),
+        ('has no speed at all', [stop.standing for stop in stops]))]
+    rows.append((f'allowed, of {len(stops)} stops in motion', f'{1e3 * MEDIAN_STOP_TIME:.0f}', '',
+                 f'{1e3 * MAX_STOP_TIME:.0f}'))
+    moved = max(stop.moved for stop in stops)
+    median, _, longest = rows[0][1:]
     late = []
-    if float(median) > 1e3 * MEDIAN_STOP_TIME or max(times) > MAX_STOP_TIME:
+    if float(median) > 1e3 * MEDIAN_STOP_TIME or float(longest) > 1e3 * MAX_STOP_TIME:
         late.append(f'stops took {median} ms (median) and {longest} ms (longest)')
-    return table(('', 'measured', 'allowed'), rows), late
-
-
-def _stop(made: ServoRig, random: Random) -> tuple[float, float] | None:
-    """Return after how many s all spools rest, and how far (m) they are 0.5 s later."""
-    driver, emulator = made.driver, made.emulator
-    clock, speed = emulator.clock, random.uniform(0.008, 0.028)
-    begin, goal = driver.read().pulls, somewhere(random, len(TENDONS))
-    duration = max(abs(a - b) for a, b in zip(begin, goal, strict=True)) / speed
-    start = clock()
-    end = start + min(random.uniform(0.1, 0.8), 0.9 * duration)
-    while clock() < end:
-        part = (clock() - start + 0.02) / duration
-        driver.move(tuple(a + part * (b - a) for a, b in zip(begin, goal, strict=True)), 0.02)
-        clock.sleep(0.02)
-        made.check()
-    clock.sleep(random.uniform(0.0, 0.02))
-    if not emulator.moving:
-        return None
-    requested = clock()
-    driver.stop()
-    stood = made.rest(0.002)
-    rested_at = made.pulls
-    made.wait(0.5)
-    made.rest()
-    moved = max(abs(a - b) for a, b in zip(made.pulls, rested_at, strict=True))
-    made.check()
-    return stood - requested, moved
+    return (f'{table(head, rows)}\n\nHalf a second after a stop no tendon was farther than '
+            f'{1e3 * moved:.2f} mm from where it had come to rest.'), late
 
 
 def _kills(trials: int) -> tuple[str, list[str]]:

@@ -18,7 +18,6 @@ MAX_STEP = 0.03
 """s of the path per cycle: what a cycle comes late by more is not caught up."""
 LEAD_RATE = 8.0  # 1/s with which the lead removes an error at rest
 MAX_LEAD = 0.01  # m
-ARRIVAL_TOLERANCE = 1e-4  # m
 SATURATED = 0.95  # of the current that a servo may use: a lead would only wind up
 MIN_COUNTS = 5  # of current, from which on it tells the lead
 PATH_RESOLUTION = 1e-9  # m
@@ -97,7 +96,8 @@ class HeldPath:
     @property
     def tolerances(self) -> list[float]:
         """How near servos must be to have arrived, pulses."""
-        return [max(2.0, ARRIVAL_TOLERANCE / abs(scale)) for scale in self._scale]
+        return [tolerance / abs(scale) for tolerance, scale in zip(
+            self._spools.arrival_tolerances, self._scale, strict=True)]
 
     def to_pulls(self, positions: Sequence[float]) -> tuple[float, ...]:
         """Return the pulls (m) of positions (pulses)."""

@@ -18,6 +18,8 @@ MAX_POSITION = 1_048_575
 RADIANS_PER_PULSE = 2.0 * pi / PULSES_PER_TURN
 VELOCITY_UNIT = 0.229 * 2.0 * pi / 60.0  # rad/s
 CURRENT_BASED_POSITION = 5
+P_GAIN_UNIT, FULL_PWM = 1.0 / 128.0, 885
+"""Of Position P Gain, steps of PWM for each pulse of position error; PWM at the full voltage."""
 WATCHDOG_UNIT = 0.02  # s
 WATCHDOG_TRIGGERED = 255
 """Bus Watchdog reads as -1 after it stopped the servo; goals are then refused until it is 0."""
@@ -69,6 +71,7 @@ SHUTDOWN = Register(63, 1, 'Shutdown')
 TORQUE_ENABLE = Register(64, 1, 'Torque Enable')
 STATUS_RETURN_LEVEL = Register(68, 1, 'Status Return Level')
 HARDWARE_ERROR = Register(70, 1, 'Hardware Error Status')
+POSITION_P_GAIN = Register(84, 2, 'Position P Gain')
 BUS_WATCHDOG = Register(98, 1, 'Bus Watchdog')
 GOAL_PWM = Register(100, 2, 'Goal PWM', signed=True)
 GOAL_CURRENT = Register(102, 2, 'Goal Current', signed=True)

@@ -1,12 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-One connection to Dynamixel servos: what they are sent, and what their replies mean.
+One connection to Dynamixel servos: what they are to do, and how far they have come.
 
 ``cycle`` talks to the servos and waits for their replies, on the one thread that owns the bus;
 requests from other threads only take a lock, and return at once.  Every cycle sends the goals of
-the next hundredth of a second and reads all servos: where they are, and what was written.  So a
-write that was lost is noticed and repeated, and a reply that does not repeat it is not taken.
+the next hundredth of a second and reads all servos.
 """
 
 from collections.abc import Sequence
@@ -15,45 +14,25 @@ from dataclasses import replace
 from enum import Enum
 import threading
 
-from soft_continuum.hardware.dynamixel_bus import (
-    DamagedReplyError,
-    DynamixelBus,
-    NoReplyError,
-)
+from soft_continuum.hardware.dynamixel_bus import DynamixelBus
+from soft_continuum.hardware.dynamixel_exchange import Exchange
 from soft_continuum.hardware.dynamixel_path import HeldPath
-from soft_continuum.hardware.dynamixel_reference import mark, Zero, ZeroFile
+from soft_continuum.hardware.dynamixel_reference import Zero, ZeroFile
 from soft_continuum.hardware.dynamixel_registers import (
     BUS_WATCHDOG,
-    explain_hardware_error,
-    GOAL_CURRENT,
     GOAL_POSITION,
-    HARDWARE_ERROR,
     MAX_POSITION,
     PULSES_PER_TURN,
-    Register,
-    SPARE,
-    WATCHDOG_TRIGGERED,
-    WATCHDOG_UNIT,
 )
-from soft_continuum.hardware.dynamixel_setup import CALIBRATE, Servo, Spools
-from soft_continuum.hardware.dynamixel_state import (
-    BLOCK,
-    fastest,
-    REST_TIME,
-    ServoState,
-    Track,
-    Written,
-)
+from soft_continuum.hardware.dynamixel_setup import Servo, Spools
+from soft_continuum.hardware.dynamixel_start import keep_zeros
+from soft_continuum.hardware.dynamixel_state import REST_TIME, ServoState, Track
 from soft_continuum.hardware.dynamixel_take_up import TakeUp
 from soft_continuum.hardware.protocols import HardwareError, TendonReading
 
 CYCLE, RESTING_CYCLE = 0.01, 0.05
 """s between two cycles, and between two while the tendons rest."""
-SILENCE_TIMEOUT, MIN_MISSED = 0.15, 4
-"""s without a reply that can be taken, and cycles in succession, that are a failure."""
-MARK_ATTEMPTS = 5
 STOP_TIMEOUT = 1.0  # s for a stop to be confirmed
-CATCH_SHARE = 0.55  # of its speed, below which a servo that brakes is held
 ARRIVAL_TIMEOUT = 2.0  # s after the end of the path
 DISTANCE_BEHIND, TIME_BEHIND, BEHIND_TIMEOUT = 0.003, 0.15, 0.25
 """m, and s of the fastest motion, by which a tendon may be behind; s for which by more."""
@@ -83,6 +62,7 @@ class DynamixelSession:
         self._zero_file = zero_file
         self._lock = threading.Lock()  # of all that follows
         self.state, self.failure = State.RESTING, ''
+        self._exchange = Exchange(bus, servos, found)  # of the thread that owns the bus
         self._states = list(found)
         self._written = [state.written for state in found]
         self._unknown = '; '.join(zero.unknown for zero in zeros if zero.unknown)
@@ -91,12 +71,8 @@ class DynamixelSession:
         self._track = Track(found[0].time, self._positions())
         self._target: tuple[tuple[float, ...], float] | None = None  # and its arrival, s
         self._braked = False
-        self._turning = [0.0] * len(self._servos)  # pulses/s, of those that brake
-        self._currents = [0] * len(self._servos)  # with which the stop began
         self._mark_due = not self._unknown  # where the zero was found in another way
-        self._since = self._stepped = self._heard = self._near = bus.clock()
-        self._missed = 0
-        self._repeat = False
+        self._since = self._stepped = self._near = bus.clock()
         self._take_up: TakeUp | None = None
 
     # Requests, from any thread
@@ -196,16 +172,18 @@ class DynamixelSession:
         if braking:  # from where the servos are now, not from where they were
             self._receive()
             with self._lock:
-                if self._missed == 0:
+                if not self._exchange.missed:
                     self._brake()
-        self._send()
+        self._exchange.send(self._written)
         self._receive()
+        if not self._exchange.missed:
+            self._exchange.check_torque()
         with self._lock:
             self._judge(self.bus.clock())
             marks, self._mark_due = self._mark_due, False
             zeros = list(self._path.zeros)
         if marks:
-            self._keep(zeros)
+            keep_zeros(self.bus, self._servos, zeros, self._zero_file)
 
     def _plan(self, now: float) -> None:
         """Set what the servos are to do in this cycle."""
@@ -214,33 +192,24 @@ class DynamixelSession:
             if not self._take_up.done:
                 self._take_up.step(self._states, now)
             self._set(goals=self._take_up.goals, currents=self._take_up.currents)
-        elif self.state is State.STOPPING:
-            self._brake()
         elif self.state in (State.MOVING, State.RESTING):
-            if not self._missed:  # nothing moves on blindly
+            if not self._exchange.missed:  # nothing moves on blindly
                 self._path.advance(elapsed)
-            if self._path.done and not self._missed:
+            if self._path.done and not self._exchange.missed:
                 self._path.adapt(elapsed, self._positions(), [s.current for s in self._states],
                                  [w.current for w in self._written])
             self._set(goals=self._path.goals,
                       currents=[servo.goal_current for servo in self._servos])
 
     def _brake(self) -> None:
-        """Send servos to where they are; and when they are slow, to where they come to rest."""
-        speeds = self._track.velocities()
-        if not self._braked:
-            self._currents = [state.current for state in self._states]
-        goals = self._path.holding_goals(self._positions(), self._currents)
-        if self._braked:  # a goal changes once more: one that followed the servo would never end
-            for i, (before, now) in enumerate(zip(self._turning, speeds, strict=True)):
-                if before == 0.0 or now / before > CATCH_SHARE:
-                    goals[i] = self._written[i].goal
-                else:
-                    goals[i] += round(CYCLE * now)
-                    self._turning[i] = 0.0
-        else:
-            self._braked, self._turning = True, speeds
-        self._set(goals=goals)
+        """Send servos to where they come to rest soonest; once, or they would never rest."""
+        self._braked = True
+        self._set(goals=self._stop_goals())
+
+    def _stop_goals(self) -> list[int]:
+        held = self._path.holding_goals(self._positions(), [s.current for s in self._states])
+        return [round(goal + servo.stop_time * speed) for goal, servo, speed in zip(
+            held, self._servos, self._track.velocities(), strict=True)]
 
     def _set(self, goals: Sequence[int], currents: Sequence[int] | None = None) -> None:
         currents = currents or [written.current for written in self._written]
@@ -248,95 +217,19 @@ class DynamixelSession:
                          for written, goal, current in zip(
                              self._written, goals, currents, strict=True)]
 
-    def _send(self) -> None:
-        """Write what the servos have not repeated; goals first, so that no current is jerked."""
-        with self._lock:
-            wanted, repeat = list(self._written), self._repeat
-            known = [state.written for state in self._states]
-            self._repeat = False
-        if repeat or any(a.goal != b.goal for a, b in zip(wanted, known, strict=True)):
-            self._write(GOAL_POSITION, [w.goal for w in wanted])
-        if repeat or any(a.current != b.current for a, b in zip(wanted, known, strict=True)):
-            self._write(GOAL_CURRENT, [w.current for w in wanted])
-
-    def _write(self, register: Register, values: Sequence[int]) -> None:
-        self.bus.sync_write(register, dict(zip(self._spools.ids, values, strict=True)))
-
     def _receive(self) -> None:
         """Read all servos; take what they reply if all of it can be believed."""
-        try:
-            replies = self.bus.sync_read(self._spools.ids, *BLOCK)
-        except (NoReplyError, DamagedReplyError) as error:
-            self._miss(str(error))
-            return
-        now = self.bus.clock()
-        states = [ServoState.from_reply(reply, now) for reply in replies]
-        for servo, state, before, written in zip(
-                self._servos, states, self._states, self._written, strict=True):
-            if state.alert:
-                self._explain_alert(servo)
-            if state.written != written:
-                self._repeat = True
-                self._miss(self._why_other(servo, state.written, written))
-                return
-            if not state.follows(before, fastest(written)):
-                self._miss(f'{servo} replies what cannot be: position {state.position} after '
-                           f'{before.position}')
-                return
-        with self._lock:
-            self._states, self._heard, self._missed = states, now, 0
-            self._track.add(now, self._positions())
-
-    def _miss(self, why: str) -> None:
-        """Count a reply that was not taken; raises HardwareError when there are too many."""
-        self._missed += 1
-        if self._missed < MIN_MISSED or self.bus.clock() - self._heard < SILENCE_TIMEOUT:
-            return
-        answering = self.bus.find(self._spools.ids)
-        silent = [str(servo) for servo in self._servos if servo.id not in answering]
-        if silent:
-            why = f'{" and ".join(silent)}: no answer any more; check its cable and supply'
-        raise HardwareError(why)
-
-    def _why_other(self, servo: Servo, found: Written, written: Written) -> str:
-        """Say why a servo does not have what was written to it."""
-        if found.watchdog == WATCHDOG_TRIGGERED:
-            return (f'the watchdog of {servo} stopped it, because it heard nothing for '
-                    f'{written.watchdog * WATCHDOG_UNIT:g} s; the computer is too busy')
-        if found.watchdog == 0:
-            return (f'{servo} was reset or without power for a moment: its torque was off, and '
-                    'its turns are not known; check its supply')
-        return f'{servo} does not keep what was written to it ({found} instead of {written})'
-
-    def _explain_alert(self, servo: Servo) -> None:
-        with contextlib.suppress(NoReplyError, DamagedReplyError):
-            if status := self.bus.read(servo.id, HARDWARE_ERROR):
-                raise HardwareError(
-                    f'{servo} has shut down or is about to: {explain_hardware_error(status)}; '
-                    f'its tendon may have no tension; {CALIBRATE} reboots it')
-
-    def _keep(self, zeros: Sequence[int]) -> None:
-        """Mark the zeros in the servos, and keep them on this computer."""
-        raw = [zero - servo.homing_offset
-               for zero, servo in zip(zeros, self._servos, strict=True)]
-        self._zero_file.write(self._spools.ids, raw)
-        marks = {servo.id: mark(servo.id, zero)
-                 for servo, zero in zip(self._servos, raw, strict=True)}
-        for _ in range(MARK_ATTEMPTS):
-            self.bus.sync_write(SPARE, marks)
-            with contextlib.suppress(NoReplyError, DamagedReplyError):
-                replies = self.bus.sync_read(self._spools.ids, SPARE.address, SPARE.end)
-                if [SPARE.decode(reply.data) for reply in replies] == [*marks.values()]:
-                    return
-        raise HardwareError(
-            f'the servos do not keep their zero in {SPARE}: does another program change their '
-            'Indirect Addresses?  With slack tendons switch the servos off and on')
+        states = self._exchange.receive(self._written)
+        if states is not None:
+            with self._lock:
+                self._states = states
+                self._track.add(states[0].time, self._positions())
 
     # What the replies mean
 
     def _judge(self, now: float) -> None:
         """Go on with what the tendons do, as far as they have come."""
-        if self._missed:
+        if self._exchange.missed:
             if self.state is State.STOPPING and now - self._since > STOP_TIMEOUT:
                 raise self._unconfirmed()
             return
@@ -398,15 +291,14 @@ class DynamixelSession:
     def fail(self, reason: str) -> None:
         """Hold where the tendons are, and be over."""
         with self._lock:
-            moved = self.state in BUSY and not self._missed
+            moved = self.state in BUSY and not self._exchange.missed
             self.state, self.failure = State.FAILED, reason
-            goals = self._path.holding_goals(
-                self._positions(), [state.current for state in self._states])
+            goals = self._stop_goals()
         if moved:
             with contextlib.suppress(HardwareError):
-                self._write(GOAL_POSITION, goals)
+                self._exchange.write(GOAL_POSITION, goals)
 
     def release(self) -> None:
         """Let servos at rest hold from now on without being talked to."""
         with contextlib.suppress(HardwareError):
-            self._write(BUS_WATCHDOG, [0] * len(self._servos))
+            self._exchange.write(BUS_WATCHDOG, [0] * len(self._servos))

@@ -25,12 +25,15 @@ from soft_continuum.hardware.dynamixel_registers import (
     DRIVE_MODE,
     explain_hardware_error,
     FIRMWARE,
+    FULL_PWM,
     HARDWARE_ERROR,
     HOMING_OFFSET,
     INPUT_VOLTAGE,
     Model,
     MODELS,
     OPERATING_MODE,
+    P_GAIN_UNIT,
+    POSITION_P_GAIN,
     PWM_LIMIT,
     RADIANS_PER_PULSE,
     Register,
@@ -54,6 +57,8 @@ PINGS = 3
 MAX_MISSED = 1  # of them, where the computer is busy
 MIN_PWM_LIMIT = 443  # half of what the supply gives
 OVERHEATING = 0x04
+STOP_SHARE = 0.6  # of the lag: best of 0 to 1 with the emulated servos
+ARRIVAL_TOLERANCE = 1e-4  # m, but at least two pulses
 FRICTION_SHARE, FRICTION_OF_STALL = 0.3, 0.02  # of tension, and of the one at stall
 RAM_RESTORE = 0x02
 EEPROM_END, TABLE_END = 64, 147
@@ -134,6 +139,11 @@ class Spools:
         return tuple(sign * radius * RADIANS_PER_PULSE
                      for sign, radius in zip(self.signs, self.radii, strict=True))
 
+    @property
+    def arrival_tolerances(self) -> tuple[float, ...]:
+        """How near each tendon comes to where it is sent, m: friction keeps a servo from more."""
+        return tuple(max(2.0 * abs(pulse), ARRIVAL_TOLERANCE) for pulse in self.pull_per_pulse)
+
 
 @dataclass(frozen=True)
 class Servo:
@@ -172,8 +182,24 @@ class Servo:
         motion the motor feels its friction too.  The maker gives no figure, and none was measured
         here: the shares are assumptions for gears of four or five stages.
         """
-        stall = self.model.stall_torque / self.radius
-        return hypot(FRICTION_SHARE * tension, FRICTION_OF_STALL * stall)
+        return hypot(FRICTION_SHARE * tension, self.least_deviation)
+
+    @property
+    def least_deviation(self) -> float:
+        """Standard deviation of a tension near 0, N."""
+        return FRICTION_OF_STALL * self.model.stall_torque / self.radius
+
+    @property
+    def stop_time(self) -> float:
+        """
+        Return how far ahead of a turning servo the goal is at which it rests soonest, as time, s.
+
+        It lags behind a moving goal by its speed over the gain of its position loop.  Half of that
+        leaves the least swing, whatever the delay of the motor; with some more none comes back.
+        """
+        gain = (self.get(POSITION_P_GAIN) * P_GAIN_UNIT / FULL_PWM  # 1/s
+                * self.model.no_load_speed / RADIANS_PER_PULSE)
+        return STOP_SHARE / gain if gain > 0.0 else 0.0
 
     @property
     def homing_offset(self) -> int:

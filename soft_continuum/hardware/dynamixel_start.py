@@ -8,6 +8,7 @@ where they are.
 """
 
 from collections.abc import Sequence
+import contextlib
 from dataclasses import replace
 
 from soft_continuum.hardware.dynamixel_bus import (
@@ -18,6 +19,7 @@ from soft_continuum.hardware.dynamixel_bus import (
 )
 from soft_continuum.hardware.dynamixel_path import MAX_LEAD
 from soft_continuum.hardware.dynamixel_reference import (
+    mark,
     marked_zero,
     Zero,
     zero_within_turn,
@@ -46,7 +48,7 @@ from soft_continuum.hardware.protocols import HardwareError
 WATCHDOG = 10  # units of WATCHDOG_UNIT
 SPEED_MARGIN = 1.5
 """By how much servos may be faster than speed_limit, to catch up after a delay."""
-ATTEMPTS = 5  # to read all servos, and to write what they must have
+ATTEMPTS = 5  # to read all servos, and to write what they must have or keep
 
 
 def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
@@ -87,6 +89,24 @@ def forget_marks(bus: DynamixelBus, ids: Sequence[int], zero_file: ZeroFile) -> 
     zero_file.write(ids, [None] * len(ids))
     for servo in ids:
         bus.write(servo, SPARE, 0)
+
+
+def keep_zeros(bus: DynamixelBus, servos: Sequence[Servo], zeros: Sequence[int],
+               zero_file: ZeroFile) -> None:
+    """Mark zeros (Present Positions) in the servos, and keep them here; raises HardwareError."""
+    ids = [servo.id for servo in servos]
+    raw = [zero - servo.homing_offset for zero, servo in zip(zeros, servos, strict=True)]
+    zero_file.write(ids, raw)
+    marks = {servo: mark(servo, zero) for servo, zero in zip(ids, raw, strict=True)}
+    for _ in range(ATTEMPTS):
+        bus.sync_write(SPARE, marks)
+        with contextlib.suppress(NoReplyError, DamagedReplyError):
+            replies = bus.sync_read(ids, SPARE.address, SPARE.end)
+            if [SPARE.decode(reply.data) for reply in replies] == [*marks.values()]:
+                return
+    raise HardwareError(
+        f'the servos do not keep their zero in {SPARE}: does another program change their '
+        'Indirect Addresses?  With slack tendons switch the servos off and on')
 
 
 def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,

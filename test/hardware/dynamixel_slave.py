@@ -21,7 +21,8 @@ RESPONSE = 50.0  # 1/s with which a servo follows its goal
 SPEEDS = {termios.B57600: 57600, termios.B1000000: 1000000, termios.B115200: 115200}
 FIELDS = {  # address: size
     0: 2, 6: 1, 7: 1, 8: 1, 9: 1, 10: 1, 11: 1, 12: 1, 13: 1, 20: 4, 36: 2, 38: 2, 44: 4, 60: 1,
-    63: 1, 64: 1, 65: 1, 68: 1, 70: 1, 98: 1, 100: 2, 102: 2, 104: 4, 108: 4, 112: 4, 116: 4,
+    63: 1,
+    64: 1, 65: 1, 68: 1, 70: 1, 84: 2, 98: 1, 100: 2, 102: 2, 104: 4, 108: 4, 112: 4, 116: 4,
     120: 2, 126: 2, 128: 4, 132: 4, 144: 2, 146: 1, 224: 4}
 EEPROM = {10: 0, 11: 5, 12: 255, 13: 2, 20: 0, 36: 885, 38: 1193, 44: 1000, 60: 0, 63: 52, 9: 0}
 
@@ -69,8 +70,8 @@ class Slave:
         """Switch on: what is in RAM is lost, and the turns."""
         self.table[64:] = bytes(len(self.table) - 64)
         for address, value in {0: self.model, 6: self.firmware, 7: self.id, **self.eeprom,
-                               68: 2, 100: self.eeprom[36], 102: self.eeprom[38], 144: 120,
-                               146: 30}.items():
+                               68: 2, 84: 800, 100: self.eeprom[36],
+                               102: self.eeprom[38], 144: 120, 146: 30}.items():
             self.set(address, value)
         self.turns = -int(self.turned // 4096) * 4096
         self.current = self.speed = 0.0

@@ -236,7 +236,7 @@ FAULTS = (
     Fault('two servos with one ID', _collide),
     Fault('watchdog expired', _one(lambda s: s.expire())),
     Fault('torque switched off by another program',
-          _one(lambda s: s.write(64, b'\0')), fails=None, limp=True),
+          _one(lambda s: s.write(64, b'\0')), limp=True),
     Fault('spool caught', _one(lambda s: setattr(s.motor, 'caught', True)), fails=None),
 )
 

@@ -340,6 +340,22 @@ def test_a_servo_that_loses_power_in_motion_is_noticed(tmp_path):
         assert 'was reset or without power' in failed(tendons)
 
 
+@pytest.mark.parametrize('moving', [False, True])
+def test_a_torque_that_another_program_switched_off_is_noticed_within_a_second(tmp_path, moving):
+    with rig(tmp_path) as (bus, tendons):
+        if moving:
+            in_motion(bus, tendons)
+        bus.now(lambda: bus.slaves[1].set(TORQUE, 0))
+        begin = bus.clock()
+        assert 'switched off the torque of servo 2 (left_tendon)' in failed(tendons)
+        assert bus.clock() - begin < 1.0
+        tendons.close()
+        assert bus.slaves[1].get(TORQUE) == 0  # and nobody but open switches it on
+        tendons.open()
+        assert bus.slaves[1].get(TORQUE) == 1
+        assert tendons.read().referenced
+
+
 @pytest.mark.parametrize(('status', 'words'), [
     (0x20, 'overload (see what caught the tendon'), (0x04, 'overheating'), (0x01, 'input voltage'),
     (0x10, 'electrical shock'), (0x08, 'motor encoder')])

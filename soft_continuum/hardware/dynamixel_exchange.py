@@ -1,0 +1,138 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What goes over the bus while servos hold: goals, and replies that can be believed.
+
+A write is not acknowledged.  Each reply repeats what was written, so one that was lost is noticed,
+and written again.  For the one thread that owns the bus.
+"""
+
+from collections.abc import Sequence
+import contextlib
+
+from soft_continuum.hardware.dynamixel_bus import (
+    DamagedReplyError,
+    DynamixelBus,
+    NoReplyError,
+)
+from soft_continuum.hardware.dynamixel_registers import (
+    explain_hardware_error,
+    GOAL_CURRENT,
+    GOAL_POSITION,
+    HARDWARE_ERROR,
+    Register,
+    TORQUE_ENABLE,
+    WATCHDOG_TRIGGERED,
+    WATCHDOG_UNIT,
+)
+from soft_continuum.hardware.dynamixel_setup import CALIBRATE, Servo
+from soft_continuum.hardware.dynamixel_state import BLOCK, fastest, ServoState, Written
+from soft_continuum.hardware.protocols import HardwareError
+
+SILENCE_TIMEOUT, MIN_MISSED = 0.15, 4
+"""s without a reply that can be taken, and cycles in succession, that are a failure."""
+TORQUE_INTERVAL = 0.5  # s between two looks whether the torque is on
+
+
+class Exchange:
+    """
+    Writes to servos and reads them.
+
+    missed: how many reads in succession gave nothing that could be believed.
+    """
+
+    def __init__(self, bus: DynamixelBus, servos: Sequence[Servo], found: Sequence[ServoState]
+                 ) -> None:
+        """Go on with servos as they were ``found``."""
+        self._bus, self._servos = bus, tuple(servos)
+        self._ids = [servo.id for servo in servos]
+        self._states = list(found)
+        self._heard = self._torque_seen = bus.clock()
+        self._repeat = False
+        self.missed = 0
+
+    def write(self, register: Register, values: Sequence[int]) -> None:
+        """Write a register of every servo."""
+        self._bus.sync_write(register, dict(zip(self._ids, values, strict=True)))
+
+    def send(self, wanted: Sequence[Written]) -> None:
+        """Write what the servos have not repeated; goals first, so that no current is jerked."""
+        known, repeat = [state.written for state in self._states], self._repeat
+        self._repeat = False
+        if repeat or any(a.goal != b.goal for a, b in zip(wanted, known, strict=True)):
+            self.write(GOAL_POSITION, [w.goal for w in wanted])
+        if repeat or any(a.current != b.current for a, b in zip(wanted, known, strict=True)):
+            self.write(GOAL_CURRENT, [w.current for w in wanted])
+
+    def receive(self, written: Sequence[Written]) -> list[ServoState] | None:
+        """
+        Return the state of all servos, or None if it cannot be believed.
+
+        Raises HardwareError for a hardware error of a servo, a torque that was switched off, and
+        when nothing could be believed for too long.
+        """
+        try:
+            replies = self._bus.sync_read(self._ids, *BLOCK)
+        except (NoReplyError, DamagedReplyError) as error:
+            self._miss(str(error))
+            return None
+        now = self._bus.clock()
+        states = [ServoState.from_reply(reply, now) for reply in replies]
+        for servo, state, before, wanted in zip(
+                self._servos, states, self._states, written, strict=True):
+            if state.alert:
+                self._explain_alert(servo)
+            if state.written != wanted:
+                self._repeat = True
+                self._miss(self._why_other(servo, state.written, wanted))
+                return None
+            if not state.follows(before, fastest(wanted)):
+                self._miss(f'{servo} replies what cannot be: position {state.position} after '
+                           f'{before.position}')
+                return None
+        self._states, self._heard, self.missed = states, now, 0
+        return states
+
+    def check_torque(self) -> None:
+        """Raise HardwareError if the torque of a servo is off; looks now and then."""
+        now = self._bus.clock()
+        if now - self._torque_seen < TORQUE_INTERVAL:
+            return
+        with contextlib.suppress(NoReplyError, DamagedReplyError):  # then in the next cycle
+            replies = self._bus.sync_read(self._ids, TORQUE_ENABLE.address, TORQUE_ENABLE.end)
+            self._torque_seen = now
+            for servo, reply in zip(self._servos, replies, strict=True):
+                if reply.alert:
+                    self._explain_alert(servo)
+                if not TORQUE_ENABLE.decode(reply.data):
+                    raise HardwareError(
+                        f'another program switched off the torque of {servo} ({TORQUE_ENABLE} is '
+                        '0): its tendon has no tension; end that program')
+
+    def _miss(self, why: str) -> None:
+        """Count a reply that was not taken; raises HardwareError when there are too many."""
+        self.missed += 1
+        if self.missed < MIN_MISSED or self._bus.clock() - self._heard < SILENCE_TIMEOUT:
+            return
+        answering = self._bus.find(self._ids)
+        silent = [str(servo) for servo in self._servos if servo.id not in answering]
+        if silent:
+            why = f'{" and ".join(silent)}: no answer any more; check its cable and supply'
+        raise HardwareError(why)
+
+    def _why_other(self, servo: Servo, found: Written, written: Written) -> str:
+        """Say why a servo does not have what was written to it."""
+        if found.watchdog == WATCHDOG_TRIGGERED:
+            return (f'the watchdog of {servo} stopped it, because it heard nothing for '
+                    f'{written.watchdog * WATCHDOG_UNIT:g} s; the computer is too busy')
+        if found.watchdog == 0:
+            return (f'{servo} was reset or without power for a moment: its torque was off, and '
+                    'its turns are not known; check its supply')
+        return f'{servo} does not keep what was written to it ({found} instead of {written})'
+
+    def _explain_alert(self, servo: Servo) -> None:
+        with contextlib.suppress(NoReplyError, DamagedReplyError):
+            if status := self._bus.read(servo.id, HARDWARE_ERROR):
+                raise HardwareError(
+                    f'{servo} has shut down or is about to: {explain_hardware_error(status)}; '
+                    f'its tendon may have no tension; {CALIBRATE} reboots it')

@@ -1,0 +1,88 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Stops of a driver on emulated Dynamixel servos: how long until every tendon rests."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from random import Random
+
+from servo_rig import ServoRig, somewhere, WrongStateError
+
+MAX_STOP_TIME, MEDIAN_STOP_TIME = 0.15, 0.1  # s
+REST_SPEED, REST_DISTANCE = 5e-4, 1e-4  # m/s, m: as the driver confirms a stop, and arrives
+STOP_STEP, STANDING_TIME, MAX_WATCH = 0.002, 0.1, 20.0  # s
+
+
+@dataclass(frozen=True)
+class Stop:
+    """
+    How long a stop took, s.
+
+    slow: until every spool stays below REST_SPEED and near where it rests.  near: until every
+    spool stays within REST_DISTANCE of where it rests.  standing: until every speed is exactly 0.
+    moved: m by which a tendon is elsewhere 0.5 s later.
+    """
+
+    slow: float
+    near: float
+    standing: float
+    moved: float
+
+
+def stop_in_motion(made: ServoRig, random: Random) -> Stop | None:
+    """Stop a motion; return how long that took, or None if it had ended before."""
+    driver, emulator = made.driver, made.emulator
+    clock, speed = emulator.clock, random.uniform(0.008, 0.028)
+    begin, goal = driver.read().pulls, somewhere(random, len(emulator.servos))
+    duration = max(abs(a - b) for a, b in zip(begin, goal, strict=True)) / speed
+    start = clock()
+    end = start + min(random.uniform(0.1, 0.8), 0.9 * duration)
+    while clock() < end:
+        part = (clock() - start + 0.02) / duration
+        driver.move(tuple(a + part * (b - a) for a, b in zip(begin, goal, strict=True)), 0.02)
+        clock.sleep(0.02)
+        made.check()
+    clock.sleep(random.uniform(0.0, 0.02))
+    if not emulator.moving:
+        return None
+    requested = clock()
+    driver.stop()
+    stop = _watch(made, requested)
+    made.check()
+    return stop
+
+
+def _watch(made: ServoRig, requested: float) -> Stop:
+    """Return how long a stop takes that was ``requested`` just now (s)."""
+    clock, times, pulls, speeds = made.emulator.clock, [], [], []
+
+    def seen() -> tuple[tuple[float, ...], float]:
+        motors = [servo.motor for servo in made.emulator.servos]
+        return (tuple(motor.pull for motor in motors),
+                max(abs(motor.speed) * motor.tendon.radius for motor in motors))
+
+    standing = requested
+    while clock() - standing < STANDING_TIME:
+        clock.sleep(STOP_STEP)
+        at, speed = made.emulator.read(seen)
+        times.append(clock())
+        pulls.append(at)
+        speeds.append(speed)
+        if speed:
+            standing = clock()
+        if clock() - requested > MAX_WATCH:
+            raise WrongStateError(f'the spools never rest: {speed} m/s')
+
+    def last(moves: Callable[[int], bool]) -> float:
+        """Return the last time for which that holds, since the request."""
+        return max((time - requested for i, time in enumerate(times) if moves(i)), default=0.0)
+
+    def away(i: int) -> float:
+        return max(abs(a - b) for a, b in zip(pulls[i], pulls[-1], strict=True))
+
+    made.wait(0.5 - STANDING_TIME)
+    made.rest()
+    now = made.emulator.pulls
+    return Stop(last(lambda i: away(i) > REST_DISTANCE or speeds[i] > REST_SPEED),
+                last(lambda i: away(i) > REST_DISTANCE), standing - requested,
+                max(abs(a - b) for a, b in zip(now, pulls[-1], strict=True)))
