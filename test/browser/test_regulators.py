@@ -24,12 +24,13 @@ def test_vacuums_can_be_typed_only_where_regulators_are(monkeypatch: pytest.Monk
     session = Mock(description=Description(load_arm(description_file())), notices=[],
                    closed_loop=None)
     session.picture.address = ''
-    session.observed.recorder = None
+    session.observed.recorder = session.observed.teleop = None
     panel = Panel(server, session)
     number, button = panel._regulators[2:4]  # of segment 2
     for vacuums in ((), (80e3, 80e3, 80e3), ()):
         panel.show(replace(READY, set_vacuums=vacuums))
         assert number.visible is button.visible is bool(vacuums)
+    assert number.value == 80.0, 'what is set already, so that the button alone softens nothing'
     panel._set_vacuum(2, Mock(value=30.0))
     session.set_vacuum.assert_called_once_with(2, 30e3)
     for typed in (1e9, -1.0, nan, 'much', None):

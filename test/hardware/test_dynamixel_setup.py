@@ -10,10 +10,10 @@ import pytest
 
 from soft_continuum.cli.calibrate import main as calibrate
 from soft_continuum.cli.calibrate_servos import main as calibrate_servos
-from soft_continuum.hardware.calibration import forget_zero
 from soft_continuum.hardware.checks import check_servos, FAIL, OK, WARN
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.drives import forget_zero
 from soft_continuum.hardware.dynamixel_reference import (
     mark,
     marked_zero,
