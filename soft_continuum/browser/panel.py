@@ -220,6 +220,9 @@ class Panel:
         any_soft = not self._description.jamming or False in state.stiff
         self._shapes.show(may_run, runs)
         self._tip.show(state, may_run)
+        for number, vacuum in zip(self._regulators[::2], state.set_vacuums, strict=False):
+            if not number.visible and isfinite(vacuum):  # so that Set alone changes nothing
+                number.value = round(1e-3 * vacuum, 1)
         for control in self._regulators:
             if control.visible is not bool(state.set_vacuums):
                 control.visible = bool(state.set_vacuums)

@@ -82,7 +82,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
     'set up a rig, while no nodes run': (
         Verb('new-arm', 'describe an arm, by questions', 'cli.new_arm:main'),
         Verb('doctor', 'check a rig step by step; nothing moves', 'cli.doctor:main'),
-        Verb('calibrate', 'measure a rig: steps, signs, zero, vacuum; set up servos',
+        Verb('calibrate', 'measure a rig: vacuum, signs, steps, zero; set up servos',
              'cli.calibrate:main'),
         Verb('emulate', 'emulate a device: grbl, dynamixel or modbus', 'cli.emulate:main'),
         Verb('twin', 'simulate a rig: the arm in MuJoCo behind both devices', 'cli.twin:main'),

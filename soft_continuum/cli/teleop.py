@@ -49,8 +49,10 @@ HELP = (
     'r            emergency stop off; resume',
     'q Ctrl-C     quit',
 )
-KEYS = {RELEASE: 'let go of all keys', MOVE: 'hold an arrow', ': reset ': ': r '}
+KEYS = {RELEASE: 'let go of all keys', MOVE: 'hold an arrow', ': reset ': ': r ',
+        '~/resume': 'r', '~/stop': 'stop'}
 """What teleop says of the controls of a joystick, and the keys for them."""
+STARTING = 'starting ...'
 STALE_AFTER = 3.0  # s: teleop repeats its state once a second
 BRIEF = ('space STOP; arrows move; s, t soften, stiffen; n next segment; m mode; e emergency '
          'stop; r reset; + - speed; q quit')
@@ -79,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return parser.fail(error)
     try:
         connection.requests.start(connection.requests.observe()).result()
-        print('starting ...', end='\r', flush=True)
+        print(STARTING, end='\r', flush=True)
         with _steering(connection, options.params_file) as log:
             return _steer(parser, connection, log)
     except ParameterError as error:
@@ -142,6 +144,7 @@ def _steer(parser: Parser, connection: 'Connection', log: Path) -> int:
             TELEOP, [p.name for p in NODE_PARAMETERS[TELEOP]])).result()
     except ClientError as error:
         return parser.fail(f'teleop does not answer: {error}')
+    print(' ' * len(STARTING), end='\r', flush=True)
     return int(curses.wrapper(_Screen(connection, Pad.from_parameters(values)).run))
 
 

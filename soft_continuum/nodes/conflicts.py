@@ -124,6 +124,7 @@ class Conflicts:
                     own, attribute):
                 found[getattr(instance, attribute), instance.host].append(name)
         return [
-            f'{" and ".join(names)} on {host or "an unknown computer"} has {what} '
+            f'{" and ".join(names)} on {host or "an unknown computer"} '
+            f'{"have" if len(names) > 1 else "has"} {what} '
             f'{value or "unknown"}, {self._node.get_name()} on {own.host} '
             f'{getattr(own, attribute)}: {remedy}' for (value, host), names in found.items()]

@@ -30,6 +30,7 @@ def test_vacuums_can_be_typed_only_where_regulators_are(monkeypatch: pytest.Monk
     for vacuums in ((), (80e3, 80e3, 80e3), ()):
         panel.show(replace(READY, set_vacuums=vacuums))
         assert number.visible is button.visible is bool(vacuums)
+    assert number.value == 80.0, 'what is set already, so that the button alone softens nothing'
     panel._set_vacuum(2, Mock(value=30.0))
     session.set_vacuum.assert_called_once_with(2, 30e3)
     for typed in (1e9, -1.0, nan, 'much', None):

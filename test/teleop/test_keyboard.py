@@ -81,6 +81,7 @@ def test_who_steers_by_keys_is_told_of_no_button():
     for said in (f'refused: {RELEASE}', 'the emergency stop is on: reset turns it off',
                  'segment 2 is soft: hold the dead-man button and move the stick'):
         assert not {'button', 'stick', 'reset'} & {*in_keys(said).split()}
+    assert in_keys('nothing moves before ~/resume') == 'nothing moves before r'
     assert in_keys('the emergency stop is on: reset turns it off').endswith(': r turns it off')
 
 
