@@ -99,8 +99,8 @@ class ObservedArm:
     Callbacks come on the thread that spins the node.  ``snapshot`` may be called from any thread.
     """
 
-    def __init__(self, node: Node) -> None:
-        """Subscribe on ``node``, with relative names."""
+    def __init__(self, node: Node, *, feedback: bool = True) -> None:
+        """Subscribe on ``node``, with relative names; feedback: to that of sequences too."""
         self._node = node
         self._messages: dict[str, Any] = {}
         self._ages: dict[str, Age] = {}  # by topic and by node
@@ -108,6 +108,8 @@ class ObservedArm:
         self._measured: dict[str, tuple[Age, Pose]] = {}  # by disc, what a sensor measured last
         self._segments = self._jams = 0  # of which there are poses; that are switched
         for topic, (kind, qos, source) in TOPICS.items():
+            if topic == FEEDBACK and not feedback:
+                continue
             self._subscribe(topic, kind, qos, source)
         subscribe(node, DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
 

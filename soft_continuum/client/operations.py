@@ -50,6 +50,9 @@ class Operations(Tasks):
     not.  Run them with ``start``, on the thread that spins the node.
     """
 
+    hears_feedback = True
+    """Whether ``observed`` subscribes to the feedback of sequences, whoever started them."""
+
     def __init__(self, node: Node, timeout: float, discovery_timeout: float | None = None) -> None:
         """``timeout``: s for an answer, and for a node to be found unless that is given."""
         super().__init__(
@@ -61,7 +64,7 @@ class Operations(Tasks):
     def observed(self) -> 'ObservedArm':
         """The arm as it is observed, from the first use on."""
         from soft_continuum.client.observed import ObservedArm
-        observed = ObservedArm(self.node)
+        observed = ObservedArm(self.node, feedback=self.hears_feedback)
         observed.on_change(self.step)
         return observed
 

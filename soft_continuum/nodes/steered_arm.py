@@ -59,6 +59,7 @@ class SteeredArm:
         self.doing = self.note = ''
         self._node, self._parameters = node, parameters
         self._requests = Requests(node, ANSWER_TIMEOUT, DISCOVERY_TIMEOUT)
+        self._requests.hears_feedback = False  # that a sequence runs is all that is asked
         self._observed = self._requests.observed
         self._arm: AnyArm | None = None
         self._jamming = True
