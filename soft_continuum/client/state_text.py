@@ -114,12 +114,13 @@ def source_text(estimate: Estimate) -> str:
     age = age_text(estimate.age)
     if not estimate.measured:
         return f'predicted by the model; {age}'
-    parts = [age]
+    parts = [] if estimate.age is None else [age]
     if estimate.tip_deviation is not None:
         parts.append(f'tip +-{millimetres(estimate.tip_deviation)} mm')
     if estimate.angle_deviations and all(map(isfinite, estimate.angle_deviations)):
         parts.append(f'angles +-{degrees(max(estimate.angle_deviations)):.1f} deg')
-    return f'estimated from measurements; {", ".join(parts)}'
+    source = 'measured tensions' if estimate.age is None else 'measurements'
+    return '; '.join(filter(None, (f'estimated from {source}', ', '.join(parts))))
 
 
 def estimate_lines(estimate: Estimate | None) -> list[str]:
@@ -148,7 +149,7 @@ def reached_text(reached: Reached) -> str:
     if not reached.measured:
         return ('predicted: nothing was measured; '
                 + (f'angles{angles}'.replace('  ', ' ')
-                   if directions and not isfinite(reached.tip_error)
+                   if not isfinite(reached.tip_error)
                    else f'{error} by the model') + again)
     deviation = position_deviation(reached.tip_deviations)
     within = '' if deviation is None else f', +-{millimetres(deviation)} mm'

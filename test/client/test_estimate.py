@@ -4,7 +4,7 @@
 
 from collections.abc import Callable
 import json
-from math import hypot
+from math import hypot, nan
 import threading
 from typing import Any
 
@@ -71,6 +71,11 @@ def test_without_measurements_it_is_a_prediction_and_no_more_is_said(
     assert 'learned' not in output and 'ALARM' not in output
 
 
+def test_measured_tensions_are_a_source_too(arm: EstimatedArm, call: Callable[..., Any]) -> None:
+    arm.age = None  # no disc was ever seen
+    assert 'shape      estimated from measured tensions; tip +-0.5 mm' in call('status')[1]
+
+
 def test_a_sequence_has_an_aim_and_its_result_says_where_it_ended(
         arm: EstimatedArm, client: Arm) -> None:
     running = client.start('c_form', aim='tip')
@@ -99,7 +104,8 @@ RESULTS = [
     ({'source': 1, 'tip_deviations': [3e-4, 4e-4, 0.01], 'corrections': 4},
      'reached: tip 0.6 mm from its aim (measured, +-0.5 mm), angles +5.7 +11.5 +17.2 deg, '
      '4 corrections'),
-    ({}, 'predicted: nothing was measured; tip 0.6 mm from its aim by the model')]
+    ({}, 'predicted: nothing was measured; tip 0.6 mm from its aim by the model'),
+    ({'tip_error': nan}, 'predicted: nothing was measured; angles +5.7 +11.5 +17.2 deg')]
 
 
 @pytest.mark.parametrize(('result', 'text'), RESULTS)
@@ -111,7 +117,7 @@ def test_run_says_where_it_ended_and_how_that_is_known(
         while len(arm.goals) == sent or arm._end is None or arm._end.done():
             threading.Event().wait(0.02)
         arm.end_goal(shapes_completed=1, bending_angles=[0.1, 0.2, 0.3], tip=[0.1, 0.3, 0.6],
-                     tip_error=6e-4, **result)
+                     **{'tip_error': 6e-4, **result})
 
     other = threading.Thread(target=end)
     other.start()
