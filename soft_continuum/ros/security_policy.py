@@ -91,7 +91,6 @@ def profiles(values: Mapping[str, Value]) -> dict[str, set[Interface]]:
     published = {one.name for _, one in everything if one.role == 'publishes'}
     inputs = {replace(one, role='publishes') for name, one in everything
               if one.role == 'subscribes' and EVERYTHING not in one.name
-              and '/_action/' not in one.name
               and one.name not in published | {*SHARED}}
     found[INPUTS] = program | inputs
     commands = {replace(one, role='calls') for _, one in everything if one.role == SERVED}

@@ -38,7 +38,7 @@ LIFECYCLE = {one.name for one in OF_LIFECYCLE_NODES}
 def documented(node: str, kind: str, role: str) -> dict[str, str]:
     """Return type by name; without what the recorder subscribes to while it records."""
     return {one.name: one.type for one in interfaces(node)
-            if (one.kind, one.role) == (kind, role) and '/_' not in one.name
+            if (one.kind, one.role) == (kind, role)
             and not (node == RECORDER and role in ('subscribes', 'calls'))}
 
 
@@ -53,13 +53,6 @@ def in_graph(rig: Rig, node: str, found: Iterable[tuple[str, list[str]]]) -> dic
         if '/_' not in short and short not in LEFT_OUT:
             names[short] = re.sub('/(msg|srv|action)/', '/', types[0])
     return names
-
-
-def called_actions(rig: Rig, node: str, space: str) -> list[tuple[str, list[str]]]:
-    """Return the actions whose goals a node may send; the graph also has those it only hears."""
-    calls = {name for name, _ in rig.observer.get_client_names_and_types_by_node(node, space)}
-    found = get_action_client_names_and_types_by_node(rig.observer, node, space)
-    return [one for one in found if f'{one[0]}/_action/send_goal' in calls]
 
 
 def assert_same(node: str, kind: str, on_page: dict[str, str],
@@ -94,7 +87,7 @@ def test_the_page_of_a_node_lists_its_topics_services_and_actions(suite: Rig, no
             ('service', 'serves', observer.get_service_names_and_types_by_node),
             ('service', 'calls', observer.get_client_names_and_types_by_node),
             ('action', 'serves', partial(get_action_server_names_and_types_by_node, observer)),
-            ('action', 'calls', partial(called_actions, suite))):
+            ('action', 'calls', partial(get_action_client_names_and_types_by_node, observer))):
         assert_same(node, f'{role} {kind}s', documented(node, kind, role),
                     lambda of=found: in_graph(suite, node, of(node, space)), suite)
 
