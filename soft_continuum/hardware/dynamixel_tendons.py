@@ -19,7 +19,12 @@ from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.dynamixel_bus import DynamixelBus
 from soft_continuum.hardware.dynamixel_reference import ZeroFile
 from soft_continuum.hardware.dynamixel_session import CYCLE, DynamixelSession, RESTING_CYCLE
-from soft_continuum.hardware.dynamixel_setup import find_servos, problems, Spools
+from soft_continuum.hardware.dynamixel_setup import (
+    find_servos,
+    problems,
+    RADIUS_RANGE,
+    Spools,
+)
 from soft_continuum.hardware.dynamixel_start import find_zeros, read_states, take_over
 from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
 from soft_continuum.parameters.parameter import Parameter
@@ -40,7 +45,7 @@ class DynamixelTendons:
         Parameter('dynamixel.baud', 1000000, 'bits/s of that bus', 9600, 4500000),
         Parameter('dynamixel.ids', (1.0, 2.0), 'ID of the servo of each tendon', 0, 252),
         Parameter('dynamixel.spool_radii', (0.01, 0.01), 'radius of each spool, to the middle of '
-                  'the tendon on it; 10 mm are 0.01', 1e-3, 0.1, unit='m'),
+                  'the tendon on it; 10 mm are 0.01', *RADIUS_RANGE, unit='m'),
         Parameter('dynamixel.signs', (1.0, 1.0), 'for each tendon 1 where its servo pulls it in '
                   'by turning to larger positions, -1 where it pays it out', -1.0, 1.0),
         Parameter('dynamixel.tension_limits', (20.0, 20.0), 'tension of each tendon beyond which '
