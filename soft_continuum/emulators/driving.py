@@ -37,7 +37,7 @@ def dynamixel_parameters(port: str | Path, tendons: int, baud_rate: int = BAUD_R
     return {'settle_tolerance': SETTLE_TOLERANCE,
             'tendon_driver': 'dynamixel', 'dynamixel.port': str(port),
             'dynamixel.baud': baud_rate,
-            'dynamixel.ids': tuple(float(n + 1) for n in range(tendons)),
+            'dynamixel.ids': tuple(range(1, tendons + 1)),
             'dynamixel.spool_radii': (SPOOL_RADIUS,) * tendons,
             'dynamixel.signs': (1.0,) * tendons,
             'dynamixel.tension_limits': (TENSION_LIMIT,) * tendons,

@@ -124,13 +124,10 @@ class Spools:
         # Here, because it loads the mechanics: doctor must run when they do not compile.
         from soft_continuum.parameters.arm import any_arm_from_parameters
 
-        ids = values['dynamixel.ids']  # ROS has them as numbers with a decimal point
-        if any(number != int(number) for number in ids):
-            raise ParameterError(f'parameter dynamixel.ids is {list(ids)}; give whole numbers')
-        return cls(any_arm_from_parameters(values).tendon_names, tuple(map(int, ids)), *(
+        return cls(any_arm_from_parameters(values).tendon_names, *(
             values[name] for name in (
-                'dynamixel.spool_radii', 'dynamixel.signs', 'dynamixel.tension_limits',
-                'dynamixel.torque_constants', 'speed_limit', 'acceleration_limit',
+                'dynamixel.ids', 'dynamixel.spool_radii', 'dynamixel.signs',
+                'dynamixel.tension_limits', 'dynamixel.torque_constants', 'speed_limit', 'acceleration_limit',
                 'pull_limits', 'dynamixel.take_up_tension')))
 
     @property

@@ -43,7 +43,7 @@ class DynamixelTendons:
         Parameter('dynamixel.port', '', 'serial port of the adapter to the bus of the servos, '
                   'best the name below /dev/serial/by-id that stays with it'),
         Parameter('dynamixel.baud', 1000000, 'bits/s of that bus', 9600, 4500000),
-        Parameter('dynamixel.ids', (1.0, 2.0), 'ID of the servo of each tendon', 0, 252),
+        Parameter('dynamixel.ids', (1, 2), 'ID of the servo of each tendon', 0, 252),
         Parameter('dynamixel.spool_radii', (0.01, 0.01), 'radius of each spool, to the middle of '
                   'the tendon on it; 10 mm are 0.01', *RADIUS_RANGE, unit='m'),
         Parameter('dynamixel.signs', (1.0, 1.0), 'for each tendon 1 where its servo pulls it in '

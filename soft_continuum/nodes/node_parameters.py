@@ -50,7 +50,7 @@ class NodeParameters(Mapping[str, Any]):
             value = self._node.declare_parameter(
                 parameter.name, default, _descriptor(parameter)).value
         except InvalidParameterTypeException as error:
-            decimal = isinstance(parameter.default, float) or isinstance(default, list)
+            decimal = 'double' in parameter.type_name
             hint = ' (write 5.0 rather than 5)' if decimal and 'INTEGER' in str(error) else ''
             raise ParameterError(
                 f'parameter {parameter.name}: {error}{hint}; {_allowed(parameter)}') from None

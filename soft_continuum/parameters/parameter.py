@@ -16,7 +16,7 @@ ROS_NUMBER = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?')
 MAX_NUMBER = 1e308
 MAX_SHOWN = 200  # characters of a value in an error message
 
-Value = bool | int | float | str | tuple[float, ...] | tuple[str, ...]
+Value = bool | int | float | str | tuple[int, ...] | tuple[float, ...] | tuple[str, ...]
 TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string'}
 
 

@@ -273,7 +273,8 @@ def changed(parameter: Parameter) -> Any:
     """Return an allowed value other than the default."""
     default: Any = parameter.default
     if isinstance(default, tuple):
-        return [item if isinstance(item, str) else item + 1e-4 for item in default] * 2
+        step = 1 if 'integer' in parameter.type_name else 1e-4
+        return [item if isinstance(item, str) else item + step for item in default] * 2
     if isinstance(default, str):
         return parameter.choices[-1] if parameter.choices else 'other'
     if isinstance(default, bool):
