@@ -127,8 +127,8 @@ class Spools:
         return cls(any_arm_from_parameters(values).tendon_names, *(
             values[name] for name in (
                 'dynamixel.ids', 'dynamixel.spool_radii', 'dynamixel.signs',
-                'dynamixel.tension_limits', 'dynamixel.torque_constants', 'speed_limit', 'acceleration_limit',
-                'pull_limits', 'dynamixel.take_up_tension')))
+                'dynamixel.tension_limits', 'dynamixel.torque_constants', 'speed_limit',
+                'acceleration_limit', 'pull_limits', 'dynamixel.take_up_tension')))
 
     @property
     def pull_per_pulse(self) -> tuple[float, ...]:

@@ -27,7 +27,7 @@ from soft_continuum.hardware.tendon_controller import Reason
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.entries import guarded
 from soft_continuum.nodes.motion_requests import MAX_POINTS
-from soft_continuum.nodes.tendon_control import Report
+from soft_continuum.nodes.tendon_report import Report
 from soft_continuum.ros.conversions import seconds, trajectory_from_ros
 from soft_continuum.ros.ros_time import duration_to_ros, RosTime
 from soft_continuum.ros.text import plain

@@ -31,7 +31,8 @@ from soft_continuum.nodes.motion_requests import MAX_POINTS, Request
 from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
 from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
-from soft_continuum.nodes.tendon_control import Device, Report, TendonControl
+from soft_continuum.nodes.tendon_control import Device, TendonControl
+from soft_continuum.nodes.tendon_report import Report
 from soft_continuum.nodes.threads import Newest, Worker
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS

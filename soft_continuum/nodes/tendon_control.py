@@ -3,7 +3,6 @@
 """What the thread of control does with the tendons."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
@@ -16,6 +15,7 @@ from soft_continuum.hardware.tension_guard import TensionGuard
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.motion_requests import MotionRequests, Request
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm
+from soft_continuum.nodes.tendon_report import Report
 from soft_continuum.ros.conversions import Stiffness
 from soft_continuum_interfaces.msg import TendonActuationState
 
@@ -26,25 +26,6 @@ MAX_JUMP = 0.5
 CHANGED = 'a segment changed between soft and stiff, or its vacuum was set'
 MAX_REVOKED = 20  # motions whose further parts are refused
 Device = tuple[TendonDriver, TendonController]
-
-
-@dataclass(frozen=True)
-class Report:
-    """
-    State after a cycle or a request.
-
-    ended, refused: why the last motion was, for people; empty when a later one was accepted.
-    unmeasured: which load cell tells nothing.  reading: the last one, None while it means
-    nothing.  time, start: of it and of the accepted trajectory, s (steady).
-    """
-
-    state: TendonActuationState
-    ended: str
-    refused: str
-    unmeasured: str
-    reading: TendonReading | None
-    time: float
-    start: float
 
 
 class TendonControl:
