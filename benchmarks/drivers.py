@@ -18,11 +18,11 @@ from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.emulators.driving import BAUD_RATE, board_links, SPOOL_RADIUS
 from soft_continuum.emulators.grbl import STEPS_PER_MM
-from soft_continuum.hardware.dynamixel_setup import Spools
-from soft_continuum.hardware.dynamixel_tendons import DynamixelTendons
-from soft_continuum.hardware.grbl_boards import GrblBoards
-from soft_continuum.hardware.grbl_motion import Motors
-from soft_continuum.hardware.grbl_tendons import GrblTendons
+from soft_continuum.hardware.dynamixel.setup import Spools
+from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
+from soft_continuum.hardware.grbl.boards import GrblBoards
+from soft_continuum.hardware.grbl.motion import Motors
+from soft_continuum.hardware.grbl.tendons import GrblTendons
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver
 
 TENDONS = 'first', 'second', 'third', 'fourth'

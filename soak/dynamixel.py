@@ -42,7 +42,7 @@ from servo_stops import (
 from benchmarks.tables import table
 from soak.report import progress, Report, spread
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.dynamixel_tendons import DynamixelTendons
+from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
 
 TRIALS = 50  # of each fault

@@ -16,7 +16,7 @@ from soft_continuum.cli.operate import bendings
 from soft_continuum.client.sequence import goal
 from soft_continuum.client.state import Pose, Reached
 from soft_continuum.client.state_text import reached_text
-from soft_continuum.hardware.grbl_motion import Motors
+from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.mechanics import Arm, RigidChain
 from soft_continuum.mechanics.either import chain_of, statics_of
 from soft_continuum.mechanics.spatial import spatial, SpatialArm, SpatialChain, SpatialTendon

@@ -9,9 +9,9 @@ from soft_continuum.arguments import Parser
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import confirm, DeclinedError
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.dynamixel_bus import DynamixelBus
-from soft_continuum.hardware.dynamixel_registers import explain_hardware_error, HARDWARE_ERROR
-from soft_continuum.hardware.dynamixel_setup import (
+from soft_continuum.hardware.dynamixel.bus import DynamixelBus
+from soft_continuum.hardware.dynamixel.registers import explain_hardware_error, HARDWARE_ERROR
+from soft_continuum.hardware.dynamixel.setup import (
     find_servos,
     Servo,
     Spools,

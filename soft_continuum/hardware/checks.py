@@ -14,28 +14,28 @@ from typing import Any
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
-from soft_continuum.hardware.dynamixel_bus import DynamixelBus, latency_timer
-from soft_continuum.hardware.dynamixel_reference import ZeroFile
-from soft_continuum.hardware.dynamixel_registers import (
+from soft_continuum.hardware.dynamixel.bus import DynamixelBus, latency_timer
+from soft_continuum.hardware.dynamixel.reference import ZeroFile
+from soft_continuum.hardware.dynamixel.registers import (
     PRESENT_CURRENT,
     RETURN_DELAY,
     TORQUE_ENABLE,
 )
-from soft_continuum.hardware.dynamixel_setup import (
+from soft_continuum.hardware.dynamixel.setup import (
     find_servos,
     FRICTION_SHARE,
     problems,
     Servo,
     Spools,
 )
-from soft_continuum.hardware.dynamixel_start import find_zeros, read_states
-from soft_continuum.hardware.grbl_link import GrblLink
-from soft_continuum.hardware.grbl_motion import Motors
-from soft_continuum.hardware.grbl_setup import find_controller, invalid_settings, UNLOCK
-from soft_continuum.hardware.modbus_bus import MAX_PAUSE, ModbusBus
-from soft_continuum.hardware.modbus_jamming import registers_from_parameters
-from soft_continuum.hardware.modbus_regulators import Outputs
-from soft_continuum.hardware.modbus_transmitters import Transmitters
+from soft_continuum.hardware.dynamixel.start import find_zeros, read_states
+from soft_continuum.hardware.grbl.link import GrblLink
+from soft_continuum.hardware.grbl.motion import Motors
+from soft_continuum.hardware.grbl.setup import find_controller, invalid_settings, UNLOCK
+from soft_continuum.hardware.modbus.bus import MAX_PAUSE, ModbusBus
+from soft_continuum.hardware.modbus.jamming import registers_from_parameters
+from soft_continuum.hardware.modbus.regulators import Outputs
+from soft_continuum.hardware.modbus.transmitters import Transmitters
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import describe_ports, open_serial
 from soft_continuum.parameters.parameter import ParameterError
@@ -113,7 +113,9 @@ def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
 def _check_topics(driver: Any) -> Iterator[Check]:
     """Yield what is heard on the topics of a driver that has any."""
     if hasattr(driver, 'link'):
-        from soft_continuum.hardware.topic_survey import survey  # needs ROS, as the driver does
+        from soft_continuum.hardware.ros_topics.survey import (
+            survey,  # needs ROS, as the driver does
+        )
 
         for found in survey(driver):
             yield Check(found.step, WARN if found.warning else OK,

@@ -25,12 +25,12 @@ JAMMING_DRIVERS = 'soft_continuum.jamming_drivers'
 _HERE = 'soft_continuum.hardware'
 _OWN = {
     TENDON_DRIVERS: {'simulated': f'{_HERE}.simulated_tendons:SimulatedTendons',
-                     'grbl': f'{_HERE}.grbl_tendons:GrblTendons',
-                     'dynamixel': f'{_HERE}.dynamixel_tendons:DynamixelTendons',
-                     'ros_topics': f'{_HERE}.ros_tendons:RosTendons'},
+                     'grbl': f'{_HERE}.grbl.tendons:GrblTendons',
+                     'dynamixel': f'{_HERE}.dynamixel.tendons:DynamixelTendons',
+                     'ros_topics': f'{_HERE}.ros_topics.tendons:RosTendons'},
     JAMMING_DRIVERS: {'simulated': f'{_HERE}.simulated_jamming:SimulatedJamming',
-                      'modbus': f'{_HERE}.modbus_jamming:ModbusJamming',
-                      'ros_topics': f'{_HERE}.ros_jamming:RosJamming'},
+                      'modbus': f'{_HERE}.modbus.jamming:ModbusJamming',
+                      'ros_topics': f'{_HERE}.ros_topics.jamming:RosJamming'},
 }
 
 

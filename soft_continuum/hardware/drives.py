@@ -8,12 +8,12 @@ from math import isfinite
 from typing import Any
 
 from soft_continuum.hardware.calibration import CalibrationError
-from soft_continuum.hardware.dynamixel_bus import DynamixelBus
-from soft_continuum.hardware.dynamixel_reference import ZeroFile
-from soft_continuum.hardware.dynamixel_setup import Spools
-from soft_continuum.hardware.dynamixel_start import forget_marks
-from soft_continuum.hardware.grbl_link import GrblLink, SOFT_RESET
-from soft_continuum.hardware.grbl_setup import find_controller
+from soft_continuum.hardware.dynamixel.bus import DynamixelBus
+from soft_continuum.hardware.dynamixel.reference import ZeroFile
+from soft_continuum.hardware.dynamixel.setup import Spools
+from soft_continuum.hardware.dynamixel.start import forget_marks
+from soft_continuum.hardware.grbl.link import GrblLink, SOFT_RESET
+from soft_continuum.hardware.grbl.setup import find_controller
 from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.user_files import dynamixel_zeros
 

@@ -17,10 +17,10 @@ import yaml
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
-from soft_continuum.hardware import grbl_session
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.grbl_motion import Motors
-from soft_continuum.hardware.grbl_tendons import GrblTendons
+from soft_continuum.hardware.grbl import session as grbl_session
+from soft_continuum.hardware.grbl.motion import Motors
+from soft_continuum.hardware.grbl.tendons import GrblTendons
 from soft_continuum.mechanics.arm import TENDONS
 
 DEADLINE = 60.0  # s until a test gives up waiting; a loaded computer is slow

@@ -9,8 +9,8 @@ from dynamixel_slave import serving, Slave
 import pytest
 from virtual_clock import VirtualClock
 
-from soft_continuum.hardware.dynamixel_setup import Spools
-from soft_continuum.hardware.dynamixel_tendons import DynamixelTendons
+from soft_continuum.hardware.dynamixel.setup import Spools
+from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
 
 TENDONS = ('right_tendon', 'left_tendon')

@@ -9,8 +9,8 @@ from virtual_clock import VirtualClock
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.grbl_motion import Motors
-from soft_continuum.hardware.grbl_tendons import GrblTendons
+from soft_continuum.hardware.grbl.motion import Motors
+from soft_continuum.hardware.grbl.tendons import GrblTendons
 from soft_continuum.hardware.protocols import HardwareError
 
 TENDONS = ('right_tendon', 'left_tendon')

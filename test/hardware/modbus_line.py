@@ -5,8 +5,8 @@
 from virtual_clock import VirtualClock
 
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
-from soft_continuum.hardware.modbus_bus import ModbusBus
-from soft_continuum.hardware.modbus_jamming import ModbusJamming, registers_from_parameters
+from soft_continuum.hardware.modbus.bus import ModbusBus
+from soft_continuum.hardware.modbus.jamming import ModbusJamming, registers_from_parameters
 from soft_continuum.hardware.protocols import HardwareError
 
 AMBIENT = 101325.0

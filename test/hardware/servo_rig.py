@@ -20,8 +20,8 @@ from soft_continuum.emulators.dynamixel import make_servos
 from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
 from soft_continuum.emulators.dynamixel_models import PULSE
 from soft_continuum.emulators.dynamixel_packets import Instruction
-from soft_continuum.hardware.dynamixel_setup import Spools
-from soft_continuum.hardware.dynamixel_tendons import DynamixelTendons
+from soft_continuum.hardware.dynamixel.setup import Spools
+from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
 
 TENDONS = 'first', 'second', 'third', 'fourth'

@@ -9,7 +9,7 @@ Whatever fails on Dynamixel servos or their bus, no wrong position is believed, 
 import pytest
 from servo_rig import BEYOND_TURN, FAULTS, rig, servos, spools, trial, WITHIN_TURN
 
-from soft_continuum.hardware.dynamixel_tendons import DynamixelTendons
+from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
 
 RAN_ON = 0.02  # m that a tendon may go on, until watchdog or driver have ended the motion

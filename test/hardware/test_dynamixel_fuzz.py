@@ -22,10 +22,10 @@ from soft_continuum.emulators.dynamixel_packets import (
     status,
     STUFFED,
 )
-from soft_continuum.hardware import dynamixel_bus
 from soft_continuum.hardware.clock import Clock
-from soft_continuum.hardware.dynamixel_bus import DynamixelBus
-from soft_continuum.hardware.dynamixel_registers import TORQUE_ENABLE
+from soft_continuum.hardware.dynamixel import bus as dynamixel_bus
+from soft_continuum.hardware.dynamixel.bus import DynamixelBus
+from soft_continuum.hardware.dynamixel.registers import TORQUE_ENABLE
 from soft_continuum.hardware.protocols import HardwareError
 
 CASES = int(os.environ.get('FUZZ_CASES', '100'))

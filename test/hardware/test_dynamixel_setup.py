@@ -15,12 +15,12 @@ from soft_continuum.hardware.checks import check_servos, FAIL, OK, WARN
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.drives import forget_zero
-from soft_continuum.hardware.dynamixel_reference import (
+from soft_continuum.hardware.dynamixel.reference import (
     mark,
     marked_zero,
     zero_within_turn,
 )
-from soft_continuum.hardware.dynamixel_setup import Spools
+from soft_continuum.hardware.dynamixel.setup import Spools
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError
 

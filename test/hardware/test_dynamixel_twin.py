@@ -9,7 +9,7 @@ from servo_rig import SPEED, spools
 from virtual_clock import VirtualClock
 
 from soft_continuum.emulators.driving import SPOOL_RADIUS
-from soft_continuum.hardware.dynamixel_tendons import DynamixelTendons
+from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm

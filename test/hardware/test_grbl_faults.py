@@ -202,7 +202,7 @@ def test_a_noisy_line_may_end_a_motion_but_no_position_is_wrong(seed):
 @pytest.mark.parametrize('number', [1, 2, 3])
 @pytest.mark.parametrize('moving', [False, True])
 def test_an_alarm_is_reported_with_its_meaning_and_never_unlocked(number, moving, monkeypatch):
-    monkeypatch.setattr('soft_continuum.hardware.grbl_setup.FIND_TIMEOUT', 1.0)
+    monkeypatch.setattr('soft_continuum.hardware.grbl.setup.FIND_TIMEOUT', 1.0)
     with rig() as (emulator, tendons):
         if moving:
             in_motion(emulator, tendons)
@@ -305,7 +305,7 @@ def test_a_file_that_is_no_serial_port_is_refused(tmp_path):
 
 
 def test_a_port_that_does_not_answer_is_reported(monkeypatch):
-    monkeypatch.setattr('soft_continuum.hardware.grbl_setup.FIND_TIMEOUT', 0.5)
+    monkeypatch.setattr('soft_continuum.hardware.grbl.setup.FIND_TIMEOUT', 0.5)
     with board() as emulator:
         emulator.hang = True
         with pytest.raises(HardwareError, match='no GRBL controller answered'):

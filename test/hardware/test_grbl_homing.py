@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from grbl_rig import at_rest, board, driver, failed, standing, until
 import pytest
 
-from soft_continuum.hardware.grbl_states import State
+from soft_continuum.hardware.grbl.states import State
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 
@@ -191,7 +191,7 @@ def test_a_reset_of_the_board_while_it_homes_is_no_zero(state):
 
 
 def test_homing_that_takes_too_long_is_ended(monkeypatch):
-    monkeypatch.setattr('soft_continuum.hardware.grbl_session.HOMING_TIMEOUT', 0.3)
+    monkeypatch.setattr('soft_continuum.hardware.grbl.session.HOMING_TIMEOUT', 0.3)
     with rig() as (emulator, tendons):
         tendons.reference()
         assert 'not ended' in failed(tendons)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from soft_continuum.hardware.grbl_link import (
+from soft_continuum.hardware.grbl.link import (
     Acknowledgement,
     Alarm,
     Banner,

@@ -6,7 +6,7 @@ from itertools import product
 
 import pytest
 
-from soft_continuum.hardware.grbl_states import BUSY, Event, next_state, State
+from soft_continuum.hardware.grbl.states import BUSY, Event, next_state, State
 
 PATHS = {
     'a motion': [

@@ -25,7 +25,7 @@ import pytest
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.grbl_tendons import GrblTendons
+from soft_continuum.hardware.grbl.tendons import GrblTendons
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 

@@ -18,9 +18,9 @@ from modbus_line import AMBIENT, driver_of, emulated, eventually, receive
 import pytest
 
 from soft_continuum.emulators.modbus_rig import crc
-from soft_continuum.hardware import modbus_bus
 from soft_continuum.hardware.clock import Clock
-from soft_continuum.hardware.modbus_bus import ModbusBus
+from soft_continuum.hardware.modbus import bus as modbus_bus
+from soft_continuum.hardware.modbus.bus import ModbusBus
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import open_serial
 

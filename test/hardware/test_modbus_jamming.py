@@ -21,7 +21,7 @@ from soft_continuum.hardware.jamming_controller import (
     JammingSettings,
     RESPONSE_TIME,
 )
-from soft_continuum.hardware.modbus_jamming import COILS_INTERVAL, ModbusJamming
+from soft_continuum.hardware.modbus.jamming import COILS_INTERVAL, ModbusJamming
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 

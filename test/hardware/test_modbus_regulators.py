@@ -13,10 +13,10 @@ from soft_continuum.hardware.jamming_controller import (
     JammingSettings,
     RESPONSE_TIME,
 )
-from soft_continuum.hardware.modbus_bus import ModbusBus
-from soft_continuum.hardware.modbus_jamming import ModbusJamming
-from soft_continuum.hardware.modbus_regulators import ModbusRegulators, Outputs
-from soft_continuum.hardware.modbus_transmitters import Transmitters
+from soft_continuum.hardware.modbus.bus import ModbusBus
+from soft_continuum.hardware.modbus.jamming import ModbusJamming
+from soft_continuum.hardware.modbus.regulators import ModbusRegulators, Outputs
+from soft_continuum.hardware.modbus.transmitters import Transmitters
 from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
 from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.parameters.parameter import ParameterError

@@ -15,10 +15,10 @@ from ros_valves import AMBIENT, REGULATORS, Regulators, VALVES, Valves
 from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Bool
 
-from soft_continuum.hardware import ros_jamming
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
 from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
+from soft_continuum.hardware.ros_topics import jamming as ros_jamming
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError

@@ -14,11 +14,11 @@ from ros2_control import Controllers, JOINTS, OtherNodes
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
-from soft_continuum.hardware import ros_tendons
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.ros_tendons import RosTendons
+from soft_continuum.hardware.ros_topics import tendons as ros_tendons
+from soft_continuum.hardware.ros_topics.tendons import RosTendons
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 

@@ -13,8 +13,8 @@ from ros_valves import VALVES, Valves
 from sensor_msgs.msg import JointState
 
 from soft_continuum.cli import calibrate, doctor
-from soft_continuum.hardware import topic_survey
 from soft_continuum.hardware.drivers import driver_topics
+from soft_continuum.hardware.ros_topics import survey as topic_survey
 from soft_continuum.parameters.files import load_rig, write_parameters
 
 TENDONS = {'tendon_driver': 'ros_topics', 'ros_tendons.joints': JOINTS,

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, TYPE_CHECKING
 
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError, JammingReading
-from soft_continuum.hardware.ros_numbers import (
+from soft_continuum.hardware.ros_topics.numbers import (
     ARRAY,
     BOOL,
     Commands,
@@ -22,7 +22,7 @@ from soft_continuum.hardware.ros_numbers import (
 from soft_continuum.parameters.parameter import Parameter, ParameterError, spread
 
 if TYPE_CHECKING:
-    from soft_continuum.hardware.ros_link import RosLink
+    from soft_continuum.hardware.ros_topics.link import RosLink
 
 ABSOLUTE, GAUGE = 'absolute', 'gauge'
 OPEN_TIMEOUT = 4.0
@@ -84,7 +84,7 @@ class RosVacuum:
 
     def _connect(self) -> None:
         try:
-            from soft_continuum.hardware.ros_link import RosLink
+            from soft_continuum.hardware.ros_topics.link import RosLink
         except ImportError as error:
             raise HardwareError(f'{error.name} is not there; source ROS 2 and the workspace'
                                 ) from error

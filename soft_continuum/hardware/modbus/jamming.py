@@ -3,7 +3,7 @@
 """
 Pump and valves on a Modbus RTU relay board, pressure transmitters (4-20 mA) on an analog board.
 
-With ``modbus.regulators`` there are regulators in their place: modbus_regulators.py.
+With ``modbus.regulators`` there are regulators in their place: regulators.py.
 
 The boards have no watchdog and no fail-safe: they keep their relays as they are when this program
 or the line fails.  What the segments do when the boards lose power depends on the plumbing, that
@@ -16,9 +16,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from soft_continuum.hardware.modbus_bus import ModbusBus
-from soft_continuum.hardware.modbus_regulators import ModbusRegulators, REGULATOR_PARAMETERS
-from soft_continuum.hardware.modbus_transmitters import (
+from soft_continuum.hardware.modbus.bus import ModbusBus
+from soft_continuum.hardware.modbus.regulators import ModbusRegulators, REGULATOR_PARAMETERS
+from soft_continuum.hardware.modbus.transmitters import (
     addresses,
     bus_from_parameters,
     check_span,

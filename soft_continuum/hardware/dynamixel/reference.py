@@ -16,7 +16,7 @@ import json
 from math import ceil, floor
 from pathlib import Path
 
-from soft_continuum.hardware.dynamixel_registers import PULSES_PER_TURN
+from soft_continuum.hardware.dynamixel.registers import PULSES_PER_TURN
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.text import read_bytes, write_whole
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import nan
 from typing import Any, Self
 
-from soft_continuum.hardware.modbus_bus import (
+from soft_continuum.hardware.modbus.bus import (
     BITS_PER_CHARACTER,
     ModbusBus,
     OVERHEAD,

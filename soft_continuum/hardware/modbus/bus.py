@@ -64,7 +64,7 @@ class ModbusBus:
     def __init__(self, port: str, baud_rate: int, timeout: float, clock: Clock = STEADY) -> None:
         """Use ``port``, 8N1, once it is opened; timeout: s from a request to its whole reply."""
         try:
-            from soft_continuum.hardware.modbus_frames import Frames
+            from soft_continuum.hardware.modbus.frames import Frames
         except ModuleNotFoundError as error:
             raise HardwareError(
                 f'{error.name} is not installed, which Modbus boards need: '

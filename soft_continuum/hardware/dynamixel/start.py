@@ -11,21 +11,21 @@ from collections.abc import Sequence
 import contextlib
 from dataclasses import replace
 
-from soft_continuum.hardware.dynamixel_bus import (
+from soft_continuum.hardware.dynamixel.bus import (
     DamagedReplyError,
     DynamixelBus,
     NoReplyError,
     RefusedError,
 )
-from soft_continuum.hardware.dynamixel_path import MAX_LEAD
-from soft_continuum.hardware.dynamixel_reference import (
+from soft_continuum.hardware.dynamixel.path import MAX_LEAD
+from soft_continuum.hardware.dynamixel.reference import (
     mark,
     marked_zero,
     Zero,
     zero_within_turn,
     ZeroFile,
 )
-from soft_continuum.hardware.dynamixel_registers import (
+from soft_continuum.hardware.dynamixel.registers import (
     BUS_WATCHDOG,
     GOAL_CURRENT,
     GOAL_POSITION,
@@ -41,8 +41,8 @@ from soft_continuum.hardware.dynamixel_registers import (
     VELOCITY_UNIT,
     WATCHDOG_TRIGGERED,
 )
-from soft_continuum.hardware.dynamixel_setup import Servo, Spools
-from soft_continuum.hardware.dynamixel_state import BLOCK, ServoState, Written
+from soft_continuum.hardware.dynamixel.setup import Servo, Spools
+from soft_continuum.hardware.dynamixel.state import BLOCK, ServoState, Written
 from soft_continuum.hardware.protocols import HardwareError
 
 WATCHDOG = 10  # units of WATCHDOG_UNIT

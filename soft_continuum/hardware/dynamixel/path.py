@@ -11,7 +11,7 @@ loaded tendon go.
 
 from collections.abc import Sequence
 
-from soft_continuum.hardware.dynamixel_setup import Spools
+from soft_continuum.hardware.dynamixel.setup import Spools
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 
 MAX_STEP = 0.03

@@ -16,16 +16,16 @@ import threading
 from typing import Any, ClassVar, Self
 
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.dynamixel_bus import DynamixelBus
-from soft_continuum.hardware.dynamixel_reference import ZeroFile
-from soft_continuum.hardware.dynamixel_session import CYCLE, DynamixelSession, RESTING_CYCLE
-from soft_continuum.hardware.dynamixel_setup import (
+from soft_continuum.hardware.dynamixel.bus import DynamixelBus
+from soft_continuum.hardware.dynamixel.reference import ZeroFile
+from soft_continuum.hardware.dynamixel.session import CYCLE, DynamixelSession, RESTING_CYCLE
+from soft_continuum.hardware.dynamixel.setup import (
     find_servos,
     problems,
     RADIUS_RANGE,
     Spools,
 )
-from soft_continuum.hardware.dynamixel_start import find_zeros, read_states, take_over
+from soft_continuum.hardware.dynamixel.start import find_zeros, read_states, take_over
 from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
 from soft_continuum.parameters.parameter import Parameter
 from soft_continuum.user_files import dynamixel_zeros

@@ -25,7 +25,7 @@ from rclpy.serialization import deserialize_message
 
 from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.stamps import Stamps
+from soft_continuum.hardware.ros_topics.stamps import Stamps
 from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.text import plain
 

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-from soft_continuum.hardware.modbus_bus import ModbusBus
-from soft_continuum.hardware.modbus_transmitters import (
+from soft_continuum.hardware.modbus.bus import ModbusBus
+from soft_continuum.hardware.modbus.transmitters import (
     addresses,
     bus_from_parameters,
     check_span,

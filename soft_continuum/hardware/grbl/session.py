@@ -10,7 +10,7 @@ connection is over.
 import contextlib
 from dataclasses import dataclass
 
-from soft_continuum.hardware.grbl_link import (
+from soft_continuum.hardware.grbl.link import (
     Acknowledgement,
     Alarm,
     Banner,
@@ -23,8 +23,8 @@ from soft_continuum.hardware.grbl_link import (
     Status,
     STATUS_QUERY,
 )
-from soft_continuum.hardware.grbl_motion import add, JogStream, Motors, Steps, subtract
-from soft_continuum.hardware.grbl_setup import (
+from soft_continuum.hardware.grbl.motion import add, JogStream, Motors, Steps, subtract
+from soft_continuum.hardware.grbl.setup import (
     Controller,
     explain_alarm,
     explain_error,
@@ -32,7 +32,7 @@ from soft_continuum.hardware.grbl_setup import (
     MODES,
     UNLOCK,
 )
-from soft_continuum.hardware.grbl_states import BUSY, Event, next_state, State
+from soft_continuum.hardware.grbl.states import BUSY, Event, next_state, State
 from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
 
 MOVING_QUERY_INTERVAL, RESTING_QUERY_INTERVAL = 0.025, 0.1  # s between two status queries

@@ -14,11 +14,11 @@ import threading
 from typing import Any, ClassVar
 
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.grbl_boards import GrblBoards
-from soft_continuum.hardware.grbl_link import GrblLink
-from soft_continuum.hardware.grbl_motion import JOG_TIME, Motors
-from soft_continuum.hardware.grbl_session import GrblSession, RESTING_QUERY_INTERVAL
-from soft_continuum.hardware.grbl_setup import find_controller, invalid_settings, UNLOCK
+from soft_continuum.hardware.grbl.boards import GrblBoards
+from soft_continuum.hardware.grbl.link import GrblLink
+from soft_continuum.hardware.grbl.motion import JOG_TIME, Motors
+from soft_continuum.hardware.grbl.session import GrblSession, RESTING_QUERY_INTERVAL
+from soft_continuum.hardware.grbl.setup import find_controller, invalid_settings, UNLOCK
 from soft_continuum.hardware.protocols import (
     describe_pulls,
     HardwareError,

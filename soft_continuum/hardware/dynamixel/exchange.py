@@ -10,12 +10,12 @@ and written again.  For the one thread that owns the bus.
 from collections.abc import Sequence
 import contextlib
 
-from soft_continuum.hardware.dynamixel_bus import (
+from soft_continuum.hardware.dynamixel.bus import (
     DamagedReplyError,
     DynamixelBus,
     NoReplyError,
 )
-from soft_continuum.hardware.dynamixel_registers import (
+from soft_continuum.hardware.dynamixel.registers import (
     explain_hardware_error,
     GOAL_CURRENT,
     GOAL_POSITION,
@@ -25,8 +25,8 @@ from soft_continuum.hardware.dynamixel_registers import (
     WATCHDOG_TRIGGERED,
     WATCHDOG_UNIT,
 )
-from soft_continuum.hardware.dynamixel_setup import CALIBRATE, Servo
-from soft_continuum.hardware.dynamixel_state import BLOCK, fastest, ServoState, Written
+from soft_continuum.hardware.dynamixel.setup import CALIBRATE, Servo
+from soft_continuum.hardware.dynamixel.state import BLOCK, fastest, ServoState, Written
 from soft_continuum.hardware.protocols import HardwareError
 
 SILENCE_TIMEOUT, MIN_MISSED = 0.15, 4

@@ -14,20 +14,20 @@ from dataclasses import replace
 from enum import Enum
 import threading
 
-from soft_continuum.hardware.dynamixel_bus import DynamixelBus
-from soft_continuum.hardware.dynamixel_exchange import Exchange
-from soft_continuum.hardware.dynamixel_path import HeldPath
-from soft_continuum.hardware.dynamixel_reference import Zero, ZeroFile
-from soft_continuum.hardware.dynamixel_registers import (
+from soft_continuum.hardware.dynamixel.bus import DynamixelBus
+from soft_continuum.hardware.dynamixel.exchange import Exchange
+from soft_continuum.hardware.dynamixel.path import HeldPath
+from soft_continuum.hardware.dynamixel.reference import Zero, ZeroFile
+from soft_continuum.hardware.dynamixel.registers import (
     BUS_WATCHDOG,
     GOAL_POSITION,
     MAX_POSITION,
     PULSES_PER_TURN,
 )
-from soft_continuum.hardware.dynamixel_setup import Servo, Spools
-from soft_continuum.hardware.dynamixel_start import keep_zeros
-from soft_continuum.hardware.dynamixel_state import REST_TIME, ServoState, Track
-from soft_continuum.hardware.dynamixel_take_up import TakeUp
+from soft_continuum.hardware.dynamixel.setup import Servo, Spools
+from soft_continuum.hardware.dynamixel.start import keep_zeros
+from soft_continuum.hardware.dynamixel.state import REST_TIME, ServoState, Track
+from soft_continuum.hardware.dynamixel.take_up import TakeUp
 from soft_continuum.hardware.protocols import HardwareError, TendonReading
 
 CYCLE, RESTING_CYCLE = 0.01, 0.05

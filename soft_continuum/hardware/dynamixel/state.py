@@ -11,8 +11,8 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from soft_continuum.hardware.dynamixel_bus import Reply
-from soft_continuum.hardware.dynamixel_registers import (
+from soft_continuum.hardware.dynamixel.bus import Reply
+from soft_continuum.hardware.dynamixel.registers import (
     BUS_WATCHDOG,
     GOAL_CURRENT,
     GOAL_POSITION,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.ros_link import Listener, names
+from soft_continuum.hardware.ros_topics.link import Listener, names
 
 LISTENING = 2.0  # s
 READ_INTERVAL = 0.02  # s

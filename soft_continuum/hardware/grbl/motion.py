@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from math import ceil, hypot, sqrt
 from typing import Any, Self
 
-from soft_continuum.hardware.grbl_link import AXES, G_WORDS
+from soft_continuum.hardware.grbl.link import AXES, G_WORDS
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.parameters.parameter import ParameterError
 

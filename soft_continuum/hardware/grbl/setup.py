@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
-from soft_continuum.hardware.grbl_link import (
+from soft_continuum.hardware.grbl.link import (
     Acknowledgement,
     Alarm,
     Banner,
@@ -26,7 +26,7 @@ from soft_continuum.hardware.grbl_link import (
     STATUS_QUERY,
     words,
 )
-from soft_continuum.hardware.grbl_motion import Motors
+from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.protocols import HardwareError
 
 FIND_TIMEOUT = 6.0

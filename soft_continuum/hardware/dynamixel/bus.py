@@ -15,7 +15,7 @@ import termios
 from typing import Any, Self
 
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.dynamixel_registers import Register
+from soft_continuum.hardware.dynamixel.registers import Register
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import discard_output, open_serial
 
@@ -62,7 +62,7 @@ class DynamixelBus:
     def __init__(self, port: str, baud_rate: int, clock: Clock = STEADY) -> None:
         """Open a port that no other program may open until it is closed."""
         try:
-            from soft_continuum.hardware.dynamixel_packets import Packets, Port
+            from soft_continuum.hardware.dynamixel.packets import Packets, Port
         except ModuleNotFoundError as error:
             raise HardwareError(
                 f'{error.name} is not installed, which Dynamixel servos need: '

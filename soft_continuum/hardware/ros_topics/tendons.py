@@ -14,12 +14,12 @@ import threading
 from typing import Any, ClassVar, Self, TYPE_CHECKING
 
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.joint_states import Joints, JointWatch, PREFIX
 from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
+from soft_continuum.hardware.ros_topics.joint_states import Joints, JointWatch, PREFIX
 from soft_continuum.parameters.parameter import Parameter
 
 if TYPE_CHECKING:
-    from soft_continuum.hardware.ros_link import Listener, RosLink, Speaker
+    from soft_continuum.hardware.ros_topics.link import Listener, RosLink, Speaker
 
 OPEN_TIMEOUT = 4.0
 """s in which publishers and subscribers are discovered and a state comes."""
@@ -129,7 +129,7 @@ class RosTendons:
 
     def _connect(self) -> None:
         try:
-            from soft_continuum.hardware.ros_link import RosLink
+            from soft_continuum.hardware.ros_topics.link import RosLink
         except ImportError as error:
             raise HardwareError(f'{error.name} is not there; source ROS 2 and the workspace'
                                 ) from error
