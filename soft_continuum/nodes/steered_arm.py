@@ -4,7 +4,7 @@
 
 from collections.abc import Coroutine, Mapping
 from concurrent.futures import Future
-from math import cos, sin
+from math import cos, inf, sin
 from time import monotonic
 from typing import Any
 
@@ -41,6 +41,7 @@ ENABLING_TIMEOUT = 10.0  # s for a servo in space to find what its segment can b
 RETRY = 1.0  # s between two attempts to enable the servo
 LEAD_TIME = 0.5
 """s of full speed by which a target may be ahead of the arm: so much is left when that sticks."""
+OFF_TIME = 1.0  # s for which it is said that the emergency stop is off
 MAX_STEP = 0.1  # s of motion that one message counts for
 BENDING, TIP = TeleopState.BENDING, TeleopState.TIP
 
@@ -71,6 +72,7 @@ class SteeredArm:
         self._target: Array | None = None  # (3,) rad or m, while the arm is moved
         self._target_time = 0.0  # s (steady)
         self._emergency = False  # turned on here
+        self._silent_time = inf  # s (steady), when nothing more is said of the emergency stop
         self._bendings = node.create_publisher(Vector3, f'{SERVO}/target_bending', STREAM)
         self._tips = node.create_publisher(PointStamped, f'{SERVO}/target_tip', STREAM)
         self._hold = node.create_publisher(Empty, f'{SERVO}/hold', STREAM)
@@ -341,13 +343,18 @@ class SteeredArm:
         """Say again that the emergency stop is on, if it is: one may be lost, or overruled."""
         if self._emergency:
             self._emergency_stop.publish(Bool(data=True))
+        elif monotonic() > self._silent_time:
+            # A latched false would turn off what another program turned on before a node started.
+            self._silent_time = inf
+            self._node.destroy_publisher(self._emergency_stop)
+            self._emergency_stop = self._node.create_publisher(Bool, EMERGENCY_STOP, LATCHED)
 
     def reset(self) -> None:
         """Turn the emergency stop off; if it is off, allow motion again."""
         if self._emergency and self._other_stops():
             return  # problem() says so
         if self._emergency:
-            self._emergency = False
+            self._emergency, self._silent_time = False, monotonic() + OFF_TIME
             self._emergency_stop.publish(Bool(data=False))
             self.note = 'the emergency stop is off: reset once more lets the tendons move again'
         elif self.stopped:

@@ -6,6 +6,11 @@ from dataclasses import dataclass
 
 from soft_continuum.sequencing.loop_settings import REPLAN
 
+LOST = 2.0
+"""Of the tolerance of a vacuum that was reached: so far off it is lost."""
+SETTLED = 0.3, 300.0
+"""s for which vacuums may change by so many Pa at most, for a shape that is held with them."""
+
 
 @dataclass(frozen=True)
 class RunnerSettings:

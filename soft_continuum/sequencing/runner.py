@@ -25,10 +25,8 @@ from soft_continuum.sequencing.ends import EndError, LeaveError
 from soft_continuum.sequencing.loop_settings import ABORT
 from soft_continuum.sequencing.planner import Move, ObstructedError, PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome, Phase, Progress
-from soft_continuum.sequencing.run_settings import RunnerSettings
+from soft_continuum.sequencing.run_settings import LOST, RunnerSettings, SETTLED
 
-LOST = 2.0
-"""Of the tolerance of a vacuum that was reached: so far off it is lost."""
 Result = TypeVar('Result')
 Plan = Callable[[Sequence[Shape]], 'Future[list[ShapePlan]]']
 """Begins to plan shapes from the present state of the arm; the future carries what it raises."""
@@ -186,11 +184,23 @@ class Runner:
                 segment, partial(self._port.set_vacuum, segment, vacuum),
                 partial(self._follows, segment),
                 f'follow its regulator, which was told {vacuum / 1e3:.1f} kPa,')
+        if self._held:
+            yield from self._settle()
         if self._held and self.plan is not None:
             self.warning = self.plan.warning
 
+    def _settle(self) -> Iterator[None]:
+        """Wait until no vacuum changes any more, as the arm gives way meanwhile."""
+        begin = since = self._now
+        before = self._observed.vacuum
+        while self._now < min(since + SETTLED[0], begin + self._settings.settle_timeout):
+            if any(abs(a - b) > SETTLED[1]
+                   for a, b in zip(self._observed.vacuum, before, strict=True)):
+                before, since = self._observed.vacuum, self._now
+            self._check_stiff(None)
+            yield
+
     def _follows(self, segment: int) -> bool:
-        """Whether a segment has the vacuum that it is held with."""
         return self._off(segment) <= self._settings.vacuum_tolerance
 
     def _off(self, segment: int) -> float:

@@ -294,6 +294,8 @@ def test_nothing_moves_if_the_nodes_disagree_about_jamming(make_rig: Callable[..
     rig.start('tendon_actuation', arm__jamming=False)
     arm = Driven(rig, ('right_tendon', 'left_tendon'))
     pulls = {'right_tendon': 0.002, 'left_tendon': -0.003}
-    assert arm.send(pulls).reason == MotionRequest.STIFFNESS_UNKNOWN
+    # What kinematics reports is seen first, or what it says of its description.
+    refusals = MotionRequest.STIFFNESS_UNKNOWN, MotionRequest.CONFLICT
+    assert arm.send(pulls).reason in refusals
     rig.soften(3)
     rig.assert_rests()

@@ -6,6 +6,7 @@
 from collections.abc import Iterator
 from math import nan
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -37,11 +38,19 @@ class Joystick:
         self.sent = rig.record(JointTrajectory, 'tendon_actuation/joint_trajectory', RELIABLE)
         self._publisher = rig.publisher(Joy, 'joy')
         self._message = Joy(axes=[0.0] * 8, buttons=[0] * 11)
-        self.timer = rig.observer.create_timer(PERIOD, self._publish)
+        self._timer = rig.observer.create_timer(PERIOD, self._publish)
 
     def _publish(self) -> None:
         self._message.header.stamp = self.rig.observer.get_clock().now().to_msg()
         self._publisher.publish(self._message)
+
+    def unplug(self) -> None:
+        """Say nothing more; its executor would end if that came while it takes the timer."""
+        self.rig.on_ros_thread(self._timer.cancel)
+
+    def plug(self) -> None:
+        """Go on."""
+        self.rig.on_ros_thread(self._timer.reset)
 
     def show(self, *pressed: int, x: float = 0.0) -> None:
         """Hold these buttons, and the left stick like this, from now on."""
@@ -91,7 +100,7 @@ def joystick(shared_arm: Rig) -> Iterator[Joystick]:
     joystick = Joystick(rig)
     joystick.wait_for('ready to move segment 2', connected=True)
     yield joystick
-    joystick.timer.cancel()
+    joystick.unplug()
     for node in joystick.nodes:
         rig.end(node)
     rig.trigger('tendon_actuation/resume')
@@ -118,10 +127,10 @@ def test_it_moves_while_held_to_where_the_stick_points_and_rests_on_release(
 def test_it_rests_when_the_joystick_is_unplugged_and_goes_on_only_when_pressed_again(
         joystick: Joystick) -> None:
     joystick.steer(RIGHT)
-    joystick.timer.cancel()
+    joystick.unplug()
     joystick.wait_for('nothing received', connected=False, enabled=False)
     joystick.assert_rests()
-    joystick.timer.reset()
+    joystick.plug()
     joystick.wait_for('release the dead-man button', connected=True, enabled=True)
     joystick.assert_rests()
     joystick.show()
@@ -152,7 +161,7 @@ def test_it_rests_when_teleop_is_killed(
     joystick.steer(LEFT)
     teleop.kill()
     joystick.assert_rests()
-    joystick.timer.cancel()
+    joystick.unplug()
     rig.end(joystick.nodes[0])
     processes.close()
     assert rig.set_stiff(3, True).success
@@ -174,6 +183,12 @@ def test_the_emergency_stop_stays_until_it_is_reset_and_nothing_moves_before_a_r
     joystick.assert_rests()
     joystick.steer(LEFT)
 
+    def says_nothing() -> bool:
+        late = rig.record(Bool, 'emergency_stop', LATCHED)
+        sleep(0.3)
+        return not late.heard
+    rig.wait_for(says_nothing, 'silence: a latched false would overrule the stop of others')
+
 
 def test_no_other_publisher_turns_its_emergency_stop_off(joystick: Joystick) -> None:
     rig = joystick.rig
@@ -187,9 +202,13 @@ def test_no_other_publisher_turns_its_emergency_stop_off(joystick: Joystick) -> 
         other.publish(Bool(data=False))
         return bool(states.last.emergency_stop and states.last.stops > stops)
     rig.wait_for(stopped_again, 'another stop')
-    joystick.press(START, 'observer may have it on too')
+    joystick.show(START, RB)
+    joystick.wait_for('observer may have it on too', segment=3)  # both buttons were seen
+    joystick.show()
     rig.on_ros_thread(rig.observer.destroy_publisher, other)
+    joystick.wait_for('reset turns it off')  # it has seen that the other one is gone
     joystick.press(START, 'motion is stopped')
+    joystick.assert_rests()
     joystick.press(START, 'ready')
 
 
