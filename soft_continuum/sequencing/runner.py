@@ -8,8 +8,8 @@ is softened at a time.  A shape with vacuums is held with them: they are lowered
 other once it is set, and before the next shape every segment is stiff again.  Whatever ends a run
 early, other than a stop, ends with tendons at rest and every segment stiff; a stop leaves
 everything as it is.  An arm without jamming is moved as a whole, and nothing of it is switched or
-has to be stiff.  A plan that must not be followed any further is left in the same way, and made
-again from there.
+has to be stiff.  A plan that must not be followed any further is left likewise, and made again
+from there.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -203,8 +203,7 @@ class Runner:
     def _follows(self, segment: int) -> bool:
         return self._off(segment) <= self._settings.vacuum_tolerance
 
-    def _off(self, segment: int) -> float:
-        """Return by how much the vacuum of a segment differs from what it is held with, Pa."""
+    def _off(self, segment: int) -> float:  # Pa by which its vacuum is not what it is held with
         return abs(self._observed.vacuum[segment] - self._held[segment])
 
     def _hold(self, index: int, shape: Shape) -> Iterator[None]:
