@@ -8,8 +8,7 @@ is softened at a time.  A shape with vacuums is held with them: they are lowered
 other once it is set, and before the next shape every segment is stiff again.  Whatever ends a run
 early, other than a stop, ends with tendons at rest and every segment stiff; a stop leaves
 everything as it is.  An arm without jamming is moved as a whole, and nothing of it is switched or
-has to be stiff.  A plan that must not be followed any further is left likewise, and made again
-from there.
+has to be stiff.  A plan that must not be followed any further is left likewise; another is made.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
