@@ -74,7 +74,7 @@ def _grbl(cases: int, inputs: Inputs) -> None:
 
 
 def _modbus(cases: int, inputs: Inputs) -> None:
-    exchanges = test_modbus_fuzz.EXCMAX_TIMEES.values()
+    exchanges = test_modbus_fuzz.EXCHANGES.values()
     with pytest.MonkeyPatch.context() as patch:
         # Each case is one to three inputs, two and a little more on average.
         patch.setattr(test_modbus_fuzz, 'CASES', -(-cases // (2 * len(exchanges))))
