@@ -4,6 +4,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Protocol, runtime_checkable, Self
 
 
@@ -15,6 +16,23 @@ def describe_pulls(tendons: Sequence[str], pulls: Sequence[float]) -> str:
     """Return pulls (m) for a person to read: ``right_tendon 12.30 mm, left_tendon -4.00 mm``."""
     return ', '.join(f'{name} {1e3 * pull:.2f} mm'
                      for name, pull in zip(tendons, pulls, strict=True))
+
+
+def check_motion(tendons: Sequence[str], pulls: Sequence[float], duration: float) -> None:
+    """Raise HardwareError for pulls (m) and a duration (s) that are no motion of the tendons."""
+    if len(pulls) != len(tendons):
+        raise HardwareError(
+            f'{len(pulls)} pulls were given; needed: one for each of {", ".join(tendons)}')
+    if not all(isfinite(x) for x in (*pulls, duration)) or duration < 0.0:
+        raise HardwareError(f'not a motion: pulls {pulls} m in {duration} s')
+
+
+def beyond_limits(tendons: Sequence[str], pulls: Sequence[float], limits: Sequence[float]
+                  ) -> HardwareError:
+    """Return the refusal of pulls (m) beyond pull_limits (low, high)."""
+    low, high = limits
+    return HardwareError(f'pulls of {describe_pulls(tendons, pulls)} are beyond pull_limits: '
+                         f'{low:g} to {high:g} m')
 
 
 @dataclass(frozen=True)

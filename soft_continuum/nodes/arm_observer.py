@@ -177,5 +177,4 @@ class ArmObserver(ReportedArm):
             regulators=self.regulators,
             lost_tendons=self._lost(TENDON_ACTUATION, self._tendon_age),
             lost_valves=self._lost(JAMMING_VALVES, self.jamming_age),
-            agreed=(not self._jamming
-                    or tuple(self.kinematics.stiff) == self.jammed(self.stiffness)))
+            agreed=self.agreed)

@@ -15,7 +15,7 @@ from soft_continuum.nodes.about import About, Instance, PERIOD
 from soft_continuum.nodes.entries import repeat, subscribe
 from soft_continuum.parameters.nodes import DESCRIBED
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.names import INSTANCE, NODES, TELEOP
+from soft_continuum.ros.names import INSTANCE, NODES, TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.ros.text import plain
 
@@ -24,7 +24,6 @@ TOPICS = ('tendon_states', 'joint_states', *(f'{node}/state' for node in (*NODES
 MAX_AHEAD = 0.2
 """s by which the clock of another computer may be ahead: as much more motion may be queued."""
 MAX_NAMES = 5  # of publishers that are listed
-UNKNOWN = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node has not been discovered yet
 
 
 DIFFERENCES = (
@@ -90,7 +89,7 @@ class Conflicts:
         for topic in self._topics:
             names = sorted({f'{info.node_namespace.rstrip("/")}/{info.node_name}'
                             for info in node.get_publishers_info_by_topic(topic)
-                            if info.node_name != UNKNOWN})
+                            if info.node_name != UNKNOWN_NODE})
             if len(names) > 1:
                 some = ' and '.join(map(plain, names[:MAX_NAMES]))
                 problems.append(f'{topic} is published by {some}; end all but one')

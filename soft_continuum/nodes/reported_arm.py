@@ -74,8 +74,13 @@ class ReportedArm:
         if shape is not None:
             self._reported = shape, message
             self.shape_age.refresh()
-            if not self._jamming or tuple(message.stiff) == self.jammed(self.stiffness):
+            if self.agreed:
                 self._agreed.refresh()
+
+    @property
+    def agreed(self) -> bool:
+        """Whether kinematics has a jam where jamming_valves says that there is one."""
+        return not self._jamming or tuple(self.kinematics.stiff) == self.jammed(self.stiffness)
 
     @property
     def stiff(self) -> tuple[bool | None, ...]:

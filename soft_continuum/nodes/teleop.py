@@ -8,13 +8,13 @@ from rclpy.node import Node
 from sensor_msgs.msg import Joy
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.nodes.conflicts import Conflicts, UNKNOWN
+from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import repeat, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
 from soft_continuum.nodes.steered_arm import BENDING, SteeredArm
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.ros.names import TELEOP
+from soft_continuum.ros.names import TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.ros.text import plain
 from soft_continuum.teleop.dead_man import DeadMan
@@ -141,7 +141,7 @@ class Teleop(Node):
         if problem := self._conflicts.problem:
             return problem
         names = sorted(info.node_name for info in self.get_publishers_info_by_topic(
-            self.resolve_topic_name(JOY)) if info.node_name != UNKNOWN)
+            self.resolve_topic_name(JOY)) if info.node_name != UNKNOWN_NODE)
         if len(names) > 1:
             return (f'{JOY} is published by {" and ".join(map(plain, names[:5]))}: end all but '
                     'one; a program that was killed counts for 20 s')

@@ -18,6 +18,8 @@ ABOUT, INSTANCE = '~/about', '~/instance'
 """Of every node: service and topic that say which program it runs, for which arm."""
 TELEOP = 'teleop'
 TWIN, TWIN_CAMERA = 'twin', 'twin_camera'
+UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
+"""What the graph calls a publisher whose node has not been discovered yet."""
 NODES = (TENDON_ACTUATION, JAMMING_VALVES, KINEMATICS, SHAPE_SEQUENCER)
 """The nodes that drive an arm, in the order in which they start; sensors come besides."""
 HARDWARE = (TENDON_ACTUATION, JAMMING_VALVES)

@@ -9,7 +9,6 @@ on, also after close; nothing here writes their EEPROM, reboots them or switches
 
 from collections.abc import Callable, Mapping
 import contextlib
-from math import isfinite
 import os
 from pathlib import Path
 import threading
@@ -26,7 +25,12 @@ from soft_continuum.hardware.dynamixel.setup import (
     Spools,
 )
 from soft_continuum.hardware.dynamixel.start import find_zeros, read_states, take_over
-from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
+from soft_continuum.hardware.protocols import (
+    beyond_limits,
+    check_motion,
+    HardwareError,
+    TendonReading,
+)
 from soft_continuum.parameters.parameter import Parameter
 from soft_continuum.user_files import dynamixel_zeros
 
@@ -149,19 +153,13 @@ class DynamixelTendons:
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Move all tendons to ``pulls`` (m), to arrive together after ``duration`` (s)."""
         (low, high), tendons = self._spools.pull_limits, self._spools.tendons
-        if len(pulls) != len(tendons):
-            raise HardwareError(
-                f'{len(pulls)} pulls were given; needed: one for each of {", ".join(tendons)}')
-        if not all(isfinite(x) for x in (*pulls, duration)) or duration < 0.0:
-            raise HardwareError(f'not a motion: pulls {pulls} m in {duration} s')
+        check_motion(tendons, pulls, duration)
         session = self._connected()
         # A tendon that went beyond while something failed must be able to come back.
         if any(not min(low, at) - COMING_BACK <= pull <= max(high, at) + COMING_BACK
                if at < low or at > high else not low - 1e-9 <= pull <= high + 1e-9
                for pull, at in zip(pulls, session.reading().pulls, strict=True)):
-            raise HardwareError(
-                f'pulls of {describe_pulls(tendons, pulls)} are beyond pull_limits: {low:g} to '
-                f'{high:g} m')
+            raise beyond_limits(tendons, pulls, (low, high))
         rested = not session.busy
         session.move(pulls, duration)
         if rested:

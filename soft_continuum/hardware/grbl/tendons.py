@@ -9,7 +9,6 @@ something is not as it must be; then only open() or reference() lets tendons mov
 
 from collections.abc import Callable, Mapping
 import contextlib
-from math import isfinite
 import threading
 from typing import Any, ClassVar
 
@@ -20,7 +19,8 @@ from soft_continuum.hardware.grbl.motion import JOG_TIME, Motors
 from soft_continuum.hardware.grbl.session import GrblSession, RESTING_QUERY_INTERVAL
 from soft_continuum.hardware.grbl.setup import find_controller, invalid_settings, UNLOCK
 from soft_continuum.hardware.protocols import (
-    describe_pulls,
+    beyond_limits,
+    check_motion,
     HardwareError,
     TendonDriver,
     TendonReading,
@@ -134,15 +134,9 @@ class GrblTendons:
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Move all tendons to ``pulls`` (m), to arrive together after ``duration`` (s)."""
         (low, high), tendons = self._motors.pull_limits, self._motors.tendons
-        if len(pulls) != len(tendons):
-            raise HardwareError(
-                f'{len(pulls)} pulls were given; needed: one for each of {", ".join(tendons)}')
-        if not all(isfinite(x) for x in (*pulls, duration)) or duration < 0.0:
-            raise HardwareError(f'not a motion: pulls {pulls} m in {duration} s')
+        check_motion(tendons, pulls, duration)
         if min(pulls) < low - 1e-9 or max(pulls) > high + 1e-9:
-            raise HardwareError(
-                f'pulls of {describe_pulls(tendons, pulls)} are beyond pull_limits: {low:g} to '
-                f'{high:g} m')
+            raise beyond_limits(tendons, pulls, (low, high))
         with self._lock:
             session = self._connected()
             session.move(pulls, duration)

@@ -27,6 +27,7 @@ from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.ros_topics.stamps import Stamps
 from soft_continuum.ros.entry import MAX_BYTES
+from soft_continuum.ros.names import UNKNOWN_NODE
 from soft_continuum.ros.text import plain
 
 BACKLOG = 5
@@ -35,7 +36,6 @@ STATES = QoSProfile(depth=BACKLOG + 1, reliability=ReliabilityPolicy.BEST_EFFORT
 """Compatible with every publisher, also with those of micro-ROS."""
 COMMANDS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 """Reaches subscribers of either reliability, those of ros2_control and of micro-ROS."""
-UNKNOWN = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node has not been discovered yet
 GRAPH_PERIOD = 0.2  # s between two looks at who publishes
 POLL_INTERVAL = 0.01  # s
 
@@ -252,7 +252,7 @@ def message_class(kind: str) -> Any:
 def names(infos: Iterable[Any]) -> str:
     """Return the nodes that rclpy tells of, for people."""
     return ' and '.join(sorted(
-        'a node that is not known yet' if info.node_name == UNKNOWN
+        'a node that is not known yet' if info.node_name == UNKNOWN_NODE
         else plain(f'{info.node_namespace.rstrip("/")}/{info.node_name}') for info in infos))
 
 

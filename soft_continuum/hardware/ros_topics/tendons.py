@@ -9,12 +9,17 @@ ever queued, and a joint comes to rest when the commands stop.
 """
 
 from collections.abc import Callable, Mapping
-from math import isfinite
 import threading
 from typing import Any, ClassVar, Self, TYPE_CHECKING
 
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
+from soft_continuum.hardware.protocols import (
+    beyond_limits,
+    check_motion,
+    describe_pulls,
+    HardwareError,
+    TendonReading,
+)
 from soft_continuum.hardware.ros_topics.joint_states import Joints, JointWatch, PREFIX
 from soft_continuum.parameters.parameter import Parameter
 
@@ -224,15 +229,9 @@ class RosTendons:
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Send all joints to ``pulls`` (m), to be there after ``duration`` (s)."""
         (low, high), tendons = self._joints.pull_limits, self._joints.tendons
-        if len(pulls) != len(tendons):
-            raise HardwareError(
-                f'{len(pulls)} pulls were given; needed: one for each of {", ".join(tendons)}')
-        if not all(isfinite(x) for x in (*pulls, duration)) or duration < 0.0:
-            raise HardwareError(f'not a motion: pulls {pulls} m in {duration} s')
+        check_motion(tendons, pulls, duration)
         if min(pulls) < low - 1e-9 or max(pulls) > high + 1e-9:
-            raise HardwareError(
-                f'pulls of {describe_pulls(tendons, pulls)} are beyond pull_limits: {low:g} to '
-                f'{high:g} m')
+            raise beyond_limits(tendons, pulls, (low, high))
         with self._lock:
             self._receive()
             if not self._watch.known:
