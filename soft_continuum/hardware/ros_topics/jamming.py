@@ -105,7 +105,7 @@ class RosVacuum:
         problem = link.wait_until(OPEN_TIMEOUT, self._closing)
         while not self._closing.is_set():
             if problem:
-                raise HardwareError(problem)
+                raise HardwareError(link.wait_for_names(self._closing) or problem)
             with self._lock:
                 if self._update():
                     self._opened = True

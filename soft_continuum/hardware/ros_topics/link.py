@@ -37,6 +37,8 @@ STATES = QoSProfile(depth=BACKLOG + 1, reliability=ReliabilityPolicy.BEST_EFFORT
 COMMANDS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 """Reaches subscribers of either reliability, those of ros2_control and of micro-ROS."""
 GRAPH_PERIOD = 0.2  # s between two looks at who publishes
+NAMES_TIMEOUT = 4.0
+"""s; DDS repeats a lost name after 3 s."""
 POLL_INTERVAL = 0.01  # s
 
 
@@ -106,6 +108,8 @@ class Listener:
         """Who publishes the topic, as rclpy tells it."""
         return list(self._link.node.get_publishers_info_by_topic(self.topic))
 
+    nodes = publishers
+
     @property
     def problem(self) -> str:
         """What is wrong with those who publish the topic, empty for nothing."""
@@ -137,6 +141,11 @@ class Speaker:
     def subscribers(self) -> list[Any]:
         """Who subscribes to the topic, as rclpy tells it."""
         return list(self._link.node.get_subscriptions_info_by_topic(self.topic))
+
+    @property
+    def nodes(self) -> list[Any]:
+        """Who publishes or subscribes to the topic, this device too."""
+        return [*self._link.node.get_publishers_info_by_topic(self.topic), *self.subscribers]
 
     @property
     def problem(self) -> str:
@@ -224,6 +233,14 @@ class RosLink:
         while (problem := self.problem) and self.clock() < deadline and not closing.is_set():
             self.clock.sleep(POLL_INTERVAL)
         return problem
+
+    def wait_for_names(self, closing: threading.Event) -> str:
+        """Wait for the names of nodes, which come after their topics; return the problem."""
+        deadline = self.clock() + NAMES_TIMEOUT
+        while self.clock() < deadline and not closing.is_set() and any(
+                info.node_name == UNKNOWN_NODE for topic in self.topics for info in topic.nodes):
+            self.clock.sleep(POLL_INTERVAL)
+        return self.problem
 
     def close(self) -> None:
         """End the node."""

@@ -4,9 +4,11 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+import threading
 from typing import Any
 
 from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.ros_topics.link import Listener, names
 
 LISTENING = 2.0  # s
@@ -32,13 +34,18 @@ def survey(driver: Any, clock: Clock = STEADY) -> Iterator[Found]:
 
     Raises HardwareError as the driver does.
     """
-    topics = driver.link.topics
+    link = driver.link
+    topics = link.topics
     listeners = [topic for topic in topics if isinstance(topic, Listener)]
     before, begin = [listener.number for listener in listeners], clock()
-    while clock() < begin + LISTENING:
-        driver.read()
-        clock.sleep(READ_INTERVAL)
+    try:
+        while clock() < begin + LISTENING:
+            driver.read()
+            clock.sleep(READ_INTERVAL)
+    except HardwareError as error:  # such as for another publisher
+        raise HardwareError(link.wait_for_names(threading.Event()) or str(error)) from None
     passed = clock() - begin
+    link.wait_for_names(threading.Event())
     for listener, number in zip(listeners, before, strict=True):
         rate = (listener.number - number) / passed
         warnings = []

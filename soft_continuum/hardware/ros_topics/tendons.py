@@ -157,7 +157,7 @@ class RosTendons:
         problem = link.wait_until(OPEN_TIMEOUT, self._closing)
         while not self._closing.is_set():
             if problem:
-                raise HardwareError(problem)
+                raise HardwareError(link.wait_for_names(self._closing) or problem)
             with self._lock:
                 self._receive()
                 if self._watch.watched(self._clock()):  # long enough to tell whether they rest
