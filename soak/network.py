@@ -19,7 +19,7 @@ from soak.workbench import domain, FAILED
 from soft_continuum.mechanics.statics import warm_up
 
 GOALS = 8  # for each quality of the cable
-CUTS, KILLS = 50, 5
+CUTS, KILLS = 50, 20
 ALLOWED = 0.6  # s from the cut to rest
 UNDER_WAY = 0.3  # s until what arrived before is done: a valve switches
 AFTERWARDS = 3.0  # s in which nothing may move by itself

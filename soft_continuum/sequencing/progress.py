@@ -17,6 +17,7 @@ class Phase(StrEnum):
     MOVING = 'moving'
     MEASURING = 'measuring'
     STIFFENING = 'stiffening'
+    RELAXING = 'relaxing'
     HOLDING = 'holding'
     PAUSED = 'paused'
 

@@ -177,7 +177,7 @@ class Runner:
         for segment, vacuum in enumerate(shape.vacuums):
             if abs(vacuum - self._settings.full_vacuum) <= 1.0:
                 continue
-            self._report(index, 1.0, Phase.SOFTENING, segment=segment + 1)
+            self._report(index, 1.0, Phase.RELAXING, segment=segment + 1)
             self._held[segment] = vacuum
             yield from self._request(
                 segment, partial(self._port.set_vacuum, segment, vacuum),

@@ -27,6 +27,7 @@ def jammed(ratio=10.0):
 
 
 ARM = jammed()
+LOWERED = [i for i, vacuum in enumerate(VACUUMS, start=1) if vacuum < 80e3]
 HELD = Shape('held', (0.3, 0.2, -0.2), 0.5, vacuums=VACUUMS)
 STIFF = Shape('stiff', (0.1, 0.2, 0.1), 0.2)
 
@@ -67,10 +68,12 @@ def test_an_arm_that_gives_way_beyond_its_limits_has_no_plan():
 
 def test_a_shape_is_set_stiff_then_held_with_its_vacuums_and_left_stiff_for_the_next():
     rig = VirtualRig(arm=ARM, shapes=[HELD, STIFF], regulators=True)
-    softened, moved = set(), []
+    softened, moved, relaxed = set(), [], []
 
     def check(rig):
         told = rig.jamming.reading.vacuums
+        if rig.runner.progress.phase is Phase.RELAXING:
+            relaxed.append(rig.runner.progress.segment)
         softened.add(tuple(i for i, v in enumerate(told) if v == 0.0))
         if rig.tendons.following:
             moved.append(sum(v < 77e3 for v in told))
@@ -81,6 +84,7 @@ def test_a_shape_is_set_stiff_then_held_with_its_vacuums_and_left_stiff_for_the_
     assert rig.angles == pytest.approx(HELD.bending_angles, abs=0.3 * DEGREE)
     assert rig.run(check).code is Code.SUCCESSFUL
     assert max(map(len, softened)) == 1  # at a time
+    assert list(dict.fromkeys(relaxed)) == LOWERED  # from base to tip
     assert set(moved) == {1}  # a tendon moves one soft segment, with all others stiff
     assert min(rig.vacuum) > 77e3
     planned = rig.runner.plan.state.bending_angles

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 ABSOLUTE, GAUGE = 'absolute', 'gauge'
 OPEN_TIMEOUT = 4.0
 """s in which publishers and subscribers are discovered and states come."""
+NAMES_TIMEOUT = 1.5  # s more for the names of those who publish what is not theirs
 REPEAT = 0.05  # s after which a command is sent again that is not confirmed: one may be lost
 POLL_INTERVAL = 0.005  # s
 SAME_SETPOINT = 0.01
@@ -105,7 +106,8 @@ class RosVacuum:
         problem = link.wait_until(OPEN_TIMEOUT, self._closing)
         while not self._closing.is_set():
             if problem:
-                raise HardwareError(link.wait_for_names(self._closing) or problem)
+                raise HardwareError(
+                    link.wait_for_names(deadline + NAMES_TIMEOUT, self._closing) or problem)
             with self._lock:
                 if self._update():
                     self._opened = True

@@ -37,8 +37,6 @@ STATES = QoSProfile(depth=BACKLOG + 1, reliability=ReliabilityPolicy.BEST_EFFORT
 COMMANDS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 """Reaches subscribers of either reliability, those of ros2_control and of micro-ROS."""
 GRAPH_PERIOD = 0.2  # s between two looks at who publishes
-NAMES_TIMEOUT = 4.0
-"""s; DDS repeats a lost name after 3 s."""
 POLL_INTERVAL = 0.01  # s
 
 
@@ -234,9 +232,12 @@ class RosLink:
             self.clock.sleep(POLL_INTERVAL)
         return problem
 
-    def wait_for_names(self, closing: threading.Event) -> str:
-        """Wait for the names of nodes, which come after their topics; return the problem."""
-        deadline = self.clock() + NAMES_TIMEOUT
+    def wait_for_names(self, deadline: float, closing: threading.Event) -> str:
+        """
+        Wait until the nodes on the topics have names, which come after them; return the problem.
+
+        deadline: when to go on without, by the clock.
+        """
         while self.clock() < deadline and not closing.is_set() and any(
                 info.node_name == UNKNOWN_NODE for topic in self.topics for info in topic.nodes):
             self.clock.sleep(POLL_INTERVAL)

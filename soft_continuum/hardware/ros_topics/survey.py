@@ -13,6 +13,8 @@ from soft_continuum.hardware.ros_topics.link import Listener, names
 
 LISTENING = 2.0  # s
 READ_INTERVAL = 0.02  # s
+NAMES_TIMEOUT = 4.0
+"""s; DDS repeats a lost name after 3 s."""
 MIN_MESSAGES = 3.0
 """Messages that should come within the timeout, so that a lost one does no harm."""
 MAX_LAG = 0.3
@@ -43,9 +45,10 @@ def survey(driver: Any, clock: Clock = STEADY) -> Iterator[Found]:
             driver.read()
             clock.sleep(READ_INTERVAL)
     except HardwareError as error:  # such as for another publisher
-        raise HardwareError(link.wait_for_names(threading.Event()) or str(error)) from None
+        problem = link.wait_for_names(clock() + NAMES_TIMEOUT, threading.Event())
+        raise HardwareError(problem or str(error)) from None
     passed = clock() - begin
-    link.wait_for_names(threading.Event())
+    link.wait_for_names(clock() + NAMES_TIMEOUT, threading.Event())
     for listener, number in zip(listeners, before, strict=True):
         rate = (listener.number - number) / passed
         warnings = []

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 OPEN_TIMEOUT = 4.0
 """s in which publishers and subscribers are discovered and a state comes."""
+NAMES_TIMEOUT = 1.5  # s more for the names of those who publish what is not theirs
 FOLLOW_TIME = 0.3
 """s for which a joint may be farther from its set-point than following_error."""
 STOP_TIMEOUT = 1.0  # s in which a stop must be confirmed, also by close()
@@ -157,7 +158,8 @@ class RosTendons:
         problem = link.wait_until(OPEN_TIMEOUT, self._closing)
         while not self._closing.is_set():
             if problem:
-                raise HardwareError(link.wait_for_names(self._closing) or problem)
+                raise HardwareError(
+                    link.wait_for_names(deadline + NAMES_TIMEOUT, self._closing) or problem)
             with self._lock:
                 self._receive()
                 if self._watch.watched(self._clock()):  # long enough to tell whether they rest
