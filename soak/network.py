@@ -36,6 +36,7 @@ QUALITIES = (
 MUST_WORK = QUALITIES[:5]
 CUT_AT = Quality(0.05, 0.01, 0.05)
 SHAPES = ([0.0, 0.0, 0.5], [0.0, 0.0, -0.5])
+FROM_BENT, FROM_STRAIGHT = 1.5, 0.8  # s that a motion to one of them lasts at least
 RANDOM = Random(1)
 
 
@@ -128,11 +129,11 @@ def _goals(arm: SplitArm, quality: Quality, count: int, failures: list[str]) -> 
             '; '.join(sorted({other.split(';')[0] for other in others})) or '-')
 
 
-def _begin(arm: SplitArm, shape: list[float], ends: Ends) -> bool:
+def _begin(arm: SplitArm, shape: list[float], lasts: float, ends: Ends) -> bool:
     """Send a goal and wait for a random moment of a motion; return whether there is one."""
     arm.operator.send(shape)
     arm.rig.wait_for(lambda: arm.moving, 'a motion')
-    time.sleep(RANDOM.uniform(0.0, 1.5))
+    time.sleep(RANDOM.uniform(0.0, lasts))
     ends.count += 1
     return arm.moving
 
@@ -149,7 +150,7 @@ def _see(arm: SplitArm, begin: int, moving: bool, ends: Ends) -> None:
 
 def _cut(arm: SplitArm, shape: list[float], ends: Ends) -> None:
     try:
-        moving = _begin(arm, shape, ends)
+        moving = _begin(arm, shape, FROM_BENT, ends)
         arm.computers.cut()
         _see(arm, time.time_ns(), moving, ends)
         rest, valves = time.time_ns(), arm.valves
@@ -168,7 +169,7 @@ def _cut(arm: SplitArm, shape: list[float], ends: Ends) -> None:
 
 def _kill(arm: SplitArm, ends: Ends) -> None:
     try:
-        moving = _begin(arm, SHAPES[0], ends)
+        moving = _begin(arm, SHAPES[0], FROM_STRAIGHT, ends)
         _see(arm, arm.kill(WORKSTATION), moving, ends)
         rest, valves = time.time_ns(), arm.valves
         arm.up(WORKSTATION)
