@@ -9,12 +9,16 @@ from pathlib import Path
 import select
 import signal
 import subprocess
+import sys
 import time
+from typing import Any
 
+from documented_commands import kept_signal_handlers
 from processes import assert_ended_in_peace, module_command, NodeProcess, Processes
 import pytest
 from ros_rig import ALL, DEADLINE, Rig
 
+from soft_continuum.cli.main import main
 from soft_continuum.nodes.up import description_file
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -123,12 +127,22 @@ def test_a_node_that_still_compiles_its_solver_ends_in_peace(
     assert_ended_in_peace(node, ENDED_EARLY)
 
 
-def test_unknown_arguments_are_named_in_one_line(processes: Processes) -> None:
-    up = processes.start([*module_command('up'), '--tendon-driver', 'gbrl'])
-    assert up.wait() == 2
-    assert 'Traceback' not in up.output
-    assert "'gbrl'" in up.output
-    assert 'simulated' in up.output
+@pytest.mark.parametrize(('arguments', 'named'), [
+    (['--tendon-driver', 'gbrl'], ["'gbrl'", 'simulated']),
+    (['--namespace', 'left arm'], ['left arm']),
+])
+def test_arguments_of_up_that_cannot_be_are_named(
+        monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], arguments: list[str],
+        named: list[str]) -> None:
+    monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
+    with kept_signal_handlers():
+        try:
+            status: Any = main(['up', *arguments])
+        except SystemExit as end:
+            status = end.code
+    assert status == 2
+    output = capfd.readouterr().err
+    assert all(word in output for word in named), output
 
 
 @pytest.mark.parametrize('arguments', [
@@ -140,10 +154,3 @@ def test_ros_arguments_that_ros_does_not_take_give_no_traceback(
     node = processes.start([*module_command('kinematics'), *arguments])
     assert node.wait() == 2
     assert 'Traceback' not in node.output, node.output
-
-
-def test_a_namespace_that_ros_does_not_take_is_named(processes: Processes) -> None:
-    up = processes.start([*module_command('up'), '--namespace', 'left arm'])
-    assert up.wait() == 2
-    assert 'Traceback' not in up.output, up.output
-    assert 'left arm' in up.output

@@ -76,7 +76,7 @@ def refused(rig: Rig, message: JointTrajectory, *reasons: str) -> None:
 
 def test_both_tendons_go_where_a_trajectory_leads_them(tendons: Rig) -> None:
     send(tendons, trajectory([
-        (0.3, (0.004, -0.005)), (1.5, (0.004, -0.005)), (1.8, (0.002, -0.003))]))
+        (0.3, (0.004, -0.005)), (0.9, (0.004, -0.005)), (1.2, (0.002, -0.003))]))
     arrives(tendons, (0.002, -0.003))
     assert max(m.position[0] for m in tendons.tendons) == pytest.approx(0.004, abs=2e-4)
     assert list(tendons.tendons.last.name) == ['right_tendon', 'left_tendon']
@@ -267,7 +267,7 @@ def test_a_trajectory_that_would_need_too_much_tension_is_refused(tendons: Rig) 
 
 
 def test_a_bad_trajectory_leaves_the_running_one_alone(tendons: Rig) -> None:
-    send(tendons, trajectory([(2.0, (0.004, -0.005))]))
+    send(tendons, trajectory([(1.0, (0.004, -0.005))]))
     wait_for_pull(tendons)
     send(tendons, points((NAN, 0.0)))
     assert 'finite' in tendons.wait_for_status('tendon_actuation', 'refused')
