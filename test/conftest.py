@@ -3,6 +3,7 @@
 """Which tests run: all, or with ``--quick`` those that take little time."""
 
 from contextlib import suppress
+import gc
 import os
 from pathlib import Path
 
@@ -29,6 +30,15 @@ SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation
 def _no_saved_shapes(tmp_path_factory):
     """Give each module a file of saved shapes of its own, and leave that of the user alone."""
     os.environ['XDG_CONFIG_HOME'] = str(tmp_path_factory.mktemp('config'))
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_collection():
+    """Collect thousands of tests without looking again and again for what could be freed."""
+    gc.disable()
+    yield
+    gc.enable()
+    gc.freeze()
 
 
 def pytest_addoption(parser):

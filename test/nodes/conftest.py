@@ -23,7 +23,7 @@ from ros_rig import Rig  # noqa: E402
 
 from soft_continuum.hardware import tendon_controller  # noqa: E402
 from soft_continuum.mechanics.statics import warm_up  # noqa: E402
-from soft_continuum.nodes import tendon_control  # noqa: E402
+from soft_continuum.nodes import managed_node, tendon_control  # noqa: E402
 
 DOMAINS = range(1, 102)  # ROS 2: above these, ports overlap with those that Linux gives away
 _turn = itertools.count()
@@ -41,10 +41,15 @@ def _compiled() -> None:
 
 @pytest.fixture(scope='module', autouse=True)
 def _patient() -> Iterator[None]:
-    """Let the nodes in this process go on when a busy machine kept them waiting."""
+    """
+    Let the nodes in this process go on when a busy machine kept them waiting.
+
+    They look for a device that is away more often than for a user.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tendon_control, 'MAX_LATENESS', 20.0)
         patch.setattr(tendon_controller, 'MAX_DELAY', 20.0)
+        patch.setattr(managed_node, 'RETRY', 0.3)
         yield
 
 

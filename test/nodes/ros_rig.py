@@ -162,6 +162,7 @@ class Spinner:
 
     def end(self) -> None:
         self._ended = True
+        self._executor.wake()
         self._thread.join(DEADLINE)
         assert not self._thread.is_alive(), f'one of {self._names} hangs in a callback'
         # A task that is never done keeps its node, and with it the sockets of a domain, for ever.
@@ -592,7 +593,7 @@ class Rig:
         """Return the segments (from 1) that were last said not to be stiff."""
         return [n for n, r in enumerate(self.stiff, start=1) if not r.last.data]
 
-    def assert_rests(self, count: int = 15) -> None:
+    def assert_rests(self, count: int = 10) -> None:
         """Claim that neither tendon moves, over some more messages."""
         states = self.wait_for_more(self.tendons, count)
         assert not any(any(s.velocity) for s in states), 'a tendon moves'

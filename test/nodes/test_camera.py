@@ -20,6 +20,7 @@ from ros_rig import Rig, STREAM
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
+from soft_continuum.nodes import camera
 from soft_continuum.parameters.files import given_parameters, UNCHECKED
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
@@ -87,7 +88,7 @@ class Driver:
         def sent() -> bool:
             self._number += 1
             other = picture.copy()
-            other[0, 0] = self._number % 200
+            other[0, 0] = self._number % 8  # which leaves a black one black
             self.send(other, **how)
             return condition()
 
@@ -131,7 +132,9 @@ def test_a_tare_corrects_how_tags_are_stuck(rig: Rig) -> None:
 
 
 def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
-        rig: Rig, drawn: Any, picture: Any) -> None:
+        rig: Rig, drawn: Any, picture: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ('STALE_AFTER', 'FROZEN_AFTER'):
+        monkeypatch.setattr(camera, name, 0.5)
     driver = Driver(rig, drawn)
     wait_for(rig, driver.statuses, 'no picture from /arm_under_test/camera/image_raw')
     for words, how in (

@@ -13,7 +13,7 @@ from std_srvs.srv import SetBool
 
 BEND = (0.0, 0.0, 0.3)
 SLOW = {'tendon_speed': 0.004, 'tendon_acceleration': 0.1, 'speed_limit': 0.03,
-        'acceleration_limit': 0.3, 'silence_timeout': 3.0}
+        'acceleration_limit': 0.3, 'silence_timeout': 2.0}
 
 
 def test_a_node_that_is_killed_in_motion_knows_afterwards_where_its_servos_are(
@@ -40,7 +40,7 @@ def test_a_node_that_is_killed_in_motion_knows_afterwards_where_its_servos_are(
     last = rig.pulls
 
     heard = len(rig.tendons)
-    processes.node('tendon_actuation', parameters=given)
+    rig.start('tendon_actuation', ready=False, **given)
     rig.wait_for(lambda: len(rig.tendons) > heard + 20, 'tendon_states')
     states = list(rig.tendons)[heard:]
     # By what was commanded ahead, and the lag of the servo: no turn, and no zero, was lost.

@@ -5,6 +5,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 import itertools
 from pathlib import Path
 import time
@@ -17,9 +18,11 @@ from ros_rig import LATCHED, RELIABLE, Rig, STREAM
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
+from soft_continuum.emulators import modbus_rig
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
-from soft_continuum.nodes.managed_node import RETRY
+from soft_continuum.hardware.simulated_jamming import JammingPlant
+from soft_continuum.nodes import managed_node
 from soft_continuum_interfaces.action import RunShapeSequence
 
 Result = RunShapeSequence.Result
@@ -61,6 +64,13 @@ class Bench:
         self.rig.assert_rests()
         for pull, steps in zip(self.rig.pulls, self.grbl.motors, strict=False):
             assert pull == pytest.approx(steps * STEP, abs=1e-9)
+
+
+@pytest.fixture(autouse=True)
+def quick_air(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the boards evacuate and vent a segment within a fifth of a second."""
+    monkeypatch.setattr(modbus_rig, 'JammingPlant', partial(
+        JammingPlant, evacuation_time=0.05, venting_time=0.05, valve_delay=0.0))
 
 
 @pytest.fixture
@@ -175,7 +185,7 @@ def test_valves_unplugged_in_motion_end_the_goal_and_switch_nothing_when_back(
         devices: Bench) -> None:
     bench, rig = devices, devices.rig
     # In vain it is tried to stiffen the arm.
-    bench.start(silence_timeout=2.0, jamming_timeout=5.0)
+    bench.start(silence_timeout=2.0, jamming_timeout=2.0)
     bench.prepare()
     goal = rig.goal_in_motion(BEND)
     coils = bench.modbus.coils
@@ -254,7 +264,7 @@ def test_without_autostart_no_device_is_looked_for(devices: Bench) -> None:
     rig.start('tendon_actuation', ready=False, autostart=False, **devices.parameters())
     assert not rig.transition('tendon_actuation', 'configure')
     devices.grbl.plug()
-    time.sleep(1.5 * RETRY)
+    time.sleep(2.5 * managed_node.RETRY)
     assert rig.lifecycle_state('tendon_actuation') == 'unconfigured'
 
 

@@ -13,29 +13,23 @@ from soft_continuum_interfaces.action import RunShapeSequence
 Result = RunShapeSequence.Result
 BEND = (0.0, 0.0, 0.5)
 FULL_PULL = 0.008  # m: some more than BEND needs
-SLOW = {'tendon_speed': 0.002, 'silence_timeout': 3.0, 'jamming_timeout': 5.0}
+SLOW = {'tendon_speed': 0.002, 'silence_timeout': 2.0, 'jamming_timeout': 5.0}
 
 
 def moving_arm(rig: Rig, processes: Processes, victim: str, **changes: float
                ) -> tuple[NodeProcess, Goal]:
     """Return an arm in mid-motion, one of its nodes a process that can be killed."""
-    process = start(processes, victim)
+    process = processes.node(victim, parameters={**QUICK, **SLOW})
     rig.start(*(name for name in ALL if name != victim), **{**SLOW, **changes})
     rig.wait_until_ready(*ALL)
     return process, rig.goal_in_motion(BEND)
 
 
-def start(processes: Processes, name: str) -> NodeProcess:
-    """Start a node as a process with the parameters that the others have."""
-    return processes.node(name, parameters={**QUICK, **SLOW})
-
-
-def start_again(rig: Rig, processes: Processes, name: str) -> NodeProcess:
-    """Start a node that was killed, and wait for its first words."""
+def start_again(rig: Rig, name: str) -> None:
+    """Start a node that was killed, in this process, and wait for its first words."""
     said = len(rig.statuses[name])
-    process = start(processes, name)
+    rig.start(name, ready=False, **SLOW)
     rig.wait_for(lambda: len(rig.statuses[name]) > said, f'words from {name}')
-    return process
 
 
 def assert_aborted(goal: Goal, *reasons: str) -> None:
@@ -59,11 +53,10 @@ def test_when_the_sequencer_is_killed_the_motion_ceases_by_itself(
     rested_at, soft = rig.pulls, rig.soft_segments()
     assert soft == [3]
 
-    again = start_again(rig, processes, 'shape_sequencer')
+    start_again(rig, 'shape_sequencer')
     rig.assert_rests(40)  # it moves nothing
     assert (rig.pulls, rig.soft_segments()) == (rested_at, soft)
     rig.wait_for(lambda: rig.statuses['shape_sequencer'].last.message == 'idle', 'idle')
-    assert again.running
 
     # The next goal goes on from where the arm is.
     assert rig.set_parameter('shape_sequencer', 'tendon_speed', 0.1).successful
@@ -82,7 +75,7 @@ def test_when_the_tendon_actuation_is_killed_the_goal_is_aborted_and_the_arm_sti
     rig.assert_stiff_since(goal)
 
     heard = len(rig.tendons)
-    start_again(rig, processes, 'tendon_actuation')
+    start_again(rig, 'tendon_actuation')
     rig.wait_for(lambda: len(rig.tendons) > heard + 20, 'tendon_states')
     states = list(rig.tendons)[heard:]
     assert not any(any(m.velocity) for m in states)
@@ -99,7 +92,7 @@ def test_when_the_valves_are_killed_the_goal_is_aborted_and_the_tendons_rest(
     rested_at = rig.pulls
 
     heard = [len(r) for r in rig.stiff]
-    start_again(rig, processes, 'jamming_valves')
+    start_again(rig, 'jamming_valves')
     rig.wait_for(lambda: all(
         len(r) > before for r, before in zip(rig.stiff, heard, strict=True)), 'stiff or soft')
     rig.assert_rests(40)
@@ -119,7 +112,7 @@ def test_when_kinematics_is_killed_the_goal_is_aborted_and_its_successor_knows_n
     assert_rests_short(rig)
 
     heard = len(rig.joints)
-    start_again(rig, processes, 'kinematics')
+    start_again(rig, 'kinematics')
     rig.wait_for(lambda: 'unknown' in rig.statuses['kinematics'].last.message, 'no shape')
     rig.assert_rests(40)
     assert len(rig.joints) == heard

@@ -81,11 +81,14 @@ class Joystick:
         self.show(LB, x=x)
         self.wait_for('moving')
         self.rig.wait_for(lambda: self.rig.moving, 'a motion')
+        self.rig.wait_for(lambda: not self._without_target(), 'a servo that follows')
+
+    def _without_target(self) -> bool:
+        return any(text in self.statuses.last.message for text in ('no target', 'disabled'))
 
     def assert_rests(self) -> None:
         """Claim that the servo follows nothing, the tendons rest, and nothing more is sent."""
-        self.rig.wait_for(lambda: any(text in self.statuses.last.message for text in (
-            'no target', 'disabled')), 'a servo without a target')
+        self.rig.wait_for(self._without_target, 'a servo without a target')
         self.rig.wait_for(lambda: self.rig.at_rest, 'rest')
         sent = len(self.sent)
         self.rig.assert_rests()

@@ -146,6 +146,7 @@ def test_up_starts_the_twin_and_a_camera_too_and_both_end_with_it(
     assert up.wait() == 0, up.output
     assert not children(up)
     assert 'Traceback' not in up.output, up.output
+    assert 'did not end within' not in up.output, up.output
     assert not list(tmp_path.glob('soft_continuum_*'))
 
 
