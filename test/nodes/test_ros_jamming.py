@@ -18,7 +18,7 @@ from std_msgs.msg import Bool
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
 from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
-from soft_continuum.hardware.ros_topics import jamming as ros_jamming
+from soft_continuum.hardware.ros_topics import device
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
@@ -45,7 +45,7 @@ def checked(given: dict[str, Any]) -> dict[str, Any]:
 @pytest.fixture
 def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
     """Return a maker of a driver and of the board that it talks to."""
-    monkeypatch.setattr(ros_jamming, 'OPEN_TIMEOUT', 1.0)
+    monkeypatch.setattr(device, 'OPEN_TIMEOUT', 1.0)
     closing: list[Any] = []
 
     def make_both(of: Any = Valves, **changes: Any) -> tuple[Any, Any]:

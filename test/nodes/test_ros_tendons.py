@@ -17,7 +17,7 @@ from std_msgs.msg import Bool, Float64MultiArray
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.ros_topics import tendons as ros_tendons
+from soft_continuum.hardware.ros_topics import device
 from soft_continuum.hardware.ros_topics.tendons import RosTendons
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
@@ -31,7 +31,7 @@ Make = Callable[..., tuple[RosTendons, Controllers]]
 @pytest.fixture
 def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
     """Return a maker of a driver and of the controllers that it talks to."""
-    monkeypatch.setattr(ros_tendons, 'OPEN_TIMEOUT', 1.0)
+    monkeypatch.setattr(device, 'OPEN_TIMEOUT', 1.0)
     closing: list[Any] = []
 
     def make_both(kind: str = 'positions', *, start: float = 0.3, **parameters: Any
