@@ -6,11 +6,10 @@
 from collections.abc import Callable, Iterator
 from itertools import cycle
 from math import isnan, nan
-import time
 from typing import Any
 
 import pytest
-from ros2_control import OtherNodes
+from ros2_control import OtherNodes, until
 from ros_valves import AMBIENT, REGULATORS, Regulators, VALVES, Valves
 from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Bool
@@ -23,16 +22,7 @@ from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
 
-DEADLINE = 20.0  # s
 TABLE = {p.name: p for p in NODE_PARAMETERS['jamming_valves']}
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + DEADLINE
-    while not (value := condition()):
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-    return value
 
 
 def checked(given: dict[str, Any]) -> dict[str, Any]:

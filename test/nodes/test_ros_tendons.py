@@ -10,7 +10,7 @@ import time
 from typing import Any
 
 import pytest
-from ros2_control import Controllers, JOINTS, OtherNodes
+from ros2_control import Controllers, DEADLINE, JOINTS, OtherNodes, until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
@@ -23,7 +23,6 @@ from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 
 PERIOD = 0.02  # s
-DEADLINE = 20.0  # s
 SPEED = 0.03  # m/s
 Make = Callable[..., tuple[RosTendons, Controllers]]
 
@@ -53,14 +52,6 @@ def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
     yield make_both
     for one in closing:
         one.close()
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + DEADLINE
-    while not (value := condition()):
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-    return value
 
 
 def ready(make: Make, kind: str = 'positions', **options: Any) -> tuple[RosTendons, Controllers]:
