@@ -11,7 +11,7 @@ import pytest
 from rclpy.serialization import serialize_message
 from ros_rig import Rig
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
 from soft_continuum.client.observed import ObservedArm, TOPICS
@@ -19,6 +19,7 @@ from soft_continuum.mechanics.arm import Arm, Disc, Segment
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes import emergency_stop
+from soft_continuum.nodes.conflicts import Conflicts, TOPICS as SOLE
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.entries import serve, subscribe
 from soft_continuum.nodes.shape_sequencer import ShapeSequencer
@@ -107,6 +108,21 @@ def test_text_of_others_is_cut_and_escaped() -> None:
     assert plain('c_form') == 'c_form'
     assert plain('\x1b[2J\n') == r'\x1b[2J\n'
     assert plain('x' * 5_000_000) == 'x' * 100 + '... (5000000 characters)'
+
+
+def test_a_flood_of_other_programs_costs_one_look_at_the_graph() -> None:
+    node = Mock()
+    node.get_publishers_info_by_topic.return_value = []
+    node.resolve_topic_name = '/arm/{}'.format
+    node.get_clock().now().nanoseconds = 0
+    conflicts = Conflicts(node, 0, {})
+    heard = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
+    for n in range(100):
+        heard['kinematics/instance'](serialize_message(String(data=f'{n}\n{n}')))
+        heard['~/instance'](serialize_message(String(data=f'{n}')))
+    looks = node.get_publishers_info_by_topic.call_args_list
+    assert 'kinematics' in conflicts.problem
+    assert [call.args for call in looks] == [(f'/arm/{topic}',) for topic in SOLE]
 
 
 class Switches:
