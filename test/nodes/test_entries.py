@@ -19,7 +19,8 @@ from soft_continuum.mechanics.arm import Arm, Disc, Segment
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes import emergency_stop
-from soft_continuum.nodes.conflicts import Conflicts, TOPICS as SOLE
+from soft_continuum.nodes.conflicts import Conflicts
+from soft_continuum.nodes.conflicts import TOPICS as SOLE
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.entries import serve, subscribe
 from soft_continuum.nodes.shape_sequencer import ShapeSequencer
