@@ -20,7 +20,7 @@ ENVIRONMENT = (
     'PATH', 'PYTHONPATH', 'LD_LIBRARY_PATH', 'AMENT_PREFIX_PATH', 'ROS_DISTRO', 'ROS_VERSION',
     'ROS_PYTHON_VERSION', 'RMW_IMPLEMENTATION', '_ROS_WHEELS_BOOTSTRAP_COMPLETE',
     'ROS_STATIC_PEERS', 'ROS_SECURITY_ENABLE', 'ROS_SECURITY_STRATEGY', 'ROS_SECURITY_KEYSTORE',
-    'CYCLONEDDS_URI')
+    'CYCLONEDDS_URI', 'XDG_STATE_HOME', 'XDG_CONFIG_HOME', 'XDG_CACHE_HOME')
 """Variables of the shell that nodes need, as they are when the service is installed."""
 FTDI = 0x0403  # vendor of adapters that keep what they receive for 16 ms unless told otherwise
 RULES = '99-soft_continuum.rules'

@@ -21,5 +21,15 @@ def dynamixel_zeros() -> Path:
     return _folder('XDG_STATE_HOME', '.local/state') / 'dynamixel_zeros.json'
 
 
+def config_home() -> Path:
+    """Return where this user's programs have what they are configured with."""
+    return _home('XDG_CONFIG_HOME', '.config')
+
+
 def _folder(variable: str, default: str) -> Path:
-    return Path(os.environ.get(variable) or Path.home() / default, 'soft_continuum')
+    return _home(variable, default) / 'soft_continuum'
+
+
+def _home(variable: str, default: str) -> Path:
+    given = Path(os.environ.get(variable, ''))
+    return given if given.is_absolute() else Path.home() / default  # as the specification says

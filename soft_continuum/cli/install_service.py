@@ -31,6 +31,7 @@ from soft_continuum.service import (
     units,
 )
 from soft_continuum.text import write_whole
+from soft_continuum.user_files import config_home
 
 HARDWARE = (TENDON_ACTUATION, JAMMING_VALVES)
 UDEV = Path('/etc/udev/rules.d')
@@ -65,13 +66,9 @@ def _run(options: argparse.Namespace) -> None:
                              'XDG_CONFIG_HOME, or correct the owner of that directory') from None
 
 
-def _config() -> Path:
-    return Path(os.environ.get('XDG_CONFIG_HOME') or Path.home() / '.config')
-
-
 def _folder() -> Path:
     """Return where systemd finds the units of a user."""
-    return _config() / 'systemd' / 'user'
+    return config_home() / 'systemd' / 'user'
 
 
 def _install(options: argparse.Namespace) -> None:
@@ -87,7 +84,7 @@ def _install(options: argparse.Namespace) -> None:
         namespace, nodes, command, _environment(options.domain)).items()}
     ports = ports_of(load_rig(options.params_file))
     boards = boards_of(ports, comports())
-    rules = _config() / 'soft_continuum' / RULES
+    rules = config_home() / 'soft_continuum' / RULES
     if boards:
         files[rules] = udev_rules(boards.values())
     _show(files)
@@ -149,7 +146,7 @@ def _in_group(name: str) -> bool:
 def _remove(options: argparse.Namespace) -> None:
     name = unit_name((options.namespace or '').strip('/'))
     wanted = [_folder() / f'{name}@.service', _folder() / f'{name}.target',
-              _config() / 'soft_continuum' / RULES]
+              config_home() / 'soft_continuum' / RULES]
     there = [path for path in wanted if os.path.lexists(path)]
     if not there:
         raise ParameterError(f'there is nothing to remove: no {wanted[1]}; --namespace says of '

@@ -4,7 +4,6 @@
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from math import inf
 from typing import Any
@@ -63,17 +62,26 @@ class Conflicts:
     def _on_same_name(self, message: String) -> None:
         if Instance.from_ros(message).process != self._about.own.process:
             self._same_name.refresh()
-            self._check_now()
+            self._check_at_first()
 
     def _on_other(self, name: str, message: String) -> None:
-        before, age = self._others[name]
+        _, age = self._others[name]
         instance = Instance.from_ros(message)
         age.refresh()
         self._others[name] = instance, age
         if instance.time is not None:
             _, last = self._ahead.get(name, (-inf, -inf))
             self._ahead[name] = last, instance.time - self._about.time
-        if replace(instance, time=before.time) != before:
+        if any(self._differs(instance, attribute) for attribute, *_ in DIFFERENCES):
+            self._check_at_first()
+
+    def _differs(self, instance: Instance, attribute: str) -> bool:
+        own = getattr(self._about.own, attribute)  # '' of a node that has no description
+        return bool(own) and getattr(instance, attribute) != own
+
+    def _check_at_first(self) -> None:
+        """Check now, unless a problem is known: of a flood every message would cost a look."""
+        if not self.problem:
             self._check_now()
 
     def lost(self, name: str, timeout: float) -> bool:
@@ -114,13 +122,9 @@ class Conflicts:
 
     def _differences(self, attribute: str, what: str, remedy: str) -> list[str]:
         """Return how the nodes that run differ from this one in an attribute of Instance."""
-        own = self._about.own
-        if not getattr(own, attribute):  # a node that has no description
-            return []
-        found = defaultdict(list)
+        own, found = self._about.own, defaultdict(list)
         for name, (instance, age) in self._others.items():
-            if age.seconds <= ENDED_AFTER and getattr(instance, attribute) != getattr(
-                    own, attribute):
+            if age.seconds <= ENDED_AFTER and self._differs(instance, attribute):
                 found[getattr(instance, attribute), instance.host].append(name)
         return [
             f'{" and ".join(names)} on {host or "an unknown computer"} '

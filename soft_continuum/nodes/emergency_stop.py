@@ -4,21 +4,35 @@
 
 from collections.abc import Callable
 from functools import partial
+from time import monotonic
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool
 
 from soft_continuum.nodes.entries import repeat, subscribe
-from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
+from soft_continuum.ros.entry import LOG_PERIOD
+from soft_continuum.ros.names import TELEOP
+from soft_continuum.ros.text import plain
 
 TOPIC = 'emergency_stop'
 PERIOD = 0.1  # s between two looks at who publishes it
+TELEOP_TIMEOUT = 0.5  # s; teleop says every 0.05 s that it has the emergency stop on
+DEPTH = 100
+"""Messages that wait, of all publishers together: a false of one must not displace a true."""
+ANY = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+RELIABLE = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE,
+                     durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class EmergencyStop:
     """
     Subscribes to emergency_stop (std_msgs/Bool): true stops the arm, false allows to resume.
+
+    A true of any publisher counts at once.  rclpy does not tell whose a message is, so a false
+    counts only while nobody else is there who may have turned it on.  Teleop is always there; it
+    repeats its true, so others are obeyed while it does not.
 
     ROS 2 has no QoS that receives from every publisher and also what was latched before.  So the
     subscription is the best that all present publishers fit.  While one takes the place of
@@ -30,8 +44,10 @@ class EmergencyStop:
         self.on = False
         self._node, self._on_change = node, on_change
         self._topic = node.resolve_topic_name(TOPIC)
+        self._true_time = 0.0  # s (steady), when the last true came
+        self._known: set[bytes] = set()  # publishers at the last look
         self._old: Any = None
-        self._begin(SENSOR)
+        self._begin(ANY)
         repeat(node, PERIOD, self._check_now)
 
     def _begin(self, profile: QoSProfile) -> None:
@@ -43,17 +59,39 @@ class EmergencyStop:
         if self._old is not None:
             self._node.destroy_subscription(self._old)
             self._old = None
-        present = [info.qos_profile
-                   for info in self._node.get_publishers_info_by_topic(self._topic)]
-        profile = SENSOR
-        if present and all(p.reliability == ReliabilityPolicy.RELIABLE for p in present):
-            latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in present)
-            profile = LATCHED if latched else STREAM
+        present = {bytes(info.endpoint_gid): info.qos_profile for info in self._publishers()}
+        profiles, profile = present.values(), ANY
+        if present and all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles):
+            latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+            # What somebody latched before it was turned on would come again, and turn it off.
+            outdated = (self.on and self._profile is not LATCHED
+                        and not self._known.isdisjoint(present))
+            profile = LATCHED if latched and not outdated else RELIABLE
+        self._known = set(present)
         if profile is not self._profile:
             self._old = self._subscription
             self._begin(profile)
 
+    def _publishers(self) -> list[Any]:
+        return list(self._node.get_publishers_info_by_topic(self._topic))
+
     def _on_message(self, profile: QoSProfile, message: Bool) -> None:
-        if message.data != self.on and (message.data or profile is self._profile):
+        if message.data:
+            self._true_time = monotonic()
+        elif not self.on or profile is not self._profile or self._may_be_of_others():
+            return
+        if message.data != self.on:
             self.on = message.data
             self._on_change(self.on)
+
+    def _may_be_of_others(self) -> bool:
+        """Return whether another than who says false may have it on, and log that."""
+        names = [info.node_name for info in self._publishers()]
+        others = sorted(plain(name) for name in names if name != TELEOP)
+        if TELEOP in names and monotonic() - self._true_time < TELEOP_TIMEOUT:
+            others.append(TELEOP)
+        if len(others) > 1:
+            self._node.get_logger().warning(
+                f'{TOPIC} stays on: {" and ".join(others)} publish it, and any of them may have '
+                'it on; end all but the one that turns it off', throttle_duration_sec=LOG_PERIOD)
+        return len(others) > 1

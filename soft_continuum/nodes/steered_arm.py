@@ -340,11 +340,11 @@ class SteeredArm:
         self.release()
 
     def keep_stopped(self) -> None:
-        """Say again that the emergency stop is on, if it is: one may be lost, or overruled."""
+        """Say again that the emergency stop is on, if it is: one may be lost."""
         if self._emergency:
             self._emergency_stop.publish(Bool(data=True))
         elif monotonic() > self._silent_time:
-            # A latched false would turn off what another program turned on before a node started.
+            # A stop that is over is nothing that a node has to know when it starts.
             self._silent_time = inf
             self._node.destroy_publisher(self._emergency_stop)
             self._emergency_stop = self._node.create_publisher(Bool, EMERGENCY_STOP, LATCHED)
@@ -368,8 +368,8 @@ class SteeredArm:
         others = ', '.join(sorted({  # besides one of this name that was killed a moment ago
             plain(info.node_name) for info in node.get_publishers_info_by_topic(
                 node.resolve_topic_name(EMERGENCY_STOP)) if info.node_name != node.get_name()}))
-        return others and (f'the emergency stop stays on: {others} may have it on too, and would '
-                           'be overruled; end it first')
+        return others and (f'the emergency stop stays on: {others} may have it on too; end it '
+                           'first')
 
 
 def _limited(vector: Array, most: float) -> Array:

@@ -274,7 +274,8 @@ class TendonControl:
     def resume(self) -> tuple[bool, str]:
         """Accept motion again, from where the tendons are; return success and the answer."""
         if self._emergency:
-            return False, 'emergency_stop is on; it has to be published as false first'
+            return False, ('emergency_stop is on; the program that turned it on has to publish '
+                           'false first, with no other publisher there')
         if not self._active or self._controller is None:
             return False, self._fault or 'the node is not active'
         self._controller.resume()

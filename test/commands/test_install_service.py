@@ -44,6 +44,7 @@ def board(device: str, **changes: Any) -> Any:
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Return where the files of the user are; one board of two is plugged in."""
     monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path / 'config'))
+    monkeypatch.setenv('XDG_STATE_HOME', str(tmp_path / 'state'))
     monkeypatch.setattr(install_service, 'comports', lambda: [board('/dev/ttyUSB0')])
     yield tmp_path / 'config'
 
@@ -103,6 +104,9 @@ def test_a_unit_starts_one_node_again_unless_it_was_given_what_it_does_not_take(
     assert words[-1] == '--disable-external-lib-logs'
     assert Path(words[words.index('--params-file') + 1]).is_absolute()
     assert {'Restart=on-failure', 'RestartPreventExitStatus=2', 'KillSignal=SIGINT'} <= {*unit}
+    # The zeros of servos are where this user's programs look for them, not where systemd would.
+    assert {f'Environment="{name}={os.environ[name]}"'
+            for name in ('XDG_STATE_HOME', 'XDG_CONFIG_HOME')} <= {*unit}
     target = written['soft_continuum.target']
     assert [node for node in NODES if f'@{node}.service' in target] == [
         'tendon_actuation', 'jamming_valves']

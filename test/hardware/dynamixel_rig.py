@@ -5,6 +5,7 @@
 from contextlib import contextmanager
 from math import pi
 
+from driver_waits import until
 from dynamixel_slave import serving, Slave
 import pytest
 from virtual_clock import VirtualClock
@@ -16,7 +17,6 @@ from soft_continuum.hardware.protocols import HardwareError
 TENDONS = ('right_tendon', 'left_tendon')
 RADIUS = 0.01
 PULSE = 2 * pi * RADIUS / 4096  # m
-TIMEOUT = 60.0  # s of the servos' time for anything to happen
 KEPT = 'zeros.json'
 
 
@@ -51,40 +51,10 @@ def rig(folder, *slaves, referenced=True, **changes):
             tendons.close()
 
 
-def until(device, condition, what=''):
-    """Wait until something is true, on the clock of servos or driver; fail if it never is."""
-    deadline = device.clock() + TIMEOUT
-    while not condition():
-        assert device.clock() < deadline, f'never: {what or condition}'
-        device.clock.sleep(0.002)
-
-
-def at_rest(tendons):
-    """Wait for the end of all motion; return the reading there."""
-    until(tendons, lambda: not tendons.read().moving, 'at rest')
-    return tendons.read()
-
-
 def refusal(tendons):
     """Return why a driver does not open."""
     with pytest.raises(HardwareError) as error:
         tendons.open()
-    return str(error.value)
-
-
-def failed(tendons):
-    """Wait for the driver to fail; return its error."""
-    def gives_up():
-        try:
-            tendons.read()
-        except HardwareError:
-            return True
-        return False
-    until(tendons, gives_up, 'a HardwareError')
-    with pytest.raises(HardwareError) as error:
-        tendons.read()
-    with pytest.raises(HardwareError):
-        tendons.move((0.0, 0.0), 1.0)
     return str(error.value)
 
 

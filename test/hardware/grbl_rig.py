@@ -4,20 +4,18 @@
 
 from contextlib import contextmanager
 
-import pytest
+from driver_waits import until
 from virtual_clock import VirtualClock
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.grbl.tendons import GrblTendons
-from soft_continuum.hardware.protocols import HardwareError
 
 TENDONS = ('right_tendon', 'left_tendon')
 STEPS_PER_MM = 200.0
 STEP = 1e-3 / STEPS_PER_MM  # m
 SPEED, ACCELERATION = 0.03, 0.3
-TIMEOUT = 60.0  # s of emulated time for anything to happen
 
 
 def driver(device, tendons=TENDONS, signs=None, **changes):
@@ -50,37 +48,6 @@ def rig(referenced=True, settings=None, **changes):
             yield emulator, tendons
         finally:
             tendons.close()
-
-
-def until(device, condition, what=''):
-    """Wait until something is true, on the clock of an emulator or driver; fail if it never is."""
-    clock = getattr(device, 'clock', device)
-    deadline = clock() + TIMEOUT
-    while not condition():
-        assert clock() < deadline, f'never: {what or condition}'
-        clock.sleep(0.002)
-
-
-def at_rest(tendons):
-    """Wait for the end of all motion; return the reading there."""
-    until(tendons, lambda: not tendons.read().moving, 'at rest')
-    return tendons.read()
-
-
-def failed(tendons):
-    """Wait for the driver to fail; return its error."""
-    def gives_up():
-        try:
-            tendons.read()
-        except HardwareError:
-            return True
-        return False
-    until(tendons, gives_up, 'a HardwareError')
-    with pytest.raises(HardwareError) as error:
-        tendons.read()
-    with pytest.raises(HardwareError):
-        tendons.move((0.0, 0.0), 1.0)
-    return str(error.value)
 
 
 def in_motion(emulator, tendons, pull=0.04):

@@ -5,7 +5,8 @@
 from pathlib import Path
 import random
 
-from dynamixel_rig import at_rest, driver, RADIUS, refusal, rig, servos, TENDONS
+from driver_waits import at_rest
+from dynamixel_rig import driver, RADIUS, refusal, rig, servos, TENDONS
 from dynamixel_slave import packet, Slave
 import pytest
 

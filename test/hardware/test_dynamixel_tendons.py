@@ -2,19 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tendons on Dynamixel servos go where they are sent, stop, hold, and know where they are."""
 
-from dynamixel_rig import (
-    at_rest,
-    driver,
-    failed,
-    in_motion,
-    KEPT,
-    PULSE,
-    refusal,
-    rig,
-    servos,
-    standing,
-    until,
-)
+from driver_waits import at_rest, failed, until
+from dynamixel_rig import driver, in_motion, KEPT, PULSE, refusal, rig, servos, standing
 from dynamixel_slave import Slave
 import pytest
 

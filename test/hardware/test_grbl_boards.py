@@ -4,7 +4,8 @@
 
 from contextlib import contextmanager, ExitStack
 
-from grbl_rig import ACCELERATION, at_rest, driver, SPEED, until
+from driver_waits import at_rest, until
+from grbl_rig import ACCELERATION, driver, SPEED
 import pytest
 from virtual_clock import VirtualClock
 

@@ -6,7 +6,8 @@ import os
 import subprocess
 import sys
 
-from grbl_rig import board, driver, until
+from driver_waits import until
+from grbl_rig import board, driver
 import pytest
 import serial
 

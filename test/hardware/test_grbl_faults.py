@@ -5,19 +5,8 @@
 import random
 import threading
 
-from grbl_rig import (
-    at_rest,
-    board,
-    driver,
-    failed,
-    in_motion,
-    rig,
-    settled,
-    standing,
-    STEP,
-    steps,
-    until,
-)
+from driver_waits import at_rest, failed, until
+from grbl_rig import board, driver, in_motion, rig, settled, standing, STEP, steps
 import pytest
 
 from soft_continuum.hardware.protocols import HardwareError

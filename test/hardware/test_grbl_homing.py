@@ -5,7 +5,8 @@
 import contextlib
 from contextlib import contextmanager
 
-from grbl_rig import at_rest, board, driver, failed, standing, until
+from driver_waits import at_rest, failed, until
+from grbl_rig import board, driver, standing
 import pytest
 
 from soft_continuum.hardware.grbl.states import State

@@ -6,11 +6,10 @@ import math
 import random
 import sys
 
+from driver_waits import at_rest, failed, until
 from grbl_rig import (
-    at_rest,
     board,
     driver,
-    failed,
     in_motion,
     rig,
     settled,
@@ -19,7 +18,6 @@ from grbl_rig import (
     STEP,
     steps,
     STEPS_PER_MM,
-    until,
 )
 import pytest
 

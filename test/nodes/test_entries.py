@@ -11,20 +11,23 @@ import pytest
 from rclpy.serialization import serialize_message
 from ros_rig import Rig
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
 from soft_continuum.client.observed import ObservedArm, TOPICS
 from soft_continuum.mechanics.arm import Arm, Disc, Segment
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.statics import Statics
+from soft_continuum.nodes import emergency_stop
+from soft_continuum.nodes.conflicts import Conflicts
+from soft_continuum.nodes.conflicts import TOPICS as SOLE
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.entries import serve, subscribe
 from soft_continuum.nodes.shape_sequencer import ShapeSequencer
 from soft_continuum.nodes.threads import Newest
 from soft_continuum.ros.conversions import equilibrium_from_ros, equilibrium_to_ros
 from soft_continuum.ros.entry import MAX_BYTES
-from soft_continuum.ros.qos import LATCHED, SENSOR
+from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.ros.text import plain
 
 
@@ -108,23 +111,81 @@ def test_text_of_others_is_cut_and_escaped() -> None:
     assert plain('x' * 5_000_000) == 'x' * 100 + '... (5000000 characters)'
 
 
-def test_while_one_subscription_replaces_another_the_old_one_can_only_stop() -> None:
-    node, changes = Mock(), []
+def test_a_flood_of_other_programs_costs_one_look_at_the_graph() -> None:
+    node = Mock()
     node.get_publishers_info_by_topic.return_value = []
-    stop = EmergencyStop(node, changes.append)
-    first = node.create_subscription.call_args.args[2]
-    node.get_publishers_info_by_topic.return_value = [Mock(qos_profile=LATCHED)]
-    stop._check_now()
-    second = node.create_subscription.call_args.args[2]
-    assert node.create_subscription.call_args.args[3] is LATCHED
-    for on_data, on in [(first, True), (second, True), (first, False), (first, True),
-                        (second, False)]:
-        on_data(serialize_message(Bool(data=on)))
-    assert changes == [True, False]
-    node.destroy_subscription.assert_not_called()
-    stop._check_now()
-    node.destroy_subscription.assert_called_once()
-    assert node.create_subscription.call_count == 2
+    node.resolve_topic_name = '/arm/{}'.format
+    node.get_clock().now().nanoseconds = 0
+    conflicts = Conflicts(node, 0, {})
+    heard = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
+    for n in range(100):
+        heard['kinematics/instance'](serialize_message(String(data=f'{n}\n{n}')))
+        heard['~/instance'](serialize_message(String(data=f'{n}')))
+    looks = node.get_publishers_info_by_topic.call_args_list
+    assert 'kinematics' in conflicts.problem
+    assert [call.args for call in looks] == [(f'/arm/{topic}',) for topic in SOLE]
+
+
+class Switches:
+    """An emergency stop, and who publishes it."""
+
+    def __init__(self) -> None:
+        self.node, self.changes = Mock(), list[bool]()
+        self.node.get_publishers_info_by_topic.return_value = []
+        self._stop = EmergencyStop(self.node, self.changes.append)
+
+    def say(self, publishers: str, *said: bool, old: bool = False) -> list[bool]:
+        """Let the named ones be there (! latches), and messages come; return all changes."""
+        self.node.get_publishers_info_by_topic.return_value = [
+            Mock(qos_profile=LATCHED if name[-1] == '!' else STREAM,
+                 endpoint_gid=name.encode(), node_name=name.strip('!'))
+            for name in publishers.split()]
+        self._stop._check_now()
+        on_data = self.node.create_subscription.call_args_list[-1 - old].args[2]
+        for on in said:
+            on_data(serialize_message(Bool(data=on)))
+        return self.changes
+
+    @property
+    def latched(self) -> bool:
+        """Whether it receives what was latched before it subscribed."""
+        qos = self.node.create_subscription.call_args.args[3]
+        return bool(qos.durability == LATCHED.durability)
+
+
+def test_while_one_subscription_replaces_another_the_old_one_can_only_stop() -> None:
+    switches = Switches()
+    assert switches.say('switch!', True, False, old=True) == [True]
+    assert switches.latched
+    switches.node.destroy_subscription.assert_not_called()
+    assert switches.say('switch!', False) == [True, False]
+    switches.node.destroy_subscription.assert_called_once()
+    assert switches.node.create_subscription.call_count == 2
+
+
+def test_what_one_has_turned_on_no_other_turns_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 0.0
+    monkeypatch.setattr(emergency_stop, 'monotonic', lambda: now)
+    switches = Switches()
+    # What was latched reaches a node that starts late in any order.
+    assert switches.say('switch! other!', False, True, False) == [True]
+    assert switches.say('other!', False) == [True, False]
+    # Teleop is there all the time; while it does not say that it is on, others are obeyed.
+    assert switches.say('teleop!', True, False) == [True, False] * 2
+    assert switches.say('other! teleop!', True, False) == [True, False] * 2 + [True]
+    now = 1.0  # s since a true
+    assert switches.say('other! teleop!', False) == [True, False] * 3
+
+
+def test_a_false_that_was_latched_before_the_stop_does_not_come_again() -> None:
+    switches = Switches()
+    assert switches.say('switch other!', True) == [True]
+    switches.say('other!')  # the switch has died
+    assert not switches.latched
+    switches.say('')
+    switches.say('new!')
+    assert switches.latched
+    assert switches.say('new!', False) == [True, False]
 
 
 def test_a_state_of_the_model_predicts_the_same_after_it_was_sent() -> None:

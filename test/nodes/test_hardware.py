@@ -298,10 +298,22 @@ def test_an_emergency_stop_ends_the_motion_until_it_is_off_and_resumed(
 
 
 def test_a_node_that_starts_during_an_emergency_stop_does_not_move(rig: Rig) -> None:
-    rig.observer.create_publisher(Bool, 'emergency_stop', LATCHED).publish(Bool(data=True))
+    switch, *others = [rig.observer.create_publisher(Bool, 'emergency_stop', LATCHED)
+                       for _ in range(3)]
+    switch.publish(Bool(data=True))
+    for other in others:  # that are not stopping it
+        other.publish(Bool(data=False))
     rig.start_arm()
     rig.wait_for_status('tendon_actuation', 'stopped', 'emergency_stop')
+    switch.publish(Bool(data=False))  # of several nobody knows whose a message is
+    rig.on_ros_thread(rig.observer.destroy_publisher, others.pop())
     assert not rig.trigger('tendon_actuation/resume').success
+    rig.on_ros_thread(rig.observer.destroy_publisher, others.pop())
+
+    def resumed() -> bool:
+        switch.publish(Bool(data=False))
+        return bool(rig.trigger('tendon_actuation/resume').success)
+    rig.wait_for(resumed, 'a resume')
 
 
 HOMED = [-0.006, -0.005]  # m: switches at -7 and -6 mm of a straight arm, and 1 mm off them

@@ -6,11 +6,10 @@
 from collections.abc import Callable, Iterator
 from itertools import cycle
 from math import isnan, nan
-import time
 from typing import Any
 
 import pytest
-from ros2_control import OtherNodes
+from ros2_control import OtherNodes, until
 from ros_valves import AMBIENT, REGULATORS, Regulators, VALVES, Valves
 from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Bool
@@ -18,21 +17,12 @@ from std_msgs.msg import Bool
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
 from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
-from soft_continuum.hardware.ros_topics import jamming as ros_jamming
+from soft_continuum.hardware.ros_topics import device
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
 
-DEADLINE = 20.0  # s
 TABLE = {p.name: p for p in NODE_PARAMETERS['jamming_valves']}
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + DEADLINE
-    while not (value := condition()):
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-    return value
 
 
 def checked(given: dict[str, Any]) -> dict[str, Any]:
@@ -45,7 +35,7 @@ def checked(given: dict[str, Any]) -> dict[str, Any]:
 @pytest.fixture
 def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
     """Return a maker of a driver and of the board that it talks to."""
-    monkeypatch.setattr(ros_jamming, 'OPEN_TIMEOUT', 1.0)
+    monkeypatch.setattr(device, 'OPEN_TIMEOUT', 1.0)
     closing: list[Any] = []
 
     def make_both(of: Any = Valves, **changes: Any) -> tuple[Any, Any]:

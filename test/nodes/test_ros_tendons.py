@@ -10,20 +10,19 @@ import time
 from typing import Any
 
 import pytest
-from ros2_control import Controllers, JOINTS, OtherNodes
+from ros2_control import Controllers, DEADLINE, JOINTS, OtherNodes, until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.ros_topics import tendons as ros_tendons
+from soft_continuum.hardware.ros_topics import device
 from soft_continuum.hardware.ros_topics.tendons import RosTendons
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 
 PERIOD = 0.02  # s
-DEADLINE = 20.0  # s
 SPEED = 0.03  # m/s
 Make = Callable[..., tuple[RosTendons, Controllers]]
 
@@ -31,7 +30,7 @@ Make = Callable[..., tuple[RosTendons, Controllers]]
 @pytest.fixture
 def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
     """Return a maker of a driver and of the controllers that it talks to."""
-    monkeypatch.setattr(ros_tendons, 'OPEN_TIMEOUT', 1.0)
+    monkeypatch.setattr(device, 'OPEN_TIMEOUT', 1.0)
     closing: list[Any] = []
 
     def make_both(kind: str = 'positions', *, start: float = 0.3, **parameters: Any
@@ -53,14 +52,6 @@ def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
     yield make_both
     for one in closing:
         one.close()
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + DEADLINE
-    while not (value := condition()):
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-    return value
 
 
 def ready(make: Make, kind: str = 'positions', **options: Any) -> tuple[RosTendons, Controllers]:

@@ -5,11 +5,11 @@
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from math import inf
-import threading
 from typing import Any, ClassVar, TYPE_CHECKING
 
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError, JammingReading
+from soft_continuum.hardware.ros_topics.device import POLL_INTERVAL, RosDevice
 from soft_continuum.hardware.ros_topics.numbers import (
     ARRAY,
     BOOL,
@@ -25,24 +25,20 @@ if TYPE_CHECKING:
     from soft_continuum.hardware.ros_topics.link import RosLink
 
 ABSOLUTE, GAUGE = 'absolute', 'gauge'
-OPEN_TIMEOUT = 4.0
-"""s in which publishers and subscribers are discovered and states come."""
-NAMES_TIMEOUT = 1.5  # s more for the names of those who publish what is not theirs
 REPEAT = 0.05  # s after which a command is sent again that is not confirmed: one may be lost
-POLL_INTERVAL = 0.005  # s
 SAME_SETPOINT = 0.01
 """Share of max_vacuum by which a set-point that is read back may differ."""
 
 
-class RosVacuum:
+class RosVacuum(RosDevice):
     """What valves and regulators of another node have in common."""
 
-    node: Any = None
-    """The node that has this driver; None: it makes one of its own when it is opened."""
+    driver = 'jamming driver'
 
     def __init__(self, values: Mapping[str, Any], clock: Clock = STEADY) -> None:
         """Take checked parameters; raises ParameterError.  Nothing is opened yet."""
-        self._parameters, self._clock = values, clock
+        super().__init__(clock)
+        self._parameters = values
         self._segments = len(values['arm.segment_lengths'])
         self._timeout: float = values[f'{PREFIX}timeout']
         self._scales: tuple[float, ...] = spread(
@@ -52,10 +48,6 @@ class RosVacuum:
                       if values[f'{PREFIX}pressures_are'] == GAUGE else 0.0)
         for name in ('pressure', 'command', 'state'):
             self._topics(name)
-        self._lock = threading.RLock()  # of all that follows
-        self._closing = threading.Event()
-        self.link: RosLink | None = None
-        self._opened = False
         self._pressures: Numbers
         self._states: Numbers
         self._commands: Commands
@@ -72,24 +64,7 @@ class RosVacuum:
                    f'a topic for each of {self._segments} segments'))
         return topics
 
-    def open(self) -> None:
-        """Find the topics and read the present state; switch nothing."""
-        self._closing.clear()
-        try:
-            with self._lock:
-                self._connect()
-            self._first_states()
-        except BaseException:
-            self._disconnect()
-            raise
-
-    def _connect(self) -> None:
-        try:
-            from soft_continuum.hardware.ros_topics.link import RosLink
-        except ImportError as error:
-            raise HardwareError(f'{error.name} is not there; source ROS 2 and the workspace'
-                                ) from error
-        link = self.link = RosLink(self.node, self._clock)
+    def _connect(self, link: 'RosLink') -> None:
         kinds = {name: self._parameters[f'{PREFIX}{name}_type']
                  for name in ('pressure', 'command', 'state')}
         self._pressures = Numbers(link, 'pressure_topics', kinds['pressure'],
@@ -99,43 +74,20 @@ class RosVacuum:
         self._commands = Commands(link, 'command_topics', kinds['command'],
                                   self._topics('command'))
 
-    def _first_states(self) -> None:
-        link = self.link
-        assert link is not None
-        deadline = self._clock() + OPEN_TIMEOUT
-        problem = link.wait_until(OPEN_TIMEOUT, self._closing)
-        while not self._closing.is_set():
-            if problem:
-                raise HardwareError(
-                    link.wait_for_names(deadline + NAMES_TIMEOUT, self._closing) or problem)
-            with self._lock:
-                if self._update():
-                    self._opened = True
-                    return
-            if self._clock() > deadline:
-                raise HardwareError(f'not every pressure and state came within {OPEN_TIMEOUT:g} '
-                                    's; are the publishers active?')
-            self._clock.sleep(POLL_INTERVAL)
-            problem = link.problem
-        raise HardwareError('the jamming driver was closed while it was being opened')
+    def _take_first(self) -> str:
+        return '' if self._update() else 'not every pressure and state came'
 
     def _inputs(self) -> tuple[Numbers, ...]:
         return self._pressures, self._states
 
     def _update(self) -> bool:
         """Take what came; return whether everything is known."""
-        if self.link is None:
-            raise HardwareError('the jamming driver is not open; configure the node')
-        try:
+        with self._receiving() as link:
             known = [numbers.update() for numbers in self._inputs()]
             if self._opened:
-                self.link.check()
+                link.check()
                 for numbers in self._inputs():
                     numbers.check()
-        except HardwareError:
-            raise
-        except Exception as error:  # of rclpy, when its context was shut down
-            raise HardwareError(f'ROS failed: {type(error).__name__}: {error}') from error
         return all(known)
 
     def close(self) -> None:
@@ -143,12 +95,6 @@ class RosVacuum:
         self._closing.set()
         if self._opened:
             self._disconnect()
-
-    def _disconnect(self) -> None:
-        with self._lock:
-            link, self.link, self._opened = self.link, None, False
-        if link is not None:
-            link.close()
 
     def _absolute(self) -> tuple[float, ...]:
         """Return the absolute pressures, Pa; raises HardwareError for what cannot be one."""
@@ -268,10 +214,10 @@ class RosJamming(RosVacuum):
         self._pump: Numbers
         self._pump_commands: Commands
 
-    def _connect(self) -> None:
-        super()._connect()
-        link, get = self.link, self._parameters
-        if self._has_pump and link is not None:
+    def _connect(self, link: 'RosLink') -> None:
+        super()._connect(link)
+        get = self._parameters
+        if self._has_pump:
             self._pump = Numbers(link, 'pump_state_topic', BOOL,
                                  [get[f'{PREFIX}pump_state_topic']], 1, self._timeout)
             self._pump_commands = Commands(

@@ -9,7 +9,6 @@ ever queued, and a joint comes to rest when the commands stop.
 """
 
 from collections.abc import Callable, Mapping
-import threading
 from typing import Any, ClassVar, Self, TYPE_CHECKING
 
 from soft_continuum.hardware.clock import Clock, STEADY
@@ -20,19 +19,16 @@ from soft_continuum.hardware.protocols import (
     HardwareError,
     TendonReading,
 )
+from soft_continuum.hardware.ros_topics.device import POLL_INTERVAL, RosDevice
 from soft_continuum.hardware.ros_topics.joint_states import Joints, JointWatch, PREFIX
 from soft_continuum.parameters.parameter import Parameter
 
 if TYPE_CHECKING:
     from soft_continuum.hardware.ros_topics.link import Listener, RosLink, Speaker
 
-OPEN_TIMEOUT = 4.0
-"""s in which publishers and subscribers are discovered and a state comes."""
-NAMES_TIMEOUT = 1.5  # s more for the names of those who publish what is not theirs
 FOLLOW_TIME = 0.3
 """s for which a joint may be farther from its set-point than following_error."""
 STOP_TIMEOUT = 1.0  # s in which a stop must be confirmed, also by close()
-POLL_INTERVAL = 0.01  # s
 LONGEST_STEP, STEP = 0.2, 0.02
 """s: a motion that is to take longer is sent in steps of so long, as read() is called."""
 POSITIONS, TRAJECTORY = 'positions', 'trajectory'
@@ -41,9 +37,10 @@ STATES = 'sensor_msgs/JointState'
 SAME_PLACE = 1e-3  # m by which joints may have moved while they were not watched
 
 
-class RosTendons:
+class RosTendons(RosDevice):
     """Tendons on the joints of another node; see TendonDriver for what the methods promise."""
 
+    driver = 'tendon driver'
     reference_moves = False
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter(f'{PREFIX}state_topic', 'joint_state_broadcaster/joint_states',
@@ -71,8 +68,6 @@ class RosTendons:
         Parameter(f'{PREFIX}following_error', 0.003, 'distance of a tendon from where it was sent '
                   'that may not last', 1e-5, 0.1, unit='m'),
     )
-    node: Any = None
-    """The node that has this driver; None: it makes one of its own when it is opened."""
     _known: ClassVar[dict[bytes, tuple[Joints, tuple[float, ...], tuple[float, ...],
                                        tuple[float, ...]]]] = {}
     """Joints, zeros, last positions and set-points by publisher of states, while this runs."""
@@ -92,11 +87,9 @@ class RosTendons:
     def __init__(self, joints: Joints, state_topic: str, command_topic: str, command_type: str,
                  following_error: float, timeout: float, clock: Clock = STEADY) -> None:
         """Describe the device; following_error: m, timeout: s.  Nothing is opened yet."""
+        super().__init__(clock)
         self._joints, self._topics, self._type = joints, (state_topic, command_topic), command_type
-        self._following_error, self._timeout, self._clock = following_error, timeout, clock
-        self._lock = threading.RLock()  # of all that follows
-        self._closing = threading.Event()
-        self.link: RosLink | None = None
+        self._following_error, self._timeout = following_error, timeout
         self._states: Listener
         self._commands: Speaker
         self._publisher = b''  # of the states
@@ -104,7 +97,6 @@ class RosTendons:
 
     def _reset(self, watch: JointWatch) -> None:
         self._watch = watch
-        self._opened = False
         self._setpoint: tuple[float, ...] | None = None  # positions that were sent last
         self._sent = 0.0  # s, when
         self._period = 0.0  # s, of the last command
@@ -122,56 +114,18 @@ class RosTendons:
 
     # The connection.
 
-    def open(self) -> None:
-        """Find the topics and read the joints; raises HardwareError.  Nothing is sent."""
-        self._closing.clear()
-        with self._lock:
-            self._connect()
-        try:
-            self._first_states()
-        except BaseException:
-            self._disconnect()
-            raise
-
-    def _connect(self) -> None:
-        try:
-            from soft_continuum.hardware.ros_topics.link import RosLink
-        except ImportError as error:
-            raise HardwareError(f'{error.name} is not there; source ROS 2 and the workspace'
-                                ) from error
+    def _connect(self, link: 'RosLink') -> None:
         self._reset(JointWatch(self._joints))
-        self.link = RosLink(self.node, self._clock)
         state_topic, command_topic = self._topics
-        try:
-            self._states = self.link.listen(
-                STATES, f'{PREFIX}state_topic', state_topic, self._timeout)
-            self._commands = self.link.speak(
-                KINDS[self._type], f'{PREFIX}command_topic', command_topic)
-        except BaseException:
-            self._disconnect()
-            raise
+        self._states = link.listen(STATES, f'{PREFIX}state_topic', state_topic, self._timeout)
+        self._commands = link.speak(KINDS[self._type], f'{PREFIX}command_topic', command_topic)
 
-    def _first_states(self) -> None:
-        link = self.link
-        assert link is not None
-        deadline = self._clock() + OPEN_TIMEOUT
-        problem = link.wait_until(OPEN_TIMEOUT, self._closing)
-        while not self._closing.is_set():
-            if problem:
-                raise HardwareError(
-                    link.wait_for_names(deadline + NAMES_TIMEOUT, self._closing) or problem)
-            with self._lock:
-                self._receive()
-                if self._watch.watched(self._clock()):  # long enough to tell whether they rest
-                    self._recall()
-                    self._opened = True
-                    return
-            if self._clock() > deadline:
-                raise HardwareError(f'no joint state came on {self._states.topic} within '
-                                    f'{OPEN_TIMEOUT:g} s; is its publisher active?')
-            self._clock.sleep(POLL_INTERVAL)
-            problem = link.problem
-        raise HardwareError('the tendon driver was closed while it was being opened')
+    def _take_first(self) -> str:
+        self._receive()
+        if not self._watch.watched(self._clock()):  # long enough to tell whether they rest
+            return f'no joint state came on {self._states.topic}'
+        self._recall()
+        return ''
 
     def _recall(self) -> None:
         """Take up the zeros that were set while the same publisher had the joints here."""
@@ -211,12 +165,6 @@ class RosTendons:
                 self._follow()
         except HardwareError:  # close() cannot do more; read() said it before, or open() will
             return
-
-    def _disconnect(self) -> None:
-        with self._lock:
-            link, self.link, self._opened = self.link, None, False
-        if link is not None:
-            link.close()
 
     # What the thread of control calls.
 
@@ -321,20 +269,14 @@ class RosTendons:
 
     def _receive(self) -> None:
         """Take what came; raise HardwareError when it is wrong, stale or nobody is there."""
-        if self.link is None:
-            raise HardwareError('the tendon driver is not open; configure the node')
-        try:
+        with self._receiving() as link:
             if self._opened and self._watch.positions is None:
                 raise HardwareError('a joint state could not be believed; open the driver again')
             for message, stamp in self._states.take():
                 self._watch.take(message, stamp, self._clock(), self._states.missed)
             if self._opened:
-                self.link.check()
+                link.check()
                 self._states.check()
-        except HardwareError:
-            raise
-        except Exception as error:  # of rclpy, when its context was shut down
-            raise HardwareError(f'ROS failed: {type(error).__name__}: {error}') from error
 
     def _moving(self) -> bool:
         return not self._watch.rests(self._sent)

@@ -1,0 +1,40 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What tests wait for, on the clock of an emulated device, whatever driver it has."""
+
+import pytest
+
+from soft_continuum.hardware.protocols import HardwareError
+
+TIMEOUT = 60.0  # s of emulated time for anything to happen
+
+
+def until(device, condition, what=''):
+    """Wait until something is true, on the clock of a device or driver; fail if it never is."""
+    clock = getattr(device, 'clock', device)
+    deadline = clock() + TIMEOUT
+    while not condition():
+        assert clock() < deadline, f'never: {what or condition}'
+        clock.sleep(0.002)
+
+
+def at_rest(tendons):
+    """Wait for the end of all motion; return the reading there."""
+    until(tendons, lambda: not tendons.read().moving, 'at rest')
+    return tendons.read()
+
+
+def failed(tendons):
+    """Wait for the driver to fail; return its error."""
+    def gives_up():
+        try:
+            tendons.read()
+        except HardwareError:
+            return True
+        return False
+    until(tendons, gives_up, 'a HardwareError')
+    with pytest.raises(HardwareError) as error:
+        tendons.read()
+    with pytest.raises(HardwareError):
+        tendons.move((0.0, 0.0), 1.0)
+    return str(error.value)
