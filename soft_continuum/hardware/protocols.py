@@ -36,13 +36,28 @@ def beyond_limits(tendons: Sequence[str], pulls: Sequence[float], limits: Sequen
 
 
 @dataclass(frozen=True)
+class Accuracy:
+    """
+    How well a device knows and does things, one value per tendon; empty: parameters say it.
+
+    pull_tolerances: how far from where it was sent a tendon may come to rest, m.
+    tension_deviations: standard deviation of a tension near 0, N.  tension_relative_deviations:
+    what grows with the tension, as a share of it; both add as squares.
+    """
+
+    pull_tolerances: tuple[float, ...] = ()
+    tension_deviations: tuple[float, ...] = ()
+    tension_relative_deviations: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
 class TendonReading:
     """
     State of the motors, one value per tendon, in the order of the arm's ``tendon_names``.
 
     pulls: m, negative is paid out.  speeds: m/s.  tensions: N, None where nothing measures them.
     referenced: whether the pulls are known relative to the straight arm.  unreferenced: why they
-    are not, for a person, where the driver can tell.
+    are not, for a person, where the driver can tell.  accuracy: as far as the driver knows it.
     """
 
     pulls: tuple[float, ...]
@@ -50,6 +65,7 @@ class TendonReading:
     referenced: bool
     tensions: tuple[float, ...] | None = None
     unreferenced: str = ''
+    accuracy: Accuracy = Accuracy()
 
     @property
     def moving(self) -> bool:
