@@ -7,6 +7,10 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Protocol, runtime_checkable, Self
 
+ROUNDING = 1e-9  # m by which a pull may be beyond a limit
+MAX_AHEAD = 5e-4
+"""m by which a tendon that comes back from beyond a limit may be ahead of where it is sent."""
+
 
 class HardwareError(RuntimeError):
     """A device failed; the message names it, what was seen, and the remedy."""
@@ -27,12 +31,21 @@ def check_motion(tendons: Sequence[str], pulls: Sequence[float], duration: float
         raise HardwareError(f'not a motion: pulls {pulls} m in {duration} s')
 
 
-def beyond_limits(tendons: Sequence[str], pulls: Sequence[float], limits: Sequence[float]
-                  ) -> HardwareError:
-    """Return the refusal of pulls (m) beyond pull_limits (low, high)."""
+def check_limits(tendons: Sequence[str], pulls: Sequence[float], present: Sequence[float],
+                 limits: Sequence[float]) -> None:
+    """
+    Raise HardwareError for pulls (m) beyond pull_limits (low, high).
+
+    present: where the tendons are, m.  One that went beyond, while something failed or limits were
+    changed, must be able to come back: it may be sent wherever that is no further.
+    """
     low, high = limits
-    return HardwareError(f'pulls of {describe_pulls(tendons, pulls)} are beyond pull_limits: '
-                         f'{low:g} to {high:g} m')
+    for pull, at in zip(pulls, present, strict=True):
+        least = at - MAX_AHEAD if at < low else low - ROUNDING
+        most = at + MAX_AHEAD if at > high else high + ROUNDING
+        if not least <= pull <= most:
+            raise HardwareError(f'pulls of {describe_pulls(tendons, pulls)} are beyond '
+                                f'pull_limits: {low:g} to {high:g} m')
 
 
 @dataclass(frozen=True)
