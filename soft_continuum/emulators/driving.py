@@ -15,7 +15,7 @@ AXES = 3
 BAUD_RATE = 1000000
 SPOOL_RADIUS = 0.01
 """m, of an emulated servo."""
-TENSION_LIMIT, SETTLE_TOLERANCE = 60.0, 2e-4  # N, m: servos rest within friction, not to a step
+TENSION_LIMIT = 60.0  # N
 MODBUS_TIMEOUT = 0.4  # s: boards that share a processor with a plant answer later than real ones
 
 
@@ -33,9 +33,8 @@ def grbl_parameters(ports: str | Path, tendons: int) -> dict[str, Value]:
 
 def dynamixel_parameters(port: str | Path, tendons: int, baud_rate: int = BAUD_RATE
                          ) -> dict[str, Value]:
-    """Return the parameters of all nodes with servos with the IDs 1, 2, ... at a port."""
-    return {'settle_tolerance': SETTLE_TOLERANCE,
-            'tendon_driver': 'dynamixel', 'dynamixel.port': str(port),
+    """Return the parameters of servos with the IDs 1, 2, ... at a port."""
+    return {'tendon_driver': 'dynamixel', 'dynamixel.port': str(port),
             'dynamixel.baud': baud_rate,
             'dynamixel.ids': tuple(range(1, tendons + 1)),
             'dynamixel.spool_radii': (SPOOL_RADIUS,) * tendons,

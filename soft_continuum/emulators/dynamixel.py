@@ -16,7 +16,7 @@ from soft_continuum.emulators.driving import (
 )
 from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
 from soft_continuum.emulators.dynamixel_models import BAUD_RATES, CURRENT_POSITION, MODELS
-from soft_continuum.emulators.dynamixel_motor import LOAD_FRICTION, OWN_FRICTION, Tendon
+from soft_continuum.emulators.dynamixel_motor import Tendon
 from soft_continuum.emulators.dynamixel_servo import (
     DynamixelServo,
     ENCODER_ERROR,
@@ -24,7 +24,6 @@ from soft_continuum.emulators.dynamixel_servo import (
     SHOCK_ERROR,
 )
 from soft_continuum.hardware.clock import Clock
-from soft_continuum.parameters.parameter import Value
 
 CONFIGURATION = """\
 Put this into the parameter file of all nodes:
@@ -50,14 +49,6 @@ def make_servos(tendons: int, model: str, baud_rate: int = BAUD_RATE,
         if mode in servo.model.modes:
             servo.set_up('Operating Mode', mode)
     return servos
-
-
-def estimate_parameters(model: str) -> dict[str, Value]:
-    """Return how well a tension is known that is measured by the current of servos."""
-    # The friction that rubs here, with what the driver takes it to vary from servo to servo.
-    own = 2.0 * OWN_FRICTION * MODELS[model].stall_torque / SPOOL_RADIUS
-    return {'tension_tolerance': 3.0 * own, 'estimation.tension_deviation': own,
-            'estimation.tension_relative_deviation': 3.0 * LOAD_FRICTION}
 
 
 def describe(emulator: DynamixelEmulator) -> str:
@@ -170,5 +161,5 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser, lambda: DynamixelEmulator(
             servos, arguments.link, Clock(arguments.time_factor)),
         lambda emulator: CONFIGURATION.format(parameters=parameter_lines(
-            estimate_parameters(arguments.model) | dynamixel_parameters(
-                emulator.port, len(emulator.servos), arguments.baud_rate))), execute_command)
+            dynamixel_parameters(emulator.port, len(emulator.servos), arguments.baud_rate))),
+        execute_command)

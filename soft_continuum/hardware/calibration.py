@@ -31,7 +31,8 @@ from soft_continuum.hardware.tendon_controller import TendonLimits
 SPEED = 2e-3
 """m/s of every motion here."""
 MAX_MOVE = 0.01  # m
-POSITION_TOLERANCE = 2e-4  # m; a stepper that stops further from its target has failed
+POSITION_TOLERANCE = 2e-4
+"""m; a motor that stops further from its target has failed, if its driver allows for no more."""
 REST_TIME = 0.2  # s without motion that count as rest
 TIMEOUT = 10.0  # s that anything may take longer than it should
 POLL_INTERVAL = 0.01  # s
@@ -152,7 +153,7 @@ class TendonBench:
                 raise HardwareError('the tendons do not come to rest; check the motors')
             self._clock.sleep(POLL_INTERVAL)
         errors = (abs(a - b) for a, b in zip(reading.pulls, target, strict=True))
-        if max(errors) > POSITION_TOLERANCE:
+        if max(errors) > max(POSITION_TOLERANCE, *reading.accuracy.pull_tolerances):
             tendons = self._limits.tendons
             raise HardwareError(
                 f'the tendons rest at {describe_pulls(tendons, reading.pulls)} instead of '

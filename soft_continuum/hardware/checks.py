@@ -6,7 +6,7 @@ The checks of ``doctor``: ports, firmware, settings, boards, valves and sensors 
 They move and switch nothing.  Steps that depend on one that failed are left out.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from math import isfinite
 import os
@@ -23,7 +23,6 @@ from soft_continuum.hardware.dynamixel.registers import (
 )
 from soft_continuum.hardware.dynamixel.setup import (
     find_servos,
-    FRICTION_SHARE,
     problems,
     Servo,
     Spools,
@@ -179,9 +178,6 @@ def check_servos(values: Mapping[str, Any]) -> Iterator[Check]:
         for servo in servos:
             yield (check := _check_servo(servo, spools))
             unfit |= check.status == FAIL
-        yield _check_settling(values['settle_tolerance'], max(spools.arrival_tolerances))
-        if not values['load_cells.used']:
-            yield _check_estimate(values, servos)
         if not unfit:
             states = read_states(bus, servos)
             zeros = find_zeros(bus, servos, states, spools, ZeroFile(dynamixel_zeros(), port))
@@ -214,30 +210,6 @@ def _check_servo(servo: Servo, spools: Spools) -> Check:
         return Check(str(servo), WARN, f'{message}; {RETURN_DELAY} is '
                      f'{servo.get(RETURN_DELAY)}, which slows every cycle: set it to 0')
     return Check(str(servo), OK, message)
-
-
-def _check_settling(given: float, needed: float) -> Check:
-    """Return whether goals wait for no more than the servos can do; both in m."""
-    step, message = 'settle_tolerance', f'tendons rest within {1e3 * needed:.2g} mm of their goals'
-    if given < needed:
-        return Check(step, WARN, f'{message}, but settle_tolerance is {1e3 * given:.2g} mm, so '
-                     f'goals would end with a timeout: set it to {2.0 * needed:.1g} (m)')
-    return Check(step, OK, message)
-
-
-def _check_estimate(values: Mapping[str, Any], servos: Sequence[Servo]) -> Check:
-    """Return whether kinematics trusts the tension of the servos no more than it is known."""
-    step = 'tension estimate'
-    least = max(servo.least_deviation for servo in servos)
-    low = [f'{name} is {values[name]:g}, needed: {needed:.3g}' for name, needed in (
-        ('estimation.tension_deviation', least),
-        ('estimation.tension_relative_deviation', FRICTION_SHARE),
-        ('tension_tolerance', 3.0 * least))
-        if values[name] < 0.99 * needed]
-    if low:
-        return Check(step, WARN, f'tension is estimated from current, but {"; ".join(low)}: '
-                     'kinematics would trust it too much (docs/how_to/use_dynamixel_servos.md)')
-    return Check(step, OK, 'kinematics knows how little is known of the tension')
 
 
 def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:

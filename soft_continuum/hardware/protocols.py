@@ -7,6 +7,10 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Protocol, runtime_checkable, Self
 
+ROUNDING = 1e-9  # m by which a pull may be beyond a limit
+MAX_AHEAD = 5e-4
+"""m by which a tendon that comes back from beyond a limit may be ahead of where it is sent."""
+
 
 class HardwareError(RuntimeError):
     """A device failed; the message names it, what was seen, and the remedy."""
@@ -27,12 +31,36 @@ def check_motion(tendons: Sequence[str], pulls: Sequence[float], duration: float
         raise HardwareError(f'not a motion: pulls {pulls} m in {duration} s')
 
 
-def beyond_limits(tendons: Sequence[str], pulls: Sequence[float], limits: Sequence[float]
-                  ) -> HardwareError:
-    """Return the refusal of pulls (m) beyond pull_limits (low, high)."""
+def check_limits(tendons: Sequence[str], pulls: Sequence[float], present: Sequence[float],
+                 limits: Sequence[float]) -> None:
+    """
+    Raise HardwareError for pulls (m) beyond pull_limits (low, high).
+
+    present: where the tendons are, m.  One that went beyond, while something failed or limits were
+    changed, must be able to come back: it may be sent wherever that is no further.
+    """
     low, high = limits
-    return HardwareError(f'pulls of {describe_pulls(tendons, pulls)} are beyond pull_limits: '
-                         f'{low:g} to {high:g} m')
+    for pull, at in zip(pulls, present, strict=True):
+        least = at - MAX_AHEAD if at < low else low - ROUNDING
+        most = at + MAX_AHEAD if at > high else high + ROUNDING
+        if not least <= pull <= most:
+            raise HardwareError(f'pulls of {describe_pulls(tendons, pulls)} are beyond '
+                                f'pull_limits: {low:g} to {high:g} m')
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """
+    How well a device knows and does things, one value per tendon; empty: parameters say it.
+
+    pull_tolerances: how far from where it was sent a tendon may come to rest, m.
+    tension_deviations: standard deviation of a tension near 0, N.  tension_relative_deviations:
+    what grows with the tension, as a share of it; both add as squares.
+    """
+
+    pull_tolerances: tuple[float, ...] = ()
+    tension_deviations: tuple[float, ...] = ()
+    tension_relative_deviations: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -42,7 +70,7 @@ class TendonReading:
 
     pulls: m, negative is paid out.  speeds: m/s.  tensions: N, None where nothing measures them.
     referenced: whether the pulls are known relative to the straight arm.  unreferenced: why they
-    are not, for a person, where the driver can tell.
+    are not, for a person, where the driver can tell.  accuracy: as far as the driver knows it.
     """
 
     pulls: tuple[float, ...]
@@ -50,6 +78,7 @@ class TendonReading:
     referenced: bool
     tensions: tuple[float, ...] | None = None
     unreferenced: str = ''
+    accuracy: Accuracy = Accuracy()
 
     @property
     def moving(self) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import copysign, sqrt
 from typing import Any, ClassVar, Self
 
-from soft_continuum.hardware.protocols import HardwareError, TendonReading
+from soft_continuum.hardware.protocols import Accuracy, HardwareError, TendonReading
 from soft_continuum.parameters.parameter import Parameter
 
 TIME_STEP = 0.001  # s
@@ -44,6 +44,7 @@ class SimulatedTendons:
         self._speed_limit = speed_limit
         self._acceleration = acceleration_limit
         self._step = step
+        self._accuracy = Accuracy((step,) * len(tendons))
         self._time = clock()
         self._pulls = [0.0] * len(tendons)
         self._speeds = [0.0] * len(tendons)
@@ -65,7 +66,8 @@ class SimulatedTendons:
         self._advance()
         pulls = (self._step * round((p - z) / self._step)
                  for p, z in zip(self._pulls, self._zero, strict=True))
-        return TendonReading(tuple(pulls), tuple(self._speeds), referenced=True)
+        return TendonReading(tuple(pulls), tuple(self._speeds), referenced=True,
+                             accuracy=self._accuracy)
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Set new targets (m), to be reached after ``duration`` s as far as the limits allow."""

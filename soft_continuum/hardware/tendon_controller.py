@@ -12,7 +12,12 @@ from enum import IntEnum
 
 import numpy as np
 
-from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
+from soft_continuum.hardware.protocols import (
+    Accuracy,
+    HardwareError,
+    TendonDriver,
+    TendonReading,
+)
 from soft_continuum.mechanics.chain import Array
 
 JOIN_TOLERANCE = 2e-4
@@ -94,7 +99,11 @@ class TendonController:
 
     def _read(self) -> TendonReading:
         reading, tensions = self._driver.read(), self._tensions()
-        return reading if tensions is None else replace(reading, tensions=tensions)
+        if tensions is None:
+            return reading
+        # How well the driver knows tensions says nothing of load cells.
+        return replace(reading, tensions=tensions,
+                       accuracy=Accuracy(reading.accuracy.pull_tolerances))
 
     @property
     def following(self) -> bool:

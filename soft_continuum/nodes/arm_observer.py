@@ -3,6 +3,7 @@
 """The arm as shape_sequencer observes it, from the topics of the other three nodes."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from math import inf, isfinite
 from typing import Any
 
@@ -12,7 +13,7 @@ from soft_continuum.mechanics.either import AnyArm, chain_of
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.conversions import pulls_from_ros
+from soft_continuum.ros.conversions import accuracy_from_ros, pulls_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.ros.ros_time import RosTime
@@ -36,6 +37,7 @@ class ArmObserver(ReportedArm):
         self.tendons = TendonActuationState()
         self.pulls = (0.0,) * len(arm.tendon_names)
         self._names, self._unmeasured = arm.tendon_names, ''
+        self._pull_tolerances: tuple[float, ...] = ()  # m
         self._on_tendon_state = on_tendon_state
         self._moving, self.tendons_heard = False, False
         self._tendon_age = Age()
@@ -64,6 +66,8 @@ class ArmObserver(ReportedArm):
 
     def _on_tendon_actuation(self, state: TendonActuationState) -> None:
         self.tendons, self.tendons_heard = state, True
+        with suppress(ValueError):  # kinematics reports it; what was told before still counts
+            self._pull_tolerances = accuracy_from_ros(state, self._names).pull_tolerances
         self._note_fault(TENDON_ACTUATION, state.fault)
         self._on_tendon_state(state)
 
@@ -168,7 +172,7 @@ class ArmObserver(ReportedArm):
         """Return what a Runner needs, with the failures of what it has requested."""
         ambient = self.parameters['ambient_pressure']
         return Observation(
-            pulls=self.pulls, moving=self.moves,
+            pulls=self.pulls, pull_tolerances=self._pull_tolerances, moving=self.moves,
             stiff=tuple(bool(stiff) for stiff in self.stiff),
             vacuum=tuple(ambient - pressure for pressure in self.pressures),
             stopped=self.stopped, stops=self.tendons.stops, fault=self.fault or fault,

@@ -38,7 +38,6 @@ from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.refusals import Refusals
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
-from soft_continuum.nodes.tension_check import TensionCheck
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.estimation import estimation_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
@@ -75,8 +74,8 @@ class Kinematics(Node):
     """
     Follows the arm's shape by the rigid multibody model under gravity, and by measurements.
 
-    Subscribes to tendon_states (sensor_msgs/JointState), jamming_valves/state,
-    segment_N/pressure and disc_N/measured_pose (geometry_msgs/PoseWithCovarianceStamped).
+    Subscribes to tendon_states (sensor_msgs/JointState), tendon_actuation/state,
+    jamming_valves/state, segment_N/pressure and disc_N/measured_pose (PoseWithCovarianceStamped).
     Publishes ~/state (soft_continuum_interfaces/KinematicsState), segment_poses, disc_poses and
     predicted_disc_poses (geometry_msgs/PoseArray), segment_N/pose
     (geometry_msgs/PoseWithCovarianceStamped), joint_states and tendon_tensions
@@ -130,8 +129,8 @@ class Kinematics(Node):
         self._marked = 0.0
         self._uncertainties: tuple[float, Array, list[EstimatedParameter]] = (
             -inf, np.zeros((0, 3, 3)), [])
-        self._tension_check = TensionCheck(self._tendons)
         self._measured_tensions = MeasuredTensions(self._tendons, self.parameters)
+        self._measured_tensions.listen(self)
         self._refused_poses, self._refused_tensions = Refusals('poses'), Refusals('tensions')
         self._follows = False  # whether the state is that of the last pulls
         self._states = self.create_publisher(KinematicsState, '~/state', STREAM)
@@ -197,9 +196,8 @@ class Kinematics(Node):
                 self._measured_tensions.put(self._time, measured)
             # The estimate follows what is measured: only the prediction can differ for long.
             model = self._shape.predicted or self._shape.state
-            self.status.alarm('tensions', self._tension_check.problem(
-                STEADY(), measured, model.tensions.tolist(),
-                self.parameters['tension_tolerance']), TENSION_PERIOD)
+            self.status.alarm('tensions', self._measured_tensions.problem(
+                STEADY(), measured, model.tensions.tolist()), TENSION_PERIOD)
 
     def _check(self) -> None:
         self._follow()

@@ -3,32 +3,78 @@
 """Measured tensions of the tendons as they arrive, and those of them that the estimate uses."""
 
 from collections.abc import Mapping, Sequence
-from math import inf, isfinite
+from math import hypot, inf, isfinite
 from typing import Any
 
 from soft_continuum.estimation.measuring import TensionMeasurement
+from soft_continuum.hardware.protocols import Accuracy
+from soft_continuum.nodes.entries import subscribe
+from soft_continuum.nodes.tension_check import TensionCheck
+from soft_continuum.ros.conversions import accuracy_from_ros
+from soft_continuum.ros.names import TENDON_ACTUATION
+from soft_continuum.ros.qos import LATCHED
+from soft_continuum_interfaces.msg import TendonActuationState
 
 PERIOD = 0.1
 """s between two that are used: each costs as much as a pose, and says less of a resting arm."""
+UNTOLD_TIME = 2.0
+"""s for which the first tensions wait for how well they are known; it is told once a second."""
+SURE = 3.0  # deviations, beyond which a difference is not what the device does not know
+REFUSAL_PERIOD = 3.0  # s for which it is shown that what a device told is not used
 
 
 class MeasuredTensions:
-    """Takes effort of tendon_states, which is there only where something measures it."""
+    """
+    Takes effort of tendon_states, which is there only where something measures it.
+
+    How well it is known the device tells by tendon_actuation/state; where it does not, parameters
+    do.
+    """
 
     def __init__(self, tendons: Sequence[str], parameters: Mapping[str, Any]) -> None:
-        """tendons: their names.  parameters: of kinematics, with the accuracy of the cells."""
-        self._tendons = tendons
-        self._deviation: float = parameters['estimation.tension_deviation']
-        self._relative: float = parameters['estimation.tension_relative_deviation']
+        """tendons: their names.  parameters: of kinematics."""
+        self._tendons, self._parameters = tendons, parameters
+        self._check = TensionCheck(tendons)
+        self._accuracy: Accuracy | None = None
+        self._first, self._untold_time = inf, 0.0  # s, of the first tensions; see UNTOLD_TIME
         self._waiting: tuple[float, list[TensionMeasurement]] | None = None
         self._taken = -inf
+
+    def listen(self, node: Any) -> None:
+        """Subscribe for ``node`` to what the device tells; its status says what is not used."""
+        def on_state(state: TendonActuationState) -> None:
+            try:
+                self.hear(state)
+            except ValueError as error:
+                node.status.alarm('accuracy', str(error), REFUSAL_PERIOD)
+
+        self._untold_time = UNTOLD_TIME
+        subscribe(node, TendonActuationState, f'{TENDON_ACTUATION}/state', on_state, LATCHED)
+
+    def hear(self, state: TendonActuationState) -> None:
+        """Note how well the device knows tensions; raises ValueError, and keeps what it told."""
+        if state.connected:  # what it told before it was lost holds when it is back
+            self._accuracy = accuracy_from_ros(state, self._tendons)
+
+    def _deviations(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return deviations near 0 (N), and shares of the tension, of every tendon."""
+        told, count = self._accuracy or Accuracy(), len(self._tendons)
+        return (told.tension_deviations
+                or (self._parameters['estimation.tension_deviation'],) * count,
+                told.tension_relative_deviations
+                or (self._parameters['estimation.tension_relative_deviation'],) * count)
 
     def put(self, time: float, tensions: Mapping[str, float]) -> None:
         """Keep tensions (N, by tendon) that were measured at ``time`` (s), if it is time to."""
         if abs(time - self._taken) < PERIOD:
             return
-        found = [TensionMeasurement(t, tensions[name], self._deviation, self._relative)
-                 for t, name in enumerate(self._tendons) if isfinite(tensions.get(name, inf))]
+        self._first = min(self._first, time)
+        if self._accuracy is None and time - self._first < self._untold_time:
+            return
+        found = [TensionMeasurement(t, tensions[name], deviation, relative)
+                 for t, (name, deviation, relative) in enumerate(
+                     zip(self._tendons, *self._deviations(), strict=True))
+                 if isfinite(tensions.get(name, inf))]
         if found:
             self._waiting, self._taken = (time, found), time
 
@@ -37,3 +83,16 @@ class MeasuredTensions:
         found = [] if self._waiting is None else [self._waiting]
         self._waiting = None
         return found
+
+    def problem(self, now: float, tensions: Mapping[str, float], model: Sequence[float]) -> str:
+        """Return which tensions (N, by tendon) are not those of the model; see TensionCheck."""
+        return self._check.problem(now, tensions, model, self._tolerances(tensions))
+
+    def _tolerances(self, tensions: Mapping[str, float]) -> list[float]:
+        """Return tension_tolerance, or what the device does not know if that is more, N."""
+        least = self._parameters['tension_tolerance']
+        if self._accuracy is None or not self._accuracy.tension_deviations:
+            return [least] * len(self._tendons)
+        return [max(least, SURE * hypot(deviation, relative * tensions.get(name, 0.0)))
+                for name, deviation, relative in zip(
+                    self._tendons, *self._deviations(), strict=True)]

@@ -16,7 +16,7 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.motion_requests import MotionRequests, Request
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm
 from soft_continuum.nodes.tendon_report import Report
-from soft_continuum.ros.conversions import Stiffness
+from soft_continuum.ros.conversions import accuracy_to_ros, Stiffness
 from soft_continuum_interfaces.msg import TendonActuationState
 
 MAX_LATENESS = 0.5
@@ -377,6 +377,7 @@ class TendonControl:
         if controller is not None:
             state.referenced = controller.reading.referenced
             state.moving, state.homing = controller.busy, controller.homing
+            accuracy_to_ros(controller.reading.accuracy, state)
             if self._active and (state.referenced or not state.homing):
                 reading = controller.reading
         unmeasured = self._guard.unmeasured(reading, self._tension_limit()) if reading else ''

@@ -19,14 +19,14 @@ class TensionCheck:
         self._said: dict[str, str] = {}
 
     def problem(self, now: float, measured: Mapping[str, float], model: Sequence[float],
-                tolerance: float) -> str:
+                tolerances: Sequence[float]) -> str:
         """
         Return what is wrong, empty for nothing; it stays the same while its cause does.
 
         now: s.  measured: N, by tendon, those that are.  model: N, one per tendon, nan where
-        nothing determines it.  tolerance: N.
+        nothing determines it.  tolerances: N, one per tendon.
         """
-        for name, expected in zip(self._tendons, model, strict=True):
+        for name, expected, tolerance in zip(self._tendons, model, tolerances, strict=True):
             seen = measured.get(name, nan)
             if not abs(seen - expected) > tolerance:  # also what is not known
                 self._since.pop(name, None)

@@ -39,10 +39,11 @@ ESTIMATION_PARAMETERS = (
     Parameter('estimation.used', True, 'correct the shape by disc_N/measured_pose and measured '
               'tensions, and learn stiffness, K, tendon offsets and payload from them'),
     Parameter('estimation.tension_deviation', 0.3, 'standard deviation of a measured tension '
-              'that is small: the zero of its load cell', 1e-3, 100.0, unit='N'),
+              'that is small: the zero of its load cell; not used where the device tells it',
+              1e-3, 100.0, unit='N'),
     Parameter('estimation.tension_relative_deviation', 0.1, 'what is added to it, in parts of the '
               'tension: the scale of the load cell, and friction of the guides that is not '
-              'described', 0.0, 1.0),
+              'described; not used where the device tells it', 0.0, 1.0),
     *(Parameter(f'estimation.prior.{name}', getattr(Prior(), name), text, low, high, unit=unit)
       for name, (text, low, high, unit) in _PRIOR.items()),
     *(Parameter(f'estimation.drift.{name}', getattr(Drift(), name), text, 0.0, high, unit=unit)

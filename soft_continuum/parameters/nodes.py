@@ -116,8 +116,8 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
                   'largest pull at which ~/reset accepts a stiff arm as straight, and by which '
                   'the tendons may be too short for a stiff arm', 0.0, 0.1, unit='m'),
         Parameter('tension_tolerance', 5.0, 'difference between a measured tension and that of '
-                  'the model that is reported when it lasts', 0.1, 1e4, read_only=False,
-                  unit='N'),
+                  'the model that is reported when it lasts; more where the device tells that it '
+                  'knows tensions less: three deviations', 0.1, 1e4, read_only=False, unit='N'),
         *ESTIMATION_PARAMETERS,
     ),
     CAMERA: (
@@ -246,7 +246,8 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('settle_timeout', 5.0, 'longest wait for the tendons to arrive after a motion',
                   0.1, 600.0, read_only=False, unit='s'),
         Parameter('settle_tolerance', 2e-5,
-                  'largest distance of an arrived tendon from its planned pull',
+                  'largest distance of an arrived tendon from its planned pull; more where its '
+                  'device tells that it comes no nearer',
                   1e-7, 0.01, read_only=False, unit='m'),
         Parameter('obstacles.file', '', 'YAML file with the obstacles around the arm, as '
                   'config/obstacles_example.yaml; empty: none, until the topic obstacles has '

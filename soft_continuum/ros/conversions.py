@@ -12,11 +12,16 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from soft_continuum.hardware.protocols import Accuracy
 from soft_continuum.mechanics.chain import Array, full_poses
 from soft_continuum.mechanics.either import AnyChain, State
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.ros.text import plain
-from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
+from soft_continuum_interfaces.msg import (
+    JammingValvesState,
+    KinematicsState,
+    TendonActuationState,
+)
 
 MAX_PULL = 1.0  # m, the most that pull_limits can be
 MAX_JOINT_ANGLE = pi  # rad
@@ -30,6 +35,10 @@ UNKNOWN = 1e6
 """Variance, m^2 or rad^2, of a coordinate that is not measured."""
 MAX_VARIANCE = 1.0
 """Variance, m^2 or rad^2, from which a coordinate counts as not measured."""
+
+ACCURACY_RANGES = {'pull_tolerances': (0.0, 0.01), 'tension_deviations': (1e-3, 1e4),
+                   'tension_relative_deviations': (0.0, 1.0)}
+"""Of what a device can tell of itself: m, N, and a share; those of the parameters it replaces."""
 
 
 def seconds(stamp: object) -> float:
@@ -158,6 +167,27 @@ def pulls_from_ros(message: JointState, tendons: Sequence[str]) -> Array:
         raise ValueError(f'tendon_states with pulls of {", ".join(f"{p:g}" for p in pulls)} m; '
                          f'possible: finite numbers up to {MAX_PULL:g} m')
     return pulls
+
+
+def accuracy_to_ros(accuracy: Accuracy, state: TendonActuationState) -> None:
+    """Write how well a device knows and does things into the state of tendon_actuation."""
+    for name in ACCURACY_RANGES:
+        setattr(state, name, getattr(accuracy, name))
+
+
+def accuracy_from_ros(state: TendonActuationState, tendons: Sequence[str]) -> Accuracy:
+    """
+    Return how well the device of tendon_actuation knows and does things, one value per tendon.
+
+    Raises ValueError for lists that are neither empty nor one possible number for each tendon.
+    """
+    for name, (low, high) in ACCURACY_RANGES.items():
+        values = getattr(state, name)
+        if values and not (tuple(state.tendons) == tuple(tendons) and len(values) == len(tendons)
+                           and all(low <= value <= high for value in values)):
+            raise ValueError(f'{name} of tendon_actuation/state are not used; needed: for each '
+                             f'of {", ".join(tendons)} a number from {low:g} to {high:g}, or none')
+    return Accuracy(*(tuple(getattr(state, name)) for name in ACCURACY_RANGES))
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.sequencing.progress import Code
 
@@ -33,7 +35,8 @@ class Observation:
     that plan, once it is too far.  unseen: whether that plan has not been compared yet with the
     obstacles that there are since it was made.  lost_tendons, lost_valves: whether nothing more
     is heard of what moves the tendons, or switches the segments.  agreed: whether the shape that
-    is reported is of an arm with these segments stiff.
+    is reported is of an arm with these segments stiff.  pull_tolerances: (tendons,) m, how far
+    from where it was sent a tendon may come to rest; empty: its device does not tell.
     """
 
     pulls: tuple[float, ...]
@@ -53,6 +56,13 @@ class Observation:
     lost_tendons: bool = False
     lost_valves: bool = False
     agreed: bool = True
+    pull_tolerances: tuple[float, ...] = ()
+
+    def rests_at(self, pulls: Array, tolerance: float) -> bool:
+        """Return whether tendons rest at pulls (m), as near as ``tolerance`` (m) or they can."""
+        off = np.abs(np.subtract(self.pulls, pulls))
+        return not self.moving and bool(
+            (off <= np.maximum(tolerance, self.pull_tolerances or 0.0)).all())
 
 
 class ArmPort(Protocol):

@@ -17,14 +17,15 @@ class RunnerSettings:
     """
     Deadlines and tolerances.
 
-    jamming_timeout, settle_timeout: s.  settle_tolerance: m.  soft_vacuum: Pa below ambient up to
-    which a segment is soft.  full_vacuum: Pa, that regulators hold in a stiff segment.
-    vacuum_tolerance: Pa by which a vacuum may differ from what its regulator is told.  horizon: s
-    of motion sent ahead; the tendons stop by themselves that soon after the sequencer ended.
-    retry: s between repeated requests.  jamming: whether segments are switched.  piece_period: s
-    between two pieces of a motion, each of which tendon_actuation has to judge.  on_obstacle: what
-    to do about an obstacle that comes into the way; one of ON_OBSTACLE.  max_replans: plans of one
-    shape that are made again.
+    jamming_timeout, settle_timeout: s.  settle_tolerance: m, or more where a tendon
+    cannot come so near.  soft_vacuum: Pa below ambient up to which a segment is soft.
+    full_vacuum: Pa, that regulators hold in a stiff segment.  vacuum_tolerance: Pa by which a
+    vacuum may differ from what its regulator is told.  horizon: s of motion sent ahead; the
+    tendons stop by themselves that soon after the sequencer ended.  retry: s between repeated
+    requests.  jamming: whether segments are switched.  piece_period: s between two pieces of a
+    motion, each of which tendon_actuation has to judge.  on_obstacle: what to do about an obstacle
+    that comes into the way; one of ON_OBSTACLE.  max_replans: plans of one shape that are made
+    again.
     """
 
     jamming_timeout: float = 10.0

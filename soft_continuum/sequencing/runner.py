@@ -338,8 +338,7 @@ class Runner:
             yield
         deadline = self._now + settings.settle_timeout
         target = move.pulls[-1]
-        while (self._observed.moving or np.abs(
-                np.subtract(self._observed.pulls, target)).max() > settings.settle_tolerance):
+        while not self._observed.rests_at(target, settings.settle_tolerance):
             self._check_motion(move.segment)
             if self._now > deadline:
                 where = ', '.join(

@@ -3,7 +3,8 @@
 """Measured tensions tell how stiff a soft segment is, and are not taken for more than that."""
 
 from dataclasses import replace
-from math import pi
+from math import inf, pi
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -15,13 +16,17 @@ from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, Layout
 from soft_continuum.mechanics import Statics
-from soft_continuum.nodes.measured_tensions import MeasuredTensions, PERIOD
+from soft_continuum.nodes.measured_tensions import MeasuredTensions, PERIOD, UNTOLD_TIME
+from soft_continuum_interfaces.msg import TendonActuationState
 
 HANGING = replace(ARM, mounting_angle=pi)
 KNOWN = Prior(ratio=0.05, offset=1e-5, payload=1e-3, straight=1e-3)  # all but the stiffness
 NO_DRIFT = Drift(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 FACTORS = (0.8, 1.0, 1.0)
 BENDING = (0.010, -0.020)  # m: the left tendon is slack
+NAMES = ('right_tendon', 'left_tendon')
+PARAMETERS = {'estimation.tension_deviation': 0.3, 'estimation.tension_relative_deviation': 0.1,
+              'tension_tolerance': 5.0}
 
 
 def bent(prior=KNOWN, **truth):
@@ -159,15 +164,68 @@ def test_tensions_do_not_hide_that_the_shape_is_not_known_any_more():
         shape.follow(Commands(0.7, np.array([0.01, 0.01]), (True,) * 3, None, (0, 0)))
 
 
+def told(**accuracy):
+    """Return the state of a device that tells how well it knows tensions."""
+    return TendonActuationState(connected=True, tendons=NAMES, **accuracy)
+
+
+def test_a_tension_is_trusted_as_far_as_its_device_knows_it():
+    tensions = MeasuredTensions(NAMES, PARAMETERS)
+
+    def used(time):
+        tensions.put(time, {NAMES[0]: 20.0})
+        return [(one.deviation, one.relative) for _, (one,) in tensions.take()]
+
+    assert used(100.0) == [(0.3, 0.1)]
+    tensions.hear(told(tension_deviations=[8.2, 1.0], tension_relative_deviations=[0.3, 0.2]))
+    assert used(101.0) == [(8.2, 0.3)]
+    tensions.hear(TendonActuationState())  # it is lost, and may come back
+    for wrong in ([8.2], [8.2, 1.0, 1.0], [float('nan')] * 2, [0.0, 1.0], [-8.2, 1.0], [inf] * 2):
+        with pytest.raises(ValueError, match=r'tension_deviations of tendon_actuation/state'):
+            tensions.hear(told(tension_deviations=wrong))
+    with pytest.raises(ValueError, match=r'a number from 0 to 1, or none'):
+        tensions.hear(told(tension_relative_deviations=[1.1, 0.2]))
+    assert used(102.0) == [(8.2, 0.3)]
+    tensions.hear(told())  # a device that does not tell, or a recording of before it could
+    assert used(103.0) == [(0.3, 0.1)]
+
+
+def test_tensions_wait_for_how_well_they_are_known_but_not_for_long():
+    told_at, never = (MeasuredTensions(NAMES, PARAMETERS) for _ in range(2))
+    for each in (told_at, never):
+        each.listen(Mock())
+        each.put(100.0, {NAMES[0]: 20.0})
+        assert each.take() == []
+    told_at.hear(told(tension_deviations=[8.2, 8.2]))
+    for each, deviation in ((told_at, 8.2), (never, 0.3)):
+        each.put(100.0 + UNTOLD_TIME, {NAMES[0]: 20.0})
+        (_, (one,)), = each.take()
+        assert one.deviation == deviation
+
+
+@pytest.mark.parametrize(('seen', 'model', 'cell', 'servo'), [
+    (0.0, 20.0, 'slack', ''), (0.0, 30.0, 'slack', 'slack'),
+    (60.0, 20.0, 'friction', ''), (60.0, 0.0, 'friction', 'friction'), (4.0, 0.0, '', '')])
+def test_a_tension_differs_from_the_model_by_more_than_its_device_does_not_know(
+        seen, model, cell, servo):
+    tensions = MeasuredTensions(NAMES, PARAMETERS)
+    for words in (cell, servo):
+        for time in (0.0, 1.0, 3.0):
+            problem = tensions.problem(time, {NAMES[0]: seen}, [model, 0.0])
+        assert words in problem
+        assert bool(problem) is bool(words)
+        # Three deviations: 24.6 N near 0, 59 N of a tension of 60 N.
+        tensions = MeasuredTensions(NAMES, PARAMETERS)
+        tensions.hear(told(tension_deviations=[8.2] * 2, tension_relative_deviations=[0.3] * 2))
+
+
 def test_ten_tensions_a_second_are_used_of_cells_that_measure():
-    names = ('right_tendon', 'left_tendon')
-    tensions = MeasuredTensions(names, {'estimation.tension_deviation': 0.3,
-                                        'estimation.tension_relative_deviation': 0.1})
+    tensions = MeasuredTensions(NAMES, PARAMETERS)
     tensions.put(100.0, {})  # no load cells
     assert tensions.take() == []
     used = []
     for n in range(50):
-        tensions.put(100.0 + 0.02 * n, {names[0]: float('nan'), names[1]: 4.0})
+        tensions.put(100.0 + 0.02 * n, {NAMES[0]: float('nan'), NAMES[1]: 4.0})
         used += tensions.take()
     assert 1.0 / PERIOD - 1 <= len(used) <= 1.0 / PERIOD + 1
     for _, (one,) in used:

@@ -147,6 +147,11 @@ def test_nothing_moves_while_the_segment_is_stiff(time):
     assert bench.move((0.001, 0.0)).pulls[0] == pytest.approx(0.001, abs=1e-5)
 
 
+def test_a_motor_need_not_come_nearer_than_its_driver_tells(time):
+    _, _, bench = bench_of(time, SimulatedTendons(time, TENDONS, 0.03, 0.3, step=1e-3))
+    assert bench.move((0.0044, 0.0)).pulls[0] == pytest.approx(0.004, abs=1e-9)
+
+
 class ShortSteppers(SimulatedTendons):
     """Steppers that go half the way."""
 

@@ -208,28 +208,6 @@ def test_doctor_names_what_is_wrong_and_calibrate_servos_sets_it(real, capsys):
     assert found['tendon reference'].status == WARN
 
 
-def test_doctor_warns_where_goals_or_kinematics_expect_too_much_of_servos(real):
-    _, file = real
-
-    def found(**given):
-        checks = check_servos(load_rig([file]) | given)
-        return {check.step: check for check in checks}
-
-    settling, tension = (found()[step] for step in ('settle_tolerance', 'tension estimate'))
-    assert settling.status == tension.status == WARN
-    assert 'tendons rest within 0.1 mm of their goals, but settle_tolerance is 0.02 mm' in (
-        settling.message)
-    assert 'set it to 0.0002 (m)' in settling.message
-    # 2 % of the 4.1 N m at which an XM430-W350 stalls, on 10 mm
-    assert 'estimation.tension_deviation is 0.3, needed: 8.2' in tension.message
-    assert 'estimation.tension_relative_deviation is 0.1, needed: 0.3' in tension.message
-    assert 'tension_tolerance is 5, needed: 24.6' in tension.message
-    assert 'tension estimate' not in found(**{'load_cells.used': True})
-    example = found(**{name: value for name, value in load_rig([EXAMPLE]).items()
-                       if name.startswith(('estimation.', 'settle_', 'tension_tol'))})
-    assert example['settle_tolerance'].status == example['tension estimate'].status == OK
-
-
 def test_calibrate_servos_asks_first(real, monkeypatch, capsys):
     bus, file = real
     monkeypatch.setattr('builtins.input', lambda _: 'no')

@@ -90,6 +90,28 @@ def test_a_sound_arm_may_be_moved_and_its_tendons_are_known_by_name(bench: Bench
     assert not observation.moving
 
 
+def test_tendons_rest_as_near_to_a_pull_as_their_device_can(bench: Bench) -> None:
+    def rests(*pulls: float) -> bool:
+        return bench.observer.observation(None, '').rests_at(np.array(pulls), 2e-5)
+
+    near, far = (0.001, -0.00191), (0.00103, -0.002)  # of 1 mm and -2 mm
+    assert not rests(*near)
+    bench.tendons(tendons=TENDONS, pull_tolerances=[1e-5, 1e-4])
+    assert rests(*near)
+    assert not rests(*far)
+    for wrong in ([1e-4], [float('nan'), 1e-4], [-1e-4, 1e-4], [1.0, 1.0]):
+        bench.tendons(tendons=TENDONS, pull_tolerances=wrong)
+        assert rests(*near)
+        assert not rests(*far)
+    bench.tendons(tendons=TENDONS[::-1], pull_tolerances=[1e-2, 1e-2])
+    assert not rests(*far)
+    bench.tendons(tendons=TENDONS, pull_tolerances=[1e-5, 1e-4], moving=True)
+    assert not rests(*near)
+    bench.tendons()  # a device that does not tell
+    assert not rests(*near)
+    assert rests(0.001, -0.002)
+
+
 @pytest.mark.parametrize('topic', ['tendon_states', 'kinematics/state', 'segment_1/pressure'])
 def test_a_stream_that_ends_is_a_fault_after_the_timeout(bench: Bench, topic: str) -> None:
     bench._callbacks[topic] = Mock()

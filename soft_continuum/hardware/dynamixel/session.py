@@ -24,11 +24,11 @@ from soft_continuum.hardware.dynamixel.registers import (
     MAX_POSITION,
     PULSES_PER_TURN,
 )
-from soft_continuum.hardware.dynamixel.setup import Servo, Spools
+from soft_continuum.hardware.dynamixel.setup import FRICTION_SHARE, Servo, Spools
 from soft_continuum.hardware.dynamixel.start import keep_zeros
 from soft_continuum.hardware.dynamixel.state import REST_TIME, ServoState, Track
 from soft_continuum.hardware.dynamixel.take_up import TakeUp
-from soft_continuum.hardware.protocols import HardwareError, TendonReading
+from soft_continuum.hardware.protocols import Accuracy, HardwareError, TendonReading
 
 CYCLE, RESTING_CYCLE = 0.01, 0.05
 """s between two cycles, and between two while the tendons rest."""
@@ -74,6 +74,9 @@ class DynamixelSession:
         self._mark_due = not self._unknown  # where the zero was found in another way
         self._since = self._stepped = self._near = bus.clock()
         self._take_up: TakeUp | None = None
+        self._accuracy = Accuracy(
+            spools.arrival_tolerances, tuple(servo.least_deviation for servo in servos),
+            (FRICTION_SHARE,) * len(servos))
 
     # Requests, from any thread
 
@@ -97,7 +100,7 @@ class DynamixelSession:
                 max(0.0, sign * servo.tension(state.current)) for sign, servo, state in zip(
                     self._spools.signs, self._servos, self._states, strict=True))
             return TendonReading(self._path.to_pulls(self._positions()), speeds,
-                                 not self._unknown, tensions, self._unknown)
+                                 not self._unknown, tensions, self._unknown, self._accuracy)
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it."""

@@ -26,7 +26,7 @@ from soft_continuum.hardware.dynamixel.setup import (
 )
 from soft_continuum.hardware.dynamixel.start import find_zeros, read_states, take_over
 from soft_continuum.hardware.protocols import (
-    beyond_limits,
+    check_limits,
     check_motion,
     HardwareError,
     TendonReading,
@@ -36,7 +36,6 @@ from soft_continuum.user_files import dynamixel_zeros
 
 CLOSE_TIMEOUT = 1.0  # s that close() gives the tendons to stop
 POLL_INTERVAL = 0.005  # s
-COMING_BACK = 5e-4  # m by which a tendon beyond its limits may be ahead of a goal on the way back
 MAX_READ_TIME = 0.05  # s for all servos
 
 
@@ -152,14 +151,10 @@ class DynamixelTendons:
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Move all tendons to ``pulls`` (m), to arrive together after ``duration`` (s)."""
-        (low, high), tendons = self._spools.pull_limits, self._spools.tendons
+        tendons = self._spools.tendons
         check_motion(tendons, pulls, duration)
         session = self._connected()
-        # A tendon that went beyond while something failed must be able to come back.
-        if any(not min(low, at) - COMING_BACK <= pull <= max(high, at) + COMING_BACK
-               if at < low or at > high else not low - 1e-9 <= pull <= high + 1e-9
-               for pull, at in zip(pulls, session.reading().pulls, strict=True)):
-            raise beyond_limits(tendons, pulls, (low, high))
+        check_limits(tendons, pulls, session.reading().pulls, self._spools.pull_limits)
         rested = not session.busy
         session.move(pulls, duration)
         if rested:

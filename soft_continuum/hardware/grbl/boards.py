@@ -8,7 +8,12 @@ import threading
 from typing import Protocol, TypeVar
 
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
+from soft_continuum.hardware.protocols import (
+    Accuracy,
+    HardwareError,
+    TendonDriver,
+    TendonReading,
+)
 
 T = TypeVar('T')
 POLL_INTERVAL = 0.005  # s
@@ -78,7 +83,9 @@ class GrblBoards:
         return TendonReading(
             tuple(pull for reading in readings for pull in reading.pulls),
             tuple(speed for reading in readings for speed in reading.speeds),
-            all(reading.referenced for reading in readings))
+            all(reading.referenced for reading in readings),
+            accuracy=Accuracy(tuple(tolerance for reading in readings
+                                    for tolerance in reading.accuracy.pull_tolerances)))
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Move all tendons to ``pulls`` (m), to arrive together after ``duration`` (s)."""

@@ -14,6 +14,7 @@ from math import ceil, hypot, sqrt
 from typing import Any, Self
 
 from soft_continuum.hardware.grbl.link import AXES, G_WORDS
+from soft_continuum.hardware.protocols import Accuracy
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.parameters.parameter import ParameterError
 
@@ -107,6 +108,11 @@ class Motors:
     def steps_per_metre(self) -> tuple[float, ...]:
         """Motor steps per m of travel of each motor."""
         return tuple(MM * s for s in self.steps_per_mm)
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """How near they come to where they are sent: a step."""
+        return Accuracy(tuple(1.0 / steps for steps in self.steps_per_metre))
 
     def to_steps(self, position: Sequence[float]) -> Steps:
         """Return a position that the controller reports; axes without a tendon are ignored."""

@@ -123,7 +123,8 @@ class GrblSession:
             slowest = 1.0 / max(self._motors.steps_per_metre) / MOVING_QUERY_INTERVAL
             speeds = (slowest,) * len(speeds)
         pulls = self._motors.to_pulls(subtract(self.position, self._zero))
-        return TendonReading(pulls, speeds, referenced=not self._unreferenced)
+        return TendonReading(pulls, speeds, referenced=not self._unreferenced,
+                             accuracy=self._motors.accuracy)
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it."""

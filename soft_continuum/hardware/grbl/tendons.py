@@ -19,7 +19,7 @@ from soft_continuum.hardware.grbl.motion import JOG_TIME, Motors
 from soft_continuum.hardware.grbl.session import GrblSession, RESTING_QUERY_INTERVAL
 from soft_continuum.hardware.grbl.setup import find_controller, invalid_settings, UNLOCK
 from soft_continuum.hardware.protocols import (
-    beyond_limits,
+    check_limits,
     check_motion,
     HardwareError,
     TendonDriver,
@@ -133,12 +133,11 @@ class GrblTendons:
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Move all tendons to ``pulls`` (m), to arrive together after ``duration`` (s)."""
-        (low, high), tendons = self._motors.pull_limits, self._motors.tendons
+        tendons = self._motors.tendons
         check_motion(tendons, pulls, duration)
-        if min(pulls) < low - 1e-9 or max(pulls) > high + 1e-9:
-            raise beyond_limits(tendons, pulls, (low, high))
         with self._lock:
             session = self._connected()
+            check_limits(tendons, pulls, session.reading().pulls, self._motors.pull_limits)
             session.move(pulls, duration)
         session.link.wake()
 

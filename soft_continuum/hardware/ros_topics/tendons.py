@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self, TYPE_CHECKING
 
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import (
-    beyond_limits,
+    check_limits,
     check_motion,
     describe_pulls,
     HardwareError,
@@ -178,19 +178,18 @@ class RosTendons(RosDevice):
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Send all joints to ``pulls`` (m), to be there after ``duration`` (s)."""
-        (low, high), tendons = self._joints.pull_limits, self._joints.tendons
-        check_motion(tendons, pulls, duration)
-        if min(pulls) < low - 1e-9 or max(pulls) > high + 1e-9:
-            raise beyond_limits(tendons, pulls, (low, high))
+        joints = self._joints
+        check_motion(joints.tendons, pulls, duration)
         with self._lock:
             self._receive()
             if not self._watch.known:
                 raise HardwareError('the position is not referenced; straighten the arm and call '
                                     '~/reference')
+            check_limits(joints.tendons, pulls, self._watch.pulls, joints.pull_limits)
             if self._setpoint is None or not self._moving():
                 self._near = self._clock()
             self._stop_by = self._way = None
-            target = self._joints.positions(pulls, self._watch.zeros)
+            target = joints.positions(pulls, self._watch.zeros)
             if duration <= LONGEST_STEP:
                 self._send(target, duration)
             else:
