@@ -269,6 +269,7 @@ def trial(folder: Path, fault: Fault, seed: int, moving: bool, tendons: int = le
     limits = random.choice([WITHIN_TURN, BEYOND_TURN])
     with rig(folder, limits, tendons) as made:
         emulator, clock = made.emulator, made.emulator.clock
+        emulator.random.seed(f'{fault.name} {seed}')  # which packets are damaged
         made.follow(somewhere(random, tendons), 0.6)
         due = clock() + random.uniform(0.0, 0.6)
         at: list[tuple[float, tuple[float, ...]]] = []
