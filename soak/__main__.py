@@ -10,7 +10,9 @@ import sys
 from benchmarks.tables import machine, Section, write
 from soak.report import progress, Report
 
-PARTS = ('sequences', 'stops', 'fuzz', 'kills', 'dynamixel', 'network', 'unattended', 'attacks')
+PARTS = ('sequences', 'sequences-dynamixel', 'stops', 'stops-dynamixel', 'fuzz', 'kills',
+         'dynamixel', 'network', 'unattended', 'attacks')
+"""Modules; after a hyphen, what drives the tendons in place of stepper motors."""
 QUICK = 0.01
 
 
@@ -31,8 +33,9 @@ def main() -> int:
     failures: list[str] = []
     for name in arguments.only or PARTS:
         progress(f'{name} ...')
-        run: Callable[[float], Report] = import_module(f'soak.{name}').run
-        report = run(QUICK if arguments.quick else arguments.share)
+        module, *board = name.split('-')
+        run: Callable[..., Report] = import_module(f'soak.{module}').run
+        report = run(QUICK if arguments.quick else arguments.share, *board)
         failures += [f'{name}: {failure}' for failure in report.failures]
         section = Section('reliability.md', name, f'{machine()}\n\n{report.body}')
         print(f'\n## {name}\n\n{section.body}', flush=True)

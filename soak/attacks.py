@@ -24,7 +24,7 @@ from websockets.sync.client import ClientConnection, connect
 from benchmarks.tables import table
 from soak.report import Report, spread
 from soak.unattended import _domain_of_programs, _Programs
-from soak.workbench import _domain
+from soak.workbench import domain
 
 DURATION = 20.0  # s of each attack
 STOPS = 20
@@ -44,9 +44,9 @@ ATTACKS = {
 def run(share: float) -> Report:
     """Attack in each way for ``share`` of DURATION."""
     rows, failures = [], []
-    with (tempfile.TemporaryDirectory() as directory, _domain() as domain,
-          _domain_of_programs(domain), _Programs(Path(directory)) as programs):
-        rig = Rig(domain, '/soak')
+    with (tempfile.TemporaryDirectory() as directory, domain() as number,
+          _domain_of_programs(number), _Programs(Path(directory)) as programs):
+        rig = Rig(number, '/soak')
         address = programs.start_view('--token', TOKEN, '--namespace', 'soak')
         rig.wait_until_ready(*ALL)
         view = programs.running['view'].pid

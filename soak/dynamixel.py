@@ -25,12 +25,14 @@ from servo_rig import (
     ServoRig,
     servos,
     somewhere,
+    SPEED,
     spools,
     TENDONS,
     trial,
     WrongStateError,
 )
 from servo_stops import (
+    FASTEST,
     MAX_STOP_TIME,
     MEDIAN_STOP_TIME,
     REST_DISTANCE,
@@ -46,8 +48,11 @@ from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
 
 TRIALS = 50  # of each fault
-STOPS = 1000
+STOPS, STOPS_OF_OTHERS = 1000, 200
+OTHERS = {'XL330-M288': FASTEST, 'XC330-T288': FASTEST, 'XM540-W270': 0.018}
+"""Other models, and how fast their tendons are moved at most, m/s."""
 KILLS = 50
+SPEED_MARGIN = 1.1  # of speed_limit over the speed of motions that are stopped
 ATTEMPTS = 20  # to connect
 MAX_RUN_ON = 1.0  # s that servos may go on after the death of a program
 
@@ -64,8 +69,9 @@ def run(share: float) -> Report:
     """Do ``share`` of all trials."""
     faults, wrong = _faults(max(2, round(share * TRIALS)))
     stops, late = _stops(max(2, round(share * STOPS)))
+    others = _stops_of_others(max(2, round(share * STOPS_OF_OTHERS)))
     kills, unsafe = _kills(max(2, round(share * KILLS)))
-    return Report('\n\n'.join([faults, stops, kills]), (*wrong, *late, *unsafe))
+    return Report('\n\n'.join([faults, stops, others, kills]), (*wrong, *late, *unsafe))
 
 
 def _faults(trials: int) -> tuple[str, list[str]]:
@@ -101,13 +107,8 @@ def _of_faults(found: dict[str, Outcomes]) -> str:
 
 def _stops(trials: int) -> tuple[str, list[str]]:
     """Stop at random moments of a motion: how long until the last spool rests."""
-    random, stops = Random(1), list[Stop]()
     with TemporaryDirectory() as folder, rig(Path(folder), BEYOND_TURN) as made:
-        while len(stops) < trials:
-            if len(stops) % 100 == 0:
-                progress(f'{trials - len(stops)} stops left')
-            if (stop := stop_in_motion(made, random)) is not None:
-                stops.append(stop)
+        stops = _stop(made, trials, FASTEST)
     head = ('stop, until every tendon', 'median, ms', '99 %, ms', 'longest, ms')
     rest = f'stays slower than {1e3 * REST_SPEED:g} mm/s, and within {1e3 * REST_DISTANCE:g} mm'
     rows = [(name, *spread(times)) for name, times in (
@@ -124,6 +125,31 @@ def _stops(trials: int) -> tuple[str, list[str]]:
         late.append(f'stops took {median} ms (median) and {longest} ms (longest)')
     return (f'{table(head, rows)}\n\nHalf a second after a stop no tendon was farther than '
             f'{1e3 * moved:.2f} mm from where it had come to rest.'), late
+
+
+def _stop(made: ServoRig, trials: int, fastest: float) -> list[Stop]:
+    random, stops = Random(1), list[Stop]()
+    while len(stops) < trials:
+        if len(stops) % 100 == 0:
+            progress(f'{trials - len(stops)} stops left')
+        if (stop := stop_in_motion(made, random, fastest)) is not None:
+            stops.append(stop)
+    return stops
+
+
+def _stops_of_others(trials: int) -> str:
+    """Stop servos of other models."""
+    rows = []
+    for model, fastest in OTHERS.items():
+        with TemporaryDirectory() as folder, rig(
+                Path(folder), BEYOND_TURN, model=model,
+                speed_limit=min(SPEED, SPEED_MARGIN * fastest)) as made:
+            stops = _stop(made, trials, fastest)
+        rows.append((model, str(len(stops)), f'8 to {1e3 * fastest:g}',
+                     ' / '.join(spread([stop.slow for stop in stops]))))
+    head = ('other models', 'stops', 'at, mm/s', 'slower than 0.5 mm/s and within 0.1 mm after, '
+            'ms: median / 99 % / longest')
+    return table(head, rows)
 
 
 def _kills(trials: int) -> tuple[str, list[str]]:

@@ -62,7 +62,7 @@ def run(share: float) -> Report:
 
 
 def _kill(bench: Workbench, victim: str, killed: Killed, random: Random) -> None:
-    rig, grbl = bench.rig, bench.grbl
+    rig = bench.rig
     angles = [random.uniform(-ANGLE, ANGLE) for _ in range(3)]
     if random.random() < 0.25:  # an S whose pulls nearly cancel, as if the arm were straight
         angles = [0.4 * angles[0], -0.44 * angles[0], 0.0]
@@ -72,8 +72,8 @@ def _kill(bench: Workbench, victim: str, killed: Killed, random: Random) -> None
         time.sleep(0.005)
     shape = tuple(rig.joints.last.position)
     sent = len(bench.trajectories)
-    died, emulated = time.time_ns(), grbl.time
-    moving, ended = grbl.moving, goal.ended
+    died, ended = time.time_ns(), goal.ended
+    ceased = bench.board.watch_rest() if bench.board.driven else None
     bench.nodes[victim].kill()
     if victim != 'shape_sequencer' and not ended:
         def hold() -> Any:
@@ -86,12 +86,11 @@ def _kill(bench: Workbench, victim: str, killed: Killed, random: Random) -> None
             if goal.result()[0] == 'SUCCEEDED':
                 raise ClaimError('a goal succeeded without a node')
     rests_at = bench.wait_for_rest()
-    if moving:
-        killed.ceased.append(grbl.firmware.stood_since - emulated)
+    if ceased:
+        killed.ceased.append(ceased.result())
     bench.start(victim)
     _claim_state(bench, victim, killed, shape)
-    if bench.motors != rests_at:
-        raise ClaimError(f'motors went from {rests_at} to {bench.motors}')
+    bench.check_rest(rests_at, 'by a restart')
 
 
 def _claim_state(bench: Workbench, victim: str, killed: Killed, shape: Any) -> None:
@@ -100,8 +99,8 @@ def _claim_state(bench: Workbench, victim: str, killed: Killed, shape: Any) -> N
     if victim == 'tendon_actuation':
         rig.wait_for_more(rig.tendons, 5)
         known = bench.referenced
-        if known and bench.lost_steps(commanded=False):
-            raise ClaimError(f'reported {rig.pulls}, motors {bench.motors}, zero {bench.zero}')
+        if known and (off := bench.differences(commanded=False)[0]) > bench.board.resolution:
+            raise ClaimError(f'reported pulls {rig.pulls} are {1e3 * off:.3f} mm off')
     elif victim == 'kinematics':
         shapes = len(rig.joints)
         rig.wait_for_more(rig.tendons, 20)  # kinematics answers each with the shape, if known

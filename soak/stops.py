@@ -9,7 +9,7 @@ from ros_rig import trajectory
 from trajectory_msgs.msg import JointTrajectory
 
 from benchmarks.tables import table
-from soak.report import Report, spread
+from soak.report import progress, Report, spread
 from soak.workbench import ClaimError, FAILED, Workbench, workbench
 
 TRIALS = 1000
@@ -20,13 +20,13 @@ SPEEDS = 0.008, 0.028  # m/s
 PARAMETERS = {'modbus.baud_rate': 115200}
 
 
-def run(share: float) -> Report:
-    """Stop ``share`` of 1000 motions."""
-    random, lost = Random(1), 0
+def run(share: float, board: str = 'grbl') -> Report:
+    """Stop ``share`` of 1000 motions; board: one of BOARDS."""
+    random, off = Random(1), 0.0
     times: list[float] = []
     failures: list[str] = []
     trials = max(1, round(share * TRIALS))
-    with workbench(PARAMETERS) as bench:
+    with workbench(PARAMETERS, board=board) as bench:
         bench.start_all()
         bench.rig.soften(3)
         side = 1.0
@@ -38,7 +38,7 @@ def run(share: float) -> Report:
                 ceased = _stop(bench, random, side)
                 if ceased is not None:
                     times.append(ceased)
-                    lost += bench.lost_steps(commanded=False)
+                    off = max(off, bench.differences(commanded=False)[0])
                     bench.check_nodes()
                     _resume(bench)
             except FAILED as error:
@@ -51,39 +51,41 @@ def run(share: float) -> Report:
     late = sum(t >= MAX_STOP_TIME for t in times)
     if late:
         failures.append(f'{late} of {len(times)} stops took {MAX_STOP_TIME * 1e3:.0f} ms or more')
-    if lost:
-        failures.append(f'{lost} steps lost')
+    if off > bench.board.resolution:
+        failures.append(f'a reported pull was {1e3 * off:.3f} mm off')
     rows = [('stop requests in motion', str(len(times)), ''),
-            ('request to last step, median', f'{median} ms', ''),
+            ('request to rest, median', f'{median} ms', ''),
             ('99 %', f'{percentile} ms', ''),
             ('longest', f'{largest} ms', f'{MAX_STOP_TIME * 1e3:.0f} ms'),
             (f'{MAX_STOP_TIME * 1e3:.0f} ms or more', str(late), '0'),
-            ('steps lost', str(lost), '0')]
+            ('largest difference between reported and emulated pull',
+             f'{1e3 * off:.4f} mm', f'{1e3 * bench.board.resolution:.4f} mm')]
     return Report(table(('', 'measured', 'allowed'), rows), tuple(failures))
 
 
 def _stop(bench: Workbench, random: Random, side: float) -> float | None:
-    """Return the s from a request to the last step; None when there was no motion."""
-    rig, grbl = bench.rig, bench.grbl
+    """Return the s from a request until the motors rest; None when there was no motion."""
+    rig, board = bench.rig, bench.board
     pull = side * random.uniform(0.5, 1.0) * REACH
     target = pull - SLACK, -pull - SLACK
     distance = max(abs(a - b) for a, b in zip(target, rig.pulls, strict=True))
     message = trajectory([(distance / random.uniform(*SPEEDS), target)])
     rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(message)
     deadline = time.monotonic() + 1.0
-    while not grbl.moving:
+    while not board.driven:
         if time.monotonic() > deadline:  # refused: a busy computer delays messages
+            progress(f'no motion: {rig.statuses["tendon_actuation"].last}')
             return None
         time.sleep(0.005)
     time.sleep(random.uniform(0.0, 0.4))
-    if not grbl.moving:
+    if not board.driven:
         return None
-    requested = grbl.time
+    rest = board.watch_rest()
     answer = rig.trigger('tendon_actuation/stop')
     if not answer.success:
         raise ClaimError(answer.message)
     bench.wait_for_rest()
-    return grbl.firmware.stood_since - requested
+    return rest.result()
 
 
 def _resume(bench: Workbench) -> None:

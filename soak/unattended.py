@@ -20,7 +20,7 @@ from websockets.sync.client import connect
 
 from benchmarks.tables import table
 from soak.report import progress, Report
-from soak.workbench import _domain
+from soak.workbench import domain
 from soft_continuum.client import Arm, ClientError
 from soft_continuum.nodes.sequence_server import RESULT_TIMEOUT
 
@@ -40,8 +40,8 @@ def run(share: float) -> Report:
     sizes: Sizes = {}
     failures: list[str] = []
     goals = ended_early = 0
-    with (tempfile.TemporaryDirectory() as directory, _domain() as domain,
-          _domain_of_programs(domain), _Programs(Path(directory)) as programs,
+    with (tempfile.TemporaryDirectory() as directory, domain() as number,
+          _domain_of_programs(number), _Programs(Path(directory)) as programs,
           Arm(timeout=START_TIMEOUT) as arm):
         address = programs.start_view()
         arm.run(SHAPES[0])  # waits for the nodes

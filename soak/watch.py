@@ -13,7 +13,7 @@ import time
 import numpy as np
 from ros_rig import SEGMENTS
 
-from soak.workbench import STEPS_PER_METRE, Workbench
+from soak.workbench import Workbench
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant
 from soft_continuum.nodes.sequence_server import RESULT_TIMEOUT
@@ -95,7 +95,7 @@ class Watch:
 
     def _watch(self) -> None:
         bench, rig = self.bench, self.bench.rig
-        motors = bench.motors
+        pulls = bench.board.pulls
         stiff = [False] * SEGMENTS
         weighed = 0.0
         while not self._end.wait(PERIOD):
@@ -114,10 +114,10 @@ class Watch:
                     stiff[i] = True
                     self.operation += EVACUATION
             self.moved_stiff.note(
-                bench.grbl.moving and min(vacuum) >= THRESHOLDS.stiff_vacuum, now)
-            before, motors = motors, bench.motors
-            steps = max(abs(a - b) for a, b in zip(motors, before, strict=True))
-            self.operation += steps / STEPS_PER_METRE / TENDON_SPEED
+                bench.board.driven and min(vacuum) >= THRESHOLDS.stiff_vacuum, now)
+            before, pulls = pulls, bench.board.pulls
+            self.operation += max(
+                abs(a - b) for a, b in zip(pulls, before, strict=True)) / TENDON_SPEED
             if now - weighed > 1.0:
                 weighed = now
                 self._weigh(now)

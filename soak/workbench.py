@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The four nodes as processes on emulated devices, and an operator who restores the arm."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import fcntl
-import os
 from pathlib import Path
 import tempfile
 import time
@@ -19,18 +18,15 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 import yaml
 
-from soft_continuum.emulators.grbl_board import GrblEmulator
+from soak.boards import Board, BOARDS, Pulls
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
 from soft_continuum.mechanics.statics import warm_up
 from soft_continuum.nodes.up import description_file
 
 NAMESPACE = '/soak'
-STEPS_PER_METRE = 200e3
 KEPT = 200  # messages of every topic
 MANAGED = 'tendon_actuation', 'jamming_valves'
-AT_REST = 0.2  # s without a step
-
-Steps = tuple[int, int]
+AT_REST = 0.2  # s without a motion
 
 
 class ClaimError(AssertionError):
@@ -45,14 +41,14 @@ class Workbench:
     """
     Devices, nodes, and the messages of the nodes.
 
-    zero: motor steps at the straight arm.  trajectories: those sent to tendon_actuation.
+    zero: pulls of the straight arm, m.  trajectories: those sent to tendon_actuation.
     """
 
-    def __init__(self, grbl: GrblEmulator, modbus: ModbusEmulator, rig: Rig, processes: Processes,
-                 parameters: Path) -> None:
+    def __init__(self, board: Board[Any], modbus: ModbusEmulator, rig: Rig,
+                 processes: Processes, parameters: Path) -> None:
         """Start no node yet; parameters: a file for all of them."""
-        self.grbl, self.modbus, self.rig = grbl, modbus, rig
-        self.zero: Steps = (0, 0)
+        self.board, self.modbus, self.rig = board, modbus, rig
+        self.zero = board.pulls
         self.trajectories: Recording = rig.record(
             JointTrajectory, 'tendon_actuation/joint_trajectory', RELIABLE)
         self.nodes: dict[str, NodeProcess] = {}
@@ -92,18 +88,18 @@ class Workbench:
 
     # Motors
 
-    @property
-    def motors(self) -> Steps:
-        """Steps that the motors have really made."""
-        x, y, _ = self.grbl.motors
-        return x, y
+    def wait_for_rest(self) -> Pulls:
+        """Wait until the motors have rested for a while; return the true pulls, m."""
+        moved = time.monotonic()
 
-    def wait_for_rest(self) -> Steps:
-        """Wait until the motors have made no step for a while; return where they are."""
-        self.rig.wait_for(lambda: not self.grbl.moving
-                          and self.grbl.time - self.grbl.firmware.stood_since > AT_REST,
-                          'motors at rest')
-        return self.motors
+        def rested() -> bool:
+            nonlocal moved
+            if self.board.moving:
+                moved = time.monotonic()
+            return time.monotonic() - moved > AT_REST
+
+        self.rig.wait_for(rested, 'motors at rest')
+        return self.board.pulls
 
     @property
     def referenced(self) -> bool:
@@ -111,26 +107,31 @@ class Workbench:
         state = self.rig.states['tendon_actuation'].last
         return bool(state.connected and state.referenced)
 
-    def lost_steps(self, commanded: bool) -> int:
+    def differences(self, commanded: bool) -> tuple[float, float]:
         """
-        Return by how many steps reported and real position differ at rest.
+        Return by how many m, at most, pulls at rest differ from the reported and commanded ones.
 
-        commanded: also the end of the last trajectory, which has been followed to its end.
+        commanded: whether the last trajectory has been followed to its end; else that is 0.
         """
-        motors = tuple(m - z for m, z in zip(self.wait_for_rest(), self.zero, strict=True))
+        pulls = [p - z for p, z in zip(self.wait_for_rest(), self.zero, strict=True)]
 
-        def lost() -> int:
-            positions = [self.rig.pulls]
-            if commanded:
-                last = next(m for m in reversed(list(self.trajectories)) if m.points)
-                positions.append(last.points[-1].positions)
-            return max(abs(round(pull * STEPS_PER_METRE) - steps)
-                       for pulls in positions for pull, steps in zip(pulls, motors, strict=True))
+        def farthest(others: Sequence[float]) -> float:
+            return max(abs(a - b) for a, b in zip(pulls, others, strict=True))
 
         deadline = time.monotonic() + 2.0  # the last report may be on its way
-        while lost() and time.monotonic() < deadline:
+        while (differs := farthest(self.rig.pulls)) > self.board.resolution and (
+                time.monotonic() < deadline):
             time.sleep(0.02)
-        return lost()
+        if not commanded:
+            return differs, 0.0
+        last = next(m for m in reversed(list(self.trajectories)) if m.points)
+        return differs, farthest(last.points[-1].positions)
+
+    def check_rest(self, before: Pulls, why: str) -> None:
+        """Raise ClaimError if tendons are not where they were; why: they might be."""
+        now = self.board.pulls
+        if max(abs(a - b) for a, b in zip(now, before, strict=True)) > self.board.reach:
+            raise ClaimError(f'the tendons went from {before} to {now} m {why}')
 
     # The operator
 
@@ -165,34 +166,26 @@ class Workbench:
         """
         End all faults and make the arm ready as an operator would, without a motion.
 
-        A locked board is power-cycled.  Where the position or the shape is not known, the arm is
+        Where the position or the shape is not known, the arm is
         straightened by hand, the tendons are made taut again, and there is the new zero.
         """
-        rig, grbl = self.rig, self.grbl
+        rig = self.rig
         self.modbus.repair()
         self.modbus.plug()
-        with grbl.lock:
-            grbl.hang = grbl.firmware.race = False
-            grbl.drop_ok, grbl.late_ok, grbl.garble = 0, 0.0, 0.0
-            if not os.path.exists(grbl.port):
-                grbl.plug()
-            if grbl.firmware.state in ('Alarm', 'Hold', 'Door') and not grbl.moving:
-                grbl.reset()
+        self.board.repair()
         rests_at = self.wait_for_rest()
         self.emergency_stop(False)
         self._until(lambda: self._sound('tendon_actuation') and self._sound('jamming_valves'),
                     'both devices back')
         self.stiffen()
-        if self.motors != rests_at:
-            raise ClaimError(f'motors went from {rests_at} to {self.motors} without a command')
+        self.check_rest(rests_at, 'without a command')
         self._until(lambda: rig.trigger('tendon_actuation/resume').success, 'a resume')
         rig.wait_for(lambda: not rig.states['tendon_actuation'].last.stopped, 'no stop')
         shapes = len(rig.joints)
         rig.wait_for_more(rig.tendons, 10)  # to each kinematics answers with the shape, if known
         if not self.referenced or len(rig.joints) == shapes:
             self._reference()
-        if self.motors != rests_at:
-            raise ClaimError(f'motors went from {rests_at} to {self.motors} by a resume')
+        self.check_rest(rests_at, 'by a resume')
 
     def emergency_stop(self, on: bool) -> None:
         """Press or release the emergency stop."""
@@ -201,7 +194,7 @@ class Workbench:
     def _reference(self) -> None:
         rig = self.rig
         self._until(lambda: rig.trigger('tendon_actuation/reference').success, 'a reference')
-        self.zero = self.motors
+        self.zero = self.board.pulls
         self._until(lambda: rig.trigger('kinematics/reset').success, 'a known shape')
         rig.wait_for_more(rig.joints, 1)
 
@@ -216,33 +209,29 @@ class Workbench:
 
 
 @contextmanager
-def workbench(parameters: Mapping[str, Any], faster: float = 1.0) -> Iterator[Workbench]:
+def workbench(parameters: Mapping[str, Any], faster: float = 1.0, board: str = 'grbl'
+              ) -> Iterator[Workbench]:
     """
     Devices on pseudo-terminals and an observer; parameters: those of all nodes.
 
-    faster: by which pump, segments and motors are quicker than those of the paper's arm.
+    faster: by which pump, segments and stepper motors are quicker than those of the paper's arm.
+    board: one of BOARDS.
     """
     warm_up()  # or the first nodes would compile for longer than anybody waits
     with tempfile.TemporaryDirectory() as directory, domain() as number:
         folder = Path(directory)
-        values = {
-            'tendon_driver': 'grbl', 'grbl.port': str(folder / 'grbl'),
-            'jamming_driver': 'modbus', 'modbus.port': str(folder / 'modbus'),
-            'tendon_speed': 0.015 * faster, 'speed_limit': 0.03 * faster,
-            'tendon_acceleration': min(0.1 * faster**2, 10.0),
-            'acceleration_limit': 0.3 * faster**2,
-            **parameters}
-        path = folder / 'soak.yaml'
-        path.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}), encoding='utf-8')
-        motors = {110: 450000 * faster, 111: 450000 * faster,
-                  120: 100000 * faster**2, 121: 100000 * faster**2}
-        with (GrblEmulator(str(folder / 'grbl'), settings=motors) as grbl,
+        with (BOARDS[board](folder, faster) as (tendons, given),
               ModbusEmulator(SEGMENTS, link=folder / 'modbus') as modbus):
+            values = {**given, 'jamming_driver': 'modbus', 'modbus.port': modbus.port,
+                      **parameters}
+            path = folder / 'soak.yaml'
+            path.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}),
+                            encoding='utf-8')
             begin = time.monotonic()
             for segment in modbus.segments:  # the emulated boards have no clock of their own
                 segment._clock = lambda: begin + faster * (time.monotonic() - begin)
             rig = Rig(number, NAMESPACE)
-            bench = Workbench(grbl, modbus, rig, Processes(number, folder), path)
+            bench = Workbench(tendons, modbus, rig, Processes(number, folder), path)
             try:
                 yield bench
             finally:

@@ -7,6 +7,7 @@ from itertools import groupby
 from math import ceil
 from pathlib import Path
 
+from soft_continuum.emulators.dynamixel_models import MODELS
 from soft_continuum.emulators.grbl import STEPS_PER_MM
 from soft_continuum.parameters.parameter import as_yaml, Value
 
@@ -15,7 +16,9 @@ AXES = 3
 BAUD_RATE = 1000000
 SPOOL_RADIUS = 0.01
 """m, of an emulated servo."""
-TENSION_LIMIT = 60.0  # N
+SERVO_MODEL = 'XM430-W350'
+TENSION_LIMIT, STALL_SHARE = 60.0, 0.5
+"""N of a tendon, but no more than this share of the tension at which its servo stalls."""
 MODBUS_TIMEOUT = 0.4  # s: boards that share a processor with a plant answer later than real ones
 
 
@@ -31,15 +34,20 @@ def grbl_parameters(ports: str | Path, tendons: int) -> dict[str, Value]:
             'grbl.steps_per_mm': (float(STEPS_PER_MM),) * tendons, 'grbl.signs': (1.0,) * tendons}
 
 
-def dynamixel_parameters(port: str | Path, tendons: int, baud_rate: int = BAUD_RATE
-                         ) -> dict[str, Value]:
+def tension_limit(model: str) -> float:
+    """Return the tension (N) that a servo on an emulated spool may pull with."""
+    return min(TENSION_LIMIT, STALL_SHARE * MODELS[model].stall_torque / SPOOL_RADIUS)
+
+
+def dynamixel_parameters(port: str | Path, tendons: int, baud_rate: int = BAUD_RATE,
+                         model: str = SERVO_MODEL) -> dict[str, Value]:
     """Return the parameters of servos with the IDs 1, 2, ... at a port."""
     return {'tendon_driver': 'dynamixel', 'dynamixel.port': str(port),
             'dynamixel.baud': baud_rate,
             'dynamixel.ids': tuple(range(1, tendons + 1)),
             'dynamixel.spool_radii': (SPOOL_RADIUS,) * tendons,
             'dynamixel.signs': (1.0,) * tendons,
-            'dynamixel.tension_limits': (TENSION_LIMIT,) * tendons,
+            'dynamixel.tension_limits': (tension_limit(model),) * tendons,
             'dynamixel.torque_constants': (0.0,) * tendons}
 
 

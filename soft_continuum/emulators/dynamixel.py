@@ -12,6 +12,7 @@ from soft_continuum.emulators.driving import (
     BAUD_RATE,
     dynamixel_parameters,
     parameter_lines,
+    SERVO_MODEL,
     SPOOL_RADIUS,
 )
 from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
@@ -134,8 +135,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser('emulate dynamixel', 'Dynamixel servos of the X series on one bus.')
     parser.add_argument('--tendons', type=int, default=2, choices=range(1, 33), metavar='N',
                         help='number of servos, 1 to 32; their IDs are 1, 2, ... (default: 2)')
-    parser.add_argument('--model', default='XM430-W350', choices=MODELS,
-                        help=f'one of {", ".join(MODELS)} (default: XM430-W350)')
+    parser.add_argument('--model', default=SERVO_MODEL, choices=MODELS,
+                        help=f'one of {", ".join(MODELS)} (default: {SERVO_MODEL})')
     parser.add_argument('--baud-rate', type=int, default=BAUD_RATE, choices=BAUD_RATES[:-1],
                         metavar='RATE', help='bit/s of the bus: '
                         f'{", ".join(map(str, BAUD_RATES[:-1]))} (default: %(default)s)')
@@ -161,5 +162,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser, lambda: DynamixelEmulator(
             servos, arguments.link, Clock(arguments.time_factor)),
         lambda emulator: CONFIGURATION.format(parameters=parameter_lines(
-            dynamixel_parameters(emulator.port, len(emulator.servos), arguments.baud_rate))),
+            dynamixel_parameters(
+                emulator.port, len(emulator.servos), arguments.baud_rate, arguments.model))),
         execute_command)

@@ -15,7 +15,7 @@ from random import Random
 
 from virtual_clock import VirtualClock
 
-from soft_continuum.emulators.driving import SPOOL_RADIUS
+from soft_continuum.emulators.driving import SERVO_MODEL, SPOOL_RADIUS, tension_limit
 from soft_continuum.emulators.dynamixel import make_servos
 from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
 from soft_continuum.emulators.dynamixel_models import PULSE
@@ -135,7 +135,7 @@ def spools(tendons: int = len(TENDONS), **changes: object) -> Spools:
 
 
 @contextmanager
-def servos(tendons: int = len(TENDONS), model: str = 'XM430-W350', link: Path | None = None,
+def servos(tendons: int = len(TENDONS), model: str = SERVO_MODEL, link: Path | None = None,
            clock: VirtualClock | None = None) -> Iterator[DynamixelEmulator]:
     """Emulated servos with elastic tendons, without a driver."""
     made = make_servos(tendons, model, signs=SIGNS)
@@ -148,12 +148,12 @@ def servos(tendons: int = len(TENDONS), model: str = 'XM430-W350', link: Path | 
 
 @contextmanager
 def rig(folder: Path, limits: tuple[float, float] = WITHIN_TURN, tendons: int = len(TENDONS),
-        **changes: object) -> Iterator[ServoRig]:
+        model: str = SERVO_MODEL, **changes: object) -> Iterator[ServoRig]:
     """Servos and an open driver at zero pull."""
-    with servos(tendons, link=folder / 'port') as emulator:
-        driver = DynamixelTendons(
-            emulator.port, 1000000, spools(tendons, pull_limits=limits, **changes),
-            folder / 'zeros.json', emulator.clock)
+    with servos(tendons, model, folder / 'port') as emulator:
+        driver = DynamixelTendons(emulator.port, 1000000, spools(
+            tendons, pull_limits=limits, tension_limits=(tension_limit(model),) * tendons,
+            **changes), folder / 'zeros.json', emulator.clock)
         driver.open()
         made = ServoRig(emulator, driver, emulator.pulls, deque())
         made.rest()
@@ -269,6 +269,7 @@ def trial(folder: Path, fault: Fault, seed: int, moving: bool, tendons: int = le
     limits = random.choice([WITHIN_TURN, BEYOND_TURN])
     with rig(folder, limits, tendons) as made:
         emulator, clock = made.emulator, made.emulator.clock
+        emulator.random.seed(f'{fault.name} {seed}')  # which packets are damaged
         made.follow(somewhere(random, tendons), 0.6)
         due = clock() + random.uniform(0.0, 0.6)
         at: list[tuple[float, tuple[float, ...]]] = []
@@ -297,9 +298,8 @@ def trial(folder: Path, fault: Fault, seed: int, moving: bool, tendons: int = le
                        recover(made, fault))
 
 
-def recover(made: ServoRig, fault: Fault) -> bool:
-    """Repair as an operator does; return whether the position is known, and true, without him."""
-    emulator = made.emulator
+def repair(emulator: DynamixelEmulator) -> None:
+    """End all faults: plug in, give power, reboot what has shut down."""
     emulator.repair()
     emulator.plug()
     for servo in emulator.servos:
@@ -307,6 +307,12 @@ def recover(made: ServoRig, fault: Fault) -> bool:
             servo.power_on()
         if servo.values['Hardware Error Status'] & servo.values['Shutdown']:
             servo.execute(Instruction.REBOOT, b'')
+
+
+def recover(made: ServoRig, fault: Fault) -> bool:
+    """Repair as an operator does; return whether the position is known, and true, without him."""
+    emulator = made.emulator
+    repair(emulator)
     made.wait(0.5)
     made.rest()
     where = made.pulls

@@ -8,31 +8,45 @@ from random import Random
 
 from servo_rig import ServoRig, somewhere, WrongStateError
 
+from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
+
 MAX_STOP_TIME, MEDIAN_STOP_TIME = 0.15, 0.1  # s
 REST_SPEED, REST_DISTANCE = 5e-4, 1e-4  # m/s, m: as the driver confirms a stop, and arrives
+SLOWEST, FASTEST = 0.008, 0.028  # m/s
 STOP_STEP, STANDING_TIME, MAX_WATCH = 0.002, 0.1, 20.0  # s
 
 
 @dataclass(frozen=True)
-class Stop:
+class Rest:
     """
-    How long a stop took, s.
+    How long it took until spools came to rest, s.
 
     slow: until every spool stays below REST_SPEED and near where it rests.  near: until every
     spool stays within REST_DISTANCE of where it rests.  standing: until every speed is exactly 0.
-    moved: m by which a tendon is elsewhere 0.5 s later.
+    pulls: where they rest, m since the beginning.
     """
 
     slow: float
     near: float
     standing: float
+    pulls: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Stop(Rest):
+    """How long a stop took; moved: m by which a tendon is elsewhere 0.5 s later."""
+
     moved: float
 
 
-def stop_in_motion(made: ServoRig, random: Random) -> Stop | None:
-    """Stop a motion; return how long that took, or None if it had ended before."""
+def stop_in_motion(made: ServoRig, random: Random, fastest: float = FASTEST) -> Stop | None:
+    """
+    Stop a motion; return how long that took, or None if it had ended before.
+
+    fastest: speed that the motion may have, m/s.
+    """
     driver, emulator = made.driver, made.emulator
-    clock, speed = emulator.clock, random.uniform(0.008, 0.028)
+    clock, speed = emulator.clock, random.uniform(SLOWEST, fastest)
     begin, goal = driver.read().pulls, somewhere(random, len(emulator.servos))
     duration = max(abs(a - b) for a, b in zip(begin, goal, strict=True)) / speed
     start = clock()
@@ -47,42 +61,41 @@ def stop_in_motion(made: ServoRig, random: Random) -> Stop | None:
         return None
     requested = clock()
     driver.stop()
-    stop = _watch(made, requested)
+    rest = watch_rest(emulator, requested)
+    made.wait(0.5 - STANDING_TIME)
+    made.rest()
+    moved = max(abs(a - b) for a, b in zip(emulator.pulls, rest.pulls, strict=True))
     made.check()
-    return stop
+    return Stop(**vars(rest), moved=moved)
 
 
-def _watch(made: ServoRig, requested: float) -> Stop:
-    """Return how long a stop takes that was ``requested`` just now (s)."""
-    clock, times, pulls, speeds = made.emulator.clock, [], [], []
+def watch_rest(emulator: DynamixelEmulator, since: float) -> Rest:
+    """Return how long after ``since`` (s), which was just now, spools rest that turn."""
+    clock, times, pulls, speeds = emulator.clock, [], [], []
 
     def seen() -> tuple[tuple[float, ...], float]:
-        motors = [servo.motor for servo in made.emulator.servos]
+        motors = [servo.motor for servo in emulator.servos]
         return (tuple(motor.pull for motor in motors),
                 max(abs(motor.speed) * motor.tendon.radius for motor in motors))
 
-    standing = requested
+    standing = since
     while clock() - standing < STANDING_TIME:
         clock.sleep(STOP_STEP)
-        at, speed = made.emulator.read(seen)
+        at, speed = emulator.read(seen)
         times.append(clock())
         pulls.append(at)
         speeds.append(speed)
         if speed:
             standing = clock()
-        if clock() - requested > MAX_WATCH:
+        if clock() - since > MAX_WATCH:
             raise WrongStateError(f'the spools never rest: {speed} m/s')
 
     def last(moves: Callable[[int], bool]) -> float:
-        """Return the last time for which that holds, since the request."""
-        return max((time - requested for i, time in enumerate(times) if moves(i)), default=0.0)
+        """Return the last time for which that holds, since then."""
+        return max((time - since for i, time in enumerate(times) if moves(i)), default=0.0)
 
     def away(i: int) -> float:
         return max(abs(a - b) for a, b in zip(pulls[i], pulls[-1], strict=True))
 
-    made.wait(0.5 - STANDING_TIME)
-    made.rest()
-    now = made.emulator.pulls
-    return Stop(last(lambda i: away(i) > REST_DISTANCE or speeds[i] > REST_SPEED),
-                last(lambda i: away(i) > REST_DISTANCE), standing - requested,
-                max(abs(a - b) for a, b in zip(now, pulls[-1], strict=True)))
+    return Rest(last(lambda i: away(i) > REST_DISTANCE or speeds[i] > REST_SPEED),
+                last(lambda i: away(i) > REST_DISTANCE), standing - since, pulls[-1])

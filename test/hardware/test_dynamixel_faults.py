@@ -7,7 +7,7 @@ Whatever fails on Dynamixel servos or their bus, no wrong position is believed, 
 """
 
 import pytest
-from servo_rig import BEYOND_TURN, FAULTS, rig, servos, spools, trial, WITHIN_TURN
+from servo_rig import BEYOND_TURN, FAULTS, PULSE_PULL, rig, servos, spools, trial, WITHIN_TURN
 
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
@@ -35,6 +35,24 @@ def test_after_a_power_cycle_a_position_is_known_if_one_turn_only_can_be(limits,
         assert reading.referenced == known
         made.seen.clear()
         assert made.check() == known
+
+
+@pytest.mark.parametrize('model', ['XL330-M288', 'XM430-W350'])
+def test_connecting_to_loaded_servos_that_their_watchdogs_stopped_pays_nothing_out(
+        model, tmp_path):
+    with rig(tmp_path, tendons=2, model=model) as made:
+        for servo in made.emulator.servos:
+            servo.motor.tendon.weight = 10.0
+        made.follow((0.005, -0.005), 0.6)
+        made.driver.close()
+        for servo in made.emulator.servos:
+            made.emulator.read(servo.expire)
+        made.wait(0.3)
+        made.rest()
+        before = made.pulls
+        made.driver.open()
+        made.wait(0.3)
+        assert made.pulls == pytest.approx(before, abs=1.1 * PULSE_PULL)
 
 
 def test_a_second_program_cannot_open_the_port(tmp_path):

@@ -236,10 +236,12 @@ class DynamixelBus:
             raise self._lost(error) from None
         received = bytes(packet)
         if result == TIMED_OUT:
-            raise NoReplyError(f'servo {servo} on {self.name} does not answer')
+            raise NoReplyError(f'the servos on {self.name} do not answer together in time' if fast
+                               else f'servo {servo} on {self.name} does not answer')
         wanted = size if fast else received[5] + 256 * received[6] + 7 if len(received) > 7 else 0
         if result != 0 or received[4] != servo or len(received) < size or wanted != size:
-            raise DamagedReplyError(f'the reply of servo {servo} on {self.name} is damaged')
+            who = 'the servos' if fast else f'servo {servo}'
+            raise DamagedReplyError(f'the reply of {who} on {self.name} is damaged')
         return received[:size]
 
     def _received(self, length: int = 64) -> bytes:

@@ -20,6 +20,7 @@ from soft_continuum.hardware.dynamixel.registers import (
     GOAL_CURRENT,
     GOAL_POSITION,
     HARDWARE_ERROR,
+    REALTIME_TICK,
     Register,
     TORQUE_ENABLE,
     WATCHDOG_TRIGGERED,
@@ -88,7 +89,7 @@ class Exchange:
                 return None
             if not state.follows(before, fastest(wanted)):
                 self._miss(f'{servo} replies what cannot be: position {state.position} after '
-                           f'{before.position}')
+                           f'{before.position}, {REALTIME_TICK} {state.tick} after {before.tick}')
                 return None
         self._states, self._heard, self.missed = states, now, 0
         return states

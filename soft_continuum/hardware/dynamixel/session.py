@@ -82,11 +82,11 @@ class DynamixelSession:
 
     @property
     def busy(self) -> bool:
-        """Whether the tendons move or may move, or something is still to be written."""
-        return self.state in BUSY or self._mark_due
+        """Whether the tendons may move, or something is still to be written or to be answered."""
+        return self.state in BUSY or self._mark_due or self._exchange.missed > 0
 
     def reading(self) -> TendonReading:
-        """Return the state of the last replies, which are at most some 0.1 s old."""
+        """Return the state of the last replies; without any for 0.3 s it fails."""
         with self._lock:
             self._check()
             scale = self._spools.pull_per_pulse

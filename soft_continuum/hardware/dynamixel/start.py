@@ -3,8 +3,9 @@
 """
 How servos that were found are taken over: what of their position is known, and that they hold.
 
-Nothing moves.  Servos that hold by what this driver sent them before go on doing so; others hold
-where they are.
+Nothing moves.  Servos that hold by what this driver sent them before go on doing so.  Others with
+torque hold what they hold now, such as where their watchdog stopped them, which is a little ahead
+of where they are under load.  Those without torque hold where they are.
 """
 
 from collections.abc import Sequence
@@ -30,6 +31,7 @@ from soft_continuum.hardware.dynamixel.registers import (
     GOAL_CURRENT,
     GOAL_POSITION,
     GOAL_PWM,
+    POSITION_TRAJECTORY,
     PROFILE_ACCELERATION,
     PROFILE_VELOCITY,
     PWM_LIMIT,
@@ -48,6 +50,8 @@ from soft_continuum.hardware.protocols import HardwareError
 WATCHDOG = 10  # units of WATCHDOG_UNIT
 SPEED_MARGIN = 1.5
 """By how much servos may be faster than speed_limit, to catch up after a delay."""
+MAX_LEAD_FOUND = 0.002
+"""m by which what a servo holds that was not sent to it may be ahead of where it is."""
 ATTEMPTS = 5  # to read all servos, and to write what they must have or keep
 
 
@@ -119,12 +123,15 @@ def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
     """
     goals, off = [], []
     for servo, state in zip(servos, states, strict=True):
-        held = (servo.get(TORQUE_ENABLE) == 1 and state.written.velocity > 0
-                and state.written.watchdog != WATCHDOG_TRIGGERED
-                and _pull(servo, state.written.goal - state.position) <= MAX_LEAD)
-        goals.append(state.written.goal if held else state.position)
+        goal, most = state.position, MAX_LEAD
         if servo.get(TORQUE_ENABLE) != 1:
             off.append(servo)
+        elif state.written.velocity > 0 and state.written.watchdog != WATCHDOG_TRIGGERED:
+            goal = state.written.goal
+        else:
+            goal, most = bus.read(servo.id, POSITION_TRAJECTORY), MAX_LEAD_FOUND
+        ahead = abs(goal - state.position) * RADIANS_PER_PULSE * servo.radius
+        goals.append(goal if ahead <= most else state.position)
     wanted = [Written(WATCHDOG, servo.goal_current, _profile_velocity(servo, spools), goal)
               for servo, goal in zip(servos, goals, strict=True)]
 
@@ -176,10 +183,6 @@ def _switch_on(bus: DynamixelBus, servo: Servo) -> None:
         except (NoReplyError, DamagedReplyError):
             if attempt == ATTEMPTS - 1:
                 raise
-
-
-def _pull(servo: Servo, pulses: int) -> float:
-    return abs(pulses) * RADIANS_PER_PULSE * servo.radius
 
 
 def _profile_velocity(servo: Servo, spools: Spools) -> int:

@@ -146,7 +146,7 @@ class DynamixelTendons:
         session.bus.close()
 
     def read(self) -> TendonReading:
-        """Return the state of the last replies, which are at most some 0.1 s old."""
+        """Return the state of the last replies; without any for 0.3 s it fails."""
         return self._connected().reading()
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
