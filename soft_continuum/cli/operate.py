@@ -125,15 +125,20 @@ def _run_options(parser: Parser) -> None:
                         'degrees, to set after the named shapes; may be repeated. Of a spatial '
                         'arm, A@D bends towards the direction D, degrees about z from x')
     add_hold(parser)
-    parser.add_argument('--vacuums', type=_vacuums, metavar='A,B,C', help='vacuum of each segment '
-                        'while shapes are held, base first, kPa, where regulators hold it '
-                        '(default: every segment stiff, or as the shape in the library says)')
+    add_vacuums(parser)
     parser.add_argument('--aim', choices=AIMS, default=AIMS[0],
                         help='what is to be right in the end, where measurements close the loop: '
                         'the angle of every segment, or the position of the tip (default: '
                         '%(default)s)')
     parser.add_argument('--repeat', type=_rounds, metavar='N', help='how often all of that is '
                         'set, 0: until Ctrl-C (default: 1; a saved sequence alone: as it says)')
+
+
+def add_vacuums(parser: Parser) -> None:
+    """Add the vacuums with which shapes are held."""
+    parser.add_argument('--vacuums', type=_vacuums, metavar='A,B,C', help='vacuum of each segment '
+                        'while shapes are held, base first, kPa, where regulators hold it '
+                        '(default: every segment stiff, or as the shape in the library says)')
 
 
 def _rounds(text: str) -> int:

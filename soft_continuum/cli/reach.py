@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from soft_continuum.arguments import Parser, WRONG_USAGE
-from soft_continuum.cli.operate import Action, add_hold, run_action, watch_sequence
+from soft_continuum.cli.operate import Action, add_hold, add_vacuums, run_action, watch_sequence
 from soft_continuum.cli.output import Output
 from soft_continuum.cli.tip_options import (
     add_tip,
@@ -30,10 +30,14 @@ def main(verb: str) -> int:
 def _reach_options(parser: Parser) -> None:
     add_tip(parser)
     add_hold(parser)
+    add_vacuums(parser)
 
 
 def _reach(arm: 'Arm', options: Namespace, output: Output) -> int:
-    return watch_sequence(arm.start(given_tip(options), hold=options.hold), output)
+    from soft_continuum.client.sequence import Held
+    tip = given_tip(options)
+    return watch_sequence(arm.start(
+        tip if options.vacuums is None else Held(tip, options.vacuums), hold=options.hold), output)
 
 
 def _follow_options(parser: Parser) -> None:

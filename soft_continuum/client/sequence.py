@@ -30,10 +30,11 @@ class Held:
     """
     A shape that is held with other vacuums than the full one, where regulators can.
 
-    shape: its name, or what each segment bends by.  vacuums: of each segment, Pa below ambient.
+    shape: its name, what each segment bends by, or where the tip shall be.  vacuums: of each
+    segment, Pa below ambient.
     """
 
-    shape: 'str | Sequence[Bending]'
+    shape: 'str | Sequence[Bending] | Tip'
     vacuums: tuple[float, ...]
 
 

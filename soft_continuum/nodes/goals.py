@@ -71,19 +71,13 @@ def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: A
     label, hold = f'shape {number} ({item.name or "unnamed"})', seconds(item.hold_time)
     if hold < 0.0:
         raise PlanError(f'{label}: hold_time is {hold:g} s; it must not be negative')
-    if item.tips:
-        if len(item.vacuums):
-            raise PlanError(f'{label}: tips and vacuums; a shape with vacuums is given by bending '
-                            'angles, or by name')
-        tips = _tips(label, item, arm, parameters)
-        return Shape(item.name or _tips_name(tips, arm), (), hold, tips=tips)
     for what, values in (('bending angles', item.bending_angles), ('vacuums', item.vacuums),
                          ('bending directions', item.bending_directions)):
         if len(values) > MAX_SHAPES:
             raise PlanError(f'shape {number}: {len(values)} {what}; needed: {len(arm.segments)}')
     angles, directions = tuple(item.bending_angles), tuple(item.bending_directions)
-    vacuums = tuple(item.vacuums)
-    if not angles:
+    vacuums, tips = tuple(item.vacuums), _tips(label, item, arm, parameters)
+    if not (angles or tips):
         if directions:
             raise PlanError(f'shape {number}: bending_directions without bending_angles; give '
                             f'both, {len(arm.segments)} each, or a name alone')
@@ -93,13 +87,14 @@ def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: A
         known = library[item.name]
         angles, directions = known.bending_angles, known.bending_directions
         vacuums = vacuums or known.vacuums
-    if problem := angles_problem(angles, arm, directions):
+    if not tips and (problem := angles_problem(angles, arm, directions)):
         raise PlanError(f'{label}: {problem}')
     if vacuums and (problem := vacuums_problem(
             vacuums, arm, parameters['full_vacuum'], parameters['soft_vacuum'],
             parameters['arm.jamming'])):
         raise PlanError(f'{label}: {problem}')
-    return Shape(item.name or f'shape {number}', angles, hold, directions, vacuums=vacuums)
+    name = item.name or (_tips_name(tips, arm) if tips else f'shape {number}')
+    return Shape(name, angles, hold, directions, tips, vacuums)
 
 
 def regulator_problem(shapes: Sequence[Shape], regulators: bool) -> str:
@@ -111,7 +106,9 @@ def regulator_problem(shapes: Sequence[Shape], regulators: bool) -> str:
 
 def _tips(label: str, item: ShapeMessage, arm: AnyArm, parameters: Mapping[str, Any]
           ) -> tuple[TipGoal, ...]:
-    """Return the goals of the tip of a shape; raises PlanError."""
+    """Return the goals of the tip of a shape, none for angles; raises PlanError."""
+    if not item.tips:
+        return ()
     if len(item.bending_angles) or len(item.bending_directions):
         raise PlanError(f'{label}: tips and bending angles or directions; give one of both')
     goals = []

@@ -4,83 +4,114 @@
 Plans of shapes that are held with less than the full vacuum.
 
 They are set with every segment stiff; then the vacuum of one segment after the other is lowered,
-and the arm gives way under tendons and gravity by the law of its jams.  Segments are bent so much
-further before that the wanted angles hold after it, as far as that can be.
+and the arm gives way under tendons and gravity by the law of its jams.  It is set so much further
+before that the wanted angles, or the wanted tip, hold after it, as far as that can be.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import bending_of
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.parameters.shapes import angles_problem
 from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan, ShapePlanner
+from soft_continuum.sequencing.reach.goal import Clear, NoObstacles, ReachSettings
+from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
+from soft_continuum.sequencing.reach.result import PlannedStep
 
-STEPS = 5
-"""States on the way of a vacuum from full to what is wanted: where jams yield, the way counts."""
 PASSES = 6
-"""Plans of a shape that are made at most, each bent by what the one before it missed."""
-HELPS = 0.9
-"""Of what was missed: a pass that leaves more than that is the last."""
+"""Plans of a shape that are made at most, each set further by what the one before it missed."""
 
 
-def plan_held(planner: ShapePlanner, state: Any, start: Array, shape: Shape) -> ShapePlan:
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What a shape with vacuums is set to, and how the arm gives way from there."""
+
+    node: Node
+    relaxing: PlannedStep
+
+    @property
+    def end(self) -> Any:
+        """The state with the vacuums lowered."""
+        return self.relaxing.states[-1]
+
+
+SetTo = Callable[[Array | None], Held]
+"""Sets what is wanted, moved by a shift, None for not; raises PlanError or BlockedError."""
+
+
+def held(passages: Passages, node: Node, vacuums: Sequence[float]) -> Held:
+    """Return how the arm gives way under vacuums (Pa) of every segment; raises BlockedError."""
+    try:
+        return Held(node, passages.relaxed(node, vacuums))
+    except BlockedError as error:
+        raise BlockedError(f'as the arm gives way under its vacuums, {error}', error.obstacle,
+                           error.limit) from None
+
+
+def made_up_for(planner: ShapePlanner, set_to: SetTo, missed: Callable[[Any], Array],
+                tolerance: float) -> tuple[Held, float]:
+    """
+    Return what to set, so that what is wanted holds in the end, and by how much it is off then.
+
+    missed: by how much a state misses what is wanted, (n, ...), as ``set_to`` takes it.
+    tolerance: by which each of the n may be off.  Where a limit stands in the way of more, it is
+    the best that was found.  Raises what ``set_to`` raises at first, or for an obstacle.
+    """
+    best: Held | None = None
+    least, shift = np.inf, None
+    for _ in range(PASSES):
+        try:
+            found = set_to(shift)
+        except (BlockedError, PlanError) as error:
+            planner.check_wanted()
+            if best is None or isinstance(error, BlockedError) and error.obstacle:
+                raise
+            break
+        misses = missed(found.end)
+        off = float(np.linalg.norm(misses.reshape(len(misses), -1), axis=1).max())
+        if off < least:
+            best, least = found, off
+        if off <= tolerance:
+            break
+        shift = misses if shift is None else shift + misses
+    assert best is not None
+    return best, least
+
+
+def plan_held(planner: ShapePlanner, shape: Shape, set_to: SetTo) -> tuple[ShapePlan, Held]:
+    """
+    Return the plan of a shape given by angles, without ways, and what it sets.
+
+    set_to: takes rad as State.bending.  Raises what it raises.
+    """
+    tolerance = planner.settings.angle_tolerance
+    wanted = bending_of(planner.statics.chain.arm, shape.bending_angles, shape.bending_directions)
+    found, off = made_up_for(planner, set_to, lambda state: wanted - state.bending, tolerance)
+    warning = '' if off <= tolerance else (
+        f'{shape.name} is predicted to be {np.degrees(off):.1f} degrees off with its vacuums')
+    return ShapePlan(shape, found.node.moves, found.end, relaxing=found.relaxing,
+                     warning=warning), found
+
+
+def plan_held_from_base(planner: ShapePlanner, state: Any, start: Array, shape: Shape
+                        ) -> ShapePlan:
     """
     Return the plan of a shape with vacuums, from a state with every segment stiff.
 
     start: (tendons,) present pulls of the motors, m.  Raises PlanError.
     """
-    wanted = bending_of(planner.statics.chain.arm, shape.bending_angles, shape.bending_directions)
-    shift, best, least = np.zeros_like(wanted), None, np.inf
-    for _ in range(PASSES):
-        try:
-            moves, stiff = planner.moves(state, start, shape, shift)
-            pulls = moves[-1].pulls[-1] if moves else start
-            held = _held(planner, planner.jammed(stiff, pulls), pulls, shape)
-        except PlanError:
-            if best is None:
-                raise
-            break
-        missed = wanted - held.bending
-        most = float(np.linalg.norm(missed.reshape(len(missed), -1), axis=1).max())
-        helps = most < HELPS * least
-        if most < least:
-            best, least = ShapePlan(shape, moves, held, stiff=stiff), most
-        if most <= planner.settings.angle_tolerance or not helps:
-            break
-        shift = shift + missed
-    assert best is not None
-    return best if least <= planner.settings.angle_tolerance else replace(
-        best, warning=f'{shape.name} is predicted to be {np.degrees(least):.1f} degrees off with '
-                      'its vacuums')
+    passages = Passages(planner, NoObstacles(), ReachSettings())
 
+    def set_to(shift: Array | None) -> Held:
+        moves, stiff = planner.moves(state, start, shape, shift)
+        end = moves[-1].pulls[-1] if moves else start
+        return held(passages, Node(stiff, end, Clear(), moves), shape.vacuums)
 
-def _held(planner: ShapePlanner, state: Any, pulls: Array, shape: Shape) -> Any:
-    """Return the state with the vacuums of a shape, from one with the full vacuum."""
-    full = planner.settings.full_vacuum
-    wanted = [min(1.0, vacuum / full) for vacuum in shape.vacuums]
     try:
-        for parts in _lowered(wanted):
-            planner.check_wanted()
-            state = planner.jammed(state, pulls, parts)
-            planner.check_limits(np.atleast_2d(pulls), float(np.nan_to_num(state.tensions).max()))
-    except (StaticsError, PlanError) as error:
-        raise PlanError(f'{shape.name}: with its vacuums: {error}') from None
-    if problem := angles_problem(state.bending_angles.tolist(), planner.statics.chain.arm):
-        raise PlanError(f'{shape.name}: with its vacuums the arm gives way too far: {problem}')
-    return state
+        return plan_held(planner, shape, set_to)[0]
+    except BlockedError as error:
+        raise PlanError(f'{shape.name}: {error}', error.limit) from None
 
-
-def _lowered(wanted: Sequence[float]) -> list[list[float]]:
-    """Return the parts of the full vacuum on the way, one segment after the other."""
-    parts, way = [1.0] * len(wanted), []
-    for segment, part in enumerate(wanted):
-        if part < 1.0:
-            for lowered in np.linspace(1.0, part, STEPS + 1)[1:].tolist():
-                parts[segment] = lowered
-                way.append(parts.copy())
-    return way

@@ -62,7 +62,8 @@ class PlanWatch:
         """
         Return which obstacle is in the way of what is left, and where; empty for none.
 
-        move: (0-based) that is made or comes next.  state: of the arm, None where it is not known.
+        move: the way (0-based) that is gone or comes next: a move, or lowering the vacuums in the
+        end.  state: of the arm, None where it is not known.
         """
         if not self._clear:
             return ''
@@ -78,8 +79,10 @@ class PlanWatch:
         if short >= 0.0:
             return ''
         tip = 1e3 * self._points[number][i][-1]
+        where = (f'segment {self._plan.moves[number].segment + 1} is set'
+                 if number < len(self._plan.moves) else 'the vacuums are lowered')
         return (f'{worst.obstacle} is {_millimetres(worst.distance)} from the rest of the motion, '
-                f'where segment {self._plan.moves[number].segment + 1} is set and the tip is at '
+                f'where {where} and the tip is at '
                 f'({", ".join(f"{value:.0f}" for value in tip)}) mm; margin: '
                 f'{_millimetres(self._margin)}')
 
@@ -88,13 +91,14 @@ class PlanWatch:
         Return how far the arm is from the plan, if that is too far; else nothing.
 
         It may always be the margin away; and more, up to ``departure``, where that leaves the
-        margin to every obstacle.  After the last move, when segments may be set again, only
-        obstacles limit how far.
+        margin to every obstacle.  After the last move, when segments may be set again or
+        vacuums are lowered, only obstacles limit how far.
         """
         if state is None:
             return ''
         done = move == len(self._points)
-        move, most = (move - 1, inf) if done else (move, self._departure)
+        most = self._departure if move < len(self._plan.moves) else inf
+        move -= done
         far = self._away(move, state)
         i = len(far) - 1 if done else int(far.argmin())
         away = float(far[i])

@@ -26,6 +26,7 @@ from soft_continuum.sequencing.timing import timed
 
 if TYPE_CHECKING:
     from soft_continuum.sequencing.reach.goal import TipGoal
+    from soft_continuum.sequencing.reach.result import PlannedStep
 
 WHOLE_ARM = -1
 """In the place of a segment (0-based): all of an arm without jamming, set at once."""
@@ -136,10 +137,11 @@ class ShapePlan:
     """
     The moves that set one shape, and the state of the model after them.
 
-    ways: of each move the states on its way, from soft to stiffened; empty where nobody needs
-    them.  clearances: of each move the smallest distance to obstacles that it was planned with,
-    m; empty without obstacles.  stiff: the state before the shape's vacuums are set, None where it
-    has none.  warning: how far off the shape is held with them; empty for not far.
+    ways: of each move the states on its way, from soft to stiffened, and at last of ``relaxing``;
+    empty where nobody needs them.  clearances: of each way the smallest distance to obstacles that
+    it was planned with, m; empty without obstacles.  relaxing: how the arm gives way from stiff
+    when the shape's vacuums are lowered, None where it has none.  warning: how far off the shape
+    is held with them; empty for not far.
     """
 
     shape: Shape
@@ -147,16 +149,23 @@ class ShapePlan:
     state: Any
     ways: tuple[tuple[Any, ...], ...] = ()
     clearances: tuple[float, ...] = ()
-    stiff: Any = None
+    relaxing: 'PlannedStep | None' = None
     warning: str = ''
+
+    @property
+    def stiff(self) -> Any:
+        """The state before the shape's vacuums are lowered, None where it has none."""
+        return None if self.relaxing is None else self.relaxing.states[0]
 
     @property
     def as_set(self) -> Shape:
         """The shape that is set before its vacuums are: where they let it give way, another."""
         if self.stiff is None:
             return self.shape
+        tip = self.stiff.backbone[-1]
         return replace(self.shape, bending_angles=tuple(self.stiff.bending_angles.tolist()),
                        bending_directions=tuple(self.stiff.bending_directions.tolist()),
+                       tips=tuple(replace(goal, position=tip) for goal in self.shape.tips),
                        vacuums=())
 
 
@@ -190,7 +199,7 @@ class ShapePlanner(ABC):
         pulls: (tendons,) at present, m.  Raises PlanError when a shape is out of reach, or when
         the plan was abandoned.
         """
-        from soft_continuum.sequencing.held_plan import plan_held  # which needs this module
+        from soft_continuum.sequencing.held_plan import plan_held_from_base  # needs this
         plans: list[ShapePlan] = []
         start = np.array(pulls, dtype=float)
         for shape in shapes:
@@ -201,7 +210,7 @@ class ShapePlanner(ABC):
             if plans and plans[-1].stiff is not None:  # a shape is set with every segment stiff
                 state = self.jammed(state, start)
             if shape.vacuums:
-                plan = plan_held(self, state, start, shape)
+                plan = plan_held_from_base(self, state, start, shape)
             else:
                 moves, state = self.moves(state, start, shape)
                 plan = ShapePlan(shape, moves, state)
@@ -232,7 +241,7 @@ class ShapePlanner(ABC):
         return tuple(moves), state
 
     def jammed(self, state: Any, pulls: Sequence[float] | Array,
-               vacuum: Sequence[float] | None = None) -> Any:
+               vacuum: Sequence[float] | Array | None = None) -> Any:
         """
         Return the state in which every segment is jammed, with parts of the full vacuum.
 

@@ -48,7 +48,7 @@ class Runner:
         self.plan: ShapePlan | None = None
         """Of the running shape, from when it was planned on."""
         self.move = 0
-        """The move of that plan (0-based) which is made or comes next."""
+        """The way of that plan (0-based) that is gone or next: a move, or lowering the vacuums."""
         self._shapes = shapes
         self._plan = plan
         self._port = port
@@ -125,7 +125,6 @@ class Runner:
             if self._held:
                 yield from self._all_stiff()
             yield from self._set_or_plan_again(index, shape)
-            yield from self._relax(index, shape)
             yield from self._hold(index, shape)
             self._completed += 1
 
@@ -134,6 +133,7 @@ class Runner:
         for left in reversed(range(self._settings.max_replans + 1)):
             try:
                 yield from self._set(index, shape)
+                yield from self._relax(index, shape)
             except LeaveError as reason:
                 self.plan = None
                 if not left:
@@ -174,18 +174,23 @@ class Runner:
 
     def _relax(self, index: int, shape: Shape) -> Iterator[None]:
         """Lower the vacuums of a shape that is set, one after the other."""
+        def lowered() -> bool:
+            self._check_plan()
+            return self._off(segment) <= self._settings.vacuum_tolerance
+
         for segment, vacuum in enumerate(shape.vacuums):
             if abs(vacuum - self._settings.full_vacuum) <= 1.0:
                 continue
             self._report(index, 1.0, Phase.RELAXING, segment=segment + 1)
+            self._check_plan()
             self._held[segment] = vacuum
             yield from self._request(
-                segment, partial(self._port.set_vacuum, segment, vacuum),
-                partial(self._follows, segment),
+                segment, partial(self._port.set_vacuum, segment, vacuum), lowered,
                 f'follow its regulator, which was told {vacuum / 1e3:.1f} kPa,')
         if self._held:
             yield from self._settle()
-        if self._held and self.plan is not None:
+        if shape.vacuums and self.plan is not None:
+            self.move += 1
             self.warning = self.plan.warning
 
     def _settle(self) -> Iterator[None]:
@@ -197,10 +202,8 @@ class Runner:
                    for a, b in zip(self._observed.vacuum, before, strict=True)):
                 before, since = self._observed.vacuum, self._now
             self._check_stiff(None)
+            self._check_plan()
             yield
-
-    def _follows(self, segment: int) -> bool:
-        return self._off(segment) <= self._settings.vacuum_tolerance
 
     def _off(self, segment: int) -> float:  # Pa by which its vacuum is not what it is held with
         return abs(self._observed.vacuum[segment] - self._held[segment])

@@ -2,17 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plans of shapes one after the other, given by angles or by the tip, among obstacles."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import permutations
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from soft_continuum.mechanics.either import bending_of
+from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.obstacles.surroundings import Surroundings
+from soft_continuum.sequencing.held_plan import held, plan_held
+from soft_continuum.sequencing.held_tip import reach_held
 from soft_continuum.sequencing.planner import (
     Move,
     ObstructedError,
@@ -28,7 +30,10 @@ from soft_continuum.sequencing.reach import (
     reach,
     ReachSettings,
 )
-from soft_continuum.sequencing.reach.passage import BlockedError, Passages
+from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
+from soft_continuum.sequencing.reach.result import ways_of, with_relaxing
+
+Ended = TypeVar('Ended')
 
 STATES = 20
 """At most so many states on the way of a move where there are no obstacles."""
@@ -48,10 +53,10 @@ def plan_shapes(planner: ShapePlanner, state: Any, pulls: Sequence[float],
     """
     for shape in shapes:
         try:
-            if shape.vacuums and surroundings.obstacles:
-                raise PlanError('shapes with vacuums are not planned among obstacles: when a '
-                                'vacuum is lowered, the arm gives way')
-            if shape.tips:
+            if shape.tips and shape.vacuums:
+                found = reach_held(
+                    planner, state, pulls, shape, surroundings, settings, first)
+            elif shape.tips:
                 found = _by_tip(planner, state, pulls, shape, surroundings, settings, first)
             elif surroundings.obstacles:
                 found = _in_some_order(planner, state, pulls, shape, surroundings, settings)
@@ -90,12 +95,7 @@ def _by_tip(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Sh
     return replace(found, plan=ShapePlan(
         replace(shape, bending_angles=tuple(end.bending_angles.tolist()),
                 bending_directions=tuple(end.bending_directions.tolist())),
-        found.plan.moves, end, *_watched(found.steps)))
-
-
-def _watched(steps: Sequence[PlannedStep]) -> tuple[tuple[Any, ...], tuple[float, ...]]:
-    """Return the ways of a plan, and how near to obstacles they were planned."""
-    return (tuple(step.states for step in steps), tuple(step.clearance for step in steps))
+        found.plan.moves, end, *ways_of(found.steps)))
 
 
 def _from_base(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
@@ -106,9 +106,10 @@ def _from_base(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape:
     for move in plan.moves:
         steps.append(_step(planner, state, move, settings))
         state = steps[-1].states[-1]
-    if plan.stiff is not None and steps:
-        steps[-1] = replace(steps[-1], states=(*steps[-1].states, plan.state))
-    return Reach(replace(plan, ways=tuple(step.states for step in steps)), '', tuple(steps))
+    if plan.relaxing is None:
+        return Reach(replace(plan, ways=ways_of(steps)[0]), '', tuple(steps))
+    return Reach(replace(plan, ways=ways_of((*steps, plan.relaxing))[0]), '',
+                 with_relaxing(steps, plan.relaxing))
 
 
 def _step(planner: ShapePlanner, state: Any, move: Move, settings: ReachSettings) -> PlannedStep:
@@ -127,21 +128,43 @@ def _in_some_order(planner: ShapePlanner, state: Any, pulls: Sequence[float], sh
                    surroundings: Surroundings, settings: ReachSettings) -> Reach:
     """Return the plan to angles in the first order that is clear of obstacles."""
     passages = Passages(planner, surroundings, settings)
-    arm, goals = planner.statics.chain.arm, planner.goals_of(shape)
-    bending = bending_of(arm, shape.bending_angles, shape.bending_directions)
-    start, why = passages.start(state, np.array(pulls, dtype=float)), ''
-    blocked_by: tuple[str, ...] = ()
+    start = passages.start(state, np.array(pulls, dtype=float))
+    blocked_by: dict[str, None] = {}
+    try:
+        if not shape.vacuums:
+            node = _ordered(passages, start, shape, blocked_by, lambda node: node)
+            return Reach(ShapePlan(shape, node.moves, node.state,
+                                   *ways_of(node.steps)), '', node.steps)
+        plan, found = plan_held(planner, shape, lambda shift: _ordered(
+            passages, start, shape, blocked_by, lambda node: held(passages, node, shape.vacuums),
+            shift))
+    except BlockedError as error:
+        return Reach(None, str(error), blocked_by=tuple(blocked_by))
+    ways, clearances = ways_of((*found.node.steps, found.relaxing))
+    return Reach(replace(plan, ways=ways, clearances=clearances), '',
+                 with_relaxing(found.node.steps, found.relaxing))
+
+
+def _ordered(passages: Passages, start: Node, shape: Shape, blocked_by: dict[str, None],
+             ended: Callable[[Node], Ended], shift: Array | None = None) -> Ended:
+    """
+    Return what comes of the first order of segments that is clear of obstacles.
+
+    blocked_by: is told the obstacles that stopped orders.  ended: of where an order leads; may
+    raise BlockedError too.  shift: as of ShapePlanner.moves.  Raises BlockedError.
+    """
+    planner, why = passages.planner, ''
+    goals = [(segment, goal if shift is None else planner.shifted(goal, segment, shift), at)
+             for segment, goal, at in planner.goals_of(shape)]
     for _, order in zip(range(ORDERS), permutations(goals), strict=False):
         node, at = start, ''
         try:
             for segment, goal, at in order:  # noqa: B007  (where it was blocked)
                 if planner.away(node.state, segment, goal) > planner.settings.angle_tolerance:
-                    node = passages.go(node, segment, bending)
+                    node, at = passages.go(node, segment, goal), ''
+            return ended(node)
         except BlockedError as error:
             why = why or f'{at}{error}'
-            blocked_by += (error.obstacle,) if error.obstacle else ()
-            continue
-        return Reach(ShapePlan(shape, node.moves, node.state,
-                               *_watched(node.steps)), '', node.steps)
+            blocked_by |= dict.fromkeys([error.obstacle] if error.obstacle else [])
     more = ', and no other order of the segments is free' if len(goals) > 1 else ''
-    return Reach(None, f'{why}{more}', blocked_by=tuple(dict.fromkeys(blocked_by)))
+    raise BlockedError(f'{why}{more}', next(iter(blocked_by), ''))

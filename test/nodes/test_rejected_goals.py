@@ -53,8 +53,8 @@ BAD_GOALS = {
     'a vacuum for which the description has no law':
         ([Shape(name='c_form', vacuums=[80e3, 30e3, 80e3])],
          ['segment 2', 'rigid', 'arm.stiffness_ratios']),
-    'vacuums of a goal of the tip':
-        ([Shape(tips=[TipGoal()], vacuums=[80e3] * 3)], ['tips and vacuums']),
+    'vacuums of a goal of the tip, of valves':
+        ([Shape(tips=[TipGoal()], vacuums=[80e3] * 3)], ['valves']),
     'too few angles': ([shape_message((0.1, 0.1))], ['2 bending angles', '3 segments']),
     'too many angles': ([shape_message((0.1,) * 4)], ['4 bending angles', '3 segments']),
     'angle that is not a number':

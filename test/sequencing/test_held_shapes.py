@@ -6,14 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from virtual_rig import PLAN_SETTINGS, VirtualRig
+from scipy.spatial.transform import Rotation
+from virtual_rig import PLAN_SETTINGS, RUNNER_SETTINGS, VirtualRig
 
 from soft_continuum.mechanics import Jam, Statics
 from soft_continuum.nodes.up import description_file
+from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.sequencing.loop_settings import ABORT
+from soft_continuum.sequencing.plan_watch import PlanWatch
 from soft_continuum.sequencing.planar_planner import Planner
 from soft_continuum.sequencing.planner import PlanError, Shape
 from soft_continuum.sequencing.progress import Code, Phase
+from soft_continuum.sequencing.reach import ReachSettings, TipGoal
+from soft_continuum.sequencing.shape_plans import plan_shapes
 
 DEGREE = np.radians(1.0)
 VACUUMS = (30e3, 80e3, 60e3)
@@ -30,11 +36,32 @@ ARM = jammed()
 LOWERED = [i for i, vacuum in enumerate(VACUUMS, start=1) if vacuum < 80e3]
 HELD = Shape('held', (0.3, 0.2, -0.2), 0.5, vacuums=VACUUMS)
 STIFF = Shape('stiff', (0.1, 0.2, 0.1), 0.2)
+WEAK = replace(HELD, vacuums=(20e3, 20e3, 20e3))
+SETTINGS = ReachSettings(margin=0.005, lock_in=0.0, time_limit=10.0)
 
 
 def plan(arm, shape):
     planner = Planner(arm, PLAN_SETTINGS)
     return planner.plan(planner.statics.chain.straight(), (0.0, 0.0), [shape])[0]
+
+
+def found(shape, *obstacles):
+    """Plan among obstacles."""
+    planner = Planner(ARM, PLAN_SETTINGS)
+    plans = plan_shapes(planner, planner.statics.chain.straight(), (0.0, 0.0), [shape],
+                        Surroundings(ARM, obstacles), SETTINGS, first=True)
+    return next(plans)
+
+
+def before(plan, gap):
+    """Return a ball that far (m) from the arm where the plan ends, to where it gives way."""
+    way = plan.state.backbone[-1] - plan.stiff.backbone[-1]
+    way /= np.linalg.norm(way)
+    place = plan.state.backbone[-1] + 0.1 * way
+    for _ in range(20):
+        ball = Obstacle('ball', Sphere(0.02), tuple(place.tolist()))
+        place -= (Surroundings(ARM, [ball]).clearance(plan.state).distance - gap) * way
+    return ball
 
 
 def test_a_plan_makes_up_for_what_the_arm_gives_way_by():
@@ -129,3 +156,79 @@ def test_a_vacuum_that_is_lost_while_a_shape_is_held_ends_the_run():
     rig.jamming.set_vacuum(2, 45e3)  # by somebody else; the pressure alone would keep it stiff
     outcome = rig.run()
     assert outcome.code is Code.HARDWARE_FAULT and 'segment 3 lost its vacuum' in outcome.message
+
+
+# Among obstacles.
+
+
+def test_an_arm_that_would_give_way_into_an_obstacle_has_no_plan():
+    free = plan(ARM, WEAK)
+    ball = before(free, 0.003)
+    refused = found(WEAK, ball)
+    assert refused.plan is None and refused.blocked_by == ('ball',)
+    assert 'ball is in the way' in refused.why
+    assert not found(free.as_set, ball).why  # to what it would be set to, there is a way
+
+
+def test_the_whole_way_of_a_shape_with_vacuums_is_clear():
+    around = before(plan(ARM, WEAK), 0.008)
+    clear = found(WEAK, around)
+    assert clear.plan.state.bending_angles == pytest.approx(WEAK.bending_angles, abs=0.2 * DEGREE)
+    ways = [state for way in clear.plan.ways for state in way]
+    assert ways[-1] is clear.plan.state  # the way on which it gives way is of it
+    distances = [near.distance for near in Surroundings(ARM, [around]).clearances(ways)]
+    assert min(distances) == distances[-1] == pytest.approx(0.008, abs=1e-3)
+    assert SETTINGS.margin <= clear.clearance[0] <= min(distances)
+
+
+def test_an_obstacle_that_comes_is_in_the_way_until_the_vacuums_are_lowered():
+    free = found(WEAK).plan
+    watch = PlanWatch(free, SETTINGS.margin, 0.02)
+    watch.look(Surroundings(ARM, [before(free, 0.003)]))
+    stiff = free.stiff
+    for way in (0, len(free.moves)):
+        assert 'where the vacuums are lowered' in watch.obstructed(way, stiff)
+    there = Obstacle('ball', Sphere(0.002), tuple(stiff.backbone[-1].tolist()))
+    watch.look(Surroundings(ARM, [there]))
+    assert 'ball' in watch.obstructed(len(free.moves), stiff)
+
+
+def test_an_obstacle_that_comes_while_vacuums_are_lowered_leaves_the_arm_stiff():
+    rig = VirtualRig(arm=ARM, shapes=[HELD], regulators=True,
+                     settings=replace(RUNNER_SETTINGS, on_obstacle=ABORT))
+    rig.run(until=lambda rig: rig.runner.progress.phase is Phase.RELAXING)
+    rig.obstructed = 'a ball is in the way'
+    outcome = rig.run()
+    assert (outcome.code, outcome.message) == (Code.OBSTRUCTED, 'a ball is in the way')
+    assert all(rig.jamming.stiff) and min(rig.vacuum) > 77e3
+
+
+# By the tip.
+
+
+@pytest.mark.parametrize('kind', ['position', 'pose'])
+def test_the_tip_is_at_its_goal_once_the_vacuums_are_lowered(kind):
+    wanted = plan(ARM, HELD).state
+    tip = TipGoal(wanted.backbone[-1], wanted.rotations[-1], kind)
+    reached = found(Shape('tip', (), tips=(tip,), vacuums=VACUUMS))
+    assert not reached.why
+    end, stiff = reached.plan.state, reached.plan.stiff
+    assert np.linalg.norm(end.backbone[-1] - tip.position) < 1e-3
+    assert np.linalg.norm(stiff.backbone[-1] - tip.position) > 3e-3
+    assert reached.plan.shape.bending_angles == pytest.approx(end.bending_angles)
+    assert reached.plan.as_set.tips[0].position == pytest.approx(stiff.backbone[-1])
+    if kind == 'pose':
+        turned = Rotation.from_matrix(end.rotations[-1] @ wanted.rotations[-1].T)
+        assert turned.magnitude() < np.radians(2.0)
+
+
+def test_a_tip_that_cannot_be_held_is_refused():
+    tip = TipGoal(np.array((-0.1, 0.0, 0.25)))
+    refused = found(Shape('tip', (), tips=(tip,), vacuums=WEAK.vacuums))
+    assert 'as the arm gives way under its vacuums, segment 3 would bend' in refused.why
+
+
+def test_a_path_is_not_followed_with_vacuums():
+    goals = tuple(TipGoal(np.array((x, 0.0, 0.22))) for x in (0.15, 0.16))
+    assert 'a path is followed with every segment stiff' in found(
+        Shape('path', (), tips=goals, vacuums=VACUUMS)).why

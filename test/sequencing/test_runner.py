@@ -29,7 +29,7 @@ from soft_continuum.sequencing.progress import Code, Phase, Progress
 SHAPES = tuple(Shape(name, angles, 0.2) for name, angles in LIBRARY.items())
 C_FORM, UPRIGHT, S_FORM = SHAPES
 BOW = Shape('bow', (0.3, 0.0, 0.2), 0.2)
-LETTERS = dict(zip(Phase, 'psmethz', strict=True))
+LETTERS = dict(zip(Phase, 'psmetrhz', strict=True))
 WORKING_PHASES = (Phase.SOFTENING, Phase.MOVING, Phase.STIFFENING, Phase.HOLDING)
 REACTION = 0.2  # s from an event until the tendons rest
 

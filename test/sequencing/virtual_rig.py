@@ -57,8 +57,8 @@ class VirtualRig:
 
     It is the Runner's ArmPort.  latency: s that a command and an observation take to arrive.
     broken: valves that no longer move.  leaking: segments that lose their vacuum.  stuck: steppers
-    that do not move.  fault: what is reported as one.  plan_ticks: how long a plan takes.
-    commands: every request of the runner, with the time.  progress: of every tick.
+    that do not move.  fault, obstructed: what is reported as such.  plan_ticks: how long a plan
+    takes.  commands: every request of the runner, with the time.  progress: of every tick.
     """
 
     shapes: tuple = ()
@@ -71,6 +71,7 @@ class VirtualRig:
     acceleration: float = ACCELERATION
     now: float = 1000.0
     fault: str = ''
+    obstructed: str = ''
     lost: bool = False
     agreed: bool = True
     plan_ticks: int = 0
@@ -200,7 +201,7 @@ class VirtualRig:
             self.tendons.reading.pulls, self.moving, tuple(self.jamming.stiff), self.vacuum,
             self.tendons.stopped_because, self.fault, self.motion_failure,
             regulators=self.regulators, lost_tendons=self.lost, lost_valves=self.lost,
-            agreed=self.agreed)))
+            agreed=self.agreed, obstructed=self.obstructed)))
         while len(self.observed) > 1 and self.observed[1][0] <= self.now - self.latency + 1e-9:
             self.observed.popleft()
         return self.observed[0][1]

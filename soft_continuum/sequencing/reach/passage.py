@@ -8,6 +8,7 @@ point of it goes as far as ``moved`` says, so it can be nearer to an obstacle th
 by half of that at most; where that is too near, states between them are solved.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,6 +27,8 @@ SNAP = 0.02  # m between two states of a motion that were followed: farther, and
 SHORT = 1e-3  # of the way between two pulls: no two states are nearer in time
 AWAY = 0.8
 """Of the clearance at the start, where that is too small: what the first move keeps."""
+VACUUM_STEPS = 5
+"""States on the way of a vacuum from full to what is wanted, at least: jams may yield on it."""
 BEYOND = 2e-3  # rad by which a segment may be beyond its bending angle limit, as it gives way
 
 
@@ -112,11 +115,11 @@ class Passages:
                             f'{-near.distance * 1e3:.1f} mm; move one of them away first')
         return Node(state, pulls, near)
 
-    def go(self, node: Node, mover: int, goal: Array) -> Node:
+    def go(self, node: Node, mover: int, goal: Any) -> Node:
         """
-        Return where one segment (0-based), or WHOLE_ARM, is set; goal: as State.bending, rad.
+        Return where one segment (0-based), or WHOLE_ARM, is set.
 
-        Raises BlockedError.
+        goal: as State.bending, rad, or as the planner takes it.  Raises BlockedError.
         """
         try:
             move, _ = self.planner.move(node.state, node.pulls, mover, _of(goal, mover))
@@ -126,6 +129,32 @@ class Passages:
             raise BlockedError(str(error), limit=error.limit) from None
         except StaticsError as error:
             raise BlockedError(str(error), limit='held') from None
+
+    def relaxed(self, node: Node, vacuums: Sequence[float]) -> PlannedStep:
+        """
+        Return how the arm gives way while the vacuum of one segment after the other is lowered.
+
+        vacuums: of every segment in the end, Pa below ambient.  The first state has every segment
+        stiff.  Raises BlockedError.
+        """
+        planner = self.planner
+        way = _Way(self, self.needed(node.locked, None),
+                   lambda state, parts: planner.jammed(state, node.pulls, parts))
+        parts = np.ones(len(vacuums))
+        try:
+            state = planner.jammed(node.state, node.pulls)
+            near = way.check(state)
+            for segment, vacuum in enumerate(vacuums):
+                part = min(1.0, vacuum / planner.settings.full_vacuum)
+                for lowered in np.linspace(1.0, part, VACUUM_STEPS + 1)[1:] if part < 1.0 else ():
+                    planner.check_wanted()
+                    before, parts = parts, parts.copy()
+                    parts[segment] = lowered
+                    state, near = way.to(state, near, before, parts)
+        except StaticsError as error:
+            raise BlockedError(str(error), limit='held') from None
+        return PlannedStep(tuple(way.states), way.least.distance, way.least.obstacle,
+                           way.tension, 0.0)
 
     def bent(self, state: Any, mover: int, goal: Array) -> Any:
         """Return the state after a segment, or WHOLE_ARM, is set; raises BlockedError."""
@@ -158,7 +187,8 @@ class Passages:
         """Follow the pulls of a move, from a node on."""
         soft = None if move.segment == WHOLE_ARM else move.segment
         state = self.planner.softened(node.state, node.pulls, move.segment)
-        way = _Way(self, move, self.needed(node.locked, soft))
+        way = _Way(self, self.needed(node.locked, soft), lambda state, pulls: self.planner.held(
+            state, pulls, move.segment, move.sliding))
         if not node.moves:  # from where the arm is nearer to something it may go away
             near = self.surroundings.clearance(state)
             clear = min(node.near.distance, near.distance) - DETOUR * moved(
@@ -180,10 +210,15 @@ class Passages:
 
 
 class _Way:
-    """The states on the way of one move; least: the smallest clearance up to now."""
+    """
+    The states on a way; least: the smallest clearance up to now.
 
-    def __init__(self, passages: Passages, move: Move, needed: float) -> None:
-        self.passages, self.move, self.needed = passages, move, needed
+    solve: returns the state that follows from another one, by pulls or by parts of the vacuum.
+    """
+
+    def __init__(self, passages: Passages, needed: float, solve: Callable[[Any, Array], Any]
+                 ) -> None:
+        self.passages, self.needed, self.solve = passages, needed, solve
         self.states: list[Any] = []
         self.least: Distance = Clear()
         self.tension = 0.0
@@ -223,11 +258,10 @@ class _Way:
             self.least = least
         return way
 
-    def to(self, state: Any, near: Distance, before: Array, pulls: Array, part: float = 1.0
+    def to(self, state: Any, near: Distance, before: Array, after: Array, part: float = 1.0
            ) -> tuple[Any, Distance]:
-        """Go to the next pulls (tendons,) m, by states as near to each other as is needed."""
-        move = self.move
-        there = self.passages.planner.held(state, pulls, move.segment, move.sliding)
+        """Go to what ``solve`` takes next, by states as near to each other as is needed."""
+        there = self.solve(state, after)
         count = len(self.states)
         near_there = self.check(there)
         least, tension = self.least, self.tension
@@ -240,14 +274,14 @@ class _Way:
                 raise
         del self.states[count:]
         self.least, self.tension = least, tension
-        middle = 0.5 * (before + pulls)
+        middle = 0.5 * (before + after)
         state, near = self.to(state, near, before, middle, part / 2.0)
-        return self.to(state, near, middle, pulls, part / 2.0)
+        return self.to(state, near, middle, after, part / 2.0)
 
 
-def _of(goal: Array, mover: int) -> Any:
+def _of(goal: Any, mover: int) -> Any:
     """Return what a planner takes as the goal of one segment, or of WHOLE_ARM."""
-    return float(goal[mover]) if goal.ndim == 1 else goal
+    return float(goal[mover]) if np.ndim(goal) == 1 else goal
 
 
 def _too_near(near: Distance, needed: float) -> BlockedError:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is known of a plan by tip before it runs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -34,9 +35,11 @@ class Reach:
 
     plan: its moves and the state after them; None where nothing better than to stay is known.
     why: empty; or why the goal is not reached, and then the plan is to the nearest that is known.
-    steps: one for each move.  tip_error: m from the tip to the goal in the end, of a path the
-    largest distance of the tip from it on the way.  turn_error: rad, likewise.  blocked_by: the
-    names of obstacles that stopped what was tried, the most frequent first, if there is no plan.
+    steps: one for each move; the last one also has the way on which the arm gives way when the
+    vacuums of its shape are lowered.  tip_error: m from the tip to the goal in the end, of a path
+    the largest distance of the tip from it on the way.  turn_error: rad, likewise.  blocked_by:
+    the names of obstacles that stopped what was tried, the most frequent first, if there is no
+    plan.
     """
 
     plan: ShapePlan | None
@@ -66,3 +69,20 @@ class Reach:
         """The smallest distance to an obstacle on the way, m, and its name."""
         nearest = min(self.steps, key=lambda step: step.clearance, default=None)
         return (inf, '') if nearest is None else (nearest.clearance, nearest.obstacle)
+
+
+def ways_of(steps: Sequence[PlannedStep]
+            ) -> tuple[tuple[tuple[Any, ...], ...], tuple[float, ...]]:
+    """Return the ways of a plan and how near to obstacles they were planned, as of ShapePlan."""
+    return tuple(step.states for step in steps), tuple(step.clearance for step in steps)
+
+
+def with_relaxing(steps: Sequence[PlannedStep], relaxing: PlannedStep) -> tuple[PlannedStep, ...]:
+    """Return steps, of which the last one goes on with the way on which the arm gives way."""
+    if not steps:
+        return ()
+    last = steps[-1]
+    nearest = min(last, relaxing, key=lambda one: one.clearance)
+    return (*steps[:-1], PlannedStep(
+        last.states + relaxing.states, nearest.clearance, nearest.obstacle,
+        max(last.tension, relaxing.tension), last.duration))

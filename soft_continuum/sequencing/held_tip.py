@@ -1,0 +1,149 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Plans to a goal of the tip that is held with less than the full vacuum.
+
+The tip is planned to where the arm gives way to the goal from: what the first plan missed after
+its vacuums are lowered moves the goal of the next one, which sets the same segments if it can.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from math import inf
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.sequencing.held_plan import Held, held, made_up_for
+from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan, ShapePlanner
+from soft_continuum.sequencing.reach.arcs import Miss
+from soft_continuum.sequencing.reach.candidates import Candidate
+from soft_continuum.sequencing.reach.goal import ReachSettings, Surroundings, TipGoal
+from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
+from soft_continuum.sequencing.reach.result import Reach, ways_of, with_relaxing
+from soft_continuum.sequencing.reach.search import AIM, as_shape, reach, Search
+
+SHARE = 0.5
+"""Of the time that is left, for one search."""
+
+
+def reach_held(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
+               surroundings: Surroundings, settings: ReachSettings, first: bool = False) -> Reach:
+    """
+    Return the plan to a goal of the tip of a shape with vacuums.
+
+    The others are those of plan_shapes.  Raises PlanError as ``reach``, and for a path.
+    """
+    if len(shape.tips) > 1:
+        raise PlanError(f'{len(shape.tips)} tips and vacuums: a path is followed with every '
+                        'segment stiff but one; give one tip, or leave the vacuums out')
+    search = _Search(planner, state, pulls, shape, surroundings, settings)
+    goal, least = shape.tips[0], inf
+    best: Held | None = None
+    miss = Miss(goal)
+    for begin in search.plans(first):
+        try:
+            found, off = made_up_for(planner, partial(search.to, begin), lambda state: -(
+                miss.of_state(state).reshape(-1, 3)), AIM)
+        except BlockedError as error:
+            search.note(error)
+            continue
+        if off < least:
+            best, least = found, off
+        if off <= 1.0:
+            break
+    if best is None:
+        return Reach(None, search.why, blocked_by=search.blocked_by)
+    away, turn = miss.errors(best.end)
+    left = f'{away * 1e3:.1f} mm' + (
+        '' if goal.kind == 'position' else f' and {np.degrees(turn):.1f} degrees')
+    why = f'with its vacuums the tip is {left} from the goal at best' if least > 1.0 else ''
+    steps = (*best.node.steps, best.relaxing)
+    return Reach(ShapePlan(replace(as_shape(best.end), name=shape.name, hold_time=shape.hold_time,
+                                   tips=shape.tips, vacuums=shape.vacuums),
+                           best.node.moves, best.end, *ways_of(steps), relaxing=best.relaxing),
+                 why, with_relaxing(best.node.steps, best.relaxing), away, turn,
+                 search.blocked_by if why else ())
+
+
+class _Search:
+    """Plans to a goal, and from each of them to goals that are moved."""
+
+    def __init__(self, planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
+                 surroundings: Surroundings, settings: ReachSettings) -> None:
+        self.why, self.blocked_by = '', tuple[str, ...]()
+        self._goal, self._vacuums, self._settings = shape.tips[0], shape.vacuums, settings
+        self._end = monotonic() + settings.time_limit
+        self._passages = Passages(planner, surroundings, settings)
+        self._start = self._last = self._passages.start(state, np.array(pulls, dtype=float))
+
+    def note(self, error: BlockedError) -> None:
+        """Keep why there is no plan."""
+        self.why = self.why or str(error)
+        self.blocked_by = tuple(dict.fromkeys(
+            (*self.blocked_by, *([error.obstacle] if error.obstacle else []))))
+
+    def plans(self, first: bool) -> Iterator[Node]:
+        """Yield where plans to the goal itself lead, the best first; or the first to be found."""
+        each = self._reached(self._goal)
+        yield from each if first else reversed(list(each))
+
+    def to(self, begin: Node, shift: Array | None) -> Held:
+        """Set the tip to the goal moved by (1 or 2, 3) of its tolerances; raises BlockedError."""
+        found: Node | None = begin
+        if shift is not None:
+            goal = _moved(self._goal, shift)
+            found = self._again(goal) or next(self._reached(goal), None)
+        if found is None:
+            raise BlockedError(self.why)
+        self._last = found
+        return held(self._passages, found, self._vacuums)
+
+    def _again(self, goal: TipGoal) -> Node | None:
+        """Set the segments that were set last to another goal; None where that does not do."""
+        last = self._last
+        if not last.moves:
+            return None
+        passages = self._passages
+        try:
+            return Search(passages.planner, self._start, goal, passages.surroundings,
+                          self._settings).planned(_candidate(self._start, last))
+        except BlockedError:
+            return None
+
+    def _reached(self, goal: TipGoal) -> Iterator[Node]:
+        """Yield where plans to a goal lead, or to what is nearest."""
+        passages, start = self._passages, self._start
+        left = max(0.0, SHARE * (self._end - monotonic()))
+        for found in reach(passages.planner, start.state, start.pulls.tolist(), goal,
+                           passages.surroundings, replace(self._settings, time_limit=left)):
+            if found.plan is None:
+                self.why, self.blocked_by = found.why, found.blocked_by
+                continue
+            moves, end = found.plan.moves, found.plan.state
+            yield Node(end, moves[-1].pulls[-1] if moves else start.pulls,
+                       passages.surroundings.clearance(end), moves, found.steps,
+                       frozenset(move.segment for move in moves))
+
+
+def _moved(goal: TipGoal, shift: Array) -> TipGoal:
+    """Return a goal moved, and turned, by parts of its tolerances."""
+    rotation = goal.rotation
+    if rotation is not None and len(shift) > 1:
+        from scipy.spatial.transform import Rotation  # 0.1 s that a start need not wait for
+        rotation = Rotation.from_rotvec(goal.angle_tolerance * shift[1]).as_matrix() @ rotation
+    return replace(goal, position=goal.position + goal.position_tolerance * shift[0],
+                   rotation=rotation)
+
+
+def _candidate(start: Node, node: Node) -> Candidate:
+    """Return the settings that lead to a node; the last ones, each of another segment, fitted."""
+    movers = [move.segment for move in node.moves]
+    fitted = 1
+    while fitted < len(movers) and movers[-fitted - 1] not in movers[-fitted:]:
+        fitted += 1
+    shapes = [start.state.bending, *(step.states[-1].bending for step in node.steps)]
+    return Candidate(tuple(movers), np.array(shapes), fitted, 0.0, 0.0)
