@@ -167,6 +167,25 @@ def test_a_stop_imports_no_mechanics():
         ran.stdout.split())
 
 
+def test_options_are_read_before_anything_is_loaded_that_takes_long():
+    # Also by TAB, which builds the parser; scipy itself is light, it loads its modules when used.
+    ran = subprocess.run([sys.executable, '-c', """
+import sys
+from soft_continuum.cli.main import main
+from soft_continuum.cli.registry import VERBS
+for verb in VERBS.values():
+    if verb.completes or verb.name in ('demo', 'up'):
+        try:
+            main([verb.name, '--help'])
+        except SystemExit:
+            pass
+print(*sys.modules, file=sys.stderr)
+"""], capture_output=True, text=True, timeout=60, check=True)
+    assert ran.stdout.count('usage: ') > 40
+    assert not {'cv2', 'matplotlib', 'mujoco', 'numba', 'pandas', 'scipy.optimize',
+                'scipy.spatial', 'scipy.stats'} & set(ran.stderr.split())
+
+
 def test_the_installed_script_and_the_module_are_the_same_program():
     for program in [SCRIPT], ['-m', 'soft_continuum']:
         ran = subprocess.run([sys.executable, *program, 'stop', '--tmeout', '1'],
