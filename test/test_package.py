@@ -97,13 +97,17 @@ def test_rosdep_is_told_of_both_packages() -> None:
                for line in commands), commands
 
 
-def test_valves_need_neither_scipy_nor_the_compiler_nor_the_boards_of_others() -> None:
+@pytest.mark.parametrize(('node', 'more'), [
+    ('jamming_valves', {'scipy'}), ('tendon_actuation', set()), ('shape_sequencer', set())])
+def test_a_node_loads_no_solver_no_compiler_and_no_driver_that_it_has_not(
+        node: str, more: set[str]) -> None:
     # They take 90 MB and seconds of every start.
-    script = 'import sys, soft_continuum.nodes.jamming_valves; print(*sys.modules)'
+    script = f'import sys, soft_continuum.nodes.{node}; print(*sys.modules)'
     done = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,
                           check=True)
-    assert {'scipy', 'numba', 'llvmlite', 'pymodbus', 'asyncio', 'dynamixel_sdk'}.isdisjoint(
-        done.stdout.split())
+    heavy = {'asyncio', 'cv2', 'dynamixel_sdk', 'llvmlite', 'matplotlib', 'numba', 'pymodbus',
+             'scipy.optimize', 'scipy.spatial', 'serial', 'soft_continuum.hardware.dynamixel.bus'}
+    assert not (heavy | more) & set(done.stdout.split())
 
 
 def imports(path: Path) -> Iterator[str]:

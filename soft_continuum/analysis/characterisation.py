@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from math import nan
 
 import numpy as np
-from scipy.optimize import nnls
-from scipy.stats import t as student
+import scipy
 
 from soft_continuum.analysis.curves import Curve
 from soft_continuum.analysis.delimited import MeasurementError
@@ -127,7 +126,7 @@ def regress(curves: Sequence[Curve]) -> Regression:
     rest = np.concatenate(residuals)
     half = nan
     if len(curves) > 1:
-        quantile = student.ppf(0.5 + CONFIDENCE / 2, len(each) - 1)
+        quantile = scipy.special.stdtrit(len(each) - 1, 0.5 + CONFIDENCE / 2)
         half = max(_half_width(curves),
                    quantile * float(np.std(each, ddof=1)) / np.sqrt(len(each)))
     return Regression(float(slope), float(half), float(intercept), each, residuals,
@@ -146,7 +145,7 @@ def _half_width(curves: Sequence[Curve]) -> float:
     count = max(3.0, points * (1.0 - r) / (1.0 + r))
     about = sum(float(np.sum((c.loading[0] - c.loading[0].mean())**2)) for c in curves)
     variance = total / points * count / (count - 2.0) / (about / points * count)
-    return float(student.ppf(0.5 + CONFIDENCE / 2, count - 2.0) * np.sqrt(variance))
+    return float(scipy.special.stdtrit(count - 2.0, 0.5 + CONFIDENCE / 2) * np.sqrt(variance))
 
 
 def _settling(curves: Sequence[Curve]) -> tuple[float, float]:
@@ -214,7 +213,7 @@ def _fit_law(curves: Sequence[Curve], line: Regression, length: float, lever_arm
     scale = np.linalg.norm(columns, axis=0)
     if np.any(scale == 0.0):
         return _Law()
-    slopes = nnls(columns / scale, centred(u))[0] / scale
+    slopes = scipy.optimize.nnls(columns / scale, centred(u))[0] / scale
     if np.any(slopes <= 0.0):
         return _Law()
     starts = [part.mean() for part in np.split(u - pieces @ slopes, ends)]

@@ -4,15 +4,17 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure, SubFigure
 import numpy as np
 
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.chain import Array, LEFT, RIGHT, RigidChain
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
 
 DPI = 120
 RING = 25  # points of the rim of a disc
@@ -20,7 +22,7 @@ SOFT = 'tab:orange'
 TENDON_STYLE = {RIGHT: ('right tendon', '-'), LEFT: ('left tendon', '--')}
 
 
-def draw_arm(axes: Axes, chain: RigidChain, joint_angles: Array,
+def draw_arm(axes: 'Axes', chain: RigidChain, joint_angles: Array,
              soft: Collection[int] = ()) -> None:
     """Draw discs, segments (0-based; soft ones in colour) and tendons of one state; axes in mm."""
     points = chain.points(joint_angles) * [1e3, 1e3, 1.0]
@@ -44,14 +46,20 @@ def draw_arm(axes: Axes, chain: RigidChain, joint_angles: Array,
     axes.grid(alpha=0.3)
 
 
+def new_figure(width: float, height: float) -> 'Figure':
+    """Return an empty figure (inches); the first one loads matplotlib, which takes 0.5 s."""
+    from matplotlib.figure import Figure
+    return Figure(figsize=(width, height), layout='constrained')
+
+
 def new_panels(rows: int, columns: int, width: float, height: float,
-               part: SubFigure | None = None) -> tuple[Figure, list[Axes]]:
+               part: 'SubFigure | None' = None) -> 'tuple[Figure, list[Axes]]':
     """
     Return a figure (inches) and its panels of equal scale, row by row; axes in mm.
 
     part: of a figure, to draw them there and not in a new one.
     """
-    figure = Figure(figsize=(width, height), layout='constrained')
+    figure = new_figure(width, height)
     panels = (part or figure).subplots(
         rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     for axes in panels:
@@ -63,7 +71,7 @@ def new_panels(rows: int, columns: int, width: float, height: float,
     return figure, list(panels)
 
 
-def finish_panels(path: str | Path, figure: Figure, legend_columns: int) -> None:
+def finish_panels(path: str | Path, figure: 'Figure', legend_columns: int) -> None:
     """Write a figure with one legend, that of its first panel, below all of them."""
     handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc='outside lower center', frameon=False,
@@ -124,7 +132,7 @@ def spatial_shapes_figure(path: str | Path,
 
     shapes: by name, the state, and the discs by constant curvature, (2 * discs, 3), m.
     """
-    figure = Figure(figsize=(4.6 * len(shapes), 5.2), layout='constrained')
+    figure = new_figure(4.6 * len(shapes), 5.2)
     for number, (name, (state, arcs)) in enumerate(shapes.items(), start=1):
         axes = figure.add_subplot(1, len(shapes), number, projection='3d')
         draw_in_space(axes, state)

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Generic, Protocol
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.stats import t as student
+import scipy
 
 from soft_continuum.analysis.measured_shapes import loaded, MeasuredShape, simulate_steps
 from soft_continuum.analysis.path_sensitivity import points_and_derivatives
@@ -113,7 +112,7 @@ def fit_shapes(described: Described, unknowns: Sequence[Unknown[Described]],
             '--params-file, such as by characterize.yaml') from None
     bounds = (np.array([u.low for u in unknowns]) / scales,
               np.array([u.high for u in unknowns]) / scales)
-    found = least_squares(residuals, start / scales, jac=jacobian, bounds=bounds,
+    found = scipy.optimize.least_squares(residuals, start / scales, jac=jacobian, bounds=bounds,
                           xtol=1e-10, ftol=1e-10, gtol=1e-12)
     values = found.x * scales
     return _judged(described, tuple(unknowns), values, found.fun, jacobian(found.x), scales)
@@ -163,7 +162,7 @@ def _judged(described: Described, unknowns: tuple[Unknown[Described], ...], valu
     correlations = inverse @ inverse.T / np.outer(deviations, deviations)
     return Identification(
         unknowns, values, deviations * scales,
-        student.ppf(0.975, spare) * deviations * scales, correlations, noise,
+        scipy.special.stdtrit(spare, 0.975) * deviations * scales, correlations, noise,
         with_values(described, unknowns, values))
 
 

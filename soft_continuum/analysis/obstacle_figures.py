@@ -5,9 +5,8 @@
 from collections.abc import Iterable
 from typing import Any
 
-from matplotlib.collections import PolyCollection
 import numpy as np
-from scipy.spatial import ConvexHull
+import scipy
 
 from soft_continuum.colours import OBSTACLE
 from soft_continuum.mechanics.chain import Array
@@ -33,6 +32,7 @@ def patches(obstacles: Iterable[Obstacle], planar: bool) -> list[Array]:
 def draw_patches(axes: Any, polygons: list[Array], planar: bool) -> None:
     """Draw them, into axes in mm; of a planar arm behind it, and the limits of the axes stay."""
     if planar:
+        from matplotlib.collections import PolyCollection
         axes.add_collection(PolyCollection(
             polygons, facecolor=COLOUR, alpha=FLAT_OPACITY, edgecolor='none', zorder=0.5),
             autolim=False)
@@ -76,10 +76,11 @@ def _outline(points: Array) -> Array:
     """Return the corners of the convex hull of points in a plane, in their order."""
     if len(points) == 3:
         return points
-    outline: Array = points[ConvexHull(points).vertices]
+    outline: Array = points[scipy.spatial.ConvexHull(points).vertices]
     return outline
 
 
 def _faces(points: Array) -> list[Array]:
     """Return the triangles of the convex hull of points in space."""
-    return [points] if len(points) == 3 else [points[s] for s in ConvexHull(points).simplices]
+    return [points] if len(points) == 3 else [
+        points[s] for s in scipy.spatial.ConvexHull(points).simplices]

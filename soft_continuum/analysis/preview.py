@@ -4,16 +4,18 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from matplotlib.axes import Axes
 import numpy as np
-from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
+import scipy
 
 from soft_continuum.analysis.figures import finish_panels, new_panels
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, bending_of, State
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 LABELS = 1.45  # times the distance of a tendon from the backbone: where its name is
 
@@ -50,7 +52,7 @@ def preview_figure(path: str | Path, states: Sequence[tuple[str, State]]) -> Non
     finish_panels(path, figure, 3)
 
 
-def _draw(axes: Axes, state: State) -> None:
+def _draw(axes: 'Axes', state: State) -> None:
     """Draw backbone, discs and tendons as seen along y."""
     axes.plot(*_side(state.backbone), color='0.0', linewidth=2.0, label='backbone')
     for number, guides in enumerate(state.tendon_points):
@@ -59,7 +61,7 @@ def _draw(axes: Axes, state: State) -> None:
     for number, radius in enumerate(state.chain.disc_radii):
         rims = np.concatenate([_rim(pose, radius)[:, ::2] for pose in state.poses[
             2 * number:2 * number + 2]])
-        outline = rims[ConvexHull(rims, qhull_options='QJ').vertices]
+        outline = rims[scipy.spatial.ConvexHull(rims, qhull_options='QJ').vertices]
         axes.fill(*(1e3 * outline.T), facecolor='0.85', edgecolor='0.4', linewidth=0.8,
                   label='disc' if number == 0 else None)
 
@@ -68,7 +70,7 @@ def _side(points: Array) -> tuple[Array, Array]:
     return 1e3 * points[:, 0], 1e3 * points[:, 2]
 
 
-def _draw_tendons(axes: Axes, state: State) -> None:
+def _draw_tendons(axes: 'Axes', state: State) -> None:
     """Draw where the tendons pass the base, as seen from the tip."""
     rim = 1e3 * _rim(state.poses[0], state.chain.disc_radii[0])
     axes.plot(rim[:, 0], rim[:, 1], color='0.6', linewidth=1.2)
@@ -88,6 +90,6 @@ def _draw_tendons(axes: Axes, state: State) -> None:
 def _rim(pose: Array, radius: float) -> Array:
     """Return the edge of a disc, (n, 3), m; pose (7,), radius in m."""
     around = np.linspace(0.0, 2.0 * np.pi, 41)
-    edge: Array = pose[:3] + Rotation.from_quat(pose[3:]).apply(
+    edge: Array = pose[:3] + scipy.spatial.transform.Rotation.from_quat(pose[3:]).apply(
         radius * np.column_stack([np.cos(around), np.sin(around), np.zeros_like(around)]))
     return edge

@@ -6,15 +6,18 @@ import base64
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 import io
+from typing import TYPE_CHECKING
 
-from matplotlib.figure import Figure
 import numpy as np
 
 from soft_continuum import version
-from soft_continuum.analysis.figures import new_panels
+from soft_continuum.analysis.figures import new_figure, new_panels
 from soft_continuum.analysis.recording import Held, Recording
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.parameter import as_yaml, Value
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 STYLE = """
 body { font-family: sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #222 }
@@ -90,7 +93,7 @@ def _shape_rows(held: Iterable[Held]) -> list[list[str]]:
     return rows
 
 
-def _shapes(held: Sequence[Held]) -> Figure:
+def _shapes(held: Sequence[Held]) -> 'Figure':
     columns = min(4, len(held))
     rows = -(-len(held) // columns)
     figure, panels = new_panels(rows, columns, 3.2 * columns, 3.8 * rows)
@@ -108,8 +111,8 @@ def _shapes(held: Sequence[Held]) -> Figure:
     return figure
 
 
-def _over_time(recording: Recording) -> Figure:
-    figure = Figure(figsize=(9.0, 7.5), layout='constrained')
+def _over_time(recording: Recording) -> 'Figure':
+    figure = new_figure(9.0, 7.5)
     pulls, tensions, pressures = figure.subplots(3, 1, sharex=True)
     for axes, rows, label in ((pulls, recording.tendons, 'pull in mm'),
                               (tensions, recording.tensions, 'tension in N\n(model)')):
@@ -135,7 +138,7 @@ def _first(items: Sequence[object], most: int, what: str) -> str:
             f'<p>The first {most} of {len(items)} {what}; the files have all of them.</p>')
 
 
-def _image(figure: Figure, alternative: str) -> str:
+def _image(figure: 'Figure', alternative: str) -> str:
     data = io.BytesIO()
     figure.savefig(data, format='png', dpi=110)
     encoded = base64.b64encode(data.getvalue()).decode('ascii')

@@ -5,18 +5,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 import numpy as np
-from scipy.spatial import ConvexHull
+import scipy
 
 from soft_continuum.analysis.characterisation import Characterisation
 from soft_continuum.analysis.convergence import Convergence
 from soft_continuum.analysis.curves import Curve
-from soft_continuum.analysis.figures import DPI, finish_panels, new_panels
+from soft_continuum.analysis.figures import DPI, finish_panels, new_figure, new_panels
 from soft_continuum.analysis.identification import Identification
 from soft_continuum.analysis.measured_shapes import MeasuredShape, seen_from_the_side
 from soft_continuum.analysis.validation import (
@@ -28,6 +25,9 @@ from soft_continuum.analysis.validation import (
 )
 from soft_continuum.analysis.workspace import Reach, tips_in_common
 from soft_continuum.mechanics.chain import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 GREYS = ('0.0', '0.4', '0.65')
 DASHES = ('-', '--', ':', '-.')
@@ -49,7 +49,7 @@ class MeasuredState:
 
 def stiffness_figure(path: str | Path, states: Sequence[MeasuredState], title: str) -> None:
     """Write curves and residuals, one row of panels for each state; mm and N on the axes."""
-    figure = Figure(figsize=(9.0, 3.6 * len(states) + 0.4), layout='constrained')
+    figure = new_figure(9.0, 3.6 * len(states) + 0.4)
     panels = figure.subplots(len(states), 2, squeeze=False)
     for (over, rest), state in zip(panels, states, strict=True):
         line = state.result.regression
@@ -80,7 +80,8 @@ def stiffness_figure(path: str | Path, states: Sequence[MeasuredState], title: s
 
 def convergence_figure(path: str | Path, found: Convergence, tolerance: float) -> None:
     """Write change to the next n and error against the continuum over n, in percent."""
-    figure = Figure(figsize=(9.0, 3.9), layout='constrained')
+    from matplotlib.ticker import LogLocator, NullFormatter
+    figure = new_figure(9.0, 3.9)
     left, right = figure.subplots(1, 2, sharex=True)
     for axes, values, label in ((left, found.change, 'change of angle to the next n in %'),
                                 (right, found.error, 'error of angle in %')):
@@ -116,7 +117,7 @@ def validation_figure(path: str | Path, predictions: Sequence[Prediction]) -> No
     width, height = np.ptp(drawn, axis=1)
     tall = min(2.0, max(0.4, height / max(width, 1e-3)))
     width, height = 3.9 * columns, (3.5 * tall + 1.0) * rows
-    figure = Figure(figsize=(width, height + 3.6), layout='constrained')
+    figure = new_figure(width, height + 3.6)
     above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[height, 3.0]).ravel()
     panels = new_panels(rows, columns, width, height, above)[1]
     for axes, shape in zip(panels, shapes, strict=False):
@@ -136,7 +137,7 @@ def validation_figure(path: str | Path, predictions: Sequence[Prediction]) -> No
     finish_panels(path, figure, 2 * columns)
 
 
-def _draw_errors(axes: Axes, shapes: Sequence[MeasuredShape], predictions: Sequence[Prediction]
+def _draw_errors(axes: 'Axes', shapes: Sequence[MeasuredShape], predictions: Sequence[Prediction]
                  ) -> None:
     """Draw the error of every point, one shape after the other."""
     starts = np.cumsum([0, *(len(shape.moving) + 1 for shape in shapes)])
@@ -171,8 +172,7 @@ class ShapeResult:
 def identification_figure(path: str | Path, found: Identification[Any],
                           shapes: Sequence[ShapeResult]) -> None:
     """Write errors by shape (mm, logarithmic), and values against those described with 95 %."""
-    figure = Figure(figsize=(5.0 + 0.6 * len(shapes) + 0.5 * len(found.unknowns), 4.2),
-                    layout='constrained')
+    figure = new_figure(5.0 + 0.6 * len(shapes) + 0.5 * len(found.unknowns), 4.2)
     left, right = figure.subplots(1, 2, width_ratios=[2 + len(shapes), 2 + len(found.unknowns)])
     at = np.arange(len(shapes))
     for offset, label, color, hatch, values in (
@@ -236,10 +236,10 @@ def _figure_in_space(path: str | Path, reaches: Sequence[tuple[str, Reach]], bas
     finish_panels(path, figure, 3)
 
 
-def _outline(axes: Axes, tips: Array, hull: float) -> None:
+def _outline(axes: 'Axes', tips: Array, hull: float) -> None:
     """Draw the outline of tips (n, 2), m, unless their hull is nothing."""
     if hull > 0.0:
-        around = ConvexHull(tips).vertices
+        around = scipy.spatial.ConvexHull(tips).vertices
         outline = 1e3 * tips[np.append(around, around[0])]
         axes.plot(*outline.T, '--', color='0.0', linewidth=0.9, label='outline without gravity')
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull
+import scipy
 
 from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics.arm import Arm
@@ -45,7 +45,8 @@ class Reach:
         if len(self.tips) <= dimensions or np.linalg.matrix_rank(
                 self.tips - self.tips[0], tol=1e-9) < dimensions:
             return 0.0
-        return float(ConvexHull(self.tips).volume)  # in the plane its volume is its area
+        hull = scipy.spatial.ConvexHull(self.tips)
+        return float(hull.volume)  # in the plane its volume is its area
 
 
 def reach(arm: AnyArm, order: Sequence[int], per_segment: int, directions: int = 1,

@@ -12,7 +12,7 @@ import sys
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from soft_continuum.analysis.results import ResultError, text_table
 from soft_continuum.arguments import DONE, FAILED, number_in, Parser, whole_number_in
@@ -115,7 +115,7 @@ def _planned(arm: AnyArm, values: dict[str, Any], around: Surroundings,
 def _goal(tip: Tip, values: dict[str, Any]) -> TipGoal:
     return TipGoal(
         np.array(tip.place), None if tip.kind == 'position' else
-        Rotation.from_quat(tip.quaternion).as_matrix(), tip.kind,
+        scipy.spatial.transform.Rotation.from_quat(tip.quaternion).as_matrix(), tip.kind,
         tip.tolerance or values['reach.position_tolerance'],
         tip.angle_tolerance or values['reach.angle_tolerance'])
 

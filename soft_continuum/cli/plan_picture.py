@@ -5,19 +5,20 @@
 from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
-from matplotlib.animation import PillowWriter
-from matplotlib.figure import Figure
 import numpy as np
 
-from soft_continuum.analysis.figures import DPI, draw_arm, draw_in_space, SOFT
+from soft_continuum.analysis.figures import DPI, draw_arm, draw_in_space, new_figure, SOFT
 from soft_continuum.analysis.obstacle_figures import draw_patches, patches
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.sequencing.planner import WHOLE_ARM
 from soft_continuum.sequencing.reach import Reach
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SUFFIXES = '.png', '.svg', '.pdf', '.gif'
 COLUMNS = 4
@@ -71,7 +72,7 @@ class _Picture:
         rows = ceil(count / columns)
         width, _, height = self.high - self.low
         tall = min(7.0, max(2.5, 3.2 * height / width)) if self.planar else 3.6
-        figure = Figure(figsize=(3.6 * columns, (tall + 0.8) * rows), layout='constrained')
+        figure = new_figure(3.6 * columns, (tall + 0.8) * rows)
         self._draw(self._axes(figure, rows, columns, 1), self.start, 'start', None, 0)
         for number, step in enumerate(self.steps):
             axes = self._axes(figure, rows, columns, number + 2)
@@ -80,6 +81,8 @@ class _Picture:
 
     def move(self, path: Path) -> None:
         """Write a moving picture."""
+        from matplotlib.animation import PillowWriter
+        from matplotlib.figure import Figure
         figure = Figure(figsize=(5.0, 5.0))
         writer = PillowWriter(fps=RATE)
         with writer.saving(figure, path, GIF_DPI):
@@ -93,7 +96,7 @@ class _Picture:
                 for _ in range(REST):
                     writer.grab_frame()
 
-    def _axes(self, figure: Figure, rows: int, columns: int, number: int) -> Any:
+    def _axes(self, figure: 'Figure', rows: int, columns: int, number: int) -> Any:
         return figure.add_subplot(
             rows, columns, number, **({} if self.planar else {'projection': '3d'}))
 

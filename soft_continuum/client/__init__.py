@@ -7,28 +7,33 @@ A client of a running arm, for scripts and notebooks.
 client; see docs/how_to/use_the_python_client.md.
 """
 
-from soft_continuum.client.arm import Arm
-from soft_continuum.client.errors import (
-    ClientError,
-    LostError,
-    MotionEndedError,
-    NoAnswerError,
-    NodesMissingError,
-    RefusedError,
-    SequenceError,
-)
-from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
-from soft_continuum.client.plan import Plan, PlanStep
-from soft_continuum.client.sequence import Held, RunningSequence
-from soft_continuum.client.state import (
-    ArmState,
-    NodeReport,
-    Pose,
-    Progress,
-    Reached,
-    SequenceResult,
-)
+from typing import TYPE_CHECKING
+
+from soft_continuum.lazy import names_from
 from soft_continuum.tip import Tip
+
+if TYPE_CHECKING:
+    from soft_continuum.client.arm import Arm
+    from soft_continuum.client.errors import (
+        ClientError,
+        LostError,
+        MotionEndedError,
+        NoAnswerError,
+        NodesMissingError,
+        RefusedError,
+        SequenceError,
+    )
+    from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
+    from soft_continuum.client.plan import Plan, PlanStep
+    from soft_continuum.client.sequence import Held, RunningSequence
+    from soft_continuum.client.state import (
+        ArmState,
+        NodeReport,
+        Pose,
+        Progress,
+        Reached,
+        SequenceResult,
+    )
 
 __all__ = [
     'Anomaly',
@@ -54,3 +59,11 @@ __all__ = [
     'SequenceResult',
     'Tip',
 ]
+
+# The errors first: who only stops the arm loads neither NumPy nor what describes its state.
+__getattr__ = names_from(__name__, __all__, (
+    'errors', 'arm', 'state', 'estimate', 'plan', 'sequence'))
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

@@ -2,8 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What can go wrong between a client and the arm."""
 
-from soft_continuum.client.state import SequenceResult
+from typing import TYPE_CHECKING
+
 from soft_continuum.text import printable
+
+if TYPE_CHECKING:
+    from soft_continuum.client.state import SequenceResult
 
 
 class ClientError(RuntimeError):
@@ -42,7 +46,7 @@ class LostError(ClientError):
 class SequenceError(ClientError):
     """A sequence ended before all of its shapes were reached and held; ``result`` says how."""
 
-    def __init__(self, result: SequenceResult) -> None:
+    def __init__(self, result: 'SequenceResult') -> None:
         """Keep ``result``."""
         super().__init__(f'{result.outcome}: {result.message}')
         self.result = result

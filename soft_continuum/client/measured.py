@@ -7,7 +7,7 @@ from math import inf, nan
 
 import numpy as np
 from rclpy.clock import Clock
-from scipy.spatial.transform import Rotation
+import scipy
 
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
@@ -134,5 +134,6 @@ def _moved(pose: Array, by: Array) -> Array:
         return pose + by
     turn = np.full(4, nan)
     if np.isfinite(by[3:]).all():
-        turn = (Rotation.from_rotvec(by[3:]) * Rotation.from_quat(pose[3:])).as_quat()
+        of = scipy.spatial.transform.Rotation
+        turn = (of.from_rotvec(by[3:]) * of.from_quat(pose[3:])).as_quat()
     return np.concatenate([pose[:3] + by[:3], turn])

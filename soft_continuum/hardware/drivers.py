@@ -17,6 +17,9 @@ from functools import cache
 from importlib.metadata import entry_points, EntryPoint
 from typing import Any
 
+from soft_continuum.hardware.dynamixel.parameters import PARAMETERS as OF_DYNAMIXEL
+from soft_continuum.hardware.grbl.parameters import PARAMETERS as OF_GRBL
+from soft_continuum.hardware.modbus.parameters import PARAMETERS as OF_MODBUS
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import Parameter
 
@@ -32,6 +35,11 @@ _OWN = {
                       'modbus': f'{_HERE}.modbus.jamming:ModbusJamming',
                       'ros_topics': f'{_HERE}.ros_topics.jamming:RosJamming'},
 }
+_PARAMETERS: Mapping[str, Mapping[str, tuple[Parameter, ...]]] = {
+    TENDON_DRIVERS: {'grbl': OF_GRBL, 'dynamixel': OF_DYNAMIXEL},
+    JAMMING_DRIVERS: {'modbus': OF_MODBUS},
+}
+"""Of drivers that take long to load: every node reads the parameters of all."""
 
 
 @cache
@@ -57,7 +65,7 @@ def driver_parameters(group: str) -> tuple[Parameter, ...]:
     found: dict[str, Parameter] = {}
     for name in driver_names(group):
         try:
-            parameters = _load(group, name).PARAMETERS
+            parameters = _PARAMETERS[group].get(name) or _load(group, name).PARAMETERS
         except HardwareError:
             continue  # make_driver reports it when it is chosen
         for parameter in parameters:

@@ -7,8 +7,9 @@ Mechanics of a planar tendon-driven continuum arm with segments that jamming loc
 way, from shapes and tips to pulls.  docs/explanation/mechanics.md derives the method.
 """
 
-from importlib import import_module
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
+
+from soft_continuum.lazy import names_from
 
 if TYPE_CHECKING:
     from soft_continuum.mechanics import constant_curvature, stiffness
@@ -46,17 +47,9 @@ __all__ = [
 ]
 
 # Cheap ones first: who wants an Arm does not load the solver, who solves does not load SciPy.
-_MODULES = ('arm', 'laws', 'chain', 'errors', 'stiffness', 'statics', 'sensitivity', 'batch',
-            'inverse', 'constant_curvature')
-
-
-def __getattr__(name: str) -> Any:
-    if name in __all__:
-        for module in [name] if name in _MODULES else _MODULES:
-            found = import_module(f'{__name__}.{module}')
-            if module == name or hasattr(found, name):
-                return getattr(found, name, found)
-    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+__getattr__ = names_from(__name__, __all__, (
+    'arm', 'laws', 'chain', 'errors', 'stiffness', 'statics', 'sensitivity', 'batch',
+    'inverse', 'constant_curvature'))
 
 
 def __dir__() -> list[str]:

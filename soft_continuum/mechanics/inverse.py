@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
+import scipy
 
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics._checks import (
@@ -119,8 +119,8 @@ def _fit_pull(statics: Statics, start: Equilibrium, wanted: Array, chosen: NDArr
     for begin in dict.fromkeys([guess, *(
             _single(statics, start, s, side * abs(wanted[s]), tendon) for s in chosen)]):
         try:
-            fits.append(least_squares(error, [begin], jac=slope, xtol=1e-14, ftol=1e-14,
-                                      gtol=1e-14, x_scale=0.01))
+            fits.append(scipy.optimize.least_squares(
+                error, [begin], jac=slope, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale=0.01))
         except StaticsError as failure:
             failed = failure
     if not fits:
@@ -279,11 +279,12 @@ def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tup
             side = -0.6 if (wanted[0], wanted[2] or 0.0) < (0.0, 0.0) else 0.6
             guesses = np.array(np.meshgrid(*[[side, -side]] * len(segments))).reshape(
                 len(segments), -1).T * limits
-            arcs = [least_squares(arc_miss, g, bounds=(-limits, limits)) for g in guesses]
+            arcs = [scipy.optimize.least_squares(arc_miss, g, bounds=(-limits, limits))
+                    for g in guesses]
             arc = _best(arcs, lambda fit: float(fit.cost))
-            some = least_squares(chain_miss, np.clip(arc.x, -0.999 * limits, 0.999 * limits),
-                                 bounds=(-limits, limits), xtol=1e-12, ftol=1e-14,
-                                 gtol=1e-14, diff_step=1e-5).x
+            some = scipy.optimize.least_squares(
+                chain_miss, np.clip(arc.x, -0.999 * limits, 0.999 * limits),
+                bounds=(-limits, limits), xtol=1e-12, ftol=1e-14, gtol=1e-14, diff_step=1e-5).x
         state = set_shape(statics, all_angles(some).tolist(), begin, segments)
     except StaticsError:
         return None

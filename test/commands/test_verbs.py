@@ -158,13 +158,32 @@ def test_common_options_may_stand_before_the_verb(call):
     assert output.startswith('{"result": "FAIL"')
 
 
-def test_a_stop_imports_no_mechanics():
+def test_a_stop_imports_neither_mechanics_nor_numpy():
     ran = subprocess.run(
         [sys.executable, '-c', 'import sys; from soft_continuum.cli import main, operate; '
-         'import soft_continuum.client; print(*sys.modules)'],
+         'import soft_continuum.client.arm; print(*sys.modules)'],
         capture_output=True, text=True, timeout=60, check=True)
-    assert not {'numba', 'scipy', 'matplotlib', 'soft_continuum.mechanics'} & set(
-        ran.stdout.split())
+    assert not {'numba', 'numpy', 'scipy', 'matplotlib', 'soft_continuum.mechanics',
+                'soft_continuum.client.state'} & set(ran.stdout.split())
+
+
+def test_options_are_read_before_anything_is_loaded_that_takes_long():
+    # Also by TAB, which builds the parser; scipy itself is light, it loads its modules when used.
+    ran = subprocess.run([sys.executable, '-c', """
+import sys
+from soft_continuum.cli.main import main
+from soft_continuum.cli.registry import VERBS
+for verb in VERBS.values():
+    if verb.completes or verb.name in ('demo', 'up'):
+        try:
+            main([verb.name, '--help'])
+        except SystemExit:
+            pass
+print(*sys.modules, file=sys.stderr)
+"""], capture_output=True, text=True, timeout=60, check=True)
+    assert ran.stdout.count('usage: ') > 40
+    assert not {'cv2', 'matplotlib', 'mujoco', 'numba', 'pandas', 'scipy.optimize',
+                'scipy.spatial', 'scipy.stats'} & set(ran.stderr.split())
 
 
 def test_the_installed_script_and_the_module_are_the_same_program():

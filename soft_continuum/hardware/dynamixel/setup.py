@@ -18,6 +18,7 @@ from soft_continuum.hardware.dynamixel.bus import (
     NoReplyError,
     RefusedError,
 )
+from soft_continuum.hardware.dynamixel.parameters import RADIUS_RANGE
 from soft_continuum.hardware.dynamixel.registers import (
     CURRENT_BASED_POSITION,
     CURRENT_LIMIT,
@@ -62,7 +63,6 @@ ARRIVAL_TOLERANCE = 1e-4  # m, but at least two pulses
 FRICTION_SHARE, FRICTION_OF_STALL = 0.3, 0.02  # of tension, and of the one at stall
 RAM_RESTORE = 0x02
 EEPROM_END, TABLE_END = 64, 147
-RADIUS_RANGE = 0.001, 0.1  # m
 CALIBRATE = 'soft_continuum calibrate servos'
 
 

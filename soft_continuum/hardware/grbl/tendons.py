@@ -16,6 +16,7 @@ from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.grbl.boards import GrblBoards
 from soft_continuum.hardware.grbl.link import GrblLink
 from soft_continuum.hardware.grbl.motion import JOG_TIME, Motors
+from soft_continuum.hardware.grbl.parameters import PARAMETERS
 from soft_continuum.hardware.grbl.session import GrblSession, RESTING_QUERY_INTERVAL
 from soft_continuum.hardware.grbl.setup import find_controller, invalid_settings, UNLOCK
 from soft_continuum.hardware.protocols import (
@@ -35,20 +36,7 @@ POLL_INTERVAL = 0.005  # s
 class GrblTendons:
     """Steppers on a GRBL controller; see TendonDriver for what the methods promise."""
 
-    PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
-        Parameter('grbl.port', '', 'serial port of the stepper controller, best the name below '
-                  '/dev/serial/by-id that stays with the device; several with spaces between: '
-                  'controllers that share the tendons evenly, in their order'),
-        Parameter('grbl.baud_rate', 115200, 'bits/s of that port', 1200, 4000000),
-        Parameter('grbl.steps_per_mm', (200.0, 200.0),
-                  'motor steps per mm of pull of each tendon, on the axes X, Y, ...', 0.1, 1e5),
-        Parameter('grbl.signs', (1.0, 1.0),
-                  'for each tendon 1 where a positive motion pulls it in, -1 where it pays it out',
-                  -1.0, 1.0),
-        Parameter('grbl.homed_pulls', (0.0,),
-                  'pull of each tendon after homing, which pays all out to limit switches, m; '
-                  '0 alone: no switches, the zero is set by hand', -10.0, 0.0),
-    )
+    PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from soft_continuum.hardware.modbus.bus import ModbusBus
-from soft_continuum.hardware.modbus.regulators import ModbusRegulators, REGULATOR_PARAMETERS
+from soft_continuum.hardware.modbus.parameters import PARAMETERS
+from soft_continuum.hardware.modbus.regulators import ModbusRegulators
 from soft_continuum.hardware.modbus.transmitters import (
     addresses,
     bus_from_parameters,
@@ -65,30 +66,7 @@ class ModbusJamming:
     Nothing is switched but by set_evacuated and set_pump: not on open, close or reconnection.
     """
 
-    PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
-        Parameter('modbus.port', '', 'serial port, best by its stable name /dev/serial/by-id/...'),
-        Parameter('modbus.baud_rate', 9600, 'baud rate of both boards, 8N1', 1200, 1000000,
-                  unit='bit/s'),
-        Parameter('modbus.timeout', 0.1,
-                  'longest wait for a reply; well above what the boards need', 0.01, 1.0,
-                  unit='s'),
-        Parameter('modbus.relay_unit', 1, 'unit number of the relay board', 1, 247),
-        Parameter('modbus.pump_coil', 0, 'coil of the pump, counted from 0', 0, 65535),
-        Parameter('modbus.valve_coils', (1.0, 2.0, 3.0),
-                  'coil of the valve of each segment, base first', 0, 65535),
-        Parameter('modbus.energised_valve_evacuates', True,
-                  'a coil that is on connects its segment to the pump, so that segments vent when '
-                  'power fails; false: to the atmosphere'),
-        Parameter('modbus.analog_unit', 2, 'unit number of the analog board', 1, 247),
-        Parameter('modbus.pressure_registers', (0.0, 1.0, 2.0),
-                  'input register with the current, in uA, of the transmitter of each segment',
-                  0, 65535),
-        Parameter('modbus.vacuum_at_4_ma', 0.0,
-                  'vacuum below ambient at which a transmitter gives 4 mA', -1e6, 1e6, unit='Pa'),
-        Parameter('modbus.vacuum_at_20_ma', 100e3,
-                  'vacuum below ambient at which a transmitter gives 20 mA', -1e6, 1e6, unit='Pa'),
-        *REGULATOR_PARAMETERS,
-    )
+    PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
 
     def __init__(self, bus: ModbusBus, registers: RegisterMap) -> None:
         """Use ``bus``, which nothing else may use."""

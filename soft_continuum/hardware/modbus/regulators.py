@@ -22,22 +22,7 @@ from soft_continuum.hardware.modbus.transmitters import (
     Transmitters,
 )
 from soft_continuum.hardware.protocols import HardwareError, JammingReading
-from soft_continuum.parameters.parameter import Parameter, ParameterError
-
-REGULATOR_PARAMETERS = (
-    Parameter('modbus.regulators', False,
-              'every segment has a vacuum regulator on an analog output board, in place of a '
-              'pump and valves on the relay board'),
-    Parameter('modbus.output_unit', 3, 'unit number of the analog output board', 1, 247),
-    Parameter('modbus.output_registers', (0.0, 1.0, 2.0),
-              'holding register with the set-point of the regulator of each segment', 0, 65535),
-    Parameter('modbus.output_range', (4000.0, 20000.0),
-              'what a register holds at the ends of the output, such as 4 and 20 mA in uA, or 0 '
-              'and 10 V in mV', 0, 65535, is_range=True),
-    Parameter('modbus.output_vacuums', (0.0, 100e3),
-              'vacuum below ambient that a regulator holds at these ends; at the lower one its '
-              'segment counts as vented', 0.0, 101e3, is_range=True, unit='Pa'),
-)
+from soft_continuum.parameters.parameter import ParameterError
 
 
 @dataclass(frozen=True)

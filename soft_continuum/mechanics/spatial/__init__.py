@@ -7,8 +7,9 @@ Statics of spatial arms: any number of tendons, routed anyhow, segments that ben
 other way.  docs/explanation/space.md says how, and what is not there yet.
 """
 
-from importlib import import_module
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
+
+from soft_continuum.lazy import names_from
 
 if TYPE_CHECKING:
     from soft_continuum.mechanics.spatial import constant_curvature
@@ -47,17 +48,9 @@ __all__ = [
 ]
 
 # Cheap ones first, as in the plane: who solves does not load SciPy.
-_MODULES = ('arm', 'directions', 'chain', 'statics', 'batch', 'self_contact', 'sensitivity',
-            'constant_curvature', 'inverse', 'grid', 'tip')
-
-
-def __getattr__(name: str) -> Any:
-    if name in __all__:
-        for module in [name] if name in _MODULES else _MODULES:
-            found = import_module(f'{__name__}.{module}')
-            if module == name or hasattr(found, name):
-                return getattr(found, name, found)
-    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+__getattr__ = names_from(__name__, __all__, (
+    'arm', 'directions', 'chain', 'statics', 'batch', 'self_contact', 'sensitivity',
+    'constant_curvature', 'inverse', 'grid', 'tip'))
 
 
 def __dir__() -> list[str]:
