@@ -200,7 +200,8 @@ def _check_latency(port: str) -> Check:
 
 def _check_servo(servo: Servo, spools: Spools) -> Check:
     if found := problems(servo, spools.speed_limit):
-        return Check(str(servo), FAIL, '; '.join(found))
+        return Check(str(servo), FAIL, '; '.join(
+            line.removeprefix(f'{servo}: ') for line in found))
     sign = spools.signs[spools.ids.index(servo.id)]
     tension = max(0.0, sign * servo.tension(servo.get(PRESENT_CURRENT)))
     torque = 'holds' if servo.get(TORQUE_ENABLE) else 'torque off'

@@ -243,7 +243,8 @@ class Bus:
                     slave.write(address, rest[1:1 + length])
                 rest = rest[1 + length:]
         else:
-            for slave in (s for s in heard if s.id == target):
+            asked = [s.id for s in heard] if (target, instruction) == (254, 1) else [target]
+            for slave in (s for s in heard if s.id in asked):
                 reply = self._execute_one(slave, instruction, data)
                 if reply is not None:
                     replies.append(reply)

@@ -22,6 +22,7 @@ from soft_continuum.hardware.dynamixel.reference import (
     zero_within_turn,
 )
 from soft_continuum.hardware.dynamixel.setup import Spools
+from soft_continuum.hardware.dynamixel.state import ServoState, Written
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError
 
@@ -32,6 +33,8 @@ TORQUE = 64
 @pytest.mark.parametrize(('slaves', 'options', 'words'), [
     ((Slave(1),), {}, 'servo 2 (left_tendon) does not answer at 1000000 baud, but servo 1 '
      'does'),
+    ((Slave(3), Slave(4)), {}, 'servo 1 (right_tendon) does not answer at 1000000 baud, but '
+     'servos 3, 4 do'),
     ((), {'baud': 57600}, 'at 57600 baud: set dynamixel.baud to 57600'),
     ((Slave(1, protocol=1), Slave(2, protocol=1)), {}, 'answers in Protocol 1.0'),
     ((Slave(1), Slave(1), Slave(2)), {}, 'two servos may have the ID 1'),
@@ -121,6 +124,20 @@ def test_a_turn_is_known_where_only_one_is_possible(position, limits, known):
 
 
 # Packets
+
+
+def test_a_reply_that_a_busy_computer_sees_late_is_believed():
+    written = Written(watchdog=10, current=42, velocity=100, goal=0)
+
+    def state(asked, time, position, tick):
+        return ServoState(asked, time, written, position, 0, tick, False)
+
+    late = state(5.000, 5.180, 400, 1001)  # answered at once, seen 0.18 s later
+    fastest = 1500.0  # pulses/s
+    assert state(5.185, 5.187, 670, 1186).follows(late, fastest)
+    assert not state(5.185, 5.187, 670, 1001).follows(late, fastest)  # the same reply again
+    assert not state(5.185, 5.187, 1000, 1186).follows(late, fastest)  # never so fast
+    assert not state(5.185, 5.187, 670, 1400).follows(late, fastest)  # another servo's clock
 
 
 def test_no_damaged_packet_is_taken_for_a_reply(tmp_path):

@@ -25,6 +25,8 @@ REPLY_GAP = 0.004
 """s after a reply in which a second servo of the same ID would reply too."""
 ALERT = 0x80
 """Bit of the error of a reply: the servo has a hardware error."""
+BROADCAST, LAST_ID = 0xFE, 0xFC
+TURN_TIME = 0.003  # s that a servo gives each lower ID before it answers a ping to everybody
 STATUS_OVERHEAD = 11  # bytes of a reply without its data
 FAST_OVERHEAD = 4  # bytes around the data of each servo in the reply to a fast sync read
 PROTOCOL_1_PING = 0x01
@@ -181,7 +183,7 @@ class DynamixelBus:
         share = length + FAST_OVERHEAD  # error, ID, data, and the CRC up to there
         total = 8 + share * len(servos)
         self._port.setPacketTimeout(total)
-        packet = self._packet(0xFE, total, fast=True)
+        packet = self._packet(BROADCAST, total, fast=True)
         replies = []
         for i, servo in enumerate(servos):
             part = packet[8 + i * share:][:share]
@@ -209,6 +211,18 @@ class DynamixelBus:
                 found.append(servo)
         return found
 
+    def find_all(self) -> list[int]:
+        """Return the IDs that answer a ping to everybody, each in its turn; takes 1 to 4 s."""
+        self._transmit(BROADCAST, 0x01, b'')
+        self._port.setPacketTimeoutMillis(
+            1e3 * LAST_ID * (TURN_TIME + (STATUS_OVERHEAD + 3) * self._port.tx_time_per_byte))
+        found = set()
+        while not self._port.isPacketTimeout():
+            packet, result = self._next_packet()
+            if result == 0:
+                found.add(packet[4])
+        return sorted(found)
+
     # Packets.
 
     def _transmit(self, servo: int, instruction: int, parameters: bytes) -> None:
@@ -230,11 +244,7 @@ class DynamixelBus:
 
     def _packet(self, servo: int, size: int, fast: bool = False) -> bytes:
         """Return the next packet, which must be a reply of ``size`` bytes from a servo."""
-        try:
-            packet, result = self._packets.rxPacket(self._port, fast)
-        except (OSError, ValueError, termios.error) as error:
-            raise self._lost(error) from None
-        received = bytes(packet)
+        received, result = self._next_packet(fast)
         if result == TIMED_OUT:
             raise NoReplyError(f'the servos on {self.name} do not answer together in time' if fast
                                else f'servo {servo} on {self.name} does not answer')
@@ -243,6 +253,14 @@ class DynamixelBus:
             who = 'the servos' if fast else f'servo {servo}'
             raise DamagedReplyError(f'the reply of {who} on {self.name} is damaged')
         return received[:size]
+
+    def _next_packet(self, fast: bool = False) -> tuple[bytes, int]:
+        """Return what came until the timeout that was set, and 0 if that is a whole packet."""
+        try:
+            packet, result = self._packets.rxPacket(self._port, fast)
+        except (OSError, ValueError, termios.error) as error:
+            raise self._lost(error) from None
+        return bytes(packet), result
 
     def _received(self, length: int = 64) -> bytes:
         """Return what is received within the timeout that was set."""

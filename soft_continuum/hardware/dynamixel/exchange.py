@@ -72,13 +72,14 @@ class Exchange:
         Raises HardwareError for a hardware error of a servo, a torque that was switched off, and
         when nothing could be believed for too long.
         """
+        asked = self._bus.clock()
         try:
             replies = self._bus.sync_read(self._ids, *BLOCK)
         except (NoReplyError, DamagedReplyError) as error:
             self._miss(str(error))
             return None
         now = self._bus.clock()
-        states = [ServoState.from_reply(reply, now) for reply in replies]
+        states = [ServoState.from_reply(reply, asked, now) for reply in replies]
         for servo, state, before, wanted in zip(
                 self._servos, states, self._states, written, strict=True):
             if state.alert:

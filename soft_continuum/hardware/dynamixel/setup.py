@@ -269,7 +269,7 @@ def _why_missing(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) 
     """Look for a servo that does not answer where it should, and say where it is."""
     baud_rate = bus.baud_rate
     missing = f'{name} does not answer at {baud_rate} baud'
-    others = bus.find(other for other in ids if other != number)
+    others = sorted({*bus.find(ids), *bus.find_all()} - {number})
     if others:
         answering = ('servo {} does' if len(others) == 1 else 'servos {} do').format(
             ', '.join(map(str, others)))

@@ -61,12 +61,13 @@ def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
     fast = bus.fast is not False
     for attempt in range(ATTEMPTS):
         bus.fast = fast and attempt < 2  # older firmware has no Fast Sync Read
+        asked = bus.clock()
         try:
             replies = bus.sync_read(ids, *BLOCK)
         except (NoReplyError, DamagedReplyError) as error:
             reason = error
             continue
-        return [ServoState.from_reply(reply, bus.clock()) for reply in replies]
+        return [ServoState.from_reply(reply, asked, bus.clock()) for reply in replies]
     raise HardwareError(f'the servos answer alone, but not together: {reason}')
 
 

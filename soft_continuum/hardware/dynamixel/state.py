@@ -52,11 +52,12 @@ def fastest(written: Written) -> float:
 @dataclass(frozen=True)
 class ServoState:
     """
-    One servo at one time (s).
+    One servo at one time, between when it was asked and time, when its reply was there (s).
 
     position: pulses.  current: counts.  tick: ms.  alert: whether it has a hardware error.
     """
 
+    asked: float
     time: float
     written: Written
     position: int
@@ -65,20 +66,21 @@ class ServoState:
     alert: bool
 
     @classmethod
-    def from_reply(cls, reply: Reply, time: float) -> 'ServoState':
+    def from_reply(cls, reply: Reply, asked: float, time: float) -> 'ServoState':
         """Return what a reply to a sync read of BLOCK says."""
         def get(register: Register) -> int:
             return register.decode(reply.data, BLOCK[0])
 
-        return cls(time, Written(get(BUS_WATCHDOG), get(GOAL_CURRENT), get(PROFILE_VELOCITY),
-                                 get(GOAL_POSITION)),
+        return cls(asked, time, Written(get(BUS_WATCHDOG), get(GOAL_CURRENT),
+                                        get(PROFILE_VELOCITY),
+                                        get(GOAL_POSITION)),
                    get(PRESENT_POSITION), get(PRESENT_CURRENT), get(REALTIME_TICK), reply.alert)
 
     def follows(self, earlier: 'ServoState', fastest: float) -> bool:
         """Whether the servo can be here after ``earlier``; fastest: pulses/s."""
-        elapsed = self.time - earlier.time
+        elapsed = self.time - earlier.asked  # at most: a busy computer sees a reply late
         ticks = (self.tick - earlier.tick) % TICK_RANGE
-        new = ticks > 0 or elapsed < 0.002
+        new = ticks > 0 or self.time - earlier.time < 0.002
         return (new and 1e-3 * ticks <= elapsed + TICK_TOLERANCE
                 and abs(self.position - earlier.position) <= fastest * (elapsed + 0.02) + 20)
 
