@@ -107,10 +107,23 @@ def connect(here: None) -> Iterator[Callable[..., Arm]]:
         yield make
 
 
+@pytest.fixture(scope='module')
+def client_of_module(arm_of_module: Any, module_domain: int) -> Iterator[Arm]:
+    """Return a client that the tests of a module share: to find an arm may take 3 s."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('ROS_DOMAIN_ID', str(module_domain))
+        patch.setattr(operations, 'SETTLING_TIMEOUT', 5.0)
+        with Arm(NAMESPACE, timeout=TIMEOUT) as client:
+            yield client
+
+
 @pytest.fixture
-def client(arm: Any, connect: Callable[..., Arm]) -> Arm:
-    """Return a client of the shared arm."""
-    return connect()
+def client(arm: Any, here: None, client_of_module: Arm) -> Arm:
+    """Return a client of the shared arm, which knows that it rests."""
+    client_of_module.wait_for(lambda state: (
+        all(state.stiff) and state.pulls == arm.pulls and not any(state.speeds)
+        and state.node('shape_sequencer').message == 'idle'))
+    return client_of_module
 
 
 @pytest.fixture

@@ -224,14 +224,14 @@ def test_leaving_cancels_what_was_started(arm, here):
 
 
 def test_a_sequencer_that_dies_does_not_keep_its_client_waiting(rig, connect, monkeypatch):
-    monkeypatch.setattr(requests, 'LOST_TIMEOUT', 3.0)
+    monkeypatch.setattr(requests, 'LOST_TIMEOUT', 1.0)
     rig.start('tendon_actuation', 'jamming_valves', 'kinematics')
     sequencer = rig.start('shape_sequencer')[0]
     rig.wait_for(lambda: len(rig.joints), 'joint_states')
     rig.goal_when_heard(STRAIGHT).result()
     running = connect().start('c_form', hold=600.0)
     rig.end(sequencer)
-    with pytest.raises(LostError, match='nothing received of shape_sequencer for 3 s'):
+    with pytest.raises(LostError, match='nothing received of shape_sequencer for 1 s'):
         running.result(DEADLINE)
 
 
@@ -369,7 +369,7 @@ def test_where_nothing_looks_at_the_arm_nothing_is_tared(connect, arm):
 # What is missing, and what is wrong.
 
 def test_without_nodes_it_is_said_which_and_how_to_start_them(connect):
-    arm = connect(timeout=0.5)
+    arm = connect(timeout=0.1)
     assert arm._repr_html_().startswith('<pre>Arm(&#x27;/arm_under_test&#x27;): tendon_actuation')
     for ask in (lambda: arm.state, lambda: arm.run('c_form'), lambda: arm.shapes, arm.stop,
                 lambda: arm.jog(right=0.001), lambda: arm.soften(1), arm.plot):

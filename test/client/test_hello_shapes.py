@@ -26,7 +26,7 @@ def test_the_example_runs_on_an_arm_that_is_there(make_rig, here, tmp_path):
 
 
 def test_the_animation_shows_the_run(make_rig, here, tmp_path):
-    make_rig(namespace='/').start_arm(**RATES)
+    make_rig(namespace='/').start_arm(**RATES, shape_names=['c_form', 's_form'])
     ran = subprocess.run([sys.executable, ANIMATION], cwd=tmp_path, capture_output=True,
                          text=True, timeout=110)
     assert (ran.returncode, ran.stderr) == (0, '')

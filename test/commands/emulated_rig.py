@@ -24,7 +24,7 @@ from soft_continuum.hardware.grbl.tendons import GrblTendons
 from soft_continuum.mechanics.arm import TENDONS
 
 DEADLINE = 60.0  # s until a test gives up waiting; a loaded computer is slow
-SPEED = 4.0
+SPEED = 8.0
 """By which emulators, and the drivers and verbs in this process, live faster."""
 PATIENCE = 50  # queries to the stepper board in this process: a busy computer answers late
 TIMEOUT = 1.0  # s that a Modbus reply may take on one

@@ -384,7 +384,8 @@ def test_results_for_a_controller_that_is_not_there_are_not_kept(tmp_path, capsy
 
 
 def test_a_simulated_rig_is_calibrated_like_a_real_one(answer, rig):
-    rig.parameters(tendon_driver='simulated', jamming_driver='simulated')
+    rig.parameters(tendon_driver='simulated', jamming_driver='simulated',
+                   simulated_jamming__venting_time=0.03, simulated_jamming__evacuation_time=0.03)
     status, output, _ = answer(SIGNS_SEEN, 'signs')
     assert status == 0
     assert 'The valves are simulated' in output
