@@ -5,6 +5,9 @@ Setting shapes by measurements: soften, move, measure, correct, stiffen, make up
 
 Each correction is a Newton step on the pulls, with the arm as it is estimated to be.  The paper
 asks for it as future work (VI).
+
+A shape with vacuums is set as planned and measured once they are lowered.  Where it is off, every
+segment is stiffened and it is planned again, by what the estimate has learned of the arm.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -72,13 +75,63 @@ class ClosedLoopRunner(Runner):
         self._measured, self.warning = self._fresh(self._now), ''
         if self._measured:
             try:
-                yield from self._set_measured(index, shape)
+                if shape.vacuums:
+                    yield from self._set_to_relax(index, shape)
+                else:
+                    yield from self._set_measured(index, shape)
                 return
             except _LostError:
                 self._lost()
+        yield from self._set_as_predicted(index, shape)
+
+    def _set_as_predicted(self, index: int, shape: Shape) -> Iterator[None]:
+        self.aim = None
         self.progress = replace(self.progress, error=None, correction=0)
         yield from self._all_stiff()
         yield from super()._set(index, shape)
+
+    def _set_to_relax(self, index: int, shape: Shape) -> Iterator[None]:
+        """Set a shape with vacuums as it is planned from where the arm is measured to be."""
+        self.aim = None
+        yield from self._measure(index, None)
+        yield from super()._set(index, shape)
+
+    def _relax(self, index: int, shape: Shape) -> Iterator[None]:
+        yield from super()._relax(index, shape)
+        if not (shape.vacuums and self._measured):
+            return
+        try:
+            yield from self._correct_held(index, shape)
+        except _LostError:
+            self._lost()
+            if not self._held:
+                yield from self._set_as_predicted(index, shape)
+                yield from super()._relax(index, shape)
+
+    def _correct_held(self, index: int, shape: Shape) -> Iterator[None]:
+        """Measure a shape as it is held; as long as it is off, set it by what that taught."""
+        assert self.plan is not None
+        final = yield from self._planned(self._loop.aim(self.plan.shape))
+        why = ''
+        for left in reversed(range(self.loop_settings.max_passes)):
+            yield from self._measure(index, None)
+            self.aim, error = final, self._error(final)
+            self.warning = '' if error <= self._tolerance(final) else (
+                f'{shape.name} is {final.text(error)} off with its vacuums{why}')
+            if not (self.warning and left) or why:
+                return
+            self._corrections += 1
+            self._report(index, self._part(index), Phase.STIFFENING, segment=0)
+            yield from self._all_stiff()
+            try:
+                yield from self._set_to_relax(index, shape)
+            except EndError as end:
+                if end.code is not Code.MODEL_FAILURE or isinstance(end, LeaveError):
+                    raise
+                why = f'; it cannot be corrected: {end}'
+                yield from self._wind_down()
+                yield from self._all_stiff()
+            yield from super()._relax(index, shape)
 
     def _fresh(self, since: float) -> bool:
         """Whether the arm was measured at most ``sensor_timeout`` before a time."""
@@ -124,8 +177,6 @@ class ClosedLoopRunner(Runner):
         shape = shape if self.plan is None else self.plan.shape
         until, at_first, within = self._now + shape.hold_time, nan, self._now
         self._report(index, 1.0, Phase.HOLDING, segment=0)
-        if self._held:  # what it was set to is not what it has now
-            self.aim = None
         while self._now < until and self._measured and self.aim is not None:
             aim, settings = self.aim, self.loop_settings
             self._check_stiff(None)
@@ -139,7 +190,9 @@ class ClosedLoopRunner(Runner):
             if self._now >= within + settings.measuring_time:
                 self.warning = (f'{shape.name} drifted while it was held: it is '
                                 f'{aim.text(error)} off')
-                if settings.correct_drift:
+                if self._held:
+                    self.warning += '; with its vacuums it is not set again'
+                elif settings.correct_drift:
                     yield from self._correct_drift(index, shape, aim)
                 at_first, within = self._error(aim), self._now
             yield

@@ -26,7 +26,7 @@ from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
 from soft_continuum.sequencing.reach.result import Reach, ways_of, with_relaxing
 from soft_continuum.sequencing.reach.search import AIM, as_shape, reach, Search
 
-SHARE = 0.5
+SHARE = 0.7
 """Of the time that is left, for one search."""
 
 

@@ -162,8 +162,7 @@ class Runner:
         moves = (yield from self._plan_of(shape)).moves
         for self.move, move in enumerate(moves):
             self._check_plan()
-            done = self.move / len(moves)
-            part = 1.0 / len(moves)
+            done, part = self.move / len(moves), 1.0 / len(moves)
             self._report(index, done, Phase.SOFTENING, segment=move.segment + 1)
             yield from self._soften(move.segment)
             self._report(index, done + 0.3 * part, Phase.MOVING)
@@ -178,9 +177,9 @@ class Runner:
             self._check_plan()
             return self._off(segment) <= self._settings.vacuum_tolerance
 
-        for segment, vacuum in enumerate(shape.vacuums):
-            if abs(vacuum - self._settings.full_vacuum) <= 1.0:
-                continue
+        lower = [(segment, vacuum) for segment, vacuum in enumerate(shape.vacuums)
+                 if abs(vacuum - self._settings.full_vacuum) > 1.0]
+        for segment, vacuum in lower:
             self._report(index, 1.0, Phase.RELAXING, segment=segment + 1)
             self._check_plan()
             self._held[segment] = vacuum
@@ -195,8 +194,7 @@ class Runner:
 
     def _settle(self) -> Iterator[None]:
         """Wait until no vacuum changes any more, as the arm gives way meanwhile."""
-        begin = since = self._now
-        before = self._observed.vacuum
+        begin, since, before = self._now, self._now, self._observed.vacuum
         while self._now < min(since + SETTLED[0], begin + self._settings.settle_timeout):
             if any(abs(a - b) > SETTLED[1]
                    for a, b in zip(self._observed.vacuum, before, strict=True)):
@@ -205,7 +203,7 @@ class Runner:
             self._check_plan()
             yield
 
-    def _off(self, segment: int) -> float:  # Pa by which its vacuum is not what it is held with
+    def _off(self, segment: int) -> float:  # Pa, from the vacuum that it is held with
         return abs(self._observed.vacuum[segment] - self._held[segment])
 
     def _hold(self, index: int, shape: Shape) -> Iterator[None]:

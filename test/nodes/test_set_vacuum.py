@@ -3,12 +3,13 @@
 
 """An arm whose regulators hold segments between soft and stiff, as ROS sees it."""
 
+from geometry_msgs.msg import Point, Pose
 import numpy as np
 import pytest
 from ros_rig import AMBIENT, Rig, STREAM, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
-from soft_continuum_interfaces.msg import KinematicsState, Shape
+from soft_continuum_interfaces.msg import KinematicsState, Shape, TipGoal
 from soft_continuum_interfaces.srv import SetVacuum
 
 VACUUMS = (25e3, 80e3, 40e3)
@@ -26,7 +27,7 @@ def vacuum(rig: Rig, segment: int) -> float:
     return AMBIENT - float(rig.pressures[segment - 1].last.fluid_pressure)
 
 
-def test_a_goal_with_vacuums_ends_at_its_angles_with_these_vacuums(regulated: Rig) -> None:
+def test_a_goal_with_vacuums_ends_at_its_angles_or_its_tip(regulated: Rig) -> None:
     angles = [0.3, 0.2, -0.2]
     goal = regulated.goal(Shape(name='held', bending_angles=angles, vacuums=VACUUMS))
     status, result = goal.result()
@@ -36,6 +37,12 @@ def test_a_goal_with_vacuums_ends_at_its_angles_with_these_vacuums(regulated: Ri
     assert list(regulated.states['jamming_valves'].last.vacuums) == pytest.approx(VACUUMS)
     assert list(result.bending_angles) == pytest.approx(angles, abs=0.01)
     regulated.assert_stiff_only_by_pressure()
+    place = [0.12, 0.30]  # m
+    tip = TipGoal(pose=Pose(position=Point(x=place[0], z=place[1])), kind=TipGoal.POSITION)
+    status, result = regulated.goal(Shape(tips=[tip], vacuums=VACUUMS)).result()
+    assert status == 'SUCCEEDED', result.error_string
+    assert list(result.tip)[:2] == pytest.approx(place, abs=2e-3) and result.tip_error < 2e-3
+    assert list(regulated.states['jamming_valves'].last.vacuums) == pytest.approx(VACUUMS)
 
 
 def test_the_model_takes_a_partial_vacuum_by_its_law_and_tendons_may_move(regulated: Rig) -> None:

@@ -105,9 +105,10 @@ class MeasuredRig(VirtualRig):
 
     def look(self):
         """Let the estimate follow what motors and valves report, and what is measured."""
+        jammed = tuple(not soft for soft in self.soft)
         self.shape.follow(Commands(
-            self.now, np.array(self.tendons.reading.pulls), tuple(self.jamming.stiff), None,
-            (0, 0)))
+            self.now, np.array(self.tendons.reading.pulls), jammed, self.parts, (0, 0),
+            jammed != tuple(self.jamming.stiff)))
         if self.now - self.begin < self.lost_after:
             self.shape.measure(self.now, [
                 DiscMeasurement(n, self.state.points[2 * n], COVARIANCE) for n in (1, 2, 3)])

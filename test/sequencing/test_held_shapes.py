@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from test_closed_loop import LOOP, MeasuredRig, OffsetStatics
 from virtual_rig import PLAN_SETTINGS, RUNNER_SETTINGS, VirtualRig
 
 from soft_continuum.mechanics import Jam, Statics
@@ -232,3 +233,48 @@ def test_a_path_is_not_followed_with_vacuums():
     goals = tuple(TipGoal(np.array((x, 0.0, 0.22))) for x in (0.15, 0.16))
     assert 'a path is followed with every segment stiff' in found(
         Shape('path', (), tips=goals, vacuums=VACUUMS)).why
+
+
+# By measurements, on an arm whose tendons are not as long as the model's.
+
+
+def measured(loop=LOOP):
+    rig = MeasuredRig(arm=ARM, shapes=[WEAK], regulators=True, loop=loop)
+    rig.statics = OffsetStatics(ARM)
+    return rig
+
+
+def test_a_shape_is_measured_as_it_is_held():
+    rig = measured(loop=replace(LOOP, max_passes=1))
+    outcome = rig.run()
+    assert (outcome.code, outcome.measured, outcome.corrections) == (Code.SUCCESSFUL, True, 0)
+    assert rig.vacuum == pytest.approx(WEAK.vacuums, abs=3e3)
+    assert rig.error > np.radians(2.0)
+    assert rig.runner.aim.error(rig.estimated()[1]) == pytest.approx(rig.error, abs=0.5 * DEGREE)
+    assert f'{np.degrees(rig.error):.0f}.' in rig.runner.warning
+    assert 'degrees off with its vacuums' in rig.runner.warning
+
+
+def test_a_shape_that_is_off_as_it_is_held_is_stiffened_set_again_and_relaxed_again():
+    rig = measured()
+    moved = []
+
+    def check(rig):
+        if rig.tendons.following:
+            moved.append(sum(vacuum < 77e3 for vacuum in rig.jamming.reading.vacuums))
+
+    outcome = rig.run(check)
+    assert (outcome.code, outcome.measured, outcome.corrections) == (Code.SUCCESSFUL, True, 1)
+    assert rig.vacuum == pytest.approx(WEAK.vacuums, abs=3e3)
+    assert rig.error < LOOP.angle_tolerance and rig.runner.warning == ''
+    assert set(moved) == {1}  # with all others stiff
+
+
+def test_a_camera_that_is_lost_leaves_a_shape_held_as_predicted():
+    rig = measured()
+    rig.run(until=lambda rig: rig.runner.progress.phase is Phase.RELAXING)
+    rig.lost_after = rig.now - rig.begin
+    outcome = rig.run()
+    assert (outcome.code, outcome.measured) == (Code.SUCCESSFUL, False)
+    assert rig.runner.aim is None
+    assert rig.vacuum == pytest.approx(WEAK.vacuums, abs=3e3)

@@ -12,8 +12,11 @@ import pytest
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.nodes.up import description_file
+from soft_continuum.obstacles import Surroundings
 from soft_continuum.parameters.files import load_any_arm
 from soft_continuum.sequencing.planner import planner_of, PlanSettings, Shape
+from soft_continuum.sequencing.reach import ReachSettings, TipGoal
+from soft_continuum.sequencing.shape_plans import plan_shapes
 from soft_continuum.twin.plant import plant_of
 
 FULL = 80e3
@@ -62,6 +65,18 @@ def test_a_planar_arm_with_less_vacuum_rests_where_the_plan_says(
     assert after[:, :2] == pytest.approx(plan.state.points[:, :2], abs=tolerance)
     off = np.abs(np.diff(after[1::2, 2]) - angles).max()
     assert bool(plan.warning) == (off > radians(0.2))  # as was wanted, or it is said
+
+
+def test_a_tip_is_at_its_goal_once_the_plant_has_given_way():
+    arm = jammed(replace(ARM, mounting_angle=1.2, payload=0.05))
+    planner, vacuums = planner_of(arm, PlanSettings(full_vacuum=FULL)), (30e3, 80e3, 60e3)
+    place = np.array((0.15, 0.0, 0.22))
+    found, = plan_shapes(planner, planner.statics.chain.straight(), (0.0, 0.0), [
+        Shape('tip', (), tips=(TipGoal(place),), vacuums=vacuums)], Surroundings(arm),
+        ReachSettings(time_limit=20.0), first=True)
+    before, after = resting(arm, found.plan, vacuums)
+    assert np.linalg.norm(before[-1, :2] - place[::2]) > 5e-3
+    assert np.linalg.norm(after[-1, :2] - place[::2]) < 1.5e-3
 
 
 def test_an_arm_in_space_with_less_vacuum_gives_way_as_the_statics_say():
