@@ -41,6 +41,9 @@ def run(share: float, board: str = 'grbl') -> Report:
                     off = max(off, bench.differences(commanded=False)[0])
                     bench.check_nodes()
                     _resume(bench)
+                elif bench.rig.states['tendon_actuation'].last.stopped:  # as for a failed device
+                    bench.restore()
+                    bench.rig.soften(3)
             except FAILED as error:
                 failures.append(str(error))
                 break
@@ -74,7 +77,7 @@ def _stop(bench: Workbench, random: Random, side: float) -> float | None:
     deadline = time.monotonic() + 1.0
     while not board.driven:
         if time.monotonic() > deadline:  # refused: a busy computer delays messages
-            progress(f'no motion: {rig.statuses["tendon_actuation"].last}')
+            progress(f'no motion: {rig.statuses["tendon_actuation"].last.message}')
             return None
         time.sleep(0.005)
     time.sleep(random.uniform(0.0, 0.4))
