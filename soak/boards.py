@@ -80,7 +80,7 @@ class Board(ABC, Generic[Emulator]):
 class Steppers(Board[GrblEmulator]):
     """An emulated GRBL board."""
 
-    resolution = reach = 0.5 / STEPS_PER_METRE
+    resolution = reach = 0.6 / STEPS_PER_METRE  # what lies between two steps is rounded
 
     @property
     def pulls(self) -> Pulls:

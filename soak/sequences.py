@@ -43,7 +43,7 @@ class Tally:
     operation: float = 0.0
     goals: Counter[str] = field(default_factory=Counter)
     undisturbed: Counter[str] = field(default_factory=Counter)
-    reasons: list[str] = field(default_factory=list)
+    reasons: Counter[str] = field(default_factory=Counter)
     faults: Counter[str] = field(default_factory=Counter)
     compared: int = 0
     unknown: int = 0
@@ -127,8 +127,9 @@ def _round(bench: Workbench, tally: Tally, random: Random, fault: Fault | None) 
     if fault is None and not disturbance:
         tally.undisturbed.update(statuses)
         if statuses != ['SUCCEEDED']:
-            tally.reasons.append(goal.result()[1].error_string)
-            progress(f'{statuses[0]} without a fault: {tally.reasons[-1]}')
+            reason = goal.result()[1].error_string.replace(f'{bench.modbus.link.parent}', '...')
+            tally.reasons[reason] += 1
+            progress(f'{statuses[0]} without a fault: {reason}')
     bench.wait_for_rest()
     _compare(bench, tally, commanded=statuses[-1] == 'SUCCEEDED')
     bench.restore()
@@ -210,7 +211,7 @@ def _body(tally: Tally, board: Board[Any]) -> str:
          str(len(tally.failures)), '0'),
     ]
     faults = ', '.join(f'{name} {count}' for name, count in sorted(tally.faults.items()))
-    reasons = ''.join(f'\n- {reason}' for reason in tally.reasons)
+    reasons = ''.join(f'\n- {count} times: {reason}' for reason, count in tally.reasons.items())
     if reasons:
         reasons = f'\n\nWhy undisturbed goals were aborted:\n{reasons}'
     return f'{table(("", "measured", "allowed"), rows)}\n\nRounds by fault: {faults}.{reasons}'
