@@ -16,6 +16,7 @@ from soft_continuum.hardware.checks import check_servos, FAIL, OK, WARN
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.drives import forget_zero
+from soft_continuum.hardware.dynamixel.bus import DynamixelBus, NoReplyError
 from soft_continuum.hardware.dynamixel.reference import (
     mark,
     marked_zero,
@@ -62,6 +63,11 @@ def test_what_makes_the_driver_wrong_is_refused(tmp_path, slaves, options, words
 def test_servos_without_fast_sync_read_do(tmp_path):
     with servos() as bus:
         bus.fast = False
+        line = DynamixelBus(bus.port, 1000000, bus.clock)
+        line.fast = True
+        with pytest.raises(NoReplyError, match='no reply of the servos on'):  # not of servo 254
+            line.sync_read((1, 2), 132, 136)
+        line.close()
         tendons = driver(bus, tmp_path)
         tendons.open()
         tendons.reference()

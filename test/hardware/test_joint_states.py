@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is believed of joint states and of their stamps, without ROS."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import pytest
 
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.ros_topics.joint_states import Joints, JointWatch
 from soft_continuum.hardware.ros_topics.stamps import Stamps
+from soft_continuum.parameters.parameter import ParameterError
 
 JOINTS = Joints(('right_tendon', 'left_tendon'), ('a', 'b'), (0.01, -0.02), (1.0, 2.0), False,
                 (0.0,), (-0.06, 0.06), 0.03)
@@ -29,6 +30,12 @@ def test_joints_are_found_in_any_order_among_others():
     watch.take(State(position=(9.0, 2.5, 1.2)), 1.0, 1.0, False)
     assert watch.pulls == pytest.approx((0.002, -0.01))
     assert JOINTS.positions(watch.pulls, watch.zeros) == pytest.approx((1.2, 2.5))
+
+
+@pytest.mark.parametrize('scale', [0.0, 1e-5, 10.0])
+def test_a_scale_that_is_off_by_a_thousand_is_refused(scale):
+    with pytest.raises(ParameterError, match='a spool of 10 mm has 0.01'):
+        replace(JOINTS, scales=(0.01, -scale))
 
 
 def test_tendons_rest_only_when_that_was_watched_long_enough():

@@ -245,12 +245,11 @@ class DynamixelBus:
     def _packet(self, servo: int, size: int, fast: bool = False) -> bytes:
         """Return the next packet, which must be a reply of ``size`` bytes from a servo."""
         received, result = self._next_packet(fast)
+        who = 'the servos' if fast else f'servo {servo}'
         if result == TIMED_OUT:
-            raise NoReplyError(f'the servos on {self.name} do not answer together in time' if fast
-                               else f'servo {servo} on {self.name} does not answer')
+            raise NoReplyError(f'no reply of {who} on {self.name}')
         wanted = size if fast else received[5] + 256 * received[6] + 7 if len(received) > 7 else 0
         if result != 0 or received[4] != servo or len(received) < size or wanted != size:
-            who = 'the servos' if fast else f'servo {servo}'
             raise DamagedReplyError(f'the reply of {who} on {self.name} is damaged')
         return received[:size]
 

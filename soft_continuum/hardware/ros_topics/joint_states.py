@@ -25,6 +25,8 @@ COMPARED_TIME, COMPARED_MOTION, MAX_RATIO, MAX_UNLIKE = 0.5, 4e-3, 5.0, 3
 often in a row they must: one time alone may be noise, or a sender that was kept waiting."""
 ZERO_MARGIN, SOUGHT_MARGIN = 0.1, 1.0
 """Shares of the range of pull_limits beyond it that are believed: of known zeros, of others."""
+SCALE_RANGE = 1e-4, 2.0
+"""m of pull per unit of a joint, from a fine lead screw to a slide with a moving pulley."""
 MAX_LISTED = 8  # joints in a message
 
 
@@ -57,6 +59,14 @@ class Joints:
     pull_limits: tuple[float, float]
     speed_limit: float
 
+    def __post_init__(self) -> None:
+        """Raise ParameterError for a scale that no spool, screw or slide has."""
+        low, high = SCALE_RANGE
+        if not all(low <= abs(scale) <= high for scale in self.scales):
+            raise ParameterError(
+                f'parameter {PREFIX}scales is {list(self.scales)}; allowed: {low:g} to {high:g} m '
+                'of pull per rad or m of the joint, or as much below 0; a spool of 10 mm has 0.01')
+
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any]) -> Self:
         """Return what checked parameters describe; raises ParameterError."""
@@ -74,12 +84,8 @@ class Joints:
         if len(names) != len(tendons) or len(set(names)) < len(names) or not all(names):
             raise ParameterError(f'parameter {PREFIX}joints is {list(names)}; needed: a different '
                                  f'joint for each of {", ".join(tendons)}')
-        scales = each('scales')
-        if not all(scales):
-            raise ParameterError(f'parameter {PREFIX}scales is {list(scales)}; a tendon that '
-                                 'no joint moves cannot be pulled: give m of pull per rad or m')
         efforts: tuple[float, ...] = values[PREFIX + 'effort_scales']
-        return cls(tendons, names, scales, each('zeros'), values[PREFIX + 'absolute'],
+        return cls(tendons, names, each('scales'), each('zeros'), values[PREFIX + 'absolute'],
                    efforts if efforts == (0.0,) else each('effort_scales'),
                    values['pull_limits'], values['speed_limit'])
 
