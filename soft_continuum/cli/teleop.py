@@ -17,7 +17,7 @@ from typing import Any, NoReturn, TYPE_CHECKING
 from soft_continuum.arguments import DONE, FAILED, NO_NODES, Parser, WRONG_USAGE
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.parameter import EXACT, ParameterError
 from soft_continuum.ros.names import KINEMATICS, SERVO, SHAPE_SEQUENCER, TELEOP
 from soft_continuum.teleop.dead_man import MOVE, RELEASE
 from soft_continuum.teleop.keyboard import Keyboard
@@ -121,7 +121,7 @@ def _steering(connection: 'Connection', files: Sequence[Path]) -> Iterator[Path]
             names &= {p.name for p in NODE_PARAMETERS[source]}
             values = requests.start(requests.parameters(source, sorted(names))).result()
             path = Path(directory) / 'arm.yaml'
-            write_parameters(path, values, ['The arm that runs.'])
+            write_parameters(path, values, ['The arm that runs.'], digits=EXACT)
             arguments += ['--params-file', str(path)]
         for file in files:
             arguments += ['--params-file', str(file)]

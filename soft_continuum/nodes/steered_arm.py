@@ -149,6 +149,8 @@ class SteeredArm:
         tendons = self._observed.tendon_actuation
         if self._arm is None or tendons is None:
             return 'the arm is not known: its nodes do not run, or have not answered yet'
+        if not self._jamming and not isinstance(self._arm, SpatialArm):
+            return 'a planar arm without jamming bends as a whole: it cannot be steered'
         if self._emergency:
             return self._other_stops() or 'the emergency stop is on: reset turns it off'
         if tendons.emergency_stop:

@@ -96,18 +96,18 @@ def load_rig(paths: Sequence[str | Path]) -> dict[str, Value]:
 
 
 def write_parameters(path: Path, values: Mapping[str, Value], comments: Sequence[str],
-                     notes: Mapping[str, str] | None = None) -> None:
+                     notes: Mapping[str, str] | None = None, digits: int = 8) -> None:
     """Write parameters_text to a file, whole or not at all."""
-    write_whole(path, parameters_text(values, comments, notes))
+    write_whole(path, parameters_text(values, comments, notes, digits))
 
 
 def parameters_text(values: Mapping[str, Value], comments: Sequence[str],
-                    notes: Mapping[str, str] | None = None) -> str:
+                    notes: Mapping[str, str] | None = None, digits: int = 8) -> str:
     """
     Return a parameter file for all nodes.
 
     values: by dotted names, those of a group one after the other.  comments: lines at the top.
-    notes: of parameters, by their names, which become comments above them.
+    notes: of parameters, by their names, which become comments above them.  digits: of numbers.
     """
     lines = [f'# {" ".join(comment.splitlines())}'.rstrip() for comment in comments]
     lines += ['/**:', '  ros__parameters:']
@@ -120,7 +120,7 @@ def parameters_text(values: Mapping[str, Value], comments: Sequence[str],
         indent = 6 * ' ' if group else 4 * ' '
         lines += wrap((notes or {}).get(name, ''), WIDTH, initial_indent=f'{indent}# ',
                       subsequent_indent=f'{indent}# ')
-        lines.append(f'{indent}{key}: {as_yaml(value)}')
+        lines.append(f'{indent}{key}: {as_yaml(value, digits)}')
     return '\n'.join(lines) + '\n'
 
 

@@ -149,6 +149,10 @@ def name_hint(name: str, known: Iterable[str]) -> str:
     return f'; did you mean {close[0]}?' if close else ''
 
 
+EXACT = 17
+"""Digits that tell every float from all others."""
+
+
 def as_yaml(value: Value, digits: int = 8) -> str:
     """Return a value as a parameter file has it: numbers with a decimal point, as ROS wants."""
     if isinstance(value, list | tuple):

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from ros_rig import LATCHED, RELIABLE, Rig, STREAM, trajectory
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import String
 from test_spatial_description import check_urdf, JAMMING, TENDON_ARM
 from trajectory_msgs.msg import JointTrajectory
@@ -24,7 +24,12 @@ from soft_continuum.parameters.files import given_parameters, load_any_arm, UNCH
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.ros.conversions import tracked_pose_from_ros, tracked_pose_to_ros
 from soft_continuum.ros.estimates import parameter_names
-from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState, MotionRequest
+from soft_continuum_interfaces.msg import (
+    JammingValvesState,
+    KinematicsState,
+    MotionRequest,
+    TeleopState,
+)
 
 NAMES = load_any_arm(TENDON_ARM).tendon_names
 OFFSET, SEGMENT, BASE, DISC = 0.008, 0.08, 0.01, 0.005  # m, as config/tendon_arm.yaml has them
@@ -286,6 +291,16 @@ def test_a_planar_arm_without_jamming_bends_as_a_whole(make_rig: Callable[..., R
     assert not poses[:, 1].any()
     # Nothing holds it while tendons are paid out to switches.
     assert 'without jamming' in actuation._arm.homing_interlock().message
+    # And no segment of it can be steered.
+    teleop, = rig.start('teleop', ready=False)
+    states = rig.record(TeleopState, 'teleop/state', LATCHED)
+    joystick = rig.publisher(Joy, 'joy')
+
+    def refuses() -> bool:
+        joystick.publish(Joy(axes=[0.0] * 8, buttons=[0] * 11))
+        return 'without jamming' in states.last.message if states.heard else False
+    rig.wait_for(refuses, 'a reason')
+    rig.end(teleop)
 
 
 def test_nothing_moves_if_the_nodes_disagree_about_jamming(make_rig: Callable[..., Rig]) -> None:

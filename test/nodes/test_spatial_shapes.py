@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from std_srvs.srv import SetBool
 from test_spatial_arm import given
 from test_spatial_description import JAMMING, TENDON_ARM
+from test_teleop import Joystick, LEFT, RIGHT
 
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
@@ -162,3 +163,31 @@ def test_the_servo_bends_a_segment_of_an_arm_without_jamming_to_any_side(tendon_
     rig.wait_for(lambda: 'stopped' in statuses.last.message, 'its end')
     assert rig.trigger('tendon_actuation/resume').success
     rig.end(servo)
+
+
+def test_a_stick_bends_the_chosen_segment_to_either_side_of_where_it_leans(tendon_arm: Rig
+                                                                           ) -> None:
+    rig, joystick = tendon_arm, Joystick(tendon_arm, **given(TENDON_ARM))
+
+    def leans() -> complex:
+        p, below = (rig.disc_poses.last.poses[k].position for k in (-1, -3))
+        return complex(p.x - below.x, p.y - below.y)
+
+    def bends(way: complex, **stick: float) -> bool:
+        joystick.show()
+        joystick.wait_for('ready', enabled=False)
+        joystick.assert_rests()
+        begin = leans()
+        joystick.steer(**stick)
+        rig.wait_for(lambda: abs(leans() - begin) > 5e-3, 'a bend')
+        moved = (leans() - begin) / way
+        return abs(moved.imag) < 0.3 * moved.real
+
+    joystick.wait_for('ready to move segment 3', connected=True)
+    assert bends(1.0, x=RIGHT)
+    assert bends(1.0j, y=1.0)
+    assert bends(-1.0, x=LEFT)
+    joystick.show()
+    joystick.unplug()
+    for node in joystick.nodes:
+        rig.end(node)

@@ -28,9 +28,9 @@ RIGHT, LEFT = -1.0, 1.0  # as joy_node counts
 class Joystick:
     """An Xbox pad as joy_node publishes it, with a servo and a teleop that listens to it."""
 
-    def __init__(self, rig: Rig, teleop: bool = True) -> None:
+    def __init__(self, rig: Rig, teleop: bool = True, **description: Any) -> None:
         self.rig = rig
-        self.nodes = [rig.start('servo', ready=False, tendon_speed=0.02)[0]]
+        self.nodes = [rig.start('servo', ready=False, tendon_speed=0.02, **description)[0]]
         if teleop:
             self.nodes += rig.start('teleop', ready=False, **PATIENT)
         self.statuses = rig.record(DiagnosticStatus, 'servo/status', LATCHED)
@@ -52,9 +52,10 @@ class Joystick:
         """Go on."""
         self.rig.on_ros_thread(self._timer.reset)
 
-    def show(self, *pressed: int, x: float = 0.0) -> None:
+    def show(self, *pressed: int, x: float = 0.0, y: float = 0.0) -> None:
         """Hold these buttons, and the left stick like this, from now on."""
-        self._message = Joy(axes=[x] + [0.0] * 7, buttons=[int(n in pressed) for n in range(11)])
+        self._message = Joy(axes=[x, y] + [0.0] * 6,
+                            buttons=[int(n in pressed) for n in range(11)])
         self._publish()
 
     def wait_for(self, text: str, **fields: Any) -> TeleopState:
@@ -74,11 +75,11 @@ class Joystick:
         self.wait_for(text, **fields)
         self.show()
 
-    def steer(self, x: float) -> None:
+    def steer(self, x: float = 0.0, y: float = 0.0) -> None:
         """Hold the button, then deflect the stick, and wait for a motion."""
         self.show(LB)
         self.wait_for('', enabled=True)
-        self.show(LB, x=x)
+        self.show(LB, x=x, y=y)
         self.wait_for('moving')
         self.rig.wait_for(lambda: self.rig.moving, 'a motion')
         self.rig.wait_for(lambda: not self._without_target(), 'a servo that follows')

@@ -3,6 +3,7 @@
 
 """The keyboard of a terminal moves an arm; a terminal that is closed ends the motion."""
 
+from collections.abc import Callable
 import fcntl
 import os
 from pathlib import Path
@@ -62,8 +63,9 @@ class Terminal:
 
 
 def test_a_key_that_is_held_moves_the_arm_until_the_terminal_is_closed(
-        arm: Rig, tmp_path: Path) -> None:
-    rig = arm
+        make_rig: Callable[..., Rig], tmp_path: Path) -> None:
+    rig = make_rig()
+    rig.start_arm(arm__gravity=9.806650001)  # the servo has to have every digit
     path = tmp_path / 'patient.yaml'
     path.write_text('/**: {ros__parameters: {teleop: {timeout: 2.0}}}', encoding='utf-8')
     states = rig.record(TeleopState, 'teleop/state', LATCHED)

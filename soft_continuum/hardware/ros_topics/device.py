@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 OPEN_TIMEOUT = 4.0
 """s in which publishers and subscribers are discovered and first states come."""
 NAMES_TIMEOUT = 1.5  # s more for the names of those who publish what is not theirs
-POLL_INTERVAL = 0.005  # s
+POLL_INTERVAL = 0.01  # s
 
 
 class RosDevice(ABC):
