@@ -82,6 +82,12 @@ def tracker(arm: Any, tracker_of_module: Tracker) -> Iterator[Tracker]:
     tracker_of_module.spoil = None
 
 
+@pytest.fixture
+def client(arm: Any, connect: Callable[..., Arm]) -> Arm:
+    """Return a client that knows nothing of what was measured in other tests."""
+    return connect()
+
+
 def test_discs_are_measured_where_the_tracker_sees_them(
         client: Arm, tracker: Tracker, arm: Any) -> None:
     discs = client.measure(0.5)
