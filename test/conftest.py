@@ -13,12 +13,6 @@ import pytest
 # only wait for each other, and on a busy machine that takes most of the time.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
-# Tests start hundreds of programs: where Python may not write bytecode beside the sources, each of
-# them would compile again all that it imports.
-if os.environ.pop('PYTHONDONTWRITEBYTECODE', ''):
-    os.environ.setdefault('PYTHONPYCACHEPREFIX', str(
-        Path(__file__).resolve().parents[1] / '.pytest_cache' / 'bytecode'))
-
 with suppress(ImportError, AttributeError):  # an older hypothesis knows no such thing
     from hypothesis.internal.conjecture import providers
 
