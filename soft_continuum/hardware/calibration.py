@@ -153,7 +153,7 @@ class TendonBench:
                 raise HardwareError('the tendons do not come to rest; check the motors')
             self._clock.sleep(POLL_INTERVAL)
         errors = (abs(a - b) for a, b in zip(reading.pulls, target, strict=True))
-        if max(errors) > max(POSITION_TOLERANCE, *reading.accuracy.pull_tolerances):
+        if max(errors) > max((POSITION_TOLERANCE, *reading.accuracy.pull_tolerances)):
             tendons = self._limits.tendons
             raise HardwareError(
                 f'the tendons rest at {describe_pulls(tendons, reading.pulls)} instead of '

@@ -142,6 +142,7 @@ def test_a_shape_of_its_own_is_sent_with_the_angles_of_the_page(
     assert list(shape.bending_angles) == pytest.approx([radians(30), radians(-45), 0.0])
     assert not shape.bending_directions
     arm.end_goal(shapes_completed=1)
+    page.wait_for_bar('shapes reached: 1')
 
 
 def test_shapes_and_sequences_are_saved_run_in_rounds_renamed_and_deleted(
@@ -195,6 +196,7 @@ def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(
     tip = CHAIN.points(joint_angles(arm.angles))[-1]
     assert place(arm.planned[-1]) == pytest.approx((tip[0], 0.0, tip[1]), abs=1e-6)
     before = len(arm.planned)
+    page.wait_for_pixels(pink, 1, 10**6, 'pink, as the handle is')
     page.drag(page.place_of(pink), (60.0, 0.0))
     page.wait_for(lambda: len(arm.planned) > before and arm.planned[-1].time_limit > 1.0,
                   'a plan for where the handle was left')

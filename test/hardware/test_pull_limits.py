@@ -4,6 +4,7 @@
 
 from contextlib import contextmanager
 
+from driver_waits import at_rest
 import dynamixel_rig
 import grbl_rig
 import numpy as np
@@ -23,7 +24,7 @@ def steppers(folder):
     """A driver of steppers beyond limits that it has had since it was last closed."""
     with grbl_rig.rig(pull_limits=WIDE) as (board, tendons):
         tendons.move(BEYOND, 1.0)
-        grbl_rig.at_rest(tendons)
+        at_rest(tendons)
         tendons.close()
         yield grbl_rig.driver(board, pull_limits=NARROW)
 
@@ -33,7 +34,7 @@ def servos(folder):
     """The same of servos."""
     with dynamixel_rig.rig(folder, pull_limits=WIDE) as (bus, tendons):
         tendons.move(BEYOND, 1.0)
-        dynamixel_rig.at_rest(tendons)
+        at_rest(tendons)
         tendons.close()
         yield dynamixel_rig.driver(bus, folder, pull_limits=NARROW)
 

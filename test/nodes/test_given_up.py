@@ -8,6 +8,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
+from soft_continuum.hardware.protocols import Accuracy
 from soft_continuum.hardware.tendon_controller import MotionRefusedError
 from soft_continuum.nodes.motion_requests import Request
 from soft_continuum.nodes.tendon_control import TendonControl
@@ -16,7 +17,7 @@ from soft_continuum_interfaces.msg import MotionRequest
 
 @pytest.mark.parametrize('begun', [False, True])
 def test_a_trajectory_that_was_given_up_is_not_followed(begun: bool) -> None:
-    arm, controller = Mock(), Mock(reading=Mock(tensions=None))
+    arm, controller = Mock(), Mock(reading=Mock(tensions=None, accuracy=Accuracy()))
     arm.motion_interlock.return_value = None
     control = TendonControl(('a', 'b'), arm, 0.02, lambda: 0.0, lambda: 10.0, Mock(), Mock())
     control.attach((Mock(), controller))
