@@ -244,16 +244,17 @@ class JointWatch:
                     'empty where it is not measured')
         self._begin, self._travelled = (stamp, positions), [0.0] * len(positions)
 
-    def watched(self, now: float) -> bool:
-        """Return whether states came for REST_TIME up to ``now``, s."""
-        return bool(self._window) and self._window[0][0] <= now - REST_TIME
+    @property
+    def watched(self) -> bool:
+        """Whether states came for REST_TIME, so that they tell whether the joints rest."""
+        return bool(self._window) and self._window[-1][0] - self._window[0][0] >= REST_TIME
 
     def rests(self, since: float) -> bool:
         """Return whether states of REST_TIME, all of after ``since`` (s), show that none moved."""
         if not self._window:
             return False
         last = self._window[-1][0]  # while no state comes nobody knows whether they rest
-        if last - since < REST_TIME or not self.watched(last):
+        if last - since < REST_TIME or not self.watched:
             return False
         columns = zip(*(positions for _, positions in self._window), strict=True)
         return all(abs(scale) * (max(column) - min(column)) <= REST_BAND

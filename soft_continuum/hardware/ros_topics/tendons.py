@@ -122,7 +122,7 @@ class RosTendons(RosDevice):
 
     def _take_first(self) -> str:
         self._receive()
-        if not self._watch.watched(self._clock()):  # long enough to tell whether they rest
+        if not self._watch.watched:
             return f'no joint state came on {self._states.topic}'
         self._recall()
         return ''
