@@ -89,6 +89,9 @@ def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: A
         vacuums = vacuums or known.vacuums
     if not tips and (problem := angles_problem(angles, arm, directions)):
         raise PlanError(f'{label}: {problem}')
+    if vacuums and len(tips) > 1:
+        raise PlanError(f'{label}: {len(tips)} tips and vacuums: a path is followed with every '
+                        'segment stiff but one; give one tip, or leave the vacuums out')
     if vacuums and (problem := vacuums_problem(
             vacuums, arm, parameters['full_vacuum'], parameters['soft_vacuum'],
             parameters['arm.jamming'])):

@@ -29,9 +29,8 @@ class PlanGuard:
         """
         Return what an Observation has of a plan: obstructed, departed, and unseen.
 
-         move: (0-based) that is made or comes next.  state:
-        of the arm, None where it is not known.  Where angles are set and no obstacle is known,
-        the arm may be anywhere.
+        move: the way (0-based) that is gone or comes next.  state: of the arm, None where it is
+        not known.  Where angles are set and no obstacle is known, the arm may be anywhere.
         """
         if plan is not self._plan:
             self._plan, self._watch, self._seen, self._look = plan, None, None, None

@@ -110,8 +110,9 @@ class ClosedLoopRunner(Runner):
 
     def _correct_held(self, index: int, shape: Shape) -> Iterator[None]:
         """Measure a shape as it is held; as long as it is off, set it by what that taught."""
-        assert self.plan is not None
-        final = yield from self._planned(self._loop.aim(self.plan.shape))
+        before = self.plan
+        assert before is not None
+        final = yield from self._planned(self._loop.aim(before.shape))
         why = ''
         for left in reversed(range(self.loop_settings.max_passes)):
             yield from self._measure(index, None)
@@ -121,16 +122,18 @@ class ClosedLoopRunner(Runner):
             if not (self.warning and left) or why:
                 return
             self._corrections += 1
+            before = self.plan or before
             self._report(index, self._part(index), Phase.STIFFENING, segment=0)
             yield from self._all_stiff()
             try:
                 yield from self._set_to_relax(index, shape)
             except EndError as end:
-                if end.code is not Code.MODEL_FAILURE or isinstance(end, LeaveError):
-                    raise
+                if end.code is not Code.MODEL_FAILURE or self.plan is not None:
+                    raise  # an arm that is set by halves gives way as nobody planned
                 why = f'; it cannot be corrected: {end}'
                 yield from self._wind_down()
                 yield from self._all_stiff()
+                self.plan, self.move = before, len(before.moves)
             yield from super()._relax(index, shape)
 
     def _fresh(self, since: float) -> bool:

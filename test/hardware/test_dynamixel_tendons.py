@@ -7,6 +7,7 @@ from dynamixel_rig import driver, in_motion, KEPT, PULSE, refusal, rig, servos, 
 from dynamixel_slave import Slave
 import pytest
 
+from soft_continuum.hardware.dynamixel.state import Track
 from soft_continuum.hardware.protocols import HardwareError
 
 TORQUE, WATCHDOG, GOAL_CURRENT, GOAL = 64, 98, 102, 116
@@ -84,6 +85,16 @@ def test_a_stop_in_motion_ends_it_within_150_ms_and_holds(tmp_path):
         assert rest.tensions[0] == pytest.approx(9.6, abs=0.5)
         bus.clock.sleep(1.0)
         assert tendons.read().pulls == pytest.approx(rest.pulls, abs=1e-4)
+
+
+def test_a_speed_that_cannot_be_makes_no_stop_longer(monkeypatch, tmp_path):
+    seen = Track.velocities
+    with rig(tmp_path) as (bus, tendons):
+        in_motion(bus, tendons)  # the reply before last was dated late
+        monkeypatch.setattr(Track, 'velocities', lambda track: [10.0 * v for v in seen(track)])
+        at = tendons.read().pulls[0]
+        tendons.stop()
+        assert at_rest(tendons).pulls[0] == pytest.approx(at, abs=2.5e-3)
 
 
 def test_stops_at_rest_do_not_let_a_loaded_tendon_go(tmp_path):

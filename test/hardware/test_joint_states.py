@@ -3,6 +3,7 @@
 """What is believed of joint states and of their stamps, without ROS."""
 
 from dataclasses import dataclass, field, replace
+from math import pi
 
 import pytest
 
@@ -36,6 +37,11 @@ def test_joints_are_found_in_any_order_among_others():
 def test_a_scale_that_is_off_by_a_thousand_is_refused(scale):
     with pytest.raises(ParameterError, match='a spool of 10 mm has 0.01'):
         replace(JOINTS, scales=(0.01, -scale))
+
+
+@pytest.mark.parametrize('scale', [0.3e-3 / (2 * pi), 0.04, 2.0])
+def test_fine_screws_large_spools_and_slides_with_a_pulley_are_scales(scale):
+    assert replace(JOINTS, scales=(0.01, -scale)).scales[1] == -scale
 
 
 def test_tendons_rest_only_when_that_was_watched_long_enough():

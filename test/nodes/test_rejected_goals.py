@@ -55,6 +55,8 @@ BAD_GOALS = {
          ['segment 2', 'rigid', 'arm.stiffness_ratios']),
     'vacuums of a goal of the tip, of valves':
         ([Shape(tips=[TipGoal()], vacuums=[80e3] * 3)], ['valves']),
+    'vacuums of a path of the tip':
+        ([Shape(tips=[TipGoal()] * 2, vacuums=[80e3] * 3)], ['2 tips', 'path']),
     'too few angles': ([shape_message((0.1, 0.1))], ['2 bending angles', '3 segments']),
     'too many angles': ([shape_message((0.1,) * 4)], ['4 bending angles', '3 segments']),
     'angle that is not a number':

@@ -14,6 +14,7 @@ from soft_continuum.mechanics import Jam, Statics
 from soft_continuum.nodes.up import description_file
 from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.sequencing.arm_port import Failure
 from soft_continuum.sequencing.loop_settings import ABORT
 from soft_continuum.sequencing.plan_watch import PlanWatch
 from soft_continuum.sequencing.planar_planner import Planner
@@ -278,3 +279,30 @@ def test_a_camera_that_is_lost_leaves_a_shape_held_as_predicted():
     assert (outcome.code, outcome.measured) == (Code.SUCCESSFUL, False)
     assert rig.runner.aim is None
     assert rig.vacuum == pytest.approx(WEAK.vacuums, abs=3e3)
+
+
+def test_a_shape_that_cannot_be_planned_again_is_held_as_it_was_and_watched():
+    rig = measured()
+    plans, first = rig.planned, []
+
+    def planned(shape):
+        if first:
+            raise PlanError('out of reach')
+        first.append(plans(shape))
+        return first[0]
+
+    rig.planned = planned
+    outcome = rig.run()
+    assert outcome.code is Code.SUCCESSFUL
+    assert rig.vacuum == pytest.approx(WEAK.vacuums, abs=3e3)
+    assert 'it cannot be corrected: out of reach' in rig.runner.warning
+    assert (rig.runner.plan, rig.runner.move) == (first[0], len(first[0].moves) + 1)
+
+
+def test_an_arm_that_was_set_again_by_halves_is_not_relaxed():
+    rig = measured()
+    rig.run(until=lambda rig: rig.runner._corrections and rig.tendons.following)
+    rig.motion_failure = Failure(Code.MODEL_FAILURE, 'too much tension')
+    outcome = rig.run()
+    assert (outcome.code, outcome.message) == (Code.MODEL_FAILURE, 'too much tension')
+    assert all(rig.jamming.stiff) and min(rig.vacuum) > 77e3

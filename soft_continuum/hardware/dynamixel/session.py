@@ -26,7 +26,7 @@ from soft_continuum.hardware.dynamixel.registers import (
 )
 from soft_continuum.hardware.dynamixel.setup import FRICTION_SHARE, Servo, Spools
 from soft_continuum.hardware.dynamixel.start import keep_zeros
-from soft_continuum.hardware.dynamixel.state import REST_TIME, ServoState, Track
+from soft_continuum.hardware.dynamixel.state import profile_speed, REST_TIME, ServoState, Track
 from soft_continuum.hardware.dynamixel.take_up import TakeUp
 from soft_continuum.hardware.protocols import Accuracy, HardwareError, TendonReading
 
@@ -211,8 +211,10 @@ class DynamixelSession:
 
     def _stop_goals(self) -> list[int]:
         held = self._path.holding_goals(self._positions(), [s.current for s in self._states])
-        return [round(goal + servo.stop_time * speed) for goal, servo, speed in zip(
-            held, self._servos, self._track.velocities(), strict=True)]
+        most = map(profile_speed, self._written)  # a reply that is dated late makes speeds larger
+        return [round(goal + servo.stop_time * max(-top, min(top, speed)))
+                for goal, servo, speed, top in zip(
+                    held, self._servos, self._track.velocities(), most, strict=True)]
 
     def _set(self, goals: Sequence[int], currents: Sequence[int] | None = None) -> None:
         currents = currents or [written.current for written in self._written]

@@ -44,9 +44,14 @@ class Written:
     goal: int
 
 
+def profile_speed(written: Written) -> float:
+    """Return how fast a servo goes at most that moves as was written, pulses/s."""
+    return written.velocity * VELOCITY_UNIT / RADIANS_PER_PULSE
+
+
 def fastest(written: Written) -> float:
-    """Return the speed that a servo may have that moves as was written, pulses/s."""
-    return 2.0 * written.velocity * VELOCITY_UNIT / RADIANS_PER_PULSE
+    """Return the speed at which it is still believed, which may swing, pulses/s."""
+    return 2.0 * profile_speed(written)
 
 
 @dataclass(frozen=True)

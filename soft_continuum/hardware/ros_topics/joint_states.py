@@ -25,8 +25,8 @@ COMPARED_TIME, COMPARED_MOTION, MAX_RATIO, MAX_UNLIKE = 0.5, 4e-3, 5.0, 3
 often in a row they must: one time alone may be noise, or a sender that was kept waiting."""
 ZERO_MARGIN, SOUGHT_MARGIN = 0.1, 1.0
 """Shares of the range of pull_limits beyond it that are believed: of known zeros, of others."""
-SCALE_RANGE = 1e-4, 2.0
-"""m of pull per unit of a joint, from a fine lead screw to a slide with a moving pulley."""
+SCALE_RANGE = 4e-5, 2.0
+"""m of pull per unit of a joint, from a screw of 0.25 mm per turn to a slide with a pulley."""
 MAX_LISTED = 8  # joints in a message
 
 
