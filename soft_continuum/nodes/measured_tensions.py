@@ -86,13 +86,17 @@ class MeasuredTensions:
 
     def problem(self, now: float, tensions: Mapping[str, float], model: Sequence[float]) -> str:
         """Return which tensions (N, by tendon) are not those of the model; see TensionCheck."""
-        return self._check.problem(now, tensions, model, self._tolerances(tensions))
+        return self._check.problem(now, tensions, model, self._tolerances(tensions, model))
 
-    def _tolerances(self, tensions: Mapping[str, float]) -> list[float]:
-        """Return tension_tolerance, or what the device does not know if that is more, N."""
+    def _tolerances(self, tensions: Mapping[str, float], model: Sequence[float]) -> list[float]:
+        """
+        Return tension_tolerance, or what the device does not know if that is more, N.
+
+        Shares are of the lower tension: a tendon that is caught must not excuse itself.
+        """
         least = self._parameters['tension_tolerance']
         if self._accuracy is None or not self._accuracy.tension_deviations:
             return [least] * len(self._tendons)
-        return [max(least, SURE * hypot(deviation, relative * tensions.get(name, 0.0)))
-                for name, deviation, relative in zip(
-                    self._tendons, *self._deviations(), strict=True)]
+        return [max(least, SURE * hypot(deviation, relative * min(tensions.get(name, 0.0), own)))
+                for name, own, deviation, relative in zip(
+                    self._tendons, model, *self._deviations(), strict=True)]

@@ -205,7 +205,8 @@ def test_tensions_wait_for_how_well_they_are_known_but_not_for_long():
 
 @pytest.mark.parametrize(('seen', 'model', 'cell', 'servo'), [
     (0.0, 20.0, 'slack', ''), (0.0, 30.0, 'slack', 'slack'),
-    (60.0, 20.0, 'friction', ''), (60.0, 0.0, 'friction', 'friction'), (4.0, 0.0, '', '')])
+    (45.0, 20.0, 'friction', ''), (60.0, 20.0, 'friction', 'friction'),
+    (60.0, 0.0, 'friction', 'friction'), (4.0, 0.0, '', '')])
 def test_a_tension_differs_from_the_model_by_more_than_its_device_does_not_know(
         seen, model, cell, servo):
     tensions = MeasuredTensions(NAMES, PARAMETERS)
@@ -214,7 +215,7 @@ def test_a_tension_differs_from_the_model_by_more_than_its_device_does_not_know(
             problem = tensions.problem(time, {NAMES[0]: seen}, [model, 0.0])
         assert words in problem
         assert bool(problem) is bool(words)
-        # Three deviations: 24.6 N near 0, 59 N of a tension of 60 N.
+        # Three deviations: 24.6 N near 0, 30.5 N of a tension of 20 N.
         tensions = MeasuredTensions(NAMES, PARAMETERS)
         tensions.hear(told(tension_deviations=[8.2] * 2, tension_relative_deviations=[0.3] * 2))
 
