@@ -90,7 +90,11 @@ def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Sequen
     goal = np.array(state.bending)
     goal[_rows(segments, len(goal))] = bending
     for segment in segments:
-        state = bent(statics, state, soft_flags(segment, len(goal)), goal)
+        soft = soft_flags(segment, len(goal))
+        state = bent(statics, state, soft, goal)
+        # It is locked by the full vacuum, not by what is left in it while it is soft.
+        state = replace(state, vacuum=tuple(
+            1.0 if was_soft else part for was_soft, part in zip(soft, state.vacuum, strict=False)))
     return state
 
 

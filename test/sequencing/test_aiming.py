@@ -117,6 +117,13 @@ def test_prediction_is_one_segment_after_the_other(statics):
     assert np.array_equal(found.joint_angles, there.joint_angles)
 
 
+def test_what_is_soft_now_counts_as_locked_by_the_full_vacuum_later(statics):
+    soft = statics.bend(statics.chain.straight(), 0, 0.2)
+    full = predicted(statics, soft, ALL, C_FORM)
+    vented = predicted(statics, replace(soft, vacuum=(0.01, 1.0, 1.0)), ALL, C_FORM)
+    assert vented.bending_angles == pytest.approx(full.bending_angles, abs=1e-6)
+
+
 # The next step.
 
 

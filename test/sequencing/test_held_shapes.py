@@ -239,10 +239,16 @@ def test_a_path_is_not_followed_with_vacuums():
 # By measurements, on an arm whose tendons are not as long as the model's.
 
 
-def measured(loop=LOOP):
-    rig = MeasuredRig(arm=ARM, shapes=[WEAK], regulators=True, loop=loop)
+def measured(shape=WEAK, loop=LOOP):
+    rig = MeasuredRig(arm=ARM, shapes=[shape], regulators=True, loop=loop)
     rig.statics = OffsetStatics(ARM)
     return rig
+
+
+def test_a_shape_without_vacuums_is_not_corrected_for_the_vacuum_a_soft_segment_lacks():
+    rig = measured(replace(WEAK, vacuums=()))
+    assert rig.run().code is Code.SUCCESSFUL
+    assert rig.error < 3.0 * DEGREE
 
 
 def test_a_shape_is_measured_as_it_is_held():
