@@ -34,6 +34,7 @@ TIP_SCALE = 1e-4  # m away from the wanted tip
 PRECISION = 1e-4  # of what is minimised, relative
 STEP = 1e-3  # rad, for derivatives
 LIMIT_SHARE = 0.999  # of the bending angle limit
+FARTHEST = 0.5  # rad from a wanted angle: only a wrong model asks for more to get there
 MIN_DURATION = 0.5  # s: a motion that is over before it arrives would be too fast
 WORTH = 0.7  # of the present error: what would not be less than that is left
 LEAST_RATIO = 8.0  # of a jam: one that seems softer yields, and loses again what it is set to
@@ -116,6 +117,8 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
     free = np.ones(len(rows), dtype=bool) if planar else bending_axes(arm)[rows]
     limits = most if planar else np.repeat(most[:, None], 2, axis=1)
     first = np.clip(np.asarray(aim.bending)[rows], -limits, limits)
+    away = np.inf if aim.on_tip else FARTHEST
+    bounds = (np.maximum(-limits, first - away)[free], np.minimum(limits, first + away)[free])
 
     def locked(values: Array) -> Array:
         """Return bendings within the limits, where those that are free have given values."""
@@ -142,7 +145,7 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
     try:
         found = least_squares(
             residuals, best, jac='2-point' if planar else slopes, diff_step=STEP,
-            bounds=(-limits[free], limits[free]), x_scale=0.1, xtol=PRECISION, ftol=PRECISION)
+            bounds=bounds, x_scale=0.1, xtol=PRECISION, ftol=PRECISION)
         if found.cost <= 0.5 * before @ before:
             best = found.x
     except StaticsError:  # on the way: the wanted angles themselves can be set

@@ -6,8 +6,9 @@ Setting shapes by measurements: soften, move, measure, correct, stiffen, make up
 Each correction is a Newton step on the pulls, with the arm as it is estimated to be.  The paper
 asks for it as future work (VI).
 
-A shape with vacuums is set as planned and measured once they are lowered.  Where it is off, every
-segment is stiffened and it is planned again, by what the estimate has learned of the arm.
+A shape with vacuums is set to what it is to give way from, and measured once they are lowered.
+Where it is off, every segment is stiffened and it is planned and set again, by what the estimate
+has learned of the arm.  What measurably makes a shape worse is said, and not done once more.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -91,10 +92,10 @@ class ClosedLoopRunner(Runner):
         yield from super()._set(index, shape)
 
     def _set_to_relax(self, index: int, shape: Shape) -> Iterator[None]:
-        """Set a shape with vacuums as it is planned from where the arm is measured to be."""
+        """Set a shape with vacuums to what it is to give way from, as it is planned."""
         self.aim = None
-        yield from self._measure(index, None)
-        yield from super()._set(index, shape)
+        yield from self._set_segments(index, shape)
+        self.aim = None
 
     def _relax(self, index: int, shape: Shape) -> Iterator[None]:
         yield from super()._relax(index, shape)
@@ -110,19 +111,20 @@ class ClosedLoopRunner(Runner):
 
     def _correct_held(self, index: int, shape: Shape) -> Iterator[None]:
         """Measure a shape as it is held; as long as it is off, set it by what that taught."""
-        before = self.plan
-        assert before is not None
-        final = yield from self._planned(self._loop.aim(before.shape))
-        why = ''
+        plan = self.plan
+        assert plan is not None
+        final = yield from self._planned(self._loop.aim(plan.shape))
+        why, before = '', inf
         for left in reversed(range(self.loop_settings.max_passes)):
             yield from self._measure(index, None)
             self.aim, error = final, self._error(final)
+            why, before = why or _worse(final, before, error), error
             self.warning = '' if error <= self._tolerance(final) else (
                 f'{shape.name} is {final.text(error)} off with its vacuums{why}')
             if not (self.warning and left) or why:
                 return
             self._corrections += 1
-            before = self.plan or before
+            plan = self.plan or plan
             self._report(index, self._part(index), Phase.STIFFENING, segment=0)
             yield from self._all_stiff()
             try:
@@ -133,7 +135,7 @@ class ClosedLoopRunner(Runner):
                 why = f'; it cannot be corrected: {end}'
                 yield from self._wind_down()
                 yield from self._all_stiff()
-                self.plan, self.move = before, len(before.moves)
+                self.plan, self.move = plan, len(plan.moves)
             yield from super()._relax(index, shape)
 
     def _fresh(self, since: float) -> bool:
@@ -142,6 +144,20 @@ class ClosedLoopRunner(Runner):
         return measured is not None and measured >= since - self.loop_settings.sensor_timeout
 
     def _set_measured(self, index: int, shape: Shape) -> Iterator[None]:
+        plan, aim = yield from self._set_segments(index, shape)
+        yield from self._measure(index, None)
+        error, why = self._error(aim), ''
+        for _ in range(1, self.loop_settings.max_passes):
+            done, before = (yield from self._set_again(index, plan.shape, aim, inf)), error
+            error = self._error(aim)
+            if not done or (why := _worse(aim, before, error)):
+                break
+        if error > self._tolerance(aim):
+            self.warning = f'{shape.name} is {aim.text(error)} off{why}'
+
+    def _set_segments(self, index: int, shape: Shape
+                      ) -> Generator[None, None, tuple[ShapePlan, Aim]]:
+        """Plan a shape, and set one segment after the other by measurements."""
         yield from self._measure(index, None)
         plan = yield from self._plan_of(shape)
         aim = self.aim = yield from self._planned(self._loop.aim(plan.as_set))
@@ -156,12 +172,7 @@ class ClosedLoopRunner(Runner):
             on_path = plan.moves[done] if len(shape.tips) > 1 else None
             yield from self._set_segment(index, left, segment, here, on_path)
         self.move = len(segments)
-        yield from self._measure(index, None)
-        for _ in range(1, self.loop_settings.max_passes):
-            yield from self._set_again(index, plan.shape, aim, inf)
-        error = self._error(aim)
-        if error > self._tolerance(aim):
-            self.warning = f'{shape.name} is {aim.text(error)} off'
+        return plan, aim
 
     def _set_again(self, index: int, shape: Shape, aim: Aim, release_limit: float
                    ) -> Generator[None, None, bool]:
@@ -203,6 +214,7 @@ class ClosedLoopRunner(Runner):
 
     def _correct_drift(self, index: int, shape: Shape, aim: Aim) -> Iterator[None]:
         """Set segments again; where that cannot be, say so and hold what there is."""
+        before = self._error(aim)
         try:
             done = yield from self._set_again(index, shape, aim, self.loop_settings.release_limit)
         except _LostError:
@@ -218,8 +230,10 @@ class ClosedLoopRunner(Runner):
             if not done:
                 self.warning += ('; setting segments again would not better it, or is more than '
                                  'loop.release_limit allows')
-            elif self._error(aim) <= self._tolerance(aim):
+            elif (now := self._error(aim)) <= self._tolerance(aim):
                 self.warning = ''
+            else:
+                self.warning += _worse(aim, before, now)
         self._report(index, 1.0, Phase.HOLDING, segment=0)
 
     def _lost(self) -> None:
@@ -321,6 +335,12 @@ class ClosedLoopRunner(Runner):
         self.warning = ''
         self.progress = replace(self.progress, phase=before)
         return True
+
+
+def _worse(aim: Aim, before: float, error: float) -> str:
+    """Return what to say where an arm that was set again is farther off than before."""
+    return '' if error <= before else (
+        f'; setting it again made it worse, it was {aim.text(before)} off')
 
 
 def _way_point(plan: ShapePlan, move: int) -> Aim:

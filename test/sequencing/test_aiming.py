@@ -13,6 +13,7 @@ from soft_continuum.mechanics.laws import Jam
 from soft_continuum.sequencing.aiming import (
     Aim,
     angles_to_set,
+    FARTHEST,
     next_step,
     predicted,
     worth_setting_again,
@@ -99,6 +100,14 @@ def test_angles_to_set_stay_within_the_limits(statics):
     aim = Aim(0.6 * limits, np.array([10.0, 0.0]), on_tip=True)  # nobody reaches that
     found, _ = angles_to_set(statics, statics.chain.straight(), ALL, aim)
     assert np.all(np.abs(found) <= limits)
+
+
+def test_no_segment_is_set_far_from_where_it_is_to_end():
+    floppy = Statics(replace(ELASTIC, mounting_angle=1.2, segments=tuple(
+        replace(s, jam=Jam(1.5)) for s in ELASTIC.segments)))
+    aim = Aim(0.3 * C_FORM, tip_of(0.3 * C_FORM))
+    found, _ = angles_to_set(floppy, floppy.chain.straight(), ALL, aim)
+    assert np.abs(found - aim.bending).max() <= FARTHEST
 
 
 def test_mirrored_aims_have_mirrored_angles(statics):

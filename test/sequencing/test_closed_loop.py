@@ -235,6 +235,18 @@ def test_a_second_pass_makes_up_for_what_stiffening_shifted(passes):
     assert ('degrees off' in rig.runner.warning) == (passes == 1)
 
 
+def test_a_pass_that_makes_the_shape_worse_is_the_last_and_is_said():
+    rig = MeasuredRig((SHAPE,), loop=replace(LOOP, max_passes=4), shift={2: 0.05})
+
+    def check(rig):
+        if len(asked_to_soften(rig)) > 3:
+            rig.shift.setdefault(2, 0.12)  # when it is stiffened from then on
+
+    assert rig.run(check).code is Code.SUCCESSFUL
+    assert asked_to_soften(rig)[3:] in ([2], [1, 2], [0, 1, 2])
+    assert 'setting it again made it worse, it was 2.' in rig.runner.warning
+
+
 def test_several_shapes_are_set_one_after_the_other():
     other = Shape('back', tuple(np.radians([-20.0, 10.0, 20.0])), 0.0)
     rig = MeasuredRig((SHAPE, other))
