@@ -14,7 +14,7 @@ from soft_continuum import version
 from soft_continuum.analysis.recording import DESCRIPTION
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
-from soft_continuum.client.tasks import running_nodes
+from soft_continuum.client.tasks import running_nodes, until
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import parameters_text
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, KINEMATICS, NODES
@@ -22,6 +22,8 @@ from soft_continuum.text import printable
 
 PARAMETERS = 'parameters.yaml'
 """Attachment: every parameter of every node that ran."""
+DISCOVERY = 2.0
+"""s in which nodes are found: a recorder that has just started knows their topics before them."""
 
 
 def about(node: Node) -> dict[str, str]:
@@ -41,6 +43,7 @@ async def attach_parameters(requests: Requests, attach: Callable[[str, str], Non
 
 async def _attach_parameters(requests: Requests, attach: Callable[[str, str], None]) -> None:
     found: dict[str, Any] = {}
+    await until(lambda: all(running_nodes(requests.node).values()), DISCOVERY)
     running = running_nodes(requests.node, (*NODES, CAMERA, DISC_SENSORS))
     for name in (name for name, runs in running.items() if runs):
         try:
