@@ -19,9 +19,7 @@ from ros_rig import TENDONS
 from servo_rig import repair, servos, SIGNS, TOLERANCE
 from servo_stops import REST_SPEED, watch_rest
 
-from soft_continuum.emulators.driving import (
-    dynamixel_parameters,
-)
+from soft_continuum.emulators.driving import dynamixel_parameters
 from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import STEADY

@@ -161,7 +161,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     return console.serve(
         parser, lambda: DynamixelEmulator(
             servos, arguments.link, Clock(arguments.time_factor)),
-        lambda emulator: CONFIGURATION.format(parameters=parameter_lines(
-            dynamixel_parameters(
-                emulator.port, len(emulator.servos), arguments.baud_rate, arguments.model))),
+        lambda emulator: CONFIGURATION.format(parameters=parameter_lines(dynamixel_parameters(
+            emulator.port, len(emulator.servos), arguments.baud_rate, arguments.model))),
         execute_command)

@@ -68,7 +68,7 @@ class RosDevice(ABC):
     def _wait(self, link: 'RosLink') -> None:
         """Wait for publishers and subscribers, then for first states."""
         deadline = self._clock() + OPEN_TIMEOUT
-        problem = link.wait_until(OPEN_TIMEOUT, self._closing)
+        problem = link.wait_until(deadline, self._closing)
         while not self._closing.is_set():
             if problem:
                 raise HardwareError(

@@ -8,7 +8,7 @@ a control loop reads from a topic as it would from a port, whatever the rest of 
 This module needs ROS, so drivers import it only when they are opened.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from importlib import import_module
 import os
@@ -225,12 +225,10 @@ class RosLink:
         if problem := self._found if recent else self.problem:
             raise HardwareError(problem)
 
-    def wait_until(self, timeout: float, closing: threading.Event) -> str:
-        """Wait until there is no problem; return the one that remains after ``timeout`` s."""
-        deadline = self.clock() + timeout
-        while (problem := self.problem) and self.clock() < deadline and not closing.is_set():
-            self.clock.sleep(POLL_INTERVAL)
-        return problem
+    def wait_until(self, deadline: float, closing: threading.Event) -> str:
+        """Wait until there is no problem; return the one that remains at ``deadline`` (clock)."""
+        self._wait_while(lambda: bool(self.problem), deadline, closing)
+        return self.problem
 
     def wait_for_names(self, deadline: float, closing: threading.Event) -> str:
         """
@@ -238,10 +236,14 @@ class RosLink:
 
         deadline: when to go on without, by the clock.
         """
-        while self.clock() < deadline and not closing.is_set() and any(
-                info.node_name == UNKNOWN_NODE for topic in self.topics for info in topic.nodes):
-            self.clock.sleep(POLL_INTERVAL)
+        self._wait_while(lambda: any(info.node_name == UNKNOWN_NODE for topic in self.topics
+                                     for info in topic.nodes), deadline, closing)
         return self.problem
+
+    def _wait_while(self, condition: Callable[[], bool], deadline: float,
+                    closing: threading.Event) -> None:
+        while condition() and self.clock() < deadline and not closing.is_set():
+            self.clock.sleep(POLL_INTERVAL)
 
     def close(self) -> None:
         """End the node."""
