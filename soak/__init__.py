@@ -11,8 +11,8 @@ from pathlib import Path
 import sys
 
 _TEST = Path(__file__).parents[1] / 'test'
-sys.path += [str(_TEST / 'nodes'), str(_TEST / 'hardware')]
+sys.path += [str(_TEST), str(_TEST / 'hardware')]  # support, and the tests that fuzz
 # Read when the first participant of a process is made.
 for _name in ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE'):
-    os.environ[_name] = str(_TEST / 'nodes' / 'fastdds.xml')
+    os.environ[_name] = str(_TEST / 'support' / 'fastdds.xml')
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'  # LOCALHOST would replace it

@@ -17,7 +17,6 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from ros_rig import ALL, Rig
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
@@ -25,6 +24,7 @@ from benchmarks.tables import table
 from soak.report import Report, spread
 from soak.unattended import _domain_of_programs, _Programs
 from soak.workbench import domain
+from support.ros_rig import ALL, Rig
 
 DURATION = 20.0  # s of each attack
 STOPS = 20

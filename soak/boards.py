@@ -15,14 +15,13 @@ from pathlib import Path
 import time
 from typing import Any, ClassVar, Generic, TypeVar
 
-from ros_rig import TENDONS
-from servo_rig import repair, servos, SIGNS, TOLERANCE
-from servo_stops import REST_SPEED, watch_rest
-
 from soft_continuum.emulators.driving import dynamixel_parameters
 from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
+from support.ros_rig import TENDONS
+from support.servo_rig import repair, servos, SIGNS, TOLERANCE
+from support.servo_stops import REST_SPEED, watch_rest
 
 STEPS_PER_METRE = 200e3
 STEPPER_REST = 0.2  # s without a step

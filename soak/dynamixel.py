@@ -17,7 +17,12 @@ import signal
 from tempfile import TemporaryDirectory
 import time
 
-from servo_rig import (
+from benchmarks.tables import table
+from soak.report import progress, Report, spread
+from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
+from soft_continuum.hardware.protocols import HardwareError
+from support.servo_rig import (
     BEYOND_TURN,
     FAULTS,
     Outcome,
@@ -31,7 +36,7 @@ from servo_rig import (
     trial,
     WrongStateError,
 )
-from servo_stops import (
+from support.servo_stops import (
     FASTEST,
     MAX_STOP_TIME,
     MEDIAN_STOP_TIME,
@@ -40,12 +45,6 @@ from servo_stops import (
     Stop,
     stop_in_motion,
 )
-
-from benchmarks.tables import table
-from soak.report import progress, Report, spread
-from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
-from soft_continuum.hardware.protocols import HardwareError
 
 TRIALS = 50  # of each fault
 STOPS, STOPS_OF_OTHERS = 1000, 200

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any
 
-from ros_rig import SEGMENTS
-from servo_rig import FAULTS as SERVO_FAULTS
-
 from soak.workbench import Workbench
 from soft_continuum.emulators.grbl_board import GrblEmulator
+from support.ros_rig import SEGMENTS
+from support.servo_rig import FAULTS as SERVO_FAULTS
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ import time
 from typing import Any
 
 import numpy as np
-from ros_rig import ALL
 
 from benchmarks.tables import table
 from soak.report import progress, Report, spread
 from soak.watch import THRESHOLDS
 from soak.workbench import ClaimError, FAILED, Workbench, workbench
+from support.ros_rig import ALL
 
 KILLS = 50  # of each node
 GOAL = 1.0  # s

@@ -10,13 +10,12 @@ from random import Random
 import tempfile
 import time
 
-from split_arm import SplitArm
-from two_computers import PERFECT, Quality, why_not, WORKSTATION
-
 from benchmarks.tables import table
 from soak.report import progress, Report, spread
 from soak.workbench import domain, FAILED
 from soft_continuum.mechanics.statics import warm_up
+from support.split_arm import SplitArm
+from support.two_computers import PERFECT, Quality, why_not, WORKSTATION
 
 GOALS = 8  # for each quality of the cable
 CUTS, KILLS = 50, 20

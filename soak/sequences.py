@@ -14,14 +14,13 @@ from random import Random
 import time
 from typing import Any
 
-from ros_rig import SEGMENTS
-
 from benchmarks.tables import table
 from soak.boards import Board
 from soak.faults import Fault, FAULTS
 from soak.report import progress, Report
 from soak.watch import Watch
 from soak.workbench import ClaimError, FAILED, Workbench, workbench
+from support.ros_rig import SEGMENTS
 
 HOUR = 3600.0  # s
 SPEED_UP = 6.0  # of pump, segments and motors

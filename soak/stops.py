@@ -5,12 +5,12 @@
 from random import Random
 import time
 
-from ros_rig import trajectory
 from trajectory_msgs.msg import JointTrajectory
 
 from benchmarks.tables import table
 from soak.report import progress, Report, spread
 from soak.workbench import ClaimError, FAILED, Workbench, workbench
+from support.ros_rig import trajectory
 
 TRIALS = 1000
 MAX_TRIES = 5

@@ -11,12 +11,12 @@ import threading
 import time
 
 import numpy as np
-from ros_rig import SEGMENTS
 
 from soak.workbench import Workbench
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant
 from soft_continuum.nodes.sequence_server import RESULT_TIMEOUT
+from support.ros_rig import SEGMENTS
 
 PERIOD = 0.005  # s
 STALE = 0.5  # s after which the other nodes take a flag as stale (silence_timeout)

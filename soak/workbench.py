@@ -10,9 +10,7 @@ import tempfile
 import time
 from typing import Any
 
-from processes import NodeProcess, Processes
 import pytest
-from ros_rig import ALL, LATCHED, Recording, RELIABLE, Rig, SEGMENTS
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
@@ -22,6 +20,8 @@ from soak.boards import Board, BOARDS, Pulls
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
 from soft_continuum.mechanics.statics import warm_up
 from soft_continuum.nodes.up import description_file
+from support.processes import NodeProcess, Processes
+from support.ros_rig import ALL, LATCHED, Recording, RELIABLE, Rig, SEGMENTS
 
 NAMESPACE = '/soak'
 KEPT = 200  # messages of every topic

@@ -8,10 +8,10 @@ from pathlib import Path
 import re
 from textwrap import dedent
 
-from documented_commands import blocks, Checker, is_ros2, LINES, NOT_OURS, PAGES, ROOT
 import pytest
 
 from soft_continuum.parameters.files import load_description
+from support.documented_commands import blocks, Checker, is_ros2, LINES, NOT_OURS, PAGES, ROOT
 
 FENCE = re.compile(r'^ *```.*?^ *```', re.MULTILINE | re.DOTALL)
 LINK = re.compile(r'\]\(([^)\s]+)\)')

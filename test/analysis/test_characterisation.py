@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stiffness from force-displacement curves is right, and so is what is said of its confidence."""
 
-import curve_files as files
 import numpy as np
 import pytest
 
@@ -15,6 +14,7 @@ from soft_continuum.analysis.characterisation import (
 from soft_continuum.analysis.curves import Curve
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.mechanics.laws import MomentCurvature
+from support import curve_files as files
 
 UP = files.ramp()
 LEAF = 200e9 * 0.0127 * 0.00035**3 / 12  # N m^2, segment 2 of the paper

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 import re
 
-import curve_files as files
 import generate as specimen
 from matplotlib.image import imread
 import numpy as np
@@ -18,6 +17,7 @@ from soft_continuum.mechanics.laws import MomentCurvature
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_any_arm, load_arm, load_description
+from support import curve_files as files
 
 DATA = Path(__file__).resolve().parents[2] / 'data' / 'simulated_specimen'
 DOCUMENT = DATA.parents[1] / 'docs' / 'how_to' / 'measure_your_arm.md'

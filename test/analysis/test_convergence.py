@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import specimen_data as data
 
 from soft_continuum.analysis.convergence import converge
 from soft_continuum.mechanics.arm import SECOND_ORDER
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
+from support import specimen_data as data
 
 PAPER = arm_from_parameters(load_description()).without_gravity()
 ANGLES = [np.radians(36.0)] * 3

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Force-displacement files are read as machines write them, or refused with file and line."""
 
-import curve_files as files
 import numpy as np
 import pytest
 
 from soft_continuum.analysis.curves import read_curves
 from soft_continuum.analysis.delimited import MeasurementError
+from support import curve_files as files
 
 UP = files.ramp(points=21)
 FORCE = files.SLOPE * UP

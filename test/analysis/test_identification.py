@@ -7,7 +7,6 @@ from dataclasses import replace
 import generate as specimen
 import numpy as np
 import pytest
-import specimen_data as data
 
 from soft_continuum.analysis.identification import identify, shape_error, without
 from soft_continuum.analysis.path_sensitivity import points_and_derivatives
@@ -21,6 +20,7 @@ from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import SECOND_ORDER, Tendon
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.sensitivity import Linearisation
+from support import specimen_data as data
 
 STIFFNESS = ['stiffness_1', 'stiffness_2', 'stiffness_3']
 TRUE_STIFFNESS = np.array([s.bending_stiffness for s in data.TRUE.segments])

@@ -4,13 +4,13 @@
 
 import numpy as np
 import pytest
-import specimen_data as data
 
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.measured_shapes import read_shapes, simulate_steps, sliding, Step
 from soft_continuum.mechanics import SLACK, Statics, StaticsError
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
+from support import specimen_data as data
 
 POINTS = """shape;point;x [mm];z [mm]
 bow;1;0;0

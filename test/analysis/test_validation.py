@@ -4,7 +4,6 @@
 
 import numpy as np
 import pytest
-import specimen_data as data
 
 from soft_continuum.analysis.measured_shapes import MeasuredShape, Step
 from soft_continuum.analysis.validation import (
@@ -16,6 +15,7 @@ from soft_continuum.analysis.validation import (
     WITHOUT_GRAVITY,
 )
 from soft_continuum.mechanics import LEFT, RIGHT, SLACK
+from support import specimen_data as data
 
 SEGMENT_2_MEASURED = data.DESCRIBED.with_bending_stiffness(1, 0.0202)
 BY_MODEL = {(p.shape.name, p.model): p

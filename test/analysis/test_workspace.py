@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import specimen_data as data
 
 from soft_continuum.analysis.workspace import furthest_apart, reach
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.inverse import set_shape
+from support import specimen_data as data
 
 WEIGHTLESS = data.DESCRIBED.without_gravity()
 

@@ -3,32 +3,26 @@
 
 """The view as a process, a real Chromium that shows it, and nodes as in test/nodes."""
 
-from collections.abc import Callable, Iterator
-import importlib.util
-from pathlib import Path
-import re
+from collections.abc import Iterator
 import shutil
-import sys
-import time
 
+from playwright.sync_api import expect
 import pytest
+from std_srvs.srv import SetBool
 
-NODES = Path(__file__).resolve().parent.parent / 'nodes'
-sys.path.insert(0, str(NODES))
-_spec = importlib.util.spec_from_file_location('node_fixtures', NODES / 'conftest.py')
-assert _spec is not None and _spec.loader is not None
-_fixtures = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(_fixtures)
-_compiled, _patient = _fixtures._compiled, _fixtures._patient
-take_domain, domain = _fixtures.take_domain, _fixtures.domain
-make_rig, processes = _fixtures.make_rig, _fixtures.processes
-module_domain = _fixtures.module_domain
-
-from page import DEADLINE, Page  # noqa: E402
-from playwright.sync_api import expect  # noqa: E402
-from processes import NodeProcess, Processes  # noqa: E402
-from ros_rig import Rig  # noqa: E402
-from std_srvs.srv import SetBool  # noqa: E402
+from support.page import address_of, DEADLINE, OpenPage, Page, SLOW, start_view
+from support.processes import Processes
+from support.rig_fixtures import (
+    _compiled,
+    _patient,
+    domain,
+    domains,
+    make_rig,
+    module_domain,
+    processes,
+    take_domain,
+)
+from support.ros_rig import Rig
 
 BROWSERS = ('chromium', 'chromium-browser', 'google-chrome')
 FLAGS = ('--no-sandbox', '--disable-gpu', '--enable-unsafe-swiftshader', '--disable-quic',
@@ -48,10 +42,6 @@ WebGL2RenderingContext.prototype.shaderSource = function (shader, source) {
     shaderSource.call(this, shader, source.replace(/(#define GGX_SAMPLES) [0-9]+/, '$1 16'));
 };
 """
-# Slow enough to be seen and stopped on its way; at a rate that a busy machine keeps.
-SLOW = {'tendon_speed': 0.001, 'tendon_rate': 5.0, 'jamming_rate': 10.0,
-        'silence_timeout': 10.0}
-OpenPage = Callable[[str], Page]
 
 
 @pytest.fixture(scope='module')
@@ -82,26 +72,11 @@ def open_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenPage]:
         chromium.close()
 
 
-def start_view(processes: Processes, verb: str, *options: str) -> NodeProcess:
-    """Start ``browser``, ``ui`` or ``replay``."""
-    return processes.start([sys.executable, '-m', 'soft_continuum', verb, '--port', '0', *options])
-
-
-def address_of(view: NodeProcess) -> str:
-    """Wait for the address that a view prints."""
-    deadline = time.monotonic() + DEADLINE
-    while not (found := re.search(r' is at (http\S+)', view.output)):
-        assert view.running, view.output
-        assert time.monotonic() < deadline, f'no address:\n{view.output}'
-        time.sleep(0.05)
-    return found[1]
-
-
 @pytest.fixture(scope='module')
 def shared(open_page: OpenPage, tmp_path_factory: pytest.TempPathFactory
            ) -> Iterator[tuple[Rig, Page, str]]:
     """Return an arm, a page that shows it, and the address of that page, for a module."""
-    with _fixtures.domains() as take:
+    with domains() as take:
         domain = take()
         rig, processes = Rig(domain), Processes(domain, tmp_path_factory.mktemp('view'))
         view = start_view(processes, 'browser', '--ros-args', '-r', f'__ns:={rig.namespace}')

@@ -23,7 +23,7 @@ from soft_continuum.browser.words import LENGTH as TEXT_LENGTH
 from soft_continuum.browser.words import plain
 from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
 from soft_continuum.client.observed import KINEMATICS_STATE
-from soft_continuum.client.state import ArmState, NodeReport, Pose, Progress
+from soft_continuum.client.state import Pose, Progress
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
 from soft_continuum.parameters.files import load_description
@@ -31,16 +31,8 @@ from soft_continuum.ros.names import NODES
 from soft_continuum.sequencing.progress import Phase
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
 from soft_continuum_interfaces.msg import KinematicsState
+from support.arm_states import MOVING, READY, STOPPED
 
-READY = ArmState(
-    tendons=('right_tendon', 'left_tendon'), pulls=(0.0, 0.0), speeds=None, tensions=(0.0, 5.0),
-    measured_tensions=None, stopped='', emergency_stop=False,
-    referenced=True, stiff=(True, True, False),
-    pressures=(3e4, 3e4, 1e5), bending_angles=(0.0, 0.1, 0.2), joint_angles=None,
-    segment_poses=None, disc_poses=None, tip=None, progress=None, last_result=None,
-    nodes=tuple(NodeReport(name, True, 'ok', 'fine', {}, 0.1, False) for name in NODES))
-MOVING = replace(READY, progress=Progress(0, 'c_form', 2, Phase.MOVING, 0.5))
-STOPPED = replace(READY, stopped='stop was called; call ~/resume before any motion')
 ABSENT = replace(READY, stopped=None, nodes=tuple(
     replace(node, running=False, level=None, age=None, stale=True) for node in READY.nodes))
 

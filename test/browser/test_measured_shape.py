@@ -8,18 +8,17 @@ from math import radians, sin
 from pathlib import Path
 from typing import Any
 
-from conftest import address_of, OpenPage, start_view
-from estimated_arm import CHAIN, EstimatedArm, joint_angles, learned
 from geometry_msgs.msg import Point, Pose
-from page import DEADLINE, green, Page
 from playwright.sync_api import expect
-from processes import Processes
 import pytest
 
 from soft_continuum.client.own_file import read_saved
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, KinematicsState, PlanStep, TipGoal
 from soft_continuum_interfaces.srv import PlanShapes
+from support.estimated_arm import CHAIN, EstimatedArm, joint_angles, learned
+from support.page import address_of, DEADLINE, green, OpenPage, Page, start_view
+from support.processes import Processes
 
 pytestmark = pytest.mark.timeout(600)
 ARTEFACT = Path(__file__).resolve().parents[2] / 'log' / 'browser' / 'estimate.png'

@@ -8,13 +8,13 @@ from math import nan
 from unittest.mock import Mock
 
 import pytest
-from test_bar import READY
 
 from soft_continuum.browser.access import open_server
 from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.session import Description
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
+from support.arm_states import READY
 
 
 def test_vacuums_can_be_typed_only_where_regulators_are(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,11 +7,11 @@ import json
 import signal
 from typing import Any
 
-from conftest import address_of, start_view
-from page import DEADLINE
-from processes import Processes
-from ros_rig import ALL, Rig
 from websockets.sync.client import connect
+
+from support.page import address_of, DEADLINE, start_view
+from support.processes import Processes
+from support.ros_rig import ALL, Rig
 
 
 def test_nodes_and_view_start_and_end_together(

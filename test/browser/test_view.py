@@ -16,14 +16,10 @@ import signal
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from conftest import address_of, OpenPage, SLOW, start_view
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from page import dark, DEADLINE, green, orange, Page, teal
 from PIL import Image
 from playwright.sync_api import expect
-from processes import Processes
 import pytest
-from ros_rig import Rig
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Bool
 from visualization_msgs.msg import Marker, MarkerArray
@@ -35,6 +31,20 @@ from soft_continuum.parameters.files import given_parameters, UNCHECKED
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.ros.obstacles import obstacle_to_ros
 from soft_continuum.ros.qos import LATCHED, OBSTACLES, STREAM
+from support.page import (
+    address_of,
+    dark,
+    DEADLINE,
+    green,
+    OpenPage,
+    orange,
+    Page,
+    SLOW,
+    start_view,
+    teal,
+)
+from support.processes import Processes
+from support.ros_rig import Rig
 
 pytestmark = pytest.mark.timeout(600)
 ARTEFACT = Path(__file__).resolve().parents[2] / 'log' / 'browser' / 'view.png'

@@ -1,12 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The rigs of test/nodes, and clients of them."""
+"""The rigs of nodes, and clients of them."""
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 import faulthandler
-from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
 import sys
 from typing import Any
 
@@ -14,27 +12,21 @@ from action_msgs.srv import CancelGoal
 import pytest
 from std_srvs.srv import SetBool
 
-NODES = Path(__file__).resolve().parents[1] / 'nodes'
-sys.path.insert(0, str(NODES))
-_spec = spec_from_file_location('nodes_conftest', NODES / 'conftest.py')
-assert _spec is not None and _spec.loader is not None
-_fixtures = module_from_spec(_spec)
-_spec.loader.exec_module(_fixtures)
-
-_compiled, _patient = _fixtures._compiled, _fixtures._patient
-take_domain = _fixtures.take_domain
-domain = _fixtures.domain
-module_domain = _fixtures.module_domain
-make_rig = _fixtures.make_rig
-rig = _fixtures.rig
-
-from command import Command  # noqa: E402
-from documented_commands import kept_signal_handlers  # noqa: E402
-from estimated_arm import EstimatedArm  # noqa: E402
-from ros_rig import Rig  # noqa: E402
-
-from soft_continuum.cli.main import main  # noqa: E402
-from soft_continuum.client import Arm, operations  # noqa: E402
+from soft_continuum.cli.main import main
+from soft_continuum.client import Arm, operations
+from support.command import Command
+from support.documented_commands import kept_signal_handlers
+from support.estimated_arm import EstimatedArm
+from support.rig_fixtures import (
+    _compiled,
+    _patient,
+    domain,
+    make_rig,
+    module_domain,
+    rig,
+    take_domain,
+)
+from support.ros_rig import Rig
 
 NAMESPACE = '/arm_under_test'  # of the rigs
 TIMEOUT = 60.0  # s, on a loaded machine

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ros_rig import Rig, STREAM
 from sensor_msgs.msg import JointState
 
 from soft_continuum.cli import calibrate, calibrate_load_cells
 from soft_continuum.parameters.files import read_parameter_file
+from support.ros_rig import Rig, STREAM
 
 NAMES = ('right_tendon', 'left_tendon')
 ZEROS, SCALES = (1000.0, -500.0), (0.01, -0.02)

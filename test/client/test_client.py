@@ -13,7 +13,6 @@ import matplotlib
 from matplotlib.figure import Figure
 import numpy as np
 import pytest
-from ros_rig import Rig
 from std_srvs.srv import Trigger
 
 from soft_continuum.client import (
@@ -31,6 +30,7 @@ from soft_continuum.client.connection import Connection
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum_interfaces.msg import MotionRequest
+from support.ros_rig import Rig
 
 matplotlib.use('Agg')
 DEADLINE = 60.0  # s

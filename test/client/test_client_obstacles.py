@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ros_rig import Rig
 
 from soft_continuum.client import Arm, ClientError, RefusedError
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sphere, turned_by
 from soft_continuum.obstacles.files import load_obstacles
+from support.ros_rig import Rig
 
 EXAMPLE = Path(__file__).resolve().parents[2] / 'config' / 'obstacles_example.yaml'
 TETRAHEDRON = Mesh(np.array([[0.2, 0, 0], [0.3, 0, 0], [0.2, 0.1, 0], [0.2, 0, 0.1]]),

@@ -8,12 +8,12 @@ from math import hypot, nan
 import threading
 from typing import Any
 
-from estimated_arm import CHAIN, EstimatedArm, joint_angles, learned
 import pytest
 
 from soft_continuum.client import Arm
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, KinematicsState
+from support.estimated_arm import CHAIN, EstimatedArm, joint_angles, learned
 
 NAMESPACE = '/arm_under_test'
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from estimated_arm import ARM, EstimatedArm, learned
 import pytest
 
 from soft_continuum.cli.learn import FILE
@@ -21,6 +20,7 @@ from soft_continuum.parameters.files import (
 )
 from soft_continuum.ros.estimates import model_from_ros, parameter_names
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
+from support.estimated_arm import ARM, EstimatedArm, learned
 
 
 @pytest.fixture

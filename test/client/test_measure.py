@@ -11,9 +11,7 @@ from typing import Any
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 import pytest
-from ros_rig import Rig, STREAM
 from scipy.spatial.transform import Rotation
-from test_spatial_arm import given
 
 from soft_continuum.analysis.measured_shapes import read_shapes
 from soft_continuum.browser.html import positions_html
@@ -29,6 +27,8 @@ from soft_continuum.ros.conversions import (
     tracked_pose_to_ros,
 )
 from soft_continuum.sequencing.progress import Phase, Progress
+from support.descriptions import given
+from support.ros_rig import Rig, STREAM
 
 OFFSET = np.array([0.001, -0.002, 0.0])  # m, m, rad: by which the tracker is off
 SHIFT = np.array([0.001, 0.003, -0.002, 0.0, 0.0, 0.0, 0.0])  # the same in space

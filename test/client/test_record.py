@@ -15,7 +15,6 @@ from geometry_msgs.msg import PoseArray
 from mcap.reader import make_reader
 import numpy as np
 import pytest
-from ros_rig import DEADLINE, Rig
 from sensor_msgs.msg import Image, JointState
 from std_srvs.srv import SetBool
 import yaml
@@ -32,6 +31,7 @@ from soft_continuum.recordings.playback import Playback
 from soft_continuum.ros.definitions import DefinitionError, message_class
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED
 from soft_continuum_interfaces.msg import RecorderState
+from support.ros_rig import DEADLINE, Rig
 
 TOPICS = ('tendon_states', 'disc_poses', 'segment_1/pressure', 'jamming_valves/state',
           'shape_sequencer/state', 'kinematics/state', 'tendon_actuation/status')

@@ -5,7 +5,12 @@
 import signal
 import time
 
-from emulated_rig import (
+import pytest
+
+from soft_continuum.cli import calibrate
+from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.parameters.files import load_rig
+from support.emulated_rig import (
     CTRL_C,
     emulated_rig,
     is_referenced,
@@ -14,11 +19,6 @@ from emulated_rig import (
     Terminal,
     until,
 )
-import pytest
-
-from soft_continuum.cli import calibrate
-from soft_continuum.emulators.grbl_board import GrblEmulator
-from soft_continuum.parameters.files import load_rig
 
 STEPS_PER_MM = 200
 

@@ -8,13 +8,13 @@ import os
 import subprocess
 import sys
 
-from emulated_rig import emulated_rig, reference, TIMEOUT
 import pytest
 import serial
 
 from soft_continuum.cli import doctor
 from soft_continuum.hardware.checks import check_jamming, check_tendons
 from soft_continuum.parameters.files import load_rig
+from support.emulated_rig import emulated_rig, reference, TIMEOUT
 
 WRITE_COIL = 5
 

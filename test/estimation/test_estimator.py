@@ -8,13 +8,13 @@ from math import log, pi
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from true_arm import ARM, commands, COVARIANCE, DEVIATIONS, only, Session, STIFF, TrueArm
 
 from soft_continuum.estimation.dimensions import model_error, PLANE
 from soft_continuum.estimation.estimator import HISTORY, OWN_SHARE, PERSISTENT
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
+from support.true_arm import ARM, commands, COVARIANCE, DEVIATIONS, only, Session, STIFF, TrueArm
 
 HANGING = replace(ARM, mounting_angle=pi)
 NO_DRIFT = Drift(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from true_arm import ARM, COVARIANCE, only, STIFF, TrueArm
 
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import (
@@ -22,6 +21,7 @@ from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.spatial import spatial
 from soft_continuum.mechanics.statics import StaticsError
+from support.true_arm import ARM, COVARIANCE, only, STIFF, TrueArm
 
 TOLERANCE = 1e-3  # m
 ELASTIC = replace(ARM, segments=tuple(replace(s, jam=Jam(15.0)) for s in ARM.segments))

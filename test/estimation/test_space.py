@@ -9,9 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
-from spatial_truth import ARM, COVARIANCE, DEVIATIONS, PRIOR, SpatialSession, SpatialTruth
-from true_arm import ARM as PLANAR
-from true_arm import only, Session, STIFF, TrueArm
 
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.dimensions import SPACE
@@ -25,6 +22,9 @@ from soft_continuum.mechanics.chain import full_poses
 from soft_continuum.mechanics.spatial import spatial, SpatialStatics, Wrench
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_any_arm
+from support.spatial_truth import ARM, COVARIANCE, DEVIATIONS, PRIOR, SpatialSession, SpatialTruth
+from support.true_arm import ARM as PLANAR
+from support.true_arm import only, Session, STIFF, TrueArm
 
 TENDON_ARM = load_any_arm(description_file().with_name('tendon_arm.yaml'))
 UNSEEN = 1e6  # m^2 or rad^2

@@ -8,7 +8,6 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from true_arm import ARM, only, Session, STIFF, TrueArm
 
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.measuring import predicted
@@ -18,6 +17,7 @@ from soft_continuum.estimation.unknowns import arm_with, first_values, Layout
 from soft_continuum.mechanics import Statics
 from soft_continuum.nodes.measured_tensions import MeasuredTensions, PERIOD, UNTOLD_TIME
 from soft_continuum_interfaces.msg import TendonActuationState
+from support.true_arm import ARM, only, Session, STIFF, TrueArm
 
 HANGING = replace(ARM, mounting_angle=pi)
 KNOWN = Prior(ratio=0.05, offset=1e-5, payload=1e-3, straight=1e-3)  # all but the stiffness

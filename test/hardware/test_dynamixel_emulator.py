@@ -10,7 +10,6 @@ from dynamixel_sdk import protocol2_packet_handler
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
-from virtual_clock import VirtualClock
 
 from soft_continuum.emulators.dynamixel import execute_command, main, make_servos
 from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
@@ -24,6 +23,7 @@ from soft_continuum.emulators.dynamixel_packets import (
     status,
 )
 from soft_continuum.emulators.dynamixel_servo import BOOT_TIME, DynamixelServo
+from support.virtual_clock import VirtualClock
 
 TORQUE, MODE, GOAL_CURRENT, GOAL, WATCHDOG, POSITION, ERRORS = 64, 11, 102, 116, 98, 132, 70
 PROFILE_ACCELERATION, PROFILE_VELOCITY = 108, 112

@@ -7,10 +7,19 @@ Whatever fails on Dynamixel servos or their bus, no wrong position is believed, 
 """
 
 import pytest
-from servo_rig import BEYOND_TURN, FAULTS, PULSE_PULL, rig, servos, spools, trial, WITHIN_TURN
 
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
+from support.servo_rig import (
+    BEYOND_TURN,
+    FAULTS,
+    PULSE_PULL,
+    rig,
+    servos,
+    spools,
+    trial,
+    WITHIN_TURN,
+)
 
 RAN_ON = 0.02  # m that a tendon may go on, until watchdog or driver have ended the motion
 

@@ -5,9 +5,6 @@
 from pathlib import Path
 import random
 
-from driver_waits import at_rest
-from dynamixel_rig import driver, RADIUS, refusal, rig, servos, TENDONS
-from dynamixel_slave import packet, Slave
 import pytest
 
 from soft_continuum.cli.calibrate import main as calibrate
@@ -26,6 +23,9 @@ from soft_continuum.hardware.dynamixel.setup import Spools
 from soft_continuum.hardware.dynamixel.state import ServoState, Written
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError
+from support.driver_waits import at_rest
+from support.dynamixel_rig import driver, RADIUS, refusal, rig, servos, TENDONS
+from support.dynamixel_slave import packet, Slave
 
 EXAMPLE = Path(__file__).parents[2] / 'config/dynamixel_rig.yaml'
 TORQUE = 64
@@ -193,7 +193,7 @@ def test_no_damaged_packet_is_taken_for_a_reply(tmp_path):
 @pytest.fixture
 def real(tmp_path, monkeypatch):
     """Servos in real time, the file of a rig for them, and its parameters."""
-    from dynamixel_slave import serving
+    from support.dynamixel_slave import serving
 
     monkeypatch.setenv('XDG_STATE_HOME', str(tmp_path))
     with serving((Slave(1), Slave(2, _11=3, _9=250)), STEADY) as bus:

@@ -9,8 +9,8 @@ Servos that are stopped in motion rest soon, and stay there.
 from random import Random
 from statistics import median
 
-from servo_rig import BEYOND_TURN, rig
-from servo_stops import MAX_STOP_TIME, MEDIAN_STOP_TIME, REST_DISTANCE, stop_in_motion
+from support.servo_rig import BEYOND_TURN, rig
+from support.servo_stops import MAX_STOP_TIME, MEDIAN_STOP_TIME, REST_DISTANCE, stop_in_motion
 
 
 def test_stopped_servos_rest_within_150_ms_and_stay_there(tmp_path):

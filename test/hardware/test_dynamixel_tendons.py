@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tendons on Dynamixel servos go where they are sent, stop, hold, and know where they are."""
 
-from driver_waits import at_rest, failed, until
-from dynamixel_rig import driver, in_motion, KEPT, PULSE, refusal, rig, servos, standing
-from dynamixel_slave import Slave
 import pytest
 
 from soft_continuum.hardware.dynamixel.state import Track
 from soft_continuum.hardware.protocols import HardwareError
+from support.driver_waits import at_rest, failed, until
+from support.dynamixel_rig import driver, in_motion, KEPT, PULSE, refusal, rig, servos, standing
+from support.dynamixel_slave import Slave
 
 TORQUE, WATCHDOG, GOAL_CURRENT, GOAL = 64, 98, 102, 116
 REBOOT, WRITE, SYNC_WRITE = 8, 3, 0x83

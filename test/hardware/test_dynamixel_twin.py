@@ -5,8 +5,6 @@
 from contextlib import contextmanager
 
 import pytest
-from servo_rig import SPEED, spools
-from virtual_clock import VirtualClock
 
 from soft_continuum.emulators.driving import SPOOL_RADIUS
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
@@ -15,6 +13,8 @@ from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.differences import read_differences
 from soft_continuum.twin.rig import TwinRig
+from support.servo_rig import SPEED, spools
+from support.virtual_clock import VirtualClock
 
 STALL_TORQUE = 4.1  # N m, of an XM430-W350 at 12 V
 

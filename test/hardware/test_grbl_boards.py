@@ -4,10 +4,7 @@
 
 from contextlib import contextmanager, ExitStack
 
-from driver_waits import at_rest, until
-from grbl_rig import ACCELERATION, driver, SPEED
 import pytest
-from virtual_clock import VirtualClock
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
@@ -16,6 +13,9 @@ from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.grbl.tendons import GrblTendons
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
+from support.driver_waits import at_rest, until
+from support.grbl_rig import ACCELERATION, driver, SPEED
+from support.virtual_clock import VirtualClock
 
 PULLS = (0.002, -0.001, 0.003, 0.004, -0.003)
 

@@ -6,8 +6,6 @@ import os
 import subprocess
 import sys
 
-from driver_waits import until
-from grbl_rig import board, driver
 import pytest
 import serial
 
@@ -16,6 +14,8 @@ from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.grbl_firmware import RECEIVE_BUFFER
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError
+from support.driver_waits import until
+from support.grbl_rig import board, driver
 
 MILLIMETRES = {
     11: 0.01, 24: 25, 25: 500, 27: 1,

@@ -5,12 +5,12 @@
 import random
 import threading
 
-from driver_waits import at_rest, failed, until
-from grbl_rig import board, driver, in_motion, rig, settled, standing, STEP, steps
 import pytest
 
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import open_serial
+from support.driver_waits import at_rest, failed, until
+from support.grbl_rig import board, driver, in_motion, rig, settled, standing, STEP, steps
 
 QUEUE = 0.2 * 0.03 / STEP  # steps that may still be made
 

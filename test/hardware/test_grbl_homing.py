@@ -5,13 +5,13 @@
 import contextlib
 from contextlib import contextmanager
 
-from driver_waits import at_rest, failed, until
-from grbl_rig import board, driver, standing
 import pytest
 
 from soft_continuum.hardware.grbl.states import State
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
+from support.driver_waits import at_rest, failed, until
+from support.grbl_rig import board, driver, standing
 
 HOMED = (-0.011, -0.009)  # m: switches at -12 and -10 mm of a straight arm, and 1 mm off them
 SWITCHES = (-2400.0, -2000.0)  # steps

@@ -4,12 +4,11 @@
 
 import random
 
-from grbl_rig import ACCELERATION, SPEED, STEPS_PER_MM, TENDONS
-
 from soft_continuum.emulators.grbl_firmware import GrblFirmware
 from soft_continuum.hardware.grbl.link import G_WORDS, jog_line
 from soft_continuum.hardware.grbl.motion import JogStream, Motors, subtract
 from soft_continuum.hardware.grbl.setup import MODES
+from support.grbl_rig import ACCELERATION, SPEED, STEPS_PER_MM, TENDONS
 
 LONGEST = 5e-3 * 1e3 * STEPS_PER_MM  # steps
 CHARACTERS = b'0159.+-XYZFGNMS$=(); \n\r?!~/\xff\x85'  # a reset, \x18, is another fault

@@ -6,8 +6,15 @@ import math
 import random
 import sys
 
-from driver_waits import at_rest, failed, until
-from grbl_rig import (
+import pytest
+
+from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.grbl.tendons import GrblTendons
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.parameters.parameter import ParameterError
+from support.driver_waits import at_rest, failed, until
+from support.grbl_rig import (
     board,
     driver,
     in_motion,
@@ -19,13 +26,6 @@ from grbl_rig import (
     steps,
     STEPS_PER_MM,
 )
-import pytest
-
-from soft_continuum.emulators.grbl_board import GrblEmulator
-from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.grbl.tendons import GrblTendons
-from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.parameters.parameter import ParameterError
 
 INTERVAL = 0.02  # s between set-points
 QUEUE_LIMIT = 0.2  # s of motion in the controller

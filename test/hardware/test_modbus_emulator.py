@@ -7,12 +7,12 @@ import subprocess
 import sys
 import tty
 
-from modbus_line import emulated, eventually, receive
 import pytest
 
 from soft_continuum.emulators.modbus import COMMANDS, execute_command, main
 from soft_continuum.emulators.modbus_rig import crc, ModbusEmulator
 from soft_continuum.hardware.serial_ports import open_serial
+from support.modbus_line import emulated, eventually, receive
 
 NO_ANSWER_TIME = 0.5  # s without an answer
 

@@ -14,7 +14,6 @@ import socket
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from modbus_line import AMBIENT, driver_of, emulated, eventually, receive
 import pytest
 
 from soft_continuum.emulators.modbus_rig import crc
@@ -23,6 +22,7 @@ from soft_continuum.hardware.modbus import bus as modbus_bus
 from soft_continuum.hardware.modbus.bus import ModbusBus
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import open_serial
+from support.modbus_line import AMBIENT, driver_of, emulated, eventually, receive
 
 CASES = int(os.environ.get('FUZZ_CASES', '300'))
 EXCHANGES = {

@@ -11,7 +11,6 @@ import random
 import sys
 import termios
 
-from modbus_line import AMBIENT, driver_of, emulated, eventually, parameters, TIMEOUT
 import pytest
 
 from soft_continuum.emulators.modbus_rig import crc
@@ -24,6 +23,7 @@ from soft_continuum.hardware.jamming_controller import (
 from soft_continuum.hardware.modbus.jamming import COILS_INTERVAL, ModbusJamming
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
+from support.modbus_line import AMBIENT, driver_of, emulated, eventually, parameters, TIMEOUT
 
 READ_COILS, READ_REGISTERS, WRITE_COIL = 1, 4, 5
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Vacuum regulators on a Modbus line hold what they are told, or it is said that they do not."""
 
-from modbus_line import AMBIENT, emulated, eventually, parameters, receive, TIMEOUT
 import pytest
 
 from soft_continuum.emulators.modbus import execute_command
@@ -20,6 +19,7 @@ from soft_continuum.hardware.modbus.transmitters import Transmitters
 from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
 from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.parameters.parameter import ParameterError
+from support.modbus_line import AMBIENT, emulated, eventually, parameters, receive, TIMEOUT
 
 READ_OUTPUTS, READ_INPUTS, WRITE_OUTPUT = 3, 4, 6
 

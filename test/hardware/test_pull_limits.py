@@ -4,14 +4,13 @@
 
 from contextlib import contextmanager
 
-from driver_waits import at_rest
-import dynamixel_rig
-import grbl_rig
 import numpy as np
 import pytest
 
 from soft_continuum.hardware.protocols import check_limits, HardwareError, MAX_AHEAD
 from soft_continuum.hardware.tendon_controller import TendonController, TendonLimits
+from support import dynamixel_rig, grbl_rig
+from support.driver_waits import at_rest
 
 WIDE, NARROW = (-0.06, 0.06), (-0.01, 0.01)  # m
 BEYOND = (0.012, -0.012)

@@ -6,12 +6,12 @@ from dataclasses import replace
 from math import exp, inf, log
 
 import pytest
-from virtual_clock import VirtualClock
 
 from soft_continuum.hardware.calibration import POLL_INTERVAL
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.regulator_calibration import assess_regulator, measure_regulator
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedRegulators
+from support.virtual_clock import VirtualClock
 
 SETTINGS, SOFT, PLANT = JammingSettings(), 10e3, JammingPlant()
 

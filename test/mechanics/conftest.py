@@ -2,15 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paper's arm, for every test of its mechanics."""
 
-from pathlib import Path
-import sys
-
-import paper_arm as paper
 import pytest
 
 from soft_continuum.mechanics import Statics
-
-sys.path.append(str(Path(__file__).resolve().parents[2]))  # for benchmarks.elastica
+from support import paper_arm as paper
 
 
 @pytest.fixture(scope='session')

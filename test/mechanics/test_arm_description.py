@@ -6,10 +6,10 @@ from dataclasses import replace
 from math import inf, nan
 
 import numpy as np
-import paper_arm as paper
 import pytest
 
 from soft_continuum.mechanics import ArmError, Disc, PointForce, RigidChain, Segment
+from support import paper_arm as paper
 
 GOOD = {'length': 0.07, 'bending_stiffness': 0.0265, 'guide_offsets': (0.025, 0.025),
         'mass': 0.069, 'bending_angle_limit': 1.5, 'outer_diameter': 0.05}

@@ -4,7 +4,6 @@
 
 from dataclasses import replace
 
-from general_arms import arms, between, FEW, masks, paper_like
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -14,6 +13,7 @@ from soft_continuum.mechanics import SLACK, Statics, StaticsError
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.batch import solve_batch, solve_path
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
+from support.general_arms import arms, between, FEW, masks, paper_like
 
 
 def assert_as_one_by_one(batch, models, start, asked, soft):

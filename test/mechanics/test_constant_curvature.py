@@ -7,9 +7,7 @@ from math import cos, pi, sin
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
-import paper_arm as paper
 import pytest
-from random_arms import arms, between, MODERATE
 
 from soft_continuum.mechanics import (
     Arm,
@@ -19,6 +17,8 @@ from soft_continuum.mechanics import (
     RigidChain,
     Segment,
 )
+from support import paper_arm as paper
+from support.random_arms import arms, between, MODERATE
 
 
 def drawn(segment, angle):

@@ -4,7 +4,6 @@
 
 from dataclasses import replace
 
-from general_arms import arms, FEW, paper_like
 from hypothesis import given
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ import pytest
 from soft_continuum.mechanics import ArmError, SLACK, Statics
 from soft_continuum.mechanics.arm import PAPER, PointForce, SECOND_ORDER
 from soft_continuum.mechanics.chain import RigidChain
+from support.general_arms import arms, FEW, paper_like
 
 KINDS = pytest.mark.parametrize('kind', [PAPER, SECOND_ORDER])
 

@@ -4,8 +4,6 @@
 
 from dataclasses import replace
 
-from energy_reference import Reference
-from general_arms import arms, between, FEW, masks, paper_like
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -15,6 +13,8 @@ from soft_continuum.mechanics import _kernel, Statics
 from soft_continuum.mechanics.arm import PointForce
 from soft_continuum.mechanics.joints import tension_ratios
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
+from support.energy_reference import Reference
+from support.general_arms import arms, between, FEW, masks, paper_like
 
 SOFT_TABLE = MomentCurvature((0.0, 1.0, 4.0), (0.0, 0.05, 0.3))
 STIFF_TABLE = MomentCurvature((0.0, 0.7, 3.0), (0.0, 300.0, 900.0))

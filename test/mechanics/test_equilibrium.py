@@ -7,11 +7,8 @@ from math import cos, pi, sin
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from independent_statics import IndependentArm
 import numpy as np
-import paper_arm as paper
 import pytest
-from random_arms import arms, between, masks, MODERATE, pulls
 
 from soft_continuum.mechanics import (
     Arm,
@@ -23,6 +20,9 @@ from soft_continuum.mechanics import (
     SLACK,
     Statics,
 )
+from support import paper_arm as paper
+from support.independent_statics import IndependentArm
+from support.random_arms import arms, between, masks, MODERATE, pulls
 
 
 @st.composite

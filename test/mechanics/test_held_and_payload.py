@@ -4,15 +4,15 @@
 
 from dataclasses import replace
 
-from general_arms import paper_like
 import numpy as np
 import pytest
-from sensitivity_rows import column, numbers
 
 from soft_continuum.mechanics import PointForce, SLACK, Statics
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
 from soft_continuum.mechanics.sensitivity import Linearisation
+from support.general_arms import paper_like
+from support.sensitivity_rows import column, numbers
 
 ELASTIC = Jam(8.0)
 TABLE = Jam(law=MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.28, 0.65)))

@@ -6,7 +6,6 @@ from dataclasses import replace
 from itertools import permutations
 from math import nan, pi, radians
 
-from general_arms import arms, between, FEW, masks, paper_like, pulls
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
@@ -21,6 +20,7 @@ from soft_continuum.mechanics.inverse import (
     workspace,
 )
 from soft_continuum.mechanics.laws import Jam
+from support.general_arms import arms, between, FEW, masks, paper_like, pulls
 
 
 def angles(statics, state):

@@ -4,8 +4,6 @@
 
 from dataclasses import replace
 
-from energy_reference import Reference
-from general_arms import arms, FEW, masks, paper_like, pulls
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -24,6 +22,8 @@ from soft_continuum.mechanics import (
 )
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
+from support.energy_reference import Reference
+from support.general_arms import arms, FEW, masks, paper_like, pulls
 
 BOTH_SLACK = (SLACK, SLACK)
 

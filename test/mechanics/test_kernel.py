@@ -11,7 +11,6 @@ import subprocess
 import sys
 
 import numpy as np
-import paper_arm as paper
 import pytest
 
 from soft_continuum.mechanics import (
@@ -26,6 +25,7 @@ from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.spatial import spatial, SpatialLinearisation, SpatialStatics
+from support import paper_arm as paper
 
 HERE = Path(__file__).parent
 
@@ -80,7 +80,7 @@ def test_plain_python_and_compiled_code_agree_to_rounding(monkeypatch):
 
 SOLVE = """
 import sys
-import paper_arm as paper
+from support import paper_arm as paper
 from soft_continuum.mechanics import _kernel, SLACK, Statics
 hanging = Statics(paper.build(bodies_per_segment=2, mounting_angle=3.0))
 hanging.solve(hanging.chain.straight(), (0.015, -0.016), (True, True, False))

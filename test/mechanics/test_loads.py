@@ -5,8 +5,6 @@
 from dataclasses import replace
 from math import cos, pi, sin
 
-from energy_reference import Reference
-from general_arms import arms, between, FEW, masks, paper_like, pulls
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -16,6 +14,8 @@ from soft_continuum.mechanics import ArmError, Disc, RIGHT, SLACK, Statics
 from soft_continuum.mechanics.arm import PointForce, Tendon
 from soft_continuum.mechanics.laws import MomentCurvature
 from soft_continuum.mechanics.references.elastica import Elastica
+from support.energy_reference import Reference
+from support.general_arms import arms, between, FEW, masks, paper_like, pulls
 
 BOTH_SLACK = (SLACK, SLACK)
 HANGING, HORIZONTAL = pi, pi / 2

@@ -5,11 +5,9 @@
 from dataclasses import replace
 from math import pi
 
-from general_arms import arms, between, FEW, masks, paper_like
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
-import paper_arm as paper
 import pytest
 
 from soft_continuum.mechanics import (
@@ -26,6 +24,8 @@ from soft_continuum.mechanics import (
     Tendon,
     workspace,
 )
+from support import paper_arm as paper
+from support.general_arms import arms, between, FEW, masks, paper_like
 
 JAMS = st.sampled_from([Jam(), Jam(5.0), Jam(3.0, yield_moment=0.05)])
 

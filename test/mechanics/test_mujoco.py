@@ -15,10 +15,10 @@ from math import cos, pi, sin
 
 import mujoco
 import numpy as np
-import paper_arm as paper
 import pytest
 
 from soft_continuum.mechanics import Jam, LEFT, PointForce, RIGHT, SLACK, Statics
+from support import paper_arm as paper
 
 TOLERANCE = 2e-5  # m, on every calculation point
 TIME_STEP = 0.002

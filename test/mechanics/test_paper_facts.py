@@ -3,10 +3,10 @@
 """The paper's results and the figures of MECHANICS.md, facts 1 to 4."""
 
 import numpy as np
-import paper_arm as paper
 import pytest
 
 from soft_continuum.mechanics import constant_curvature, RIGHT, Statics
+from support import paper_arm as paper
 
 RATIO = 3.75 / 1.69  # measured over leaf spring stiffness of segment 2
 

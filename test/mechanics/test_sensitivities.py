@@ -5,18 +5,18 @@
 from dataclasses import replace
 from math import inf
 
-from energy_reference import Reference
-from general_arms import arms, FEW, masks, paper_like, pulls
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from sensitivity_rows import column, numbers
 
 from soft_continuum.mechanics import SLACK, Statics
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
 from soft_continuum.mechanics.sensitivity import Linearisation
+from support.energy_reference import Reference
+from support.general_arms import arms, FEW, masks, paper_like, pulls
+from support.sensitivity_rows import column, numbers
 
 SOFT_TABLE = MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.08, 0.15))
 STIFF_TABLE = MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.28, 0.65))

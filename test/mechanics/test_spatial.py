@@ -8,7 +8,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import paper_arm as paper
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -32,6 +31,7 @@ from soft_continuum.mechanics.spatial import (
     Wrench,
 )
 from soft_continuum.parameters.files import load_any_arm
+from support import paper_arm as paper
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 BODIES = 4

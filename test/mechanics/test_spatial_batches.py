@@ -5,9 +5,7 @@
 from dataclasses import replace
 
 import numpy as np
-import paper_arm as paper
 import pytest
-from spatial_arms import three_segments
 
 from soft_continuum.mechanics import OverconstrainedError, Statics
 from soft_continuum.mechanics import solve_path as planar_path
@@ -17,6 +15,8 @@ from soft_continuum.mechanics.spatial import (
     spatial,
     SpatialStatics,
 )
+from support import paper_arm as paper
+from support.spatial_arms import three_segments
 
 SOFT = (True, False, True)
 PULLS = np.array([(0.006, -0.004, -0.003), (-0.002, 0.004, -0.003), (0.0, 0.0, 0.002)])

@@ -6,14 +6,14 @@ from dataclasses import replace
 from math import inf, nan, pi
 
 import numpy as np
-import paper_arm as paper
 import pytest
 from scipy.spatial.transform import Rotation
-from spatial_arms import three_segments
 
 from soft_continuum.mechanics import ArmError
 from soft_continuum.mechanics import constant_curvature as planar
 from soft_continuum.mechanics.spatial import constant_curvature, spatial, SpatialChain
+from support import paper_arm as paper
+from support.spatial_arms import three_segments
 
 ANGLES = (0.6, -0.4, 1.1)
 BENDING = ((0.3, 0.5), (-0.8, 0.1), (0.2, -0.6))

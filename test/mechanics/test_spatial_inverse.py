@@ -6,9 +6,7 @@ from dataclasses import replace
 from math import cos, nan, sin
 
 import numpy as np
-import paper_arm as paper
 import pytest
-from spatial_arms import random_arm, three_segments
 
 from soft_continuum.mechanics import Jam, pulls_for_angles, SLACK, Statics, StaticsError
 from soft_continuum.mechanics.spatial import (
@@ -17,6 +15,8 @@ from soft_continuum.mechanics.spatial import (
     spatial,
     SpatialStatics,
 )
+from support import paper_arm as paper
+from support.spatial_arms import random_arm, three_segments
 
 ANY = (nan, nan)
 SHAPE = np.array([(0.6, 0.3), (-0.5, 0.4), (0.8, -0.4)])

@@ -5,13 +5,9 @@
 from dataclasses import replace
 from math import inf
 
-from energy_reference import density
-from general_arms import paper_like
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from spatial_arms import three_segments
-from test_spatial_sensitivities import assert_is_difference, changed, command
 
 from soft_continuum.mechanics import _kernel, SLACK, Statics
 from soft_continuum.mechanics.arm import Tendon
@@ -22,6 +18,10 @@ from soft_continuum.mechanics.spatial import (
     SpatialSegment,
     SpatialStatics,
 )
+from support.differences import assert_is_difference, changed, command
+from support.energy_reference import density
+from support.general_arms import paper_like
+from support.spatial_arms import three_segments
 
 SOFTENING = MomentCurvature((0.0, 2.0, 6.0, 9.0), (0.0, 0.05, 0.10, 0.12))
 STIFFENING = MomentCurvature((0.0, 1.5, 4.0), (0.0, 0.02, 0.12))

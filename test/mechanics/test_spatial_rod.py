@@ -4,15 +4,15 @@
 
 from dataclasses import replace
 
-from general_arms import paper_like
 import numpy as np
 import pytest
-from spatial_arms import three_segments
 
 from soft_continuum.mechanics import Jam, Statics
 from soft_continuum.mechanics.arm import PAPER, SECOND_ORDER
 from soft_continuum.mechanics.references import Elastica, solve_rods
 from soft_continuum.mechanics.spatial import spatial, SpatialStatics, Wrench
+from support.general_arms import paper_like
+from support.spatial_arms import three_segments
 
 ALL = (True, True, True)
 PULLS = np.array([0.008, -0.005, -0.006])

@@ -7,7 +7,6 @@ from math import pi
 import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
-from spatial_arms import three_segments
 
 from soft_continuum.mechanics.spatial import (
     self_intersections,
@@ -17,6 +16,7 @@ from soft_continuum.mechanics.spatial import (
     SpatialSegment,
     wound_up,
 )
+from support.spatial_arms import three_segments
 
 
 def ring(angle, rise=0.0):

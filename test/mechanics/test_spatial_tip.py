@@ -5,10 +5,8 @@
 from dataclasses import replace
 
 import numpy as np
-import paper_arm as paper
 import pytest
 from scipy.spatial.transform import Rotation
-from spatial_arms import three_segments
 
 from soft_continuum.mechanics import angles_for_tip, Statics
 from soft_continuum.mechanics.spatial import (
@@ -18,6 +16,8 @@ from soft_continuum.mechanics.spatial import (
     SpatialStatics,
     workspace,
 )
+from support import paper_arm as paper
+from support.spatial_arms import three_segments
 
 SHAPES = [((0.7, 0.4), (0.2, -0.5), (-0.3, 0.3)), ((0.0, 0.0), (-0.9, 0.5), (0.0, 0.0)),
           ((0.4, -0.6), (0.0, 0.0), (0.9, 0.2))]

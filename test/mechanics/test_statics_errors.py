@@ -4,9 +4,7 @@
 
 from math import inf, nan, pi, radians
 
-from independent_statics import IndependentArm
 import numpy as np
-import paper_arm as paper
 import pytest
 
 from soft_continuum.mechanics import (
@@ -30,6 +28,8 @@ from soft_continuum.mechanics import (
     StaticsError,
     Tendon,
 )
+from support import paper_arm as paper
+from support.independent_statics import IndependentArm
 
 FIRST = paper.only(0)
 STIFF = (False, False, False)

@@ -5,8 +5,6 @@
 from dataclasses import replace
 from math import inf
 
-from energy_reference import Reference
-from general_arms import arms, between, FEW, masks, paper_like, pulls
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
@@ -15,6 +13,8 @@ import pytest
 from soft_continuum.mechanics import SLACK, Statics, StaticsError
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
+from support.energy_reference import Reference
+from support.general_arms import arms, between, FEW, masks, paper_like, pulls
 
 BOTH_SLACK = (SLACK, SLACK)
 TABLE = MomentCurvature((0.0, 2.0, 6.0), (0.0, 400.0, 800.0))  # stiffer than any random segment

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bending stiffness: the paper's equations 1 to 8 and the figures printed beside them."""
 
-import paper_arm as paper
 import pytest
 
 from soft_continuum.mechanics import stiffness
+from support import paper_arm as paper
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,6 @@
 from dataclasses import replace
 from math import inf, nan
 
-from energy_reference import Reference
-from general_arms import arms, between, FEW, masks, paper_like, pulls
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -14,6 +12,8 @@ import pytest
 
 from soft_continuum.mechanics import SLACK, Statics
 from soft_continuum.mechanics.laws import Jam, LawError, linear, MomentCurvature
+from support.energy_reference import Reference
+from support.general_arms import arms, between, FEW, masks, paper_like, pulls
 
 SOFTENING = MomentCurvature((0.0, 2.0, 6.0, 9.0), (0.0, 0.05, 0.10, 0.12))
 STIFFENING = MomentCurvature((0.0, 1.5, 4.0), (0.0, 0.02, 0.12))

@@ -5,8 +5,6 @@
 from dataclasses import replace
 from math import exp, nan, radians
 
-from energy_reference import Reference
-from general_arms import arms, FEW, paper_like, pulls
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -27,6 +25,8 @@ from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.joints import tension_ratios
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.references.elastica import Elastica
+from support.energy_reference import Reference
+from support.general_arms import arms, FEW, paper_like, pulls
 
 PULLED, PAID_OUT, AT_REST = (1, 1), (-1, -1), (0, 0)
 

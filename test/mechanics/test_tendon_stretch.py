@@ -5,8 +5,6 @@
 from dataclasses import replace
 from math import inf
 
-from energy_reference import Reference
-from general_arms import arms, between, FEW, masks, paper_like, pulls
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
@@ -15,6 +13,8 @@ import pytest
 from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
+from support.energy_reference import Reference
+from support.general_arms import arms, between, FEW, masks, paper_like, pulls
 
 
 def tendon_length(arm):

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What part of full vacuum does to the stiffness and the limit of a jam."""
 
-from energy_reference import Reference
-from general_arms import paper_like, STIFFNESS
 import numpy as np
 import pytest
 
 from soft_continuum.mechanics import PointForce, SLACK, Statics
 from soft_continuum.mechanics.laws import Jam, linear, MomentCurvature
+from support.energy_reference import Reference
+from support.general_arms import paper_like, STIFFNESS
 
 
 @pytest.mark.parametrize('exponent', [0.5, 1.0, 2.0])

@@ -9,7 +9,6 @@ import time
 
 import numpy as np
 import pytest
-from ros_rig import Goal, Rig
 
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.up import description_file
@@ -21,6 +20,7 @@ from soft_continuum.sequencing.planner import PlanSettings, Shape
 from soft_continuum.sequencing.progress import Code, Phase
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape as ShapeMessage
+from support.ros_rig import Goal, Rig
 
 ARM, LIBRARY = load_arm(description_file()), PAPER_SHAPES
 NAMES = ('c_form', 'upright_c_form', 's_form')

@@ -9,7 +9,6 @@ import time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 import numpy as np
-from ros_rig import DEADLINE, LATCHED, RELIABLE, Rig
 from sensor_msgs.msg import JointState
 
 from soft_continuum.estimation.unknowns import STRETCH
@@ -19,6 +18,7 @@ from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import measured_pose_to_ros
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum_interfaces.msg import Anomaly, JammingValvesState, KinematicsState
+from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig
 
 COVARIANCE = np.diag([8e-4, 8e-4, 1e-2])**2
 PERIOD = 0.1  # s

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import partial
 from math import pi
 from pathlib import Path
-import sys
 from typing import Any
 
 import cv2
@@ -16,7 +15,6 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 import numpy as np
 import pytest
 from rclpy.qos import QoSProfile
-from ros_rig import Rig, STREAM
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
@@ -28,10 +26,8 @@ from soft_continuum.ros.conversions import measured_pose_from_ros, pose_from_ros
 from soft_continuum.ros.pictures import CHANNELS, grey_message, grey_picture
 from soft_continuum.ros.qos import LATCHED, SENSOR
 from soft_continuum.twin.spatial_camera import FRONT
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / 'sensing'))
-import space_views  # noqa: E402
-import views  # noqa: E402
+from support import space_views, views
+from support.ros_rig import Rig, STREAM
 
 TRUTH = views.discs(0.3, -0.2, 0.4)
 

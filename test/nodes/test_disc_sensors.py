@@ -12,7 +12,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Pose, PoseArray, PoseStamped, PoseWithCovarianceStamped
 import numpy as np
 import pytest
-from ros_rig import pairs, Rig, STREAM
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 import yaml
@@ -24,6 +23,7 @@ from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_from_ros
 from soft_continuum.ros.qos import LATCHED
+from support.ros_rig import pairs, Rig, STREAM
 
 GRAVITY = 9.80665
 SPATIAL = description_file().with_name('spatial_jamming.yaml')

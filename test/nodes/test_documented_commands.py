@@ -16,7 +16,18 @@ import runpy
 import shutil
 import sys
 
-from documented_commands import (
+import pytest
+from sensor_msgs.msg import Imu, JointState
+import yaml
+
+from soft_continuum.arguments import COMMON_OPTIONS
+from soft_continuum.cli.main import main
+from soft_continuum.client import Arm, demo
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_description
+from soft_continuum.ros.names import NODES
+from support import ros2_commands
+from support.documented_commands import (
     blocks,
     Checker,
     command_lines,
@@ -27,19 +38,8 @@ from documented_commands import (
     program,
     ROOT,
 )
-from processes import module_command, Processes
-import pytest
-import ros2_commands
-from ros_rig import QUICK, Rig, STREAM
-from sensor_msgs.msg import Imu, JointState
-import yaml
-
-from soft_continuum.arguments import COMMON_OPTIONS
-from soft_continuum.cli.main import main
-from soft_continuum.client import Arm, demo
-from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_description
-from soft_continuum.ros.names import NODES
+from support.processes import module_command, Processes
+from support.ros_rig import QUICK, Rig, STREAM
 
 FOLLOWED = ('README.md', 'docs/tutorials/first_shapes.md')
 REFUSED = ('soft_continuum jog --right 2', 'soft_continuum run no_such_shape')

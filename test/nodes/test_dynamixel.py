@@ -6,10 +6,11 @@
 from pathlib import Path
 import sys
 
-from processes import Processes
 import pytest
-from ros_rig import ALL, QUICK, Rig
 from std_srvs.srv import SetBool
+
+from support.processes import Processes
+from support.ros_rig import ALL, QUICK, Rig
 
 BEND = (0.0, 0.0, 0.3)
 SLOW = {'tendon_speed': 0.004, 'tendon_acceleration': 0.1, 'speed_limit': 0.03,

@@ -12,11 +12,11 @@ import threading
 
 import numpy as np
 import pytest
-from ros_rig import Rig, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.sequencing.runner import Runner
 from soft_continuum_interfaces.action import RunShapeSequence
+from support.ros_rig import Rig, trajectory
 
 Result = RunShapeSequence.Result
 # Slow enough to be met in the phase, however busy the machine is.

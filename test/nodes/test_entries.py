@@ -9,7 +9,6 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
-from ros_rig import Rig
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
@@ -29,6 +28,7 @@ from soft_continuum.ros.conversions import equilibrium_from_ros, equilibrium_to_
 from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.ros.text import plain
+from support.ros_rig import Rig
 
 
 def test_a_message_that_is_too_long_or_none_at_all_is_left_out_and_logged() -> None:

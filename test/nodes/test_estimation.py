@@ -10,7 +10,6 @@ from typing import Any
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 import pytest
-from ros_rig import LATCHED, Recording, RELIABLE, Rig, STREAM
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
@@ -22,6 +21,7 @@ from soft_continuum.ros.conversions import measured_pose_to_ros, planar_poses, p
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, JammingValvesState, KinematicsState
+from support.ros_rig import LATCHED, Recording, RELIABLE, Rig, STREAM
 
 ARM = load_arm(description_file())
 COVARIANCE = np.diag([3e-4, 3e-4, 2e-3])**2

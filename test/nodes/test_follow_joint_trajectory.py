@@ -18,11 +18,11 @@ import sys
 from typing import Any
 
 from action_msgs.msg import GoalStatus
-from processes import module_command, NodeProcess, Processes
 import pytest
-from ros_rig import Rig
 
 from soft_continuum.nodes.up import description_file
+from support.processes import module_command, NodeProcess, Processes
+from support.ros_rig import Rig
 
 pytestmark = pytest.mark.timeout(600)
 HERE = Path(__file__).resolve().parent
@@ -65,7 +65,7 @@ def goals(rig: Rig, processes: Processes, control_msgs: dict[str, str]
     rig.wait_until_ready('tendon_actuation')
     rig.soften(SEGMENT)
     client: NodeProcess = processes.start(
-        [sys.executable, str(HERE / 'follow_client.py'), rig.namespace],
+        [sys.executable, '-m', 'support.follow_client', rig.namespace],
         environment=control_msgs)
     assert client.wait(300.0) == 0, client.output
     lines = [json.loads(line) for line in client.output.splitlines() if line.startswith('{')]

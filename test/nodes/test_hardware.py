@@ -14,7 +14,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import pytest
 from rclpy.qos import QoSProfile
-from ros_rig import LATCHED, RELIABLE, Rig, STREAM
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
@@ -24,6 +23,7 @@ from soft_continuum.emulators.modbus_rig import ModbusEmulator
 from soft_continuum.hardware.simulated_jamming import JammingPlant
 from soft_continuum.nodes import managed_node
 from soft_continuum_interfaces.action import RunShapeSequence
+from support.ros_rig import LATCHED, RELIABLE, Rig, STREAM
 
 Result = RunShapeSequence.Result
 STEP = 5e-6  # m: 200 steps per mm

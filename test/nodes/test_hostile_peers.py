@@ -15,7 +15,6 @@ import pytest
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
-from ros_rig import LATCHED, RELIABLE, Rig, shape_message, trajectory
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header, String
 from trajectory_msgs.msg import JointTrajectory
@@ -23,6 +22,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
+from support.ros_rig import LATCHED, RELIABLE, Rig, shape_message, trajectory
 
 BOUND = 0.5  # s that a stop may take on a busy machine; see docs/explanation/reliability.md
 PERIOD = 0.001  # s between two messages of a flood

@@ -11,13 +11,11 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 import re
 
-from policies import allowed, used
 import pytest
 from rclpy.action import (
     get_action_client_names_and_types_by_node,
     get_action_server_names_and_types_by_node,
 )
-from ros_rig import ALL, DEADLINE, Rig
 
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_rig
@@ -29,6 +27,8 @@ from soft_continuum.ros.interface_tables import (
 )
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP
 from soft_continuum.ros.security_policy import policy
+from support.policies import allowed, used
+from support.ros_rig import ALL, DEADLINE, Rig
 
 OTHERS = (CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP)
 LEFT_OUT = {one.name for one in OF_EVERY_NODE} | {'/clock'}

@@ -4,11 +4,11 @@
 """How segments become soft and stiff, and what is said of it."""
 
 import pytest
-from ros_rig import AMBIENT, LATCHED, Rig, SEGMENTS, STIFF_VACUUM
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
 from soft_continuum_interfaces.srv import SetVacuum
+from support.ros_rig import AMBIENT, LATCHED, Rig, SEGMENTS, STIFF_VACUUM
 
 RELEASE_VACUUM = 40e3
 

@@ -4,11 +4,11 @@
 """Nodes that are killed in the middle of a sequence: what the others do, and the next start."""
 
 import numpy as np
-from processes import NodeProcess, Processes
 import pytest
-from ros_rig import ALL, Goal, QUICK, Rig
 
 from soft_continuum_interfaces.action import RunShapeSequence
+from support.processes import NodeProcess, Processes
+from support.ros_rig import ALL, Goal, QUICK, Rig
 
 Result = RunShapeSequence.Result
 BEND = (0.0, 0.0, 0.5)

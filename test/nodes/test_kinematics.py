@@ -6,7 +6,6 @@
 from geometry_msgs.msg import PoseArray
 import numpy as np
 import pytest
-from ros_rig import LATCHED, RELIABLE, Rig
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -14,6 +13,7 @@ from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum_interfaces.msg import JammingValvesState
+from support.ros_rig import LATCHED, RELIABLE, Rig
 
 ARM = load_arm(description_file())
 DISC_HEIGHT, LENGTH = 0.03, 0.07

@@ -11,7 +11,6 @@ from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Point
 import numpy as np
 import pytest
-from ros_rig import LATCHED, Rig
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sphere, turned_by
@@ -25,6 +24,7 @@ from soft_continuum.ros.obstacles import (
     removal,
 )
 from soft_continuum.ros.qos import OBSTACLES
+from support.ros_rig import LATCHED, Rig
 
 EXAMPLE = Path(__file__).resolve().parents[2] / 'config' / 'obstacles_example.yaml'
 TETRAHEDRON = Mesh(np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]),

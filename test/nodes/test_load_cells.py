@@ -4,11 +4,11 @@
 """Load cells on a topic: they are read, they end motions, and nothing moves without them."""
 
 import pytest
-from ros_rig import Rig, STREAM, trajectory
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
+from support.ros_rig import Rig, STREAM, trajectory
 
 NAMES = ('right_tendon', 'left_tendon')
 ZEROS, SCALES = (1000.0, -500.0), (0.01, -0.02)  # of amplifiers that show no newtons

@@ -11,12 +11,12 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
-from ros_rig import Rig
 
 from soft_continuum.nodes.measured_poses import MeasuredPoses
 from soft_continuum.ros.conversions import measured_pose_to_ros
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.ros_time import stamp_of
+from support.ros_rig import Rig
 
 DISCS, FRAME = 4, 'base_link'
 

@@ -11,9 +11,7 @@ from socket import AF_INET, AF_INET6, SOCK_DGRAM, SOCK_STREAM
 import subprocess
 import sys
 
-from processes import module_command, NodeProcess, Processes
 import pytest
-from ros_rig import Rig
 
 from soft_continuum.nodes.up import description_file
 from soft_continuum.ros.network import (
@@ -24,6 +22,8 @@ from soft_continuum.ros.network import (
     reachable_addresses,
     who_commands,
 )
+from support.processes import module_command, NodeProcess, Processes
+from support.ros_rig import Rig
 
 CONFIG = description_file().parent
 NO_PROFILE = dict.fromkeys(PROFILES, '')

@@ -6,7 +6,6 @@
 import socket
 
 import pytest
-from ros_rig import ALL, Rig, trajectory
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
@@ -17,6 +16,7 @@ from soft_continuum.parameters.arm import ARM_PARAMETERS, description_digest
 from soft_continuum.parameters.files import load_description
 from soft_continuum.ros.names import DISC_SENSORS, KINEMATICS, SERVO, TENDON_ACTUATION
 from soft_continuum_interfaces.srv import About
+from support.ros_rig import ALL, Rig, trajectory
 
 HERE = socket.gethostname()
 OF_FILE = description_digest(load_description(description_file()))

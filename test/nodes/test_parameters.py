@@ -10,12 +10,10 @@ import signal
 import threading
 from typing import Any
 
-from processes import module_command, Processes
 import pytest
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
-from ros_rig import ALL, Rig
 
 from soft_continuum.nodes.runtime import run
 from soft_continuum.nodes.up import description_file
@@ -29,6 +27,8 @@ from soft_continuum.parameters.shapes import (
     SHAPE_PREFIX,
     vacuum_parameter,
 )
+from support.processes import module_command, Processes
+from support.ros_rig import ALL, Rig
 
 GOOD = description_file().read_text(encoding='utf-8')
 

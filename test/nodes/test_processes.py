@@ -13,13 +13,13 @@ import sys
 import time
 from typing import Any
 
-from documented_commands import kept_signal_handlers
-from processes import assert_ended_in_peace, module_command, NodeProcess, Processes
 import pytest
-from ros_rig import ALL, DEADLINE, Rig
 
 from soft_continuum.cli.main import main
 from soft_continuum.nodes.up import description_file
+from support.documented_commands import kept_signal_handlers
+from support.processes import assert_ended_in_peace, module_command, NodeProcess, Processes
+from support.ros_rig import ALL, DEADLINE, Rig
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # While its modules are still being read, a signal ends it as it ends every program; and CPython

@@ -11,7 +11,6 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point, Pose, Quaternion
 import numpy as np
 import pytest
-from ros_rig import ALL, LATCHED, Rig, shape_message
 from sensor_msgs.msg import JointState
 
 from soft_continuum.mechanics.chain import RigidChain
@@ -22,6 +21,7 @@ from soft_continuum.sequencing.planar_planner import Planner
 from soft_continuum.sequencing.planner import PlanError
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import KinematicsState, Shape, TipGoal
+from support.ros_rig import ALL, LATCHED, Rig, shape_message
 
 JOINTS = RigidChain(load_arm(description_file())).joints
 LIBRARY = 'c_form, upright_c_form, s_form'

@@ -9,8 +9,6 @@ from math import isnan, nan
 from typing import Any
 
 import pytest
-from ros2_control import OtherNodes, until
-from ros_valves import AMBIENT, REGULATORS, Regulators, VALVES, Valves
 from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Bool
 
@@ -21,6 +19,8 @@ from soft_continuum.hardware.ros_topics import device
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
+from support.ros2_control import OtherNodes, until
+from support.ros_valves import AMBIENT, REGULATORS, Regulators, VALVES, Valves
 
 TABLE = {p.name: p for p in NODE_PARAMETERS['jamming_valves']}
 

@@ -10,7 +10,6 @@ import time
 from typing import Any
 
 import pytest
-from ros2_control import Controllers, DEADLINE, JOINTS, OtherNodes, until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
@@ -21,6 +20,7 @@ from soft_continuum.hardware.ros_topics import device
 from soft_continuum.hardware.ros_topics.tendons import RosTendons
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from support.ros2_control import Controllers, DEADLINE, JOINTS, OtherNodes, until
 
 PERIOD = 0.02  # s
 SPEED = 0.03  # m/s

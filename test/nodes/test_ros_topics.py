@@ -9,9 +9,10 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
-from ros2_control import Controllers, JOINTS, RADIUS
-from ros_rig import Rig
-from ros_valves import REGULATORS, Regulators, VALVES, Valves
+
+from support.ros2_control import Controllers, JOINTS, RADIUS
+from support.ros_rig import Rig
+from support.ros_valves import REGULATORS, Regulators, VALVES, Valves
 
 BEND = (0.0, 0.0, 0.3)
 BOARDS: dict[Any, dict[str, Any]] = {Valves: VALVES, Regulators: REGULATORS}

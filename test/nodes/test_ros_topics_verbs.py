@@ -8,14 +8,14 @@ import json
 from pathlib import Path
 
 import pytest
-from ros2_control import Controllers, JOINTS, OtherNodes
-from ros_valves import VALVES, Valves
 from sensor_msgs.msg import JointState
 
 from soft_continuum.cli import calibrate, doctor
 from soft_continuum.hardware.drivers import driver_topics
 from soft_continuum.hardware.ros_topics import survey as topic_survey
 from soft_continuum.parameters.files import load_rig, write_parameters
+from support.ros2_control import Controllers, JOINTS, OtherNodes
+from support.ros_valves import VALVES, Valves
 
 TENDONS = {'tendon_driver': 'ros_topics', 'ros_tendons.joints': JOINTS,
            'ros_tendons.timeout': 1.0, 'ros_jamming.timeout': 1.0}

@@ -13,10 +13,7 @@ from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
-from policies import allowed, used
-from processes import Processes
 import pytest
-from ros_rig import ALL, DEADLINE, Rig
 
 from soft_continuum.cli.main import main
 from soft_continuum.client import Arm
@@ -27,6 +24,9 @@ from soft_continuum.ros.enclaves import CLIENT, INPUTS, VIEWER, with_enclave
 from soft_continuum.ros.interface_tables import documented_nodes
 from soft_continuum.ros.names import RECORDER
 from soft_continuum.ros.security_policy import policy
+from support.policies import allowed, used
+from support.processes import Processes
+from support.ros_rig import ALL, DEADLINE, Rig
 
 # Element, attributes and children, as policy.xsd of ros2/sros2 (0.2.0) has them.
 SCHEMA: dict[str, tuple[set[str], set[str], tuple[str, ...]]] = {

@@ -15,7 +15,6 @@ from geometry_msgs.msg import PointStamped
 import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
-from ros_rig import Heard, LATCHED, pairs, RELIABLE, Rig, trajectory
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
@@ -25,6 +24,7 @@ from soft_continuum.nodes.servo import EstimateObserver
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import equilibrium_to_ros
+from support.ros_rig import Heard, LATCHED, pairs, RELIABLE, Rig, trajectory
 
 SEGMENT = 2
 PERIOD = 0.05  # s between two targets

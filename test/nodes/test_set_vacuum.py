@@ -6,11 +6,11 @@
 from geometry_msgs.msg import Point, Pose
 import numpy as np
 import pytest
-from ros_rig import AMBIENT, Rig, STREAM, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum_interfaces.msg import KinematicsState, Shape, TipGoal
 from soft_continuum_interfaces.srv import SetVacuum
+from support.ros_rig import AMBIENT, Rig, STREAM, trajectory
 
 VACUUMS = (25e3, 80e3, 40e3)
 

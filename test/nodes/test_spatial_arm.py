@@ -5,23 +5,19 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from math import cos, radians, sin
-from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 import pytest
-from ros_rig import LATCHED, RELIABLE, Rig, STREAM, trajectory
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import String
-from test_spatial_description import check_urdf, JAMMING, TENDON_ARM
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.mechanics.spatial import SpatialChain
-from soft_continuum.parameters.files import given_parameters, load_any_arm, UNCHECKED
-from soft_continuum.parameters.nodes import ALL_PARAMETERS
+from soft_continuum.parameters.files import load_any_arm
 from soft_continuum.ros.conversions import tracked_pose_from_ros, tracked_pose_to_ros
 from soft_continuum.ros.estimates import parameter_names
 from soft_continuum_interfaces.msg import (
@@ -30,17 +26,13 @@ from soft_continuum_interfaces.msg import (
     MotionRequest,
     TeleopState,
 )
+from support.descriptions import check_urdf, given, JAMMING, TENDON_ARM
+from support.ros_rig import LATCHED, RELIABLE, Rig, STREAM, trajectory
 
 NAMES = load_any_arm(TENDON_ARM).tendon_names
 OFFSET, SEGMENT, BASE, DISC = 0.008, 0.08, 0.01, 0.005  # m, as config/tendon_arm.yaml has them
 PULL = 0.004  # m
 SLACK = -0.02  # m: of the tendons that are not to do anything
-
-
-def given(path: Path, **changes: Any) -> Mapping[str, Any]:
-    """Return what a description gives, and changes, as Rig.start takes them."""
-    values = given_parameters(path, ALL_PARAMETERS, prefixes=UNCHECKED)
-    return {name.replace('.', '__'): value for name, value in values.items()} | changes
 
 
 class Driven:

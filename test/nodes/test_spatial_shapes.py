@@ -11,18 +11,17 @@ from geometry_msgs.msg import Vector3
 from matplotlib.figure import Figure
 import numpy as np
 import pytest
-from ros_rig import LATCHED, Rig
 from scipy.spatial.transform import Rotation
 from std_srvs.srv import SetBool
-from test_spatial_arm import given
-from test_spatial_description import JAMMING, TENDON_ARM
-from test_teleop import Joystick, LEFT, RIGHT
 
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
 from soft_continuum.client.plot import plot
 from soft_continuum.parameters.files import load_any_arm, load_description
 from soft_continuum_interfaces.msg import Shape
+from support.descriptions import given, JAMMING, TENDON_ARM
+from support.joystick import Joystick, LEFT, RIGHT
+from support.ros_rig import LATCHED, Rig
 
 HELIX = load_description(JAMMING)['shapes.helix'], load_description(
     JAMMING)['shape_directions.helix']

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from ros_rig import Rig
 
 from soft_continuum.nodes import status as module
 from soft_continuum.nodes.status import OK, Status, WARN
+from support.ros_rig import Rig
 
 
 @pytest.fixture

@@ -16,9 +16,8 @@ import threading
 import time
 from typing import Any
 
-from ros_rig import DEADLINE, LATCHED, Rig
-
 from soft_continuum_interfaces.msg import TeleopState
+from support.ros_rig import DEADLINE, LATCHED, Rig
 
 RIGHT = b'\x1bOC'  # the arrow, as an xterm sends it
 REPEAT = 0.03  # s

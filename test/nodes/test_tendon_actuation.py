@@ -12,13 +12,13 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 import pytest
-from ros_rig import RELIABLE, Rig, trajectory
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.nodes import tendon_control
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum_interfaces.msg import MotionRequest
+from support.ros_rig import RELIABLE, Rig, trajectory
 
 OTHERS = ('jamming_valves', 'kinematics')
 NAN, INFINITE = float('nan'), float('inf')

@@ -9,12 +9,12 @@ from typing import Any
 
 from geometry_msgs.msg import Point, Pose
 import pytest
-from ros_rig import LATCHED, Rig
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape, TipGoal
 from soft_continuum_interfaces.srv import PlanShapes
+from support.ros_rig import LATCHED, Rig
 
 PLACE = (0.15, 0.22)  # x, z, m
 TOLERANCE = 1e-3  # m

@@ -8,9 +8,7 @@ import signal
 
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
-from processes import module_command, NodeProcess, Processes
 import pytest
-from ros_rig import Rig, STREAM, trajectory
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
@@ -22,6 +20,8 @@ from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.ros.conversions import planar_poses, poses_from_ros
 from soft_continuum.ros.names import NODES
 from soft_continuum.twin.differences import load_cell_parameters
+from support.processes import module_command, NodeProcess, Processes
+from support.ros_rig import Rig, STREAM, trajectory
 
 BEND = (0.0, 0.3, -0.2)
 START_TIMEOUT = 120.0  # s for eight processes to import what they need, on a busy machine

@@ -8,13 +8,13 @@ from pathlib import Path
 import signal
 
 import numpy as np
-from processes import assert_ended_in_peace, module_command, Processes
 import pytest
-from ros_rig import ALL, Rig
 
 from soft_continuum.nodes.up import description_file, ros_arguments, start_parser
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum_interfaces.action import RunShapeSequence
+from support.processes import assert_ended_in_peace, module_command, Processes
+from support.ros_rig import ALL, Rig
 
 SHAPES = {'left': (0.0, 0.4, 0.2), 'right': (0.0, -0.3, 0.5)}
 

@@ -9,8 +9,9 @@ from pathlib import Path
 import time
 
 import pytest
-from split_arm import SplitArm
-from two_computers import Computers, Quality, RIG, why_not, WORKSTATION
+
+from support.split_arm import SplitArm
+from support.two_computers import Computers, Quality, RIG, why_not, WORKSTATION
 
 LOSSY = Quality(delay=0.05, jitter=0.01, loss=0.05)
 """In each direction, so that a round trip takes 0.1 s."""

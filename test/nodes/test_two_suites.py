@@ -3,8 +3,9 @@
 
 """Two suites of the same names would soften two segments at once: they notice, and do nothing."""
 
-from ros_rig import ALL, Rig, trajectory
 from trajectory_msgs.msg import JointTrajectory
+
+from support.ros_rig import ALL, Rig, trajectory
 
 
 def test_a_second_suite_of_the_same_names_is_an_error_and_refuses_all_motion(rig: Rig) -> None:

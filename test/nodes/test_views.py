@@ -12,13 +12,13 @@ from typing import Any
 
 import mujoco
 import pytest
-from ros_rig import LATCHED, Rig
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 import yaml
 
 from soft_continuum.mechanics import RigidChain
 from soft_continuum.parameters.files import load_arm
+from support.ros_rig import LATCHED, Rig
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 RVIZ = yaml.safe_load((CONFIG / 'arm.rviz').read_text(encoding='utf-8'))

@@ -4,9 +4,9 @@
 
 import cv2
 import numpy as np
-import views
 
 from soft_continuum.sensing.tag_camera import TagCamera
+from support import views
 
 NEAR = 8.0  # px around a tag in which a bar may disturb it
 

@@ -7,12 +7,11 @@ import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-import space_views
-import views
 
 from soft_continuum.sensing.overlay import overlay, SIZE
 from soft_continuum.sensing.ring_camera import RingCamera
 from soft_continuum.sensing.tag_camera import TagCamera
+from support import space_views, views
 
 ANGLES = (0.3, -0.2, 0.4)
 

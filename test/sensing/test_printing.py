@@ -5,14 +5,13 @@
 import cv2
 import numpy as np
 import pytest
-import space_views
-import views
 
 from soft_continuum.cli import calibrate, tags
 from soft_continuum.sensing import printing
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.lens_calibration import board
 from soft_continuum.sensing.lens_calibration import calibrate as calibrate_lens
+from support import space_views, views
 
 DOTS = 10  # per mm
 SIZE, FOCAL = (640, 480), 600.0

@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-import space_views as views
 
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.lens import Lens
@@ -17,6 +16,7 @@ from soft_continuum.sensing.ring_camera import RingCamera
 from soft_continuum.sensing.straight_corners import as_numbers, at_rest, from_numbers
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.twin.spatial_camera import FRONT
+from support import space_views as views
 
 STRAIGHT = views.discs(*np.zeros((3, 2)))
 BENT = views.discs((0.3, 0.2), (-0.2, 0.4), (0.1, -0.5))

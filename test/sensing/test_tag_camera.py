@@ -7,12 +7,12 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-import views
 
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.lens import Lens, LensError
 from soft_continuum.sensing.tag_camera import TagCamera
+from support import views
 
 STRAIGHT = views.discs(0.0, 0.0, 0.0)
 

@@ -5,12 +5,12 @@
 from dataclasses import replace
 from math import degrees, pi, radians
 
-import imus
 import numpy as np
 import pytest
 
 from soft_continuum.sensing.imu_axes import imu_rotations
 from soft_continuum.sensing.tilt import ImuSample, ImuSettings, SensorError, TiltFilter
+from support import imus
 
 DEVIATION = 0.01  # rad, of what is off all the time
 OFFSET = DEVIATION * imus.GRAVITY  # m/s^2

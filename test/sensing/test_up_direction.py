@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The filter of where up is, against rotations of a disc in space that scipy makes."""
 
-from imus import Errors, GRAVITY
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from space_views import ARM, VALUES
 
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.mounted_imus import imus_of
 from soft_continuum.sensing.tilt import ImuSample, ImuSettings, SensorError
 from soft_continuum.sensing.up_direction import pose_of_up, turned_upright, UpFilter
+from support.imus import Errors, GRAVITY
+from support.space_views import ARM, VALUES
 
 DEVIATION, STEP, LENGTH = 0.01, 0.02, 0.25
 SETTINGS = ImuSettings(GRAVITY, 0.0, deviation=DEVIATION)

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from virtual_rig import ARM
 
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.laws import Jam
@@ -20,6 +19,7 @@ from soft_continuum.sequencing.aiming import (
 )
 from soft_continuum.sequencing.planar_planner import Planner
 from soft_continuum.sequencing.planner import PlanError, PlanSettings
+from support.virtual_rig import ARM
 
 ELASTIC = replace(ARM, bodies_per_segment=4, segments=tuple(
     replace(s, jam=Jam(15.0)) for s in ARM.segments))

@@ -2,156 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shapes set by measurements on an arm that is not the model's, and what happens without them."""
 
-from concurrent.futures import Future
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from virtual_rig import (
-    ARM,
+
+from soft_continuum.sequencing.planner import Shape
+from soft_continuum.sequencing.progress import Code, Phase
+from support.measured_rig import (
+    asked_to_soften,
+    at_rest_and_stiff,
+    LOOP,
+    MeasuredRig,
+    REACHED,
+    SHAPE,
+)
+from support.virtual_rig import (
     one_soft_at_most_and_none_moved_stiff,
     PLAN_SETTINGS,
     STEP,
     TICK_STEPS,
-    VirtualRig,
 )
-
-from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.measuring import DiscMeasurement
-from soft_continuum.estimation.shape import ArmShape
-from soft_continuum.mechanics import Statics
-from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
-from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
-from soft_continuum.sequencing.loop_settings import LoopSettings
-from soft_continuum.sequencing.planar_planner import Planner
-from soft_continuum.sequencing.planner import Shape
-from soft_continuum.sequencing.progress import Code, Phase
-
-ARM = replace(ARM, bodies_per_segment=4)
-SHAPE = Shape('bow', tuple(np.radians([25.0, -20.0, 30.0])), 0.2)
-OFFSETS = (6e-4, -1.2e-3)  # m by which the tendons are pulled in beyond what motors say
-LOOP = LoopSettings(settling_time=0.3, measuring_time=0.6, sensor_timeout=2.0)
-REACHED = np.radians(0.6)  # the plant's jams are rigid, those of the estimate give a little
-PERIOD = 0.1  # s between two measurements
-COVARIANCE = np.diag([3e-4, 3e-4, 2e-3])**2
-
-
-class OffsetStatics(Statics):
-    """Statics of an arm whose tendons are not as long as the model's."""
-
-    def solve(self, start, pulls, *arguments, **more):
-        return super().solve(start, np.asarray(pulls) + OFFSETS, *arguments, **more)
-
-
-@dataclass
-class MeasuredRig(VirtualRig):
-    """
-    A rig with another arm than the model's, whose true shape is measured, and estimated.
-
-    lost_after: s of the run, after which nothing is measured any more.  anomaly: what is reported.
-    shift: rad by which a segment bends when it becomes stiff, once each.
-    """
-
-    arm: object = ARM
-    loop: LoopSettings = LOOP
-    lost_after: float = np.inf
-    anomaly: str = ''
-    shift: dict = field(default_factory=dict)
-    open_loop: bool = False
-
-    def __post_init__(self):
-        self.begin, self.shape = self.now, ArmShape(self.arm, 1e-3)
-        super().__post_init__()
-        self.statics = OffsetStatics(replace(self.arm, segments=tuple(
-            replace(s, bending_stiffness=1.3 * s.bending_stiffness) for s in self.arm.segments)))
-        self.before = list(self.soft)
-        self.look()
-
-    def estimated(self):
-        """Return a planner with the estimated arm, and the state that is estimated."""
-        estimator = self.shape.estimator
-        if estimator is None:
-            return Planner(self.arm, self.plan_settings), self.shape.state
-        return (Planner(estimator.arm, self.plan_settings, offsets=estimator.offsets),
-                estimator.state)
-
-    def planned(self, shape):
-        planner, state = self.estimated()
-        return planner.plan(state, self.tendons.reading.pulls, [shape])[0]
-
-    def run_of(self, shapes, plan=None):
-        if self.open_loop:
-            return super().run_of(shapes, plan)
-        return ClosedLoopRunner(shapes, plan or self.plan, Loop(
-            lambda shape: self.asked(lambda *_: self.aim(shape)),
-            lambda segments, aim: self.asked(lambda planner, state: next_step(
-                planner, state, self.tendons.reading.pulls, segments, aim, 5e-5)),
-            lambda segments, aim, limit: self.asked(lambda planner, state: worth_setting_again(
-                planner, state, self.tendons.reading.pulls, segments, aim, 0.006, limit)),
-            lambda aim: aim.error(self.estimated()[1])),
-            self, self.settings, self.loop, self.arm.tendon_names)
-
-    def aim(self, shape):
-        chain = self.planner.statics.chain  # of the description
-        return Aim(np.array(shape.bending_angles), chain.uniform(shape.bending_angles).tip[:2])
-
-    def asked(self, work):
-        future = Future()
-        try:
-            future.set_result(work(*self.estimated()))
-        except Exception as error:
-            future.set_exception(error)
-        return future
-
-    def look(self):
-        """Let the estimate follow what motors and valves report, and what is measured."""
-        jammed = tuple(not soft for soft in self.soft)
-        self.shape.follow(Commands(
-            self.now, np.array(self.tendons.reading.pulls), jammed, self.parts, (0, 0),
-            jammed != tuple(self.jamming.stiff)))
-        if self.now - self.begin < self.lost_after:
-            self.shape.measure(self.now, [
-                DiscMeasurement(n, self.state.points[2 * n], COVARIANCE) for n in (1, 2, 3)])
-
-    def observe(self):
-        if self.count % round(PERIOD / STEP) == 0:
-            self.look()
-        estimator = self.shape.estimator
-        return replace(super().observe(), anomaly=self.anomaly,
-                       measured=None if estimator is None else estimator.measured)
-
-    def step(self):
-        super().step()
-        for segment, (was, now) in enumerate(zip(self.before, self.soft, strict=True)):
-            if was and not now and segment in self.shift:
-                self.bend_by_itself(segment, self.shift.pop(segment))
-        self.before = list(self.soft)
-
-    def bend_by_itself(self, segment, change):
-        per_segment = self.statics.chain.joints_per_segment
-        angles = self.state.joint_angles.copy()
-        angles[segment * per_segment:(segment + 1) * per_segment] += change / per_segment
-        self.state = replace(self.statics.chain.state(angles))
-
-    @property
-    def error(self):
-        """By how much the worst segment is off, rad."""
-        wanted = np.array(self.runner._shapes[-1].bending_angles)
-        return float(np.abs(self.angles - wanted).max())
-
-
-def at_rest_and_stiff(rig):
-    commands = list(rig.commands)
-    for _ in range(2):
-        assert not rig.moving and not rig.tendons.following
-        assert all(rig.jamming.stiff)
-        rig.go_on(0.3)
-    assert rig.commands == commands
-
-
-def asked_to_soften(rig):
-    return [command[2] for command in rig.commands if command[1:2] + command[3:] == (
-        'set_stiff', False)]
 
 
 def measuring(segment=1, **changes):

@@ -7,8 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from test_closed_loop import asked_to_soften, LOOP, MeasuredRig, OffsetStatics
-from virtual_rig import PLAN_SETTINGS, RUNNER_SETTINGS, VirtualRig
 
 from soft_continuum.mechanics import Jam, Statics
 from soft_continuum.nodes.up import description_file
@@ -22,6 +20,8 @@ from soft_continuum.sequencing.planner import PlanError, Shape
 from soft_continuum.sequencing.progress import Code, Phase
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes
+from support.measured_rig import asked_to_soften, LOOP, MeasuredRig, OffsetStatics
+from support.virtual_rig import PLAN_SETTINGS, RUNNER_SETTINGS, VirtualRig
 
 DEGREE = np.radians(1.0)
 VACUUMS = (30e3, 80e3, 60e3)

@@ -11,7 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from virtual_rig import (
+
+from soft_continuum.sequencing.arm_port import Failure, Observation
+from soft_continuum.sequencing.planner import PlanSettings, Shape
+from soft_continuum.sequencing.progress import Code, Phase, Progress
+from support.virtual_rig import (
     ARM,
     LIBRARY,
     one_soft_at_most_and_none_moved_stiff,
@@ -21,10 +25,6 @@ from virtual_rig import (
     TICK_STEPS,
     VirtualRig,
 )
-
-from soft_continuum.sequencing.arm_port import Failure, Observation
-from soft_continuum.sequencing.planner import PlanSettings, Shape
-from soft_continuum.sequencing.progress import Code, Phase, Progress
 
 SHAPES = tuple(Shape(name, angles, 0.2) for name, angles in LIBRARY.items())
 C_FORM, UPRIGHT, S_FORM = SHAPES

@@ -7,8 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from test_closed_loop import at_rest_and_stiff, MeasuredRig
-from virtual_rig import one_soft_at_most_and_none_moved_stiff, TICK_STEPS
 
 from soft_continuum.mechanics.either import chain_of
 from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
@@ -19,6 +17,8 @@ from soft_continuum.sequencing.planner import ObstructedError, PlanError, Shape
 from soft_continuum.sequencing.progress import Code
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_of, plan_shapes
+from support.measured_rig import at_rest_and_stiff, MeasuredRig
+from support.virtual_rig import one_soft_at_most_and_none_moved_stiff, TICK_STEPS
 
 MARGIN, DEPARTURE = 0.005, 0.02  # m
 PLACE = np.array([0.15, 0.0, 0.22])
@@ -76,7 +76,7 @@ class TipRig(MeasuredRig):
 @cache
 def plan():
     """Return a plan of the described arm: segment 2, then segment 3."""
-    from virtual_rig import ARM, PLAN_SETTINGS
+    from support.virtual_rig import ARM, PLAN_SETTINGS
     planner = Planner(ARM, PLAN_SETTINGS)
     around = Surroundings(ARM)
     found, = plan_shapes(planner, chain_of(ARM).straight(), (0.0, 0.0), [tip_shape(PLACE)],
@@ -197,7 +197,7 @@ def test_angles_are_set_in_another_order_where_an_obstacle_is_in_the_way_of_the_
 
 
 def plan_settings():
-    from virtual_rig import PLAN_SETTINGS
+    from support.virtual_rig import PLAN_SETTINGS
     return PLAN_SETTINGS
 
 

@@ -5,10 +5,10 @@
 from dataclasses import replace
 
 import numpy as np
-from plants import ARM, FREE, only, plant, run, SOFT
 import pytest
 
 from soft_continuum.twin.differences import Obstacle, TwinError
+from support.plants import ARM, FREE, only, plant, run, SOFT
 
 PULLS = np.array([0.016, -0.05])  # m: 30 degrees and more to the right
 MIRROR = np.array([-1.0, 1.0, -1.0])  # of x, z and angle

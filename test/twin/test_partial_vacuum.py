@@ -6,7 +6,6 @@ from dataclasses import replace
 from math import radians
 
 import numpy as np
-from plants import ARM, IDEAL, only, run, STIFF
 import pytest
 
 from soft_continuum.mechanics.laws import Jam
@@ -18,6 +17,7 @@ from soft_continuum.sequencing.planner import planner_of, PlanSettings, Shape
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes
 from soft_continuum.twin.plant import plant_of
+from support.plants import ARM, IDEAL, only, run, STIFF
 
 FULL = 80e3
 RATIO = 10.0

@@ -6,11 +6,11 @@ from dataclasses import replace
 from math import radians
 
 import numpy as np
-from plants import ARM, FREE, only, plant, run, SOFT, STIFF
 import pytest
 
 from soft_continuum.mechanics import MomentCurvature, set_shape, Statics
 from soft_continuum.twin.differences import TwinError
+from support.plants import ARM, FREE, only, plant, run, SOFT, STIFF
 
 
 def bent(found, segment, angle):

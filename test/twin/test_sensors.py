@@ -5,11 +5,11 @@
 from dataclasses import replace
 
 import numpy as np
-from plants import ARM, FREE, only, plant, run, SOFT, STIFF
 import pytest
 
 from soft_continuum.twin.plant import TIME_STEP
 from soft_continuum.twin.sensors import Sensors
+from support.plants import ARM, FREE, only, plant, run, SOFT, STIFF
 
 PULLS = np.array([0.012, -0.05])
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 from math import nan
 
 import numpy as np
-from plants import ARM, IDEAL, only, run, SOFT, STIFF
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -26,6 +25,7 @@ from soft_continuum.twin.differences import Obstacle, read_differences, TwinErro
 from soft_continuum.twin.plant import Plant, plant_of
 from soft_continuum.twin.sensors import Sensors
 from soft_continuum.twin.spatial_plant import SpatialPlant
+from support.plants import ARM, IDEAL, only, run, SOFT, STIFF
 
 JAMMING = load_any_arm(description_file().with_name('spatial_jamming.yaml'))
 SIDEWAYS = (5.0, -7.0, 4.0)  # m/s^2

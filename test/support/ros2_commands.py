@@ -19,10 +19,10 @@ from lifecycle_msgs.msg import Transition
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.action import ActionClient, get_action_names_and_types
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_rig import Rig
 import yaml
 
 from soft_continuum.ros.qos import SENSOR
+from support.ros_rig import Rig
 
 SEQUENCE_TIMEOUT = 120.0  # s
 OF_THE_READER = ('/my_camera/tip_pose',)

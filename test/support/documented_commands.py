@@ -27,7 +27,7 @@ from soft_continuum.cli.main import call
 from soft_continuum.cli.registry import NODE, VERBS
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 FENCE = re.compile(r' *```(.*)')
 NOT_OURS = {'. install/setup.bash', 'colcon build', 'ls -l /dev/serial/by-id',
             'sudo usermod -aG dialout $USER', 'ssh -L 8080:127.0.0.1:8080 user@rig',

@@ -13,13 +13,13 @@ import sys
 import time
 from typing import Any, Self
 
-from processes import NodeProcess, Processes
-from ros_rig import Rig
-from two_computers import Computer, Computers, PERFECT, Quality, RIG, WORKSTATION
 import yaml
 
 from soft_continuum.nodes.up import description_file
 from soft_continuum.ros.network import PROFILES
+from support.processes import NodeProcess, Processes
+from support.ros_rig import Rig
+from support.two_computers import Computer, Computers, PERFECT, Quality, RIG, WORKSTATION
 
 END_TIMEOUT = 15.0  # s
 OPEN = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', **dict.fromkeys(PROFILES, '')}

@@ -5,14 +5,14 @@
 from contextlib import contextmanager
 from math import pi
 
-from driver_waits import until
-from dynamixel_slave import serving, Slave
 import pytest
-from virtual_clock import VirtualClock
 
 from soft_continuum.hardware.dynamixel.setup import Spools
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
+from support.driver_waits import until
+from support.dynamixel_slave import serving, Slave
+from support.virtual_clock import VirtualClock
 
 TENDONS = ('right_tendon', 'left_tendon')
 RADIUS = 0.01

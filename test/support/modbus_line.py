@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the tests of the Modbus driver share: emulated rigs and their drivers."""
 
-from virtual_clock import VirtualClock
-
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
 from soft_continuum.hardware.modbus.bus import ModbusBus
 from soft_continuum.hardware.modbus.jamming import ModbusJamming, registers_from_parameters
 from soft_continuum.hardware.protocols import HardwareError
+from support.virtual_clock import VirtualClock
 
 AMBIENT = 101325.0
 TIMEOUT = 0.1  # s

@@ -4,7 +4,6 @@
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-import views
 
 from soft_continuum.mechanics.spatial.chain import SpatialChain
 from soft_continuum.nodes.up import description_file
@@ -12,6 +11,7 @@ from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.twin.spatial_camera import FRONT, SpatialTwinCamera
+from support import views
 
 PATH = description_file().with_name('spatial_jamming.yaml')
 VALUES = load_description(PATH, node='camera')

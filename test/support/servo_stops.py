@@ -6,9 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
-from servo_rig import ServoRig, somewhere, WrongStateError
-
 from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
+from support.servo_rig import ServoRig, somewhere, WrongStateError
 
 MAX_STOP_TIME, MEDIAN_STOP_TIME = 0.15, 0.1  # s
 REST_SPEED, REST_DISTANCE = 5e-4, 1e-4  # m/s, m: as the driver confirms a stop, and arrives

@@ -4,13 +4,12 @@
 
 from contextlib import contextmanager
 
-from driver_waits import until
-from virtual_clock import VirtualClock
-
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.grbl.tendons import GrblTendons
+from support.driver_waits import until
+from support.virtual_clock import VirtualClock
 
 TENDONS = ('right_tendon', 'left_tendon')
 STEPS_PER_MM = 200.0

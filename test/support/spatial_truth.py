@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from true_arm import Session
 
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
@@ -14,6 +13,7 @@ from soft_continuum.mechanics import Jam
 from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_any_arm
+from support.true_arm import Session
 
 ARM = replace(load_any_arm(description_file().with_name('spatial_jamming.yaml')),
               bodies_per_segment=4)

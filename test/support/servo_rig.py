@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 
-from virtual_clock import VirtualClock
-
 from soft_continuum.emulators.driving import SERVO_MODEL, SPOOL_RADIUS, tension_limit
 from soft_continuum.emulators.dynamixel import make_servos
 from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
@@ -23,6 +21,7 @@ from soft_continuum.emulators.dynamixel_packets import Instruction
 from soft_continuum.hardware.dynamixel.setup import Spools
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
+from support.virtual_clock import VirtualClock
 
 TENDONS = 'first', 'second', 'third', 'fourth'
 SIGNS = 1, -1, 1, -1

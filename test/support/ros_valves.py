@@ -8,7 +8,6 @@ import time
 from typing import Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from ros2_control import OtherNodes
 from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Bool, Float64, Float64MultiArray
 
@@ -17,6 +16,7 @@ from soft_continuum.hardware.simulated_jamming import (
     SimulatedJamming,
     SimulatedRegulators,
 )
+from support.ros2_control import OtherNodes
 
 RATE = 50.0  # Hz
 AMBIENT = 101325.0  # Pa

@@ -6,7 +6,7 @@
 import re
 from xml.etree import ElementTree
 
-from ros_rig import Rig
+from support.ros_rig import Rig
 
 # What an action is made of, as rcl_action names it: of its server. Its client has the reverse.
 ACTION = {'publish': ('feedback', 'status'), 'reply': ('send_goal', 'get_result', 'cancel_goal')}

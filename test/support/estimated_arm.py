@@ -16,7 +16,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from rclpy.time import Duration
-from ros_rig import AMBIENT, LATCHED, parameter_values, Spinner, STREAM, TENDONS
 from sensor_msgs.msg import FluidPressure, JointState
 
 from soft_continuum.mechanics.chain import full_poses, RigidChain
@@ -33,6 +32,7 @@ from soft_continuum_interfaces.msg import (
     TendonActuationState,
 )
 from soft_continuum_interfaces.srv import PlanShapes
+from support.ros_rig import AMBIENT, LATCHED, parameter_values, Spinner, STREAM, TENDONS
 
 PERIOD = 0.1  # s
 ARM = load_arm(description_file())

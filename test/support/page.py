@@ -7,6 +7,7 @@ from collections.abc import Callable
 import io
 from pathlib import Path
 import re
+import sys
 import time
 from typing import Any
 
@@ -14,8 +15,13 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import expect
 
+from support.processes import NodeProcess, Processes
+
 DEADLINE = 90.0  # s: everything is rendered in software
 expect.set_options(timeout=DEADLINE * 1e3)
+# Slow enough to be seen and stopped on its way; at a rate that a busy machine keeps.
+SLOW = {'tendon_speed': 0.001, 'tendon_rate': 5.0, 'jamming_rate': 10.0,
+        'silence_timeout': 10.0}
 
 
 class Page:
@@ -157,3 +163,21 @@ def teal(colours: Any) -> Any:
     """Whether pixels are as teal as the outline of a measured disc."""
     red, greens, blue = (colours[..., c].astype(int) for c in range(3))
     return (greens > red + 60) & (blue > red + 60) & (abs(greens - blue) < 40)
+
+
+OpenPage = Callable[[str], Page]
+
+
+def start_view(processes: Processes, verb: str, *options: str) -> NodeProcess:
+    """Start ``browser``, ``ui`` or ``replay``."""
+    return processes.start([sys.executable, '-m', 'soft_continuum', verb, '--port', '0', *options])
+
+
+def address_of(view: NodeProcess) -> str:
+    """Wait for the address that a view prints."""
+    deadline = time.monotonic() + DEADLINE
+    while not (found := re.search(r' is at (http\S+)', view.output)):
+        assert view.running, view.output
+        assert time.monotonic() < deadline, f'no address:\n{view.output}'
+        time.sleep(0.05)
+    return found[1]

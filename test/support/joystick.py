@@ -1,0 +1,88 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""A joystick, a servo and a teleop that listens to it."""
+
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import Joy
+from trajectory_msgs.msg import JointTrajectory
+
+from soft_continuum_interfaces.msg import TeleopState
+from support.ros_rig import LATCHED, RELIABLE, Rig
+
+PERIOD = 0.05  # s, as joy_node repeats
+LB, A, B, X, BACK, START, RB = 4, 0, 1, 2, 6, 7, 5
+PATIENT = {'teleop.timeout': 2.0}  # of a busy machine, on which messages come late
+RIGHT, LEFT = -1.0, 1.0  # as joy_node counts
+
+
+class Joystick:
+    """An Xbox pad as joy_node publishes it, with a servo and a teleop that listens to it."""
+
+    def __init__(self, rig: Rig, teleop: bool = True, **description: Any) -> None:
+        self.rig = rig
+        self.nodes = [rig.start('servo', ready=False, tendon_speed=0.02, **description)[0]]
+        if teleop:
+            self.nodes += rig.start('teleop', ready=False, **PATIENT)
+        self.statuses = rig.record(DiagnosticStatus, 'servo/status', LATCHED)
+        self.states = rig.record(TeleopState, 'teleop/state', LATCHED)
+        self.sent = rig.record(JointTrajectory, 'tendon_actuation/joint_trajectory', RELIABLE)
+        self._publisher = rig.publisher(Joy, 'joy')
+        self._message = Joy(axes=[0.0] * 8, buttons=[0] * 11)
+        self._timer = rig.observer.create_timer(PERIOD, self._publish)
+
+    def _publish(self) -> None:
+        self._message.header.stamp = self.rig.observer.get_clock().now().to_msg()
+        self._publisher.publish(self._message)
+
+    def unplug(self) -> None:
+        """Say nothing more; its executor would end if that came while it takes the timer."""
+        self.rig.on_ros_thread(self._timer.cancel)
+
+    def plug(self) -> None:
+        """Go on."""
+        self.rig.on_ros_thread(self._timer.reset)
+
+    def show(self, *pressed: int, x: float = 0.0, y: float = 0.0) -> None:
+        """Hold these buttons, and the left stick like this, from now on."""
+        self._message = Joy(axes=[x, y] + [0.0] * 6,
+                            buttons=[int(n in pressed) for n in range(11)])
+        self._publish()
+
+    def wait_for(self, text: str, **fields: Any) -> TeleopState:
+        """Wait until teleop says so."""
+        def found() -> bool:
+            state = self.states.last
+            return state is not None and text in state.message and all(
+                getattr(state, name) == value for name, value in fields.items())
+
+        self.rig.wait_for(found, f'{text} {fields}; is: {self.states.last}')
+        state: TeleopState = self.states.last
+        return state
+
+    def press(self, button: int, text: str, **fields: Any) -> None:
+        """Press a button, wait for what teleop says of it, release it."""
+        self.show(button)
+        self.wait_for(text, **fields)
+        self.show()
+
+    def steer(self, x: float = 0.0, y: float = 0.0) -> None:
+        """Hold the button, then deflect the stick, and wait for a motion."""
+        self.show(LB)
+        self.wait_for('', enabled=True)
+        self.show(LB, x=x, y=y)
+        self.wait_for('moving')
+        self.rig.wait_for(lambda: self.rig.moving, 'a motion')
+        self.rig.wait_for(lambda: not self._without_target(), 'a servo that follows')
+
+    def _without_target(self) -> bool:
+        return any(text in self.statuses.last.message for text in ('no target', 'disabled'))
+
+    def assert_rests(self) -> None:
+        """Claim that the servo follows nothing, the tendons rest, and nothing more is sent."""
+        self.rig.wait_for(self._without_target, 'a servo without a target')
+        self.rig.wait_for(lambda: self.rig.at_rest, 'rest')
+        sent = len(self.sent)
+        self.rig.assert_rests()
+        assert len(self.sent) == sent
