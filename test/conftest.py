@@ -1,11 +1,21 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which tests run: all, or with ``--quick`` those that take little time."""
+"""
+Which tests run, and how: ``--quick`` leaves out those that take long, and the rest makes it hard.
+
+No test depends on how fast the machine is.  Those that do are found by force: with the cores kept
+busy (``--busy N``), with every Python that starts being late (``--slow-start S``), on one core
+(``--one-core``), in random order (``--random``).
+"""
 
 from contextlib import suppress
 import gc
 import os
 from pathlib import Path
+from random import Random
+import subprocess
+import sys
+from time import time_ns
 
 import pytest
 
@@ -24,6 +34,12 @@ SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation
         'mechanics/test_elastica.py', 'mechanics/test_kernel.py', 'mechanics/test_mujoco.py',
         'mechanics/test_spatial_tip.py', 'study', 'twin')
 """Tests below these start nodes, devices, programs or other solvers, or run whole analyses."""
+COMPUTE = """
+import os
+parent = os.getppid()
+while os.getppid() == parent:
+    sum(range(1_000_000))
+"""
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -44,13 +60,50 @@ def pytest_collection():
 def pytest_addoption(parser):
     parser.addoption('--quick', action='store_true',
                      help='leave out tests of nodes, devices, programs and whole analyses')
+    group = parser.getgroup('force', 'finding tests that depend on the speed of the machine')
+    group.addoption('--busy', type=int, default=0, metavar='N',
+                    help='keep the cores busy with N processes that compute')
+    group.addoption('--slow-start', type=float, default=0.0, metavar='S',
+                    help='let every Python that is started wait for up to S seconds')
+    group.addoption('--one-core', action='store_true', help='run everything on one core')
+    group.addoption('--random', action='store_true',
+                    help='run modules, and the tests of each, in random order')
+    group.addoption('--seed', type=int, help='the order of a run before, as its head says')
+
+
+def pytest_configure(config):
+    if hasattr(config, 'workerinput'):  # a worker inherits all of this
+        return
+    option = config.option
+    if option.one_core:
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    if option.slow_start:
+        os.environ['SOFT_CONTINUUM_SLOW_START'] = str(option.slow_start)
+        os.environ['PYTHONPATH'] = os.pathsep.join(
+            [str(Path(__file__).parent / 'support' / 'slow_start'),
+             *filter(None, [os.environ.get('PYTHONPATH')])])
+    if option.random and option.seed is None:
+        option.seed = time_ns() // 1000 % 100_000
+    for _ in range(option.busy):
+        busy = subprocess.Popen([sys.executable, '-c', COMPUTE])
+        config.add_cleanup(busy.kill)
+
+
+def pytest_report_header(config):
+    option = config.option
+    force = {'busy': option.busy, 'slow start': option.slow_start, 'one core': option.one_core,
+             'seed': option.seed}
+    return ', '.join(f'{name}: {value}' for name, value in force.items() if value) or None
 
 
 def pytest_collection_modifyitems(config, items):
-    if not config.getoption('--quick'):
-        return
-    here = Path(__file__).parent
-    left_out = [item for item in items
-                if item.path.relative_to(here).as_posix().startswith(SLOW)]
-    config.hook.pytest_deselected(items=left_out)
-    items[:] = [item for item in items if item not in left_out]
+    if config.option.quick:
+        here = Path(__file__).parent
+        left_out = [item for item in items
+                    if item.path.relative_to(here).as_posix().startswith(SLOW)]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in left_out]
+    if config.option.seed is not None:
+        random = Random(config.option.seed)
+        modules = {item.path: random.random() for item in items}
+        items.sort(key=lambda item: (modules[item.path], random.random()))
