@@ -17,6 +17,7 @@ from soft_continuum.obstacles import Surroundings
 from soft_continuum.sequencing.planner import Move, PlanError, planner_of, Shape
 from soft_continuum.sequencing.reach import reach, ReachSettings
 
+UNLIMITED = 10**9  # states: contenders have the same time
 STEP = 0.05  # rad between two states that OMPL has looked at
 
 
@@ -29,7 +30,7 @@ def ours(description: Description, query: Query, limit: float) -> Sequence[Move]
     found = next(reach(
         planner_of(description.arm, description.settings), query.state, query.pulls.tolist(),
         query.goal, Surroundings(description.arm, query.obstacles),
-        ReachSettings(margin=MARGIN, time_limit=limit)))
+        ReachSettings(margin=MARGIN, states=UNLIMITED, time_limit=limit)))
     if found.why or found.plan is None:
         raise NoPlanError(found.why)
     return found.plan.moves

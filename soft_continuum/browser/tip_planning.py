@@ -13,7 +13,7 @@ from soft_continuum.client.requests import Requests
 from soft_continuum.mechanics.either import AnyArm, chain_of
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 
-WHILE_DRAGGED, AT_REST = 0.3, 2.0  # s that a better plan is looked for
+WHILE_DRAGGED, AT_REST = 1000, 0  # states that are judged for a plan; 0: as many as Go would
 LATE = 1.0  # s without an answer
 MAX_PLACE = 100.0  # m, of what is drawn
 
@@ -24,7 +24,7 @@ class Planned:
     The answer for a goal: a plan, or why there is none.
 
     points: along the backbone in the end of the plan, of its nearest if it does not get there.
-    path: of the tip.  quick: so little time was given that more may find another.
+    path: of the tip.  quick: so few states were judged that more may find another.
     """
 
     goal: Tip
@@ -50,8 +50,8 @@ class TipPlanning:
     def __init__(self, requests: Requests) -> None:
         """Begin without a goal."""
         self._requests = requests
-        self._wanted: tuple[Tip, AnyArm, float] | None = None
-        self._asked: tuple[Tip, AnyArm, float] | None = None
+        self._wanted: tuple[Tip, AnyArm, int] | None = None
+        self._asked: tuple[Tip, AnyArm, int] | None = None
         self._awaited: object = None  # a quick request without an answer
         self._answered = monotonic()  # when something was known last
         self.planned: Planned | None = None
@@ -94,12 +94,13 @@ class TipPlanning:
         while self._awaited is None and self._wanted is not None and (
                 self._wanted is not self._asked):
             now = self._asked = self._wanted
-            goal, arm, limit = now
-            if limit == WHILE_DRAGGED:
+            goal, arm, states = now
+            if states == WHILE_DRAGGED:
                 self._awaited = now
             try:
-                planned = _planned(goal, await plan_shapes(self._requests, [goal], limit), arm,
-                                   limit == WHILE_DRAGGED)
+                planned = _planned(goal, await plan_shapes(
+                    self._requests, [goal], states=states), arm,
+                                   states == WHILE_DRAGGED)
             except ClientError as error:
                 planned = Planned(goal, None, str(error))
             finally:
@@ -108,8 +109,8 @@ class TipPlanning:
             if self._asked is not now:
                 return  # something else was asked for since, or nothing is wanted
             self.planned, self._answered = planned, monotonic()
-            if limit == WHILE_DRAGGED and not planned.found and self._wanted is now:
-                self._wanted = goal, arm, AT_REST  # the handle rests where more time is needed
+            if states == WHILE_DRAGGED and not planned.found and self._wanted is now:
+                self._wanted = goal, arm, AT_REST  # the handle rests where more is needed
 
 
 def _planned(goal: Tip, plan: Plan, arm: AnyArm, quick: bool) -> Planned:

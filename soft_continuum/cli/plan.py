@@ -51,8 +51,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--margin', type=number_in(0.0, 1000.0, 'mm'), metavar='MM',
                         help='distance to keep from obstacles (default: as obstacles.margin says)')
     parser.add_argument('--time-limit', type=number_in(0.1, 600.0, 's'), metavar='S',
-                        help='how long to look for a better plan (default: as reach.time_limit '
+                        help='when the search ends at the latest (default: as reach.time_limit '
                         'says)')
+    parser.add_argument('--states', type=whole_number_in(10, 100_000_000), metavar='N',
+                        help='how many states of the arm to judge in search of a better plan '
+                        '(default: as reach.states says)')
     parser.add_argument('--seed', type=whole_number_in(0, 1_000_000), metavar='N',
                         help='of what is drawn at random (default: as reach.seed says)')
     parser.add_argument('-o', '--picture', type=Path, metavar='FILE',
@@ -77,7 +80,8 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
             raise ResultError(f'{options.picture} exists; add --force to overwrite it')
     values, arm = any_described_arm(options)
     for name, value in (('obstacles.margin', options.margin and 1e-3 * options.margin),
-                        ('reach.time_limit', options.time_limit), ('reach.seed', options.seed)):
+                        ('reach.time_limit', options.time_limit), ('reach.seed', options.seed),
+                        ('reach.states', options.states)):
         if value is not None:
             values[name] = value
     around = Surroundings(arm, load_obstacles(options.obstacles) if options.obstacles else ())
@@ -89,6 +93,9 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
         plan_figure(options.picture, start, found, around.obstacles,
                     np.array([tip.place for tip in tips]))
         print(f'Picture: {options.picture}', file=sys.stderr)
+    if found.cut_short and not found.why:
+        print('The time limit ended the search: with more time it may find a better plan.',
+              file=sys.stderr)
     return parser.fail(found.why, FAILED) if found.why else DONE
 
 

@@ -260,15 +260,17 @@ class Arm:
         return self.run([point if isinstance(point, Tip) else Tip(
             tuple(point), tolerance=tolerance) for point in points], hold=hold, progress=progress)
 
-    def plan(self, *shapes: 'ShapeLike', time_limit: float = 0.0) -> 'Plan':
+    def plan(self, *shapes: 'ShapeLike', time_limit: float = 0.0, states: int = 0) -> 'Plan':
         """
         Return how ``run`` would set shapes from where the arm is; nothing moves.
 
-        time_limit: s to look for a better plan to each goal of the tip; 0: as long as ``run``
-        would.  The Plan says whether all can be set, and why not.
+        ``run`` of the same shapes takes this plan, as long as all is as it was.  states: of the
+        arm to judge in search of a better plan to each goal of the tip; 0: as many as ``run``
+        would.  time_limit: s after which that search ends at the latest; 0: as the parameter
+        reach.time_limit says.  The Plan says whether all can be set, and why not.
         """
         from soft_continuum.client.plan import plan_shapes
-        return self._do(plan_shapes(self._requests, shapes, time_limit))
+        return self._do(plan_shapes(self._requests, shapes, time_limit, states))
 
     def start(self, *shapes: 'ShapeLike', hold: float = 0.0, aim: str = AIMS[0]
               ) -> 'RunningSequence':

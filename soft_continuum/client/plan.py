@@ -76,20 +76,24 @@ class Plan:
         return min((step.clearance for step in self.steps), default=inf)
 
 
-async def plan_shapes(requests: Requests, shapes: Sequence[ShapeLike], time_limit: float = 0.0
-                      ) -> Plan:
+async def plan_shapes(requests: Requests, shapes: Sequence[ShapeLike], time_limit: float = 0.0,
+                      states: int = 0) -> Plan:
     """
     Return how shapes would be set from where the arm is; nothing moves.
 
-    shapes: as of Arm.run.  time_limit: s to look for a better plan of each; 0: as long as the
-    action would.  Raises ValueError for what is none, NodesMissingError or NoAnswerError.
+    shapes: as of Arm.run.  time_limit: s after which the search for each ends at the latest; 0: as
+    the parameter reach.time_limit says.  states: of the arm to judge in search of a better plan of
+    each; 0: as many as the action would.  Raises ValueError for what is none, NodesMissingError
+    or NoAnswerError.
     """
     if not 0.0 <= time_limit < inf:
         raise ValueError(f'time_limit is {time_limit} s; allowed: 0 and more')
+    if not 0 <= states < 2**32:
+        raise ValueError(f'states is {states}; allowed: 0 to {2**32 - 1}')
     messages = goal(shapes, 0.0).shapes
     return plan_from_ros(await requests.call(
         PlanShapes, f'{SHAPE_SEQUENCER}/plan_shapes', shapes=messages, time_limit=time_limit,
-        within=PLANNING_TIMEOUT + TIP_TIMEOUT * len(messages)
+        states=states, within=PLANNING_TIMEOUT + TIP_TIMEOUT * len(messages)
         + 2.0 * time_limit * len(messages)))
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
     from soft_continuum.client.state import SequenceResult
 
 PLANNING_TIMEOUT = 30.0  # s that the shape_sequencer may take to plan before it answers
-TIP_TIMEOUT = 10.0  # s more for each goal of the tip
+TIP_TIMEOUT = 130.0  # s more for each goal of the tip: more than reach.time_limit
 LOST_TIMEOUT = 10.0  # s without a message of the shape_sequencer until a sequence counts as lost
 REASON_TIMEOUT = 1.0  # s between the answer to a goal and the reason of its rejection
 

@@ -21,6 +21,8 @@ from soft_continuum.ros.text import plain
 from soft_continuum.sequencing.arm_port import Failure, Observation
 from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationState
 
+VACUUM_ROUNDING = 1.0  # Pa
+
 
 class ArmObserver(ReportedArm):
     """
@@ -168,6 +170,14 @@ class ArmObserver(ReportedArm):
         """Return whether a node is gone: with its device alone, its signs of life would come."""
         return age.seconds > self.timeout and self.conflicts.lost(node, self.timeout)
 
+    @property
+    def _vacuums_agreed(self) -> bool:
+        """Whether kinematics has the vacuums that regulators were told, in jams that have a law."""
+        full = self.parameters['full_vacuum']
+        return all(abs(part * full - min(full, told)) <= VACUUM_ROUNDING for part, told, elastic
+                   in zip(self.kinematics.vacuum, self.stiffness.told, self._elastic, strict=False)
+                   if elastic and told)
+
     def observation(self, motion_failure: Failure | None, fault: str) -> Observation:
         """Return what a Runner needs, with the failures of what it has requested."""
         ambient = self.parameters['ambient_pressure']
@@ -181,4 +191,4 @@ class ArmObserver(ReportedArm):
             regulators=self.regulators,
             lost_tendons=self._lost(TENDON_ACTUATION, self._tendon_age),
             lost_valves=self._lost(JAMMING_VALVES, self.jamming_age),
-            agreed=self.agreed)
+            agreed=self.agreed and self._vacuums_agreed)

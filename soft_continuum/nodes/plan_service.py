@@ -51,7 +51,7 @@ class PlanService:
             answer(PlanShapes.Response(message=problem))
             return
         begin = monotonic()
-        plan = self._planning.explain(shapes, limit)
+        plan = self._planning.explain(shapes, limit, request.states)
         plan.add_done_callback(lambda _: on_ros_thread(
             self._node, self._reply, plan, shapes, begin, answer))
 

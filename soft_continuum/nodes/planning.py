@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plans from the present state of the arm, as kinematics reports it, on a thread of their own."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
@@ -17,6 +17,7 @@ from soft_continuum.parameters.reach import reach_from_parameters
 from soft_continuum.sequencing.aiming import Aim, next_step, Step, worth_setting_again
 from soft_continuum.sequencing.background import PlanningThread
 from soft_continuum.sequencing.closed_loop import Loop
+from soft_continuum.sequencing.kept_plans import KeptPlans
 from soft_continuum.sequencing.planner import (
     PlanError,
     planner_of,
@@ -24,7 +25,7 @@ from soft_continuum.sequencing.planner import (
     Shape,
     ShapePlan,
 )
-from soft_continuum.sequencing.reach import Reach
+from soft_continuum.sequencing.reach import Reach, ReachSettings
 from soft_continuum.sequencing.shape_plans import plan_of, plan_shapes
 from soft_continuum_interfaces.action import RunShapeSequence
 
@@ -35,10 +36,14 @@ class Planning:
     """Begins to plan; only the newest plan is made."""
 
     def __init__(self, arm: AnyArm, parameters: Mapping[str, Any], observed: ArmObserver,
-                 surroundings: Callable[[], Surroundings]) -> None:
-        """Plan for what is ``observed`` of ``arm``, within the limits of the parameters."""
+                 surroundings: Callable[[], Surroundings], warn: Callable[[str], None]) -> None:
+        """
+        Plan for what is ``observed`` of ``arm``, within the limits of the parameters.
+
+        warn: is told when a search ended early, on the thread that plans.
+        """
         self._arm, self._parameters, self._observed = arm, parameters, observed
-        self._surroundings = surroundings
+        self._surroundings, self._warn, self._kept = surroundings, warn, KeptPlans()
         self._thread = PlanningThread()
         self.abandon, self.close = self._thread.abandon, self._thread.close
 
@@ -46,24 +51,62 @@ class Planning:
         """
         Begin to plan shapes one after the other; the future raises PlanError if one has none.
 
+        What ``explain`` answered is taken, as long as all is as it was then.
         first: it is enough to know that there are plans, not how good they could be nor the
         states on their ways.
         """
         around = self._surroundings()
         if first and not around.obstacles and not any(shape.tips for shape in shapes):
             return self._start(lambda planner, state, pulls: planner.plan(state, pulls, shapes))
+        if kept := self._shown(shapes, take=not first):
+            self.abandon()
+            shown: Future[list[ShapePlan]] = Future()
+            shown.set_result(kept)
+            return shown
         settings = reach_from_parameters(self._parameters)
         return self._start(lambda planner, state, pulls: [
-            plan_of(found, shape) for shape, found in zip(shapes, plan_shapes(
+            plan_of(found, shape) for shape, found in zip(shapes, self._searched(
                 planner, state, pulls, shapes, around, settings, first), strict=False)])
 
-    def explain(self, shapes: Sequence[Shape], time_limit: float) -> 'Future[list[Reach]]':
-        """Begin to plan shapes, up to the first that fails; time_limit: s, 0: as ``plan``."""
-        settings, around = reach_from_parameters(self._parameters), self._surroundings()
-        if time_limit > 0.0:
-            settings = replace(settings, time_limit=time_limit)
-        return self._start(lambda planner, state, pulls: list(
-            plan_shapes(planner, state, pulls, shapes, around, settings)))
+    def explain(self, shapes: Sequence[Shape], time_limit: float, states: int
+                ) -> 'Future[list[Reach]]':
+        """Begin to plan shapes, up to the first that fails; time_limit, states: 0: as ``plan``."""
+        situation, around = self._situation, self._surroundings()
+        settings = reach_from_parameters(self._parameters)
+        settings = replace(settings, time_limit=time_limit or settings.time_limit,
+                           states=states or settings.states)
+
+        def explained(planner: Any, state: Any, pulls: tuple[float, ...]) -> list[Reach]:
+            found = list(self._searched(planner, state, pulls, shapes, around, settings))
+            self._kept.keep(situation, state, pulls, shapes, found)
+            return found
+
+        return self._start(explained)
+
+    @property
+    def _situation(self) -> object:
+        """What must be equal for a plan to hold, besides where the arm is."""
+        return (self._observed.tendons.stops, self._surroundings(),
+                PlanSettings.of(self._parameters), reach_from_parameters(self._parameters))
+
+    def _shown(self, shapes: Sequence[Shape], take: bool) -> list[ShapePlan]:
+        """Return what ``explain`` answered for shapes; none if it did not, or all has changed."""
+        state, observed = self._observed.shape, self._observed.observation(None, '')
+        return [] if state is None else self._kept.find(
+            self._situation, state.bending,
+            lambda pulls: observed.rests_at(pulls, self._parameters['settle_tolerance']),
+            shapes, self._parameters['angle_tolerance'], take)
+
+    def _searched(self, planner: Any, state: Any, pulls: Sequence[float], shapes: Sequence[Shape],
+                  around: Surroundings, settings: ReachSettings, first: bool = False
+                  ) -> Iterator[Reach]:
+        """As plan_shapes; says which search the time has ended."""
+        for shape, found in zip(shapes, plan_shapes(
+                planner, state, pulls, shapes, around, settings, first), strict=False):
+            if found.cut_short:
+                self._warn(f'{shape.name}: reach.time_limit ended the search for a plan; with '
+                           'more time it may find a better one')
+            yield found
 
     def loop(self, aim: int) -> Loop:
         """Return what a run by measurements asks for; aim: of RunShapeSequence."""

@@ -17,15 +17,17 @@ REACH_PARAMETERS = (
               'goal, where the goal does not tell', 1e-5, 0.5, read_only=False, unit='m'),
     Parameter('reach.angle_tolerance', radians(2.0), 'how far the tip may be turned from its '
               'goal, where the goal does not tell', 1e-4, pi, read_only=False, unit='rad'),
-    Parameter('reach.time_limit', 5.0, 'how long a better plan to a goal of '
-              'the tip is looked for; before a goal is accepted the first one counts', 0.1, 600.0,
-              read_only=False, unit='s'),
+    Parameter('reach.states', 10_000, 'how many states of the arm are judged in search of a '
+              'better plan to a goal of the tip; before a goal is accepted the first one counts',
+              10, 100_000_000, read_only=False),
+    Parameter('reach.time_limit', 120.0, 'when a search ends at the latest, however slow the '
+              'machine is; it says so then', 0.1, 600.0, read_only=False, unit='s'),
     Parameter('reach.max_softenings', 6, 'most softenings of one plan '
               'to a goal of the tip', 1, 50, read_only=False),
     Parameter('reach.weights', (0.0,), 'what a softening, a second and a newton of tension cost; '
               '0.0 alone: fewest softenings, then least time, then least tension', 0.0, 1e6),
     Parameter('reach.seed', 0, 'of what is drawn at random; the same seed has '
-              'the same plan, unless time is short', 0, 1_000_000, read_only=False),
+              'the same plan on every machine, unless reach.time_limit ends the search', 0, 1_000_000, read_only=False),
     Parameter('reach.softening_time', 4.0, 'how long it takes to soften a segment and to stiffen '
               'it again, as plans compare their time', 0.0, 600.0, read_only=False, unit='s'),
     Parameter('reach.departure', 0.02, 'how far the arm may be from its plan before it is planned '
@@ -54,7 +56,8 @@ def reach_from_parameters(values: Mapping[str, Any]) -> 'ReachSettings':
     return ReachSettings(
         margin=values['obstacles.margin'],
         lock_in=values['loop.lock_in_deviation'] if values['arm.jamming'] else 0.0,
-        softening_time=values['reach.softening_time'], time_limit=values['reach.time_limit'],
+        softening_time=values['reach.softening_time'], states=values['reach.states'],
+        time_limit=values['reach.time_limit'],
         max_softenings=values['reach.max_softenings'],
         weights=None if len(weights) == 1 else weights,
         seed=values['reach.seed'])

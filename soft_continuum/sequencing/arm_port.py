@@ -35,8 +35,9 @@ class Observation:
     that plan, once it is too far.  unseen: whether that plan has not been compared yet with the
     obstacles that there are since it was made.  lost_tendons, lost_valves: whether nothing more
     is heard of what moves the tendons, or switches the segments.  agreed: whether the shape that
-    is reported is of an arm with these segments stiff.  pull_tolerances: (tendons,) m, how far
-    from where it was sent a tendon may come to rest; empty: its device does not tell.
+    is reported is of an arm with these segments stiff, by the vacuums that regulators hold.
+    pull_tolerances: (tendons,) m, how far from where it was sent a tendon may come to rest; empty:
+    its device does not tell.
     """
 
     pulls: tuple[float, ...]

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from math import inf
-from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.sequencing.held_plan import Held, held, made_up_for
 from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan, ShapePlanner
 from soft_continuum.sequencing.reach.arcs import Miss
+from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
 from soft_continuum.sequencing.reach.goal import ReachSettings, Surroundings, TipGoal
 from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
@@ -27,7 +27,7 @@ from soft_continuum.sequencing.reach.result import Reach, ways_of, with_relaxing
 from soft_continuum.sequencing.reach.search import AIM, as_shape, reach, Search
 
 SHARE = 0.7
-"""Of the time that is left, for one search."""
+"""Of the budget that is left, for one search."""
 
 
 def reach_held(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
@@ -44,19 +44,25 @@ def reach_held(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape:
     goal, least = shape.tips[0], inf
     best: Held | None = None
     miss = Miss(goal)
-    for begin in search.plans(first):
-        try:
-            found, off = made_up_for(planner, partial(search.to, begin), lambda state: -(
-                miss.of_state(state).reshape(-1, 3)), AIM)
-        except BlockedError as error:
-            search.note(error)
-            continue
-        if off < least:
-            best, least = found, off
-        if off <= 1.0:
-            break
+    try:
+        for begin in search.plans(first):
+            try:
+                found, off = made_up_for(planner, partial(search.to, begin), lambda state: -(
+                    miss.of_state(state).reshape(-1, 3)), AIM)
+            except BlockedError as error:
+                search.note(error)
+                continue
+            if off < least:
+                best, least = found, off
+            if off <= 1.0:
+                break
+    except PlanError:
+        planner.check_wanted()
+        if not search.budget.over:
+            raise
     if best is None:
-        return Reach(None, search.why, blocked_by=search.blocked_by)
+        why = search.why or f'reach.states was too small{search.budget.ended_by_time}'
+        return Reach(None, why, blocked_by=search.blocked_by, cut_short=search.cut_short)
     away, turn = miss.errors(best.end)
     left = f'{away * 1e3:.1f} mm' + (
         '' if goal.kind == 'position' else f' and {np.degrees(turn):.1f} degrees')
@@ -66,7 +72,7 @@ def reach_held(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape:
                                    tips=shape.tips, vacuums=shape.vacuums),
                            best.node.moves, best.end, *ways_of(steps), relaxing=best.relaxing),
                  why, with_relaxing(best.node.steps, best.relaxing), away, turn,
-                 search.blocked_by if why else ())
+                 search.blocked_by if why else (), search.cut_short)
 
 
 class _Search:
@@ -74,10 +80,10 @@ class _Search:
 
     def __init__(self, planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
                  surroundings: Surroundings, settings: ReachSettings) -> None:
-        self.why, self.blocked_by = '', tuple[str, ...]()
+        self.why, self.blocked_by, self.cut_short = '', tuple[str, ...](), False
         self._goal, self._vacuums, self._settings = shape.tips[0], shape.vacuums, settings
-        self._end = monotonic() + settings.time_limit
-        self._passages = Passages(planner, surroundings, settings)
+        self.budget = Budget(settings.states, settings.time_limit)
+        self._passages = Passages(planner.until(self.budget.judge), surroundings, settings)
         self._start = self._last = self._passages.start(state, np.array(pulls, dtype=float))
 
     def note(self, error: BlockedError) -> None:
@@ -117,9 +123,12 @@ class _Search:
     def _reached(self, goal: TipGoal) -> Iterator[Node]:
         """Yield where plans to a goal lead, or to what is nearest."""
         passages, start = self._passages, self._start
-        left = max(0.0, SHARE * (self._end - monotonic()))
+        states, seconds = self.budget.left
+        settings = replace(
+            self._settings, states=int(SHARE * states), time_limit=SHARE * seconds)
         for found in reach(passages.planner, start.state, start.pulls.tolist(), goal,
-                           passages.surroundings, replace(self._settings, time_limit=left)):
+                           passages.surroundings, settings):
+            self.cut_short |= found.cut_short
             if found.plan is None:
                 self.why, self.blocked_by = found.why, found.blocked_by
                 continue

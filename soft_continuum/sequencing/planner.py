@@ -280,11 +280,15 @@ class ShapePlanner(ABC):
         segment, goal: as of ``move``.  Raises StaticsError.
         """
 
-    def until(self, late: Callable[[], bool]) -> 'ShapePlanner':
-        """Return the same planner, whose plans are abandoned also once it is late."""
-        hurried = copy(self)
-        hurried._abandoned = lambda: self._abandoned() or late()
-        return hurried
+    def until(self, spent: Callable[[], bool]) -> 'ShapePlanner':
+        """
+        Return the same planner, whose plans are abandoned also once a budget is spent.
+
+        spent: is asked before every state that is solved for.
+        """
+        limited = copy(self)
+        limited._abandoned = lambda: self._abandoned() or spent()
+        return limited
 
     def softened(self, state: Any, pulls: Sequence[float] | Array, segment: int) -> Any:
         """
@@ -302,6 +306,7 @@ class ShapePlanner(ABC):
         state: that it is followed from.  pulls, sliding: of the motors, m, as of a Move.  Raises
         StaticsError.
         """
+        self.check_wanted()
         slides = {'sliding': sliding} if sliding else {}
         return self.statics.solve(state, np.asarray(pulls) + self._offsets, self._soft(segment),
                                   vacuum=state.vacuum or None, **slides)

@@ -234,16 +234,17 @@ class Runner:
         raise EndError(Code.OBSTRUCTED if obstructed else Code.MODEL_FAILURE, f'{name}{error}')
 
     def _all_stiff(self) -> Iterator[None]:
-        """Stiffen what is not stiff; plans start from a stiff arm at rest."""
+        """Stiffen what is not stiff; plans start from a stiff arm at rest, as the model has it."""
         yield from self._stiffen_all(
             [i for i in range(len(self._observed.stiff)) if not self._is_stiff(i)])
         self._held.clear()
         deadline = self._now + self._settings.settle_timeout
-        while self._observed.moving:
+        while self._observed.moving or not self._observed.agreed:
             if self._now > deadline:
+                what = ('the tendons did not come to rest' if self._observed.moving else
+                        'kinematics did not report the arm stiff, with the vacuums that it has,')
                 raise EndError(
-                    Code.TIMEOUT, 'the tendons did not come to rest within '
-                    f'{self._settings.settle_timeout:g} s')
+                    Code.TIMEOUT, f'{what} within {self._settings.settle_timeout:g} s')
             yield
 
     def _soften(self, segment: int) -> Iterator[None]:

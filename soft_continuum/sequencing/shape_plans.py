@@ -118,7 +118,6 @@ def _step(planner: ShapePlanner, state: Any, move: Move, settings: ReachSettings
     rows = np.unique(np.linspace(0, len(move.pulls) - 1, STATES).round().astype(int))
     with suppress(StaticsError):  # it was planned without a look at each of them
         for row in rows.tolist():
-            planner.check_wanted()
             states.append(planner.held(states[-1], move.pulls[row], move.segment, move.sliding))
     pause = settings.softening_time if planner.settings.jamming else 0.0
     return PlannedStep(tuple(states), np.inf, '', move.largest_tension, move.duration + pause)

@@ -11,7 +11,6 @@ between two goals is compared with the straight line between them.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
-from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ import scipy
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.sequencing.planner import Move, PlanError, ShapePlan, ShapePlanner, WHOLE_ARM
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss
+from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
 from soft_continuum.sequencing.reach.goal import ReachSettings, Surroundings, TipGoal
 from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
@@ -28,9 +28,10 @@ from soft_continuum.sequencing.reach.search import as_shape, Search
 
 WIDTH = 3  # plans that are carried on from goal to goal
 PAIRS = 4  # ways to set two segments that are tried where one does not come near enough
-BEGIN_PART = 0.3  # of the time, to get to the first goal
+BEGIN_PART = 0.3  # of the budget, to get to the first goal
 FIT_STARTS = 2  # shapes that the fit of a whole path begins at
 MAX_GOALS = 200
+TIPS = 10  # that a fit of a whole path looks at count as one state judged
 
 
 def follow(planner: ShapePlanner, state: Any, pulls: Sequence[float], goals: Sequence[TipGoal],
@@ -79,14 +80,17 @@ class _Following:
         self.planner, self.start, self.goals = planner, start, goals
         self.surroundings, self.settings = surroundings, settings
         self.arcs = Arcs(planner.statics.chain.arm)
-        self.end = monotonic() + settings.time_limit
+        self.budget = Budget(settings.states, settings.time_limit)
+        self.limited = planner.until(self.budget.judge)
         self.movers = tuple(range(len(self.arcs.limits))) if planner.settings.jamming else (
             WHOLE_ARM,)
 
     def run(self) -> Iterator[Reach]:
         """Yield better and better plans."""
-        first = replace(self.settings, time_limit=BEGIN_PART * self.settings.time_limit)
-        search = Search(self.planner, self.start, self.goals[0], self.surroundings, first)
+        settings = self.settings
+        first = replace(settings, states=int(BEGIN_PART * settings.states),
+                        time_limit=BEGIN_PART * settings.time_limit)
+        search = Search(self.limited, self.start, self.goals[0], self.surroundings, first)
         for found in search.run():
             if not found.why and found.softenings:
                 break
@@ -100,9 +104,13 @@ class _Following:
                 if best is None or track.cost < best.cost:
                     best = track
                     yield self._result(track)
+        late = self.budget.late
         if best is None:
-            yield Reach(None, 'the path is blocked or out of reach: no way from its first goal to '
-                        'its last was found in time', (), *search.miss.errors(self.start.state))
+            why = ('the path is blocked or out of reach: no way from its first goal to its last '
+                   'was found') + self.budget.ended_by_time
+            yield Reach(None, why, (), *search.miss.errors(self.start.state), cut_short=late)
+        elif late:
+            yield replace(self._result(best), cut_short=True)
 
     def _begins(self) -> Iterator[Node]:
         """Yield nodes at the first goal from which one segment may do it all."""
@@ -135,8 +143,8 @@ class _Following:
             return arcs.within(rows.reshape(len(goals), *arcs.free.shape))
 
         def missed(values: Array) -> Array:
-            if monotonic() > self.end:
-                raise PlanError('it is late')
+            for _ in range(1 + len(goals) // TIPS):
+                self.limited.check_wanted()
             places, turns = arcs.tips(shapes(values))
             return np.concatenate([goal.of(place[None], turn[None])[0] for goal, place, turn in
                                    zip(goals, places, turns, strict=True)])
@@ -160,7 +168,7 @@ class _Following:
                     tracks = sorted(after, key=lambda one: one.cost)[:WIDTH]
                 yield from tracks[:1]
         except PlanError:
-            self.planner.check_wanted()  # else it was late
+            self.planner.check_wanted()  # else the budget is spent
 
     def _next(self, track: _Track, number: int) -> list[_Track]:
         """Return what leads from a track to the next goal."""
@@ -184,9 +192,7 @@ class _Following:
         return [one for one in found if one.cost[1] <= self.settings.max_softenings]
 
     def _search(self, node: Node, goal: TipGoal) -> Search:
-        search = Search(self.planner, node, goal, self.surroundings, self.settings)
-        search.end = self.end
-        return search
+        return Search(self.limited, node, goal, self.surroundings, self.settings)
 
     def _seen(self, track: _Track, node: Node, number: int) -> _Track:
         """Return a track that goes on to a node, at a goal of that number."""

@@ -139,16 +139,18 @@ class ReachSettings:
 
     margin: m that the arm stays away from every obstacle.  lock_in: rad by which a segment may
     bend when it is stiffened: so much clearance is kept besides.  softening_time: s that it takes
-    to soften a segment and to stiffen it again.  time_limit: s of search.  max_softenings: of one
-    plan.  weights: None for fewest softenings, then least time, then least tension; or what a
-    softening, a second and a newton cost.  seed: of all that is drawn; plans of one seed are the
-    same on every machine that is not cut short by time_limit.
+    to soften a segment and to stiffen it again.  states: that a search judges at most.
+    time_limit: s after which it ends whatever it has judged.  max_softenings: of one plan.
+    weights: None for fewest softenings, then least time, then least tension; or what a softening,
+    a second and a newton cost.  seed: of all that is drawn; plans of one seed are the
+    same on every machine, but for those that time_limit cuts short.
     """
 
     margin: float = 0.005
     lock_in: float = 0.006
     softening_time: float = 4.0
-    time_limit: float = 5.0
+    states: int = 10_000
+    time_limit: float = 120.0
     max_softenings: int = 6
     weights: tuple[float, float, float] | None = None
     seed: int = 0
@@ -156,7 +158,7 @@ class ReachSettings:
     def __post_init__(self) -> None:
         """Refuse numbers that mean nothing; raises PlanError."""
         for name, low in (('margin', 0.0), ('lock_in', 0.0), ('softening_time', 0.0),
-                          ('time_limit', 0.0)):
+                          ('states', 0), ('time_limit', 0.0)):
             value = getattr(self, name)
             if not value >= low or (name != 'time_limit' and not isfinite(value)):
                 raise PlanError(f'{name} is {value}; allowed: {low:g} and more')

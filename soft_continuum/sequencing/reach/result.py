@@ -39,7 +39,8 @@ class Reach:
     vacuums of its shape are lowered.  tip_error: m from the tip to the goal in the end, of a path
     the largest distance of the tip from it on the way.  turn_error: rad, likewise.  blocked_by:
     the names of obstacles that stopped what was tried, the most frequent first, if there is no
-    plan.
+    plan.  cut_short: whether time_limit ended the search, not what it had judged: with more time
+    it may find another.
     """
 
     plan: ShapePlan | None
@@ -48,6 +49,7 @@ class Reach:
     tip_error: float = 0.0
     turn_error: float = 0.0
     blocked_by: tuple[str, ...] = ()
+    cut_short: bool = False
 
     @property
     def softenings(self) -> int:

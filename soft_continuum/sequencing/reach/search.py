@@ -12,7 +12,6 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import inf
-from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ import numpy as np
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan, ShapePlanner
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
+from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
 from soft_continuum.sequencing.reach.goal import Distance, ReachSettings, Surroundings, TipGoal
 from soft_continuum.sequencing.reach.passage import BlockedError, moved, Node, Passages, Placed
@@ -34,7 +34,7 @@ AIM = 0.3  # of the tolerances: so near the correction ends
 DIVERGED = 3.0  # times what was missed at best: a correction does not come back from there
 RANK = 1e-6  # of singular values of slopes: less is nothing
 ALIKE = 0.1  # s: durations that differ by less are one, and the tension decides
-KEPT = 0.15  # of the time, to look for the nearest when there is no plan
+KEPT = 0.15  # of the budget, to look for the nearest when there is no plan
 IMPROVEMENTS = 40  # candidates beside the best that are tried
 WIDTHS = (0.3, 0.1, 0.03)  # rad by which they are beside it
 NEAREST = 30  # shapes that are tried to come near
@@ -61,13 +61,14 @@ def reach(planner: ShapePlanner, state: Any, pulls: Sequence[float], goal: TipGo
 
 
 class Search:
-    """A search for plans from a node to one goal; end: of the clock monotonic, s, for it."""
+    """A search for plans from a node to one goal."""
 
     def __init__(self, planner: ShapePlanner, start: Node, goal: TipGoal,
                  surroundings: Surroundings, settings: ReachSettings) -> None:
         """Prepare."""
         self.planner, self.start, self.goal, self.settings = planner, start, goal, settings
-        self.passages = Passages(planner.until(self._late), surroundings, settings)
+        self.budget = Budget((1.0 - KEPT) * settings.states, (1.0 - KEPT) * settings.time_limit)
+        self.passages = Passages(planner.until(self.budget.judge), surroundings, settings)
         self.miss = Miss(goal)
         self.arcs = Arcs(planner.statics.chain.arm)
         self.bending = np.array(start.state.bending)
@@ -77,7 +78,6 @@ class Search:
         self.best_candidate: Candidate | None = None
         self.nearest = self.last = start
         self.blocked: Counter[tuple[str, str]] = Counter()  # obstacle or limit, and how often
-        self.end = monotonic() + (1.0 - KEPT) * settings.time_limit
         self._arc_error = ARC_ERROR
         self._shapes: dict[bytes, tuple[Placed, Distance]] = {}
         self._too_far: dict[bytes, bool] = {}
@@ -100,7 +100,7 @@ class Search:
                 if self._bound(count, 0.0) >= self._best_cost():
                     break
                 yield from self._tried(c for part in self.candidates.of(count) for c in part)
-        self.end += KEPT * self.settings.time_limit
+        self.budget.add(KEPT * self.settings.states, KEPT * self.settings.time_limit)
         if self.best is None and not out_of_reach:
             yield from self._tried(iter(every), anyway=True)
         if self.best is None:
@@ -109,12 +109,14 @@ class Search:
             yield from self._tried(
                 c for width in WIDTHS for _ in range(IMPROVEMENTS // len(WIDTHS))
                 for c in self.candidates.beside(self._known_best(), width))
+            if self.budget.late:
+                yield replace(self.best, cut_short=True)
 
     def _tried(self, candidates: Iterator[Candidate], anyway: bool = False) -> Iterator[Reach]:
-        """Yield what is better than all before it, until it is late."""
+        """Yield what is better than all before it, until the budget is spent."""
         try:
-            while not self._late() and (candidate := next(candidates, None)) is not None:
-                self.planner.check_wanted()
+            while not self.budget.over and (candidate := next(candidates, None)) is not None:
+                self.passages.planner.check_wanted()
                 if self._bound(len(candidate.movers), candidate.seconds) >= self._best_cost():
                     continue
                 if (node := self._ended(candidate, anyway)) is None:
@@ -124,7 +126,7 @@ class Search:
                     self.best, self.best_candidate, self.last = found, candidate, node
                     yield found
         except PlanError:
-            self.planner.check_wanted()  # else it was late
+            self.planner.check_wanted()  # else the budget is spent
 
     def _ended(self, candidate: Candidate, anyway: bool) -> Node | None:
         """Return where a candidate leads if that is the goal, or note what is in the way."""
@@ -136,9 +138,6 @@ class Search:
         except BlockedError as error:
             self.blocked[error.obstacle, error.limit] += 1
         return None
-
-    def _late(self) -> bool:
-        return monotonic() > self.end
 
     def _known_best(self) -> Candidate:
         assert self.best_candidate is not None
@@ -278,6 +277,7 @@ class Search:
     def _shape(self, bending: Array) -> tuple[Placed, Distance]:
         key = bending.tobytes()
         if key not in self._shapes:
+            self.passages.planner.check_wanted()
             state = self.arcs.chain.uniform(bending)
             self._shapes[key] = (Placed(state.backbone, state.rotations),
                                  self.passages.surroundings.clearance(state))
@@ -321,8 +321,10 @@ class Search:
         if not out_of_reach:
             why = (f'no plan was found: {self._in_the_way()}; the nearest that was found is '
                    f'{left} from the goal')
+        why += self.budget.ended_by_time
         names = dict.fromkeys(name for (name, _), _ in self.blocked.most_common() if name)
-        return replace(self._result(self.nearest, why), blocked_by=tuple(names))
+        return replace(self._result(self.nearest, why), blocked_by=tuple(names),
+                       cut_short=self.budget.late)
 
     def _in_the_way(self) -> str:
         """Say what stopped the candidates, the most frequent first."""
@@ -336,7 +338,8 @@ class Search:
                 said.append('the arm would go over to another shape by itself')
             elif limit == 'held':
                 said.append('the tendons do not hold the arm on the way')
-        return ', '.join(dict.fromkeys(said)) or 'the time was too short'
+        return ', '.join(dict.fromkeys(said)) or (
+            'reach.states was too small')
 
 
 def as_shape(state: Any) -> Shape:
