@@ -11,6 +11,7 @@ from geometry_msgs.msg import Point, Pose
 import pytest
 from visualization_msgs.msg import Marker, MarkerArray
 
+from soft_continuum.nodes import planning
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape, TipGoal
 from soft_continuum_interfaces.srv import PlanShapes
@@ -113,9 +114,60 @@ def test_a_plan_says_what_would_be_done_and_moves_nothing(arm: Rig) -> None:
     assert arm.pulls == pulls and arm.all_stiff
 
 
+def softened(goal: Any) -> list[int]:
+    """Return the segments that a goal has softened, in their order."""
+    return [segment for _, segment, phase in goal.phases if phase == 'softening']
+
+
+def test_what_was_planned_and_shown_is_run_and_not_planned_once_more(
+        arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    ball(arm, 'lamp', -0.2, 0.3, 0.04)
+    shapes = at(*PLACE), Shape(name='c_form')
+    # Few states find another plan than the goal would, so that it can be told from it.
+    answer = plan(arm, *shapes, states=200)
+    assert answer.success, answer.message
+
+    def forbidden(*_: Any) -> Any:
+        raise AssertionError('it was planned once more')
+    monkeypatch.setattr(planning, 'plan_shapes', forbidden)
+    for shape in shapes:
+        shape.hold_time.nanosec = 1000  # which is no part of the plan
+    goal = arm.goal(*shapes)
+    status, result = goal.result()
+    assert status == 'SUCCEEDED', result.error_string
+    assert softened(goal) == [step.segment for step in answer.steps]
+    tip = tip_of(arm)
+    assert list(result.bending_angles) == pytest.approx(
+        list(answer.steps[-1].bending_angles), abs=2e-3), tip
+
+
+@pytest.mark.parametrize('change', ['an obstacle', 'a stop', 'a parameter', 'the arm'])
+def test_what_was_planned_is_planned_again_when_something_has_changed(
+        arm: Rig, monkeypatch: pytest.MonkeyPatch, change: str) -> None:
+    assert plan(arm, at(*PLACE)).success
+    if change == 'an obstacle':
+        ball(arm, 'lamp', -0.2, 0.3, 0.04)
+    elif change == 'a stop':
+        stops = arm.states['tendon_actuation'].last.stops
+        arm.trigger('tendon_actuation/stop')
+        arm.trigger('tendon_actuation/resume')
+        arm.wait_for(lambda: arm.states['tendon_actuation'].last.stops > stops, 'a stop')
+    elif change == 'a parameter':
+        arm.set_parameter('shape_sequencer', 'reach.seed', 1)
+    else:
+        assert arm.goal((0.1, 0.0, 0.0)).result()[0] == 'SUCCEEDED'
+    planned = []
+    search = planning.plan_shapes
+    monkeypatch.setattr(planning, 'plan_shapes',
+                        lambda *given: planned.append(given) or search(*given))
+    assert arm.goal(at(*PLACE)).result()[0] == 'SUCCEEDED'
+    assert planned
+    arm.set_parameter('shape_sequencer', 'reach.seed', 0)
+
+
 def test_a_plan_that_there_is_not_says_why(arm: Rig) -> None:
     ball(arm, 'lamp', *PLACE, 0.1)
-    answer = plan(arm, at(*PLACE), time_limit=0.5)
+    answer = plan(arm, at(*PLACE), states=500)
     assert not answer.success
     assert 'tip at (150, 220) mm' in answer.message and 'lamp' in answer.message
     refused = plan(arm, time_limit=float('nan'))

@@ -39,7 +39,7 @@ LOWERED = [i for i, vacuum in enumerate(VACUUMS, start=1) if vacuum < 80e3]
 HELD = Shape('held', (0.3, 0.2, -0.2), 0.5, vacuums=VACUUMS)
 STIFF = Shape('stiff', (0.1, 0.2, 0.1), 0.2)
 WEAK = replace(HELD, vacuums=(20e3, 20e3, 20e3))
-SETTINGS = ReachSettings(margin=0.005, lock_in=0.0, time_limit=10.0)
+SETTINGS = ReachSettings(margin=0.005, lock_in=0.0, time_limit=np.inf)
 
 
 def plan(arm, shape):

@@ -3,7 +3,7 @@
 """A goal of the tip is reached with few softenings, clear of obstacles, by the statics."""
 
 from dataclasses import replace
-from itertools import permutations, product
+from itertools import count, permutations, product
 from math import inf, nan, pi, radians
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planar_planner import Planner
 from soft_continuum.sequencing.planner import PlanError, PlanSettings
 from soft_continuum.sequencing.reach import (
+    budget,
     follow,
     NoObstacles,
     reach,
@@ -27,7 +28,7 @@ from soft_continuum.sequencing.reach.passage import BlockedError, moved, Passage
 ARM = load_arm(Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml')
 HANGING = replace(ARM, mounting_angle=pi)
 TWO = replace(HANGING, segments=ARM.segments[:2], discs=ARM.discs[:3])
-PATIENT = ReachSettings(time_limit=600.0)  # the machine's speed must not matter
+PATIENT = ReachSettings(time_limit=inf)  # the machine's speed must not matter
 MARGIN = PATIENT.margin
 
 
@@ -276,10 +277,42 @@ def test_a_plan_that_is_not_wanted_any_more_ends():
         query.first()
 
 
-def test_when_the_time_is_out_what_is_known_is_the_answer():
+def test_when_the_time_is_out_what_is_known_is_the_answer_and_the_time_is_named():
     found = Query(at(0.1, 0.28), settings=replace(PATIENT, time_limit=0.0)).last()
-    assert found.plan is None
-    assert 'the time was too short' in found.why
+    assert found.plan is None and found.cut_short
+    assert 'reach.time_limit ended the search after 0 of 10000 states' in found.why
+
+
+def test_when_the_states_are_spent_what_is_known_is_the_answer():
+    found = Query(at(0.1, 0.28), settings=replace(PATIENT, states=5)).last()
+    assert found.why and not found.cut_short
+    assert 'reach.states was too small' in found.why
+
+
+def test_more_states_find_no_worse_a_plan_and_few_are_kept_to():
+    counted = []
+    query = Query(at(0.15, 0.22), [wall(0.05, 0.32)])
+    query.planner = Planner(ARM, query.limits, abandoned=lambda: bool(counted.append(0)))
+    found = []
+    for states in (1300, 4000):
+        counted.clear()
+        query.settings = replace(PATIENT, states=states)
+        found.append(list(query.all()))
+        assert len(counted) < states + 100
+    few, many = found
+    assert angles(few[0]).tolist() == angles(many[0]).tolist()
+    assert (many[-1].softenings, many[-1].duration) <= (few[-1].softenings, few[-1].duration)
+
+
+def test_a_slow_machine_finds_the_same_plan(monkeypatch):
+    quick = Query(at(0.15, 0.22), [wall(0.05, 0.32)]).last()
+    clock = count()  # a second or more passes between two looks at it
+    monkeypatch.setattr(budget, 'monotonic', lambda: float(next(clock)))
+    slow = Query(at(0.15, 0.22), [wall(0.05, 0.32)]).last()
+    assert angles(slow).tolist() == angles(quick).tolist()
+    hurried = Query(at(0.15, 0.22), [wall(0.05, 0.32)],
+                    settings=replace(PATIENT, time_limit=60.0)).last()
+    assert hurried.cut_short
 
 
 def test_no_point_of_the_body_moves_farther_than_the_bound(behind):

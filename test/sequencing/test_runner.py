@@ -294,6 +294,29 @@ def test_a_run_waits_until_the_tendons_rest():
     assert moving == [False]
 
 
+def test_a_plan_is_made_once_the_model_has_the_arm_as_it_is():
+    rig, agreed = VirtualRig(agreed=False), []
+
+    def plan(shapes):
+        agreed.append(rig.agreed)
+        return rig.plan(shapes)
+
+    rig.runner = rig.run_of((BOW,), plan)
+    rig.go_on(0.5)
+    assert not agreed
+    rig.agreed = True
+    assert rig.run().code is Code.SUCCESSFUL
+    assert agreed == [True]
+
+
+def test_a_model_that_never_has_the_arm_as_it_is_ends_the_run_and_is_named():
+    rig = VirtualRig((BOW,), agreed=False)
+    outcome = rig.run()
+    assert outcome.code is Code.TIMEOUT
+    assert 'kinematics did not report the arm stiff' in outcome.message
+    assert not any(command[1] == 'follow' for command in rig.commands)
+
+
 # Endings.
 
 
@@ -417,8 +440,9 @@ def test_a_run_that_loses_the_rig_ends_at_once_and_leaves_the_segments_as_they_a
 
 
 def test_nothing_moves_before_the_model_has_the_segment_soft():
-    rig = VirtualRig((BOW,), agreed=False)
+    rig = VirtualRig((BOW,))
     rig.run(until=reaches(Phase.SOFTENING))
+    rig.agreed = False
     rig.go_on(2.0)
     assert not any(rig.jamming.stiff[:1])
     assert not any(command[1] == 'follow' for command in rig.commands)

@@ -73,7 +73,7 @@ def test_a_tip_is_at_its_goal_once_the_plant_has_given_way():
     place = np.array((0.15, 0.0, 0.22))
     found, = plan_shapes(planner, planner.statics.chain.straight(), (0.0, 0.0), [
         Shape('tip', (), tips=(TipGoal(place),), vacuums=vacuums)], Surroundings(arm),
-        ReachSettings(time_limit=20.0), first=True)
+        ReachSettings(time_limit=np.inf), first=True)
     before, after = resting(arm, found.plan, vacuums)
     assert np.linalg.norm(before[-1, :2] - place[::2]) > 5e-3
     assert np.linalg.norm(after[-1, :2] - place[::2]) < 1.5e-3
