@@ -172,11 +172,12 @@ class ArmObserver(ReportedArm):
 
     @property
     def _vacuums_agreed(self) -> bool:
-        """Whether kinematics has the vacuums that regulators were told, in jams that have a law."""
+        """Whether kinematics has the vacuums that regulators were told, in jams with a law."""
         full = self.parameters['full_vacuum']
-        return all(abs(part * full - min(full, told)) <= VACUUM_ROUNDING for part, told, elastic
-                   in zip(self.kinematics.vacuum, self.stiffness.told, self._elastic, strict=False)
-                   if elastic and told)
+        segments = zip(
+            self.kinematics.vacuum, self.stiffness.told, self._elastic, strict=False)
+        return all(abs(part * full - min(full, told)) <= VACUUM_ROUNDING
+                   for part, told, elastic in segments if elastic and told)
 
     def observation(self, motion_failure: Failure | None, fault: str) -> Observation:
         """Return what a Runner needs, with the failures of what it has requested."""

@@ -27,7 +27,8 @@ REACH_PARAMETERS = (
     Parameter('reach.weights', (0.0,), 'what a softening, a second and a newton of tension cost; '
               '0.0 alone: fewest softenings, then least time, then least tension', 0.0, 1e6),
     Parameter('reach.seed', 0, 'of what is drawn at random; the same seed has '
-              'the same plan on every machine, unless reach.time_limit ends the search', 0, 1_000_000, read_only=False),
+              'the same plan on every machine, unless reach.time_limit ends the search', 0,
+              1_000_000, read_only=False),
     Parameter('reach.softening_time', 4.0, 'how long it takes to soften a segment and to stiffen '
               'it again, as plans compare their time', 0.0, 600.0, read_only=False, unit='s'),
     Parameter('reach.departure', 0.02, 'how far the arm may be from its plan before it is planned '
