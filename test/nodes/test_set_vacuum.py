@@ -68,3 +68,31 @@ def test_the_model_takes_a_partial_vacuum_by_its_law_and_tendons_may_move(regula
     regulated.wait_for(lambda: abs(tip() - stiff) > 0.01, 'a bent arm')
     assert regulated.call(SetVacuum, 'jamming_valves/segment_1/set_vacuum', vacuum=0.0).success
     regulated.wait_for(lambda: not states.last.stiff[0], 'a soft segment')
+
+
+def test_a_goal_is_planned_from_the_full_vacuum_however_late_the_model_has_it(
+        regulated: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    regulated.set_parameter('shape_sequencer', 'settle_timeout', 60.0)
+    nodes = {node.get_name(): node for group in regulated._groups for node in group.nodes}
+    assert regulated.call(SetVacuum, 'jamming_valves/segment_1/set_vacuum', vacuum=25e3).success
+    states = regulated.record(KinematicsState, 'kinematics/state', STREAM)
+    regulated.wait_for(
+        lambda: states and states.last.vacuum[0] == pytest.approx(25.0 / 80.0), 'a weak jam')
+    model, late = nodes['kinematics']._vacuum, [True]
+    follow, plan, begins = model.follow, nodes['shape_sequencer']._planning.plan, []
+    monkeypatch.setattr(model, 'follow', lambda *given: None if late else follow(*given))
+
+    def planned(shapes: object, first: bool = False) -> object:
+        if not first:
+            begins.append(list(states.last.vacuum))
+        return plan(shapes, first)
+
+    monkeypatch.setattr(nodes['shape_sequencer']._planning, 'plan', planned)
+    goal = regulated.goal((0.2, 0.1, 0.0))
+    goal.wait_for_phase('preparing')
+    regulated.wait_for(lambda: vacuum(regulated, 1) > 79e3, 'the full vacuum')
+    regulated.wait_for_more(states, 50)
+    assert not begins
+    late.clear()
+    assert goal.result()[0] == 'SUCCEEDED'
+    assert begins == [[1.0, 1.0, 1.0]]
