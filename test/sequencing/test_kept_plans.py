@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from virtual_rig import ARM, PLAN_SETTINGS
+from support.virtual_rig import ARM, PLAN_SETTINGS
 
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.sequencing.kept_plans import KeptPlans
