@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.virtual_rig import ARM, PLAN_SETTINGS
 
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.sequencing.kept_plans import KeptPlans
@@ -14,6 +13,7 @@ from soft_continuum.sequencing.planar_planner import Planner
 from soft_continuum.sequencing.planner import Shape
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes
+from support.virtual_rig import ARM, PLAN_SETTINGS
 
 TIP = Shape('tip', (), 1.0, tips=(TipGoal(np.array((0.15, 0.0, 0.22))),))
 BOW = Shape('bow', (0.3, 0.2, 0.1), 0.5)
