@@ -201,14 +201,14 @@ def _compile(directory: Path) -> None:
 
 def _compile_callees_once() -> None:
     """
-    Have numba prepare a function that others call for the extension only: a third of the time.
+    Have numba compile what others call for the extension only, which takes a third of the time.
 
-    By itself it compiles each to run at once, optimised with all that it calls in turn, before
-    the extension, in which all of that is optimised again; and one more for each constant that it
-    is called with.
+    Left alone, it makes each function ready to run, optimised with all that it calls, only to
+    optimise all of it again in what calls it; and makes one more for each constant in a call.
     """
-    from numba.core import codegen, types
+    from numba.core import codegen
     from numba.core.dispatcher import Dispatcher
+    from numba.core.types.misc import unliteral
     for place, names in (
             (codegen.JITCodeLibrary, ('_optimize_functions', '_optimize_final_module',
                                       '_finalize_specific', 'get_pointer_to_function')),
@@ -220,10 +220,10 @@ def _compile_callees_once() -> None:
     template = Dispatcher.get_call_template
 
     def of_any_value(self: Any, kinds: Any, named: Any) -> Any:
-        return template(self, tuple(map(types.unliteral, kinds)),
-                        {name: types.unliteral(kind) for name, kind in named.items()})
+        return template(self, tuple(unliteral(kind) for kind in kinds),
+                        {name: unliteral(kind) for name, kind in named.items()})
 
-    Dispatcher.get_call_template = of_any_value
+    setattr(Dispatcher, template.__name__, of_any_value)
 
 
 def _built() -> list[Path]:
