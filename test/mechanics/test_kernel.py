@@ -54,7 +54,7 @@ def journey():
 
 def in_a_process(script, cache, *arguments, **environment):
     """Return what a script prints in an interpreter that keeps what it compiles in ``cache``."""
-    path = [str(HERE.parents[1]), os.environ.get('PYTHONPATH', '')]
+    path = [str(HERE.parents[1]), str(HERE.parent), os.environ.get('PYTHONPATH', '')]
     done = subprocess.run(
         [sys.executable, '-c', script, *arguments], capture_output=True, text=True, check=False,
         cwd=HERE, env={**os.environ, 'PYTHONPATH': os.pathsep.join(path),
