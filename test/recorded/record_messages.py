@@ -1,7 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The messages of a run of three shapes, told so that they are the same on every machine.
+The messages of runs of three shapes: in `test/`, `python -m recorded.record_messages`.
+
+It writes those that are not there, and never over those that are; the same on every machine.
 
 What depends on when a thread had its turn is left out: times, ids, pressures and all else that
 passes by while something moves, into how many pieces a motion is cut, and whether the pump rests
@@ -11,6 +13,7 @@ motions all points of their plan, of streams what they say at rest.
 
 from collections.abc import Mapping, Sequence
 import hashlib
+import json
 from math import isfinite
 from pathlib import Path
 import re
@@ -20,16 +23,19 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from soft_continuum.ros.definitions import message_class
 from support.descriptions import given
+from support.rig_fixtures import domains
 from support.ros_rig import DEADLINE, Recording, Rig
 
-CONFIG = Path(__file__).resolve().parents[2] / 'config'
+HERE = Path(__file__).resolve().parent
+MESSAGES = HERE / 'messages'
+CONFIG = HERE.parents[1] / 'config'
 RUNS: Mapping[str, tuple[str, Sequence[Sequence[str]]]] = {
     'planar': ('manipulator', (('c_form', 's_form'), ('upright_c_form',))),
     'spatial': ('spatial_jamming', (('c_form', 'helix'), ('s_form',))),
     'without_jamming': ('tendon_arm', (('c_form', 'helix'), ('s_form',))),
 }
 """Of each run: the file in ``config/``, and the shapes of its goals."""
-CHANGES = {'angle_step': 0.1234}
+CHANGES = {'angle_step': 0.2618}
 """Of the parameters: coarse steps are planned sooner."""
 LEFT_OUT = {'stamp', 'measured', 'goal_id', 'rejected_goal_id', 'id', 'lifetime'}
 """Fields of messages that are times or ids."""
@@ -168,3 +174,21 @@ def _as(publishers: Sequence[Any]) -> QoSProfile:
         else ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.TRANSIENT_LOCAL if all(
             p.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in publishers)
         else DurabilityPolicy.VOLATILE)
+
+
+def main() -> None:
+    """Write what is not there."""
+    MESSAGES.mkdir(exist_ok=True)
+    for name in RUNS:
+        path = MESSAGES / f'{name}.json'
+        if not path.exists():
+            with domains() as take:
+                rig = Rig(take())
+                found = Run(rig, name).record()
+                rig.close()
+            text = json.dumps(found, separators=(',', ':'), allow_nan=False)
+            path.write_text(text + '\n', encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()

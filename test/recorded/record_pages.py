@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The pages and files that the suite generates: ``PYTHONPATH=test python -m recorded.record_pages``.
+The pages and files that the suite generates: in `test/`, `python -m recorded.record_pages`.
 
 It writes those that are not there, and never over those that are.  Left out is what Matplotlib
 draws, whose bytes are those of its version: pictures, tags, and the page of a recording.
