@@ -24,7 +24,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from soft_continuum.ros.definitions import message_class
 from support.descriptions import given
 from support.rig_fixtures import domains
-from support.ros_rig import DEADLINE, Recording, Rig
+from support.ros_rig import DEADLINE, Recording, Rig, SEGMENTS
 
 HERE = Path(__file__).resolve().parent
 MESSAGES = HERE / 'messages'
@@ -52,6 +52,8 @@ AT_REST = ('kinematics/state', 'disc_poses', 'segment_poses',
            'joint_states', 'tendon_states', 'tendon_tensions', 'shape_markers')
 """Streams of which the message at rest counts."""
 ONCE = ('robot_description',)
+TRAJECTORIES = 'tendon_actuation/joint_trajectory'
+JAMMING_VALVES, STIFF = 'jamming_valves', 'segment_N/stiff'
 
 
 class Run:
@@ -63,24 +65,25 @@ class Run:
         values = given(CONFIG / f'{file}.yaml', **CHANGES)
         self._rig, jamming = rig, values.get('arm__jamming', True)
         nodes = ['tendon_actuation', 'kinematics', 'shape_sequencer']
-        rig.start(*(['jamming_valves'] if jamming else []), *nodes, **values)
-        rig.wait_for(lambda: len(rig.joints), 'joint_states')
-        self.topics: dict[str, str] = {}
+        rig.start(*([JAMMING_VALVES] if jamming else []), *nodes, **values)
         self._heard: dict[str, Recording] = {}
-        for topic, kinds in sorted(rig.observer.get_topic_names_and_types()):
-            publishers = rig.observer.get_publishers_info_by_topic(topic)
-            short = topic.removeprefix(f'{rig.namespace}/')
-            if publishers and topic != short and 'parameter_events' not in topic:
-                self.topics[short], = kinds
-                if _kind(short) in (*IN_TURN, *AT_REST, *ONCE, TRAJECTORIES):
-                    self._heard[short] = rig.record(
-                        message_class(kinds[0]), short, _as(publishers))
+        for kind in (*IN_TURN, *AT_REST, *ONCE, TRAJECTORIES):
+            if not jamming and (kind.startswith(JAMMING_VALVES) or kind == STIFF):
+                continue
+            for topic in [kind.replace('_N', f'_{n}') for n in range(1, 1 + SEGMENTS * (
+                    '_N' in kind))] or [kind]:
+                publishers = rig.wait_for(
+                    lambda topic=topic: self._publishers(topic), f'a publisher of {topic}')
+                self._heard[topic] = rig.record(
+                    message_class(publishers[0].topic_type), topic, _as(publishers))
+
+    def _publishers(self, topic: str) -> Any:
+        return self._rig.observer.get_publishers_info_by_topic(f'{self._rig.namespace}/{topic}')
 
     def record(self) -> dict[str, Any]:
         """Run the goals and return what was said."""
         rig = self._rig
-        found: dict[str, Any] = {
-            'topics': self.topics, 'at_rest': [self._at_rest()], 'goals': [], 'in_turn': {}}
+        found: dict[str, Any] = {'at_rest': [self._at_rest()], 'goals': [], 'in_turn': {}}
         for names in self._goals:
             goal = rig.goal(*names)
             status, result = goal.result()
@@ -95,6 +98,10 @@ class Run:
                     value for before, value in zip([None, *values], values, strict=False)
                     if value != before]
         found['motions'] = self._motions()
+        found['topics'] = {
+            topic.removeprefix(f'{rig.namespace}/'): kinds[0]
+            for topic, kinds in sorted(rig.observer.get_topic_names_and_types())
+            if topic.startswith(rig.namespace) and rig.observer.count_publishers(topic)}
         found['digests'] = {
             topic: hashlib.sha256(self._heard[topic].last.data.encode()).hexdigest()
             for topic in ONCE}
@@ -140,9 +147,6 @@ class Run:
                 'names': list(messages[0].joint_names), 'end': plain(ends[motion]),
                 'times': sorted(points), 'pulls': [points[time] for time in sorted(points)]})
         return found
-
-
-TRAJECTORIES = 'tendon_actuation/joint_trajectory'
 
 
 def plain(value: Any) -> Any:

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The program that answers the questions about 20 arms: in `test/`, `python -m recorded.record_numbers`.
+Answers the questions about 20 arms: in `test/`, `python -m recorded.record_numbers`.
 
 It writes the answers that are not there, and never over those that are.
 """
