@@ -127,7 +127,7 @@ class Run:
 
     def _motions(self) -> list[dict[str, Any]]:
         """
-        Return all points of each motion, s and m, and how it ended.
+        Return all points of each motion, s and m.
 
         A motion comes in pieces.  The last point of each, but of the last one, is where it was
         cut, which is left out: all others are points of the plan.
@@ -135,10 +135,8 @@ class Run:
         pieces: dict[str, list[Any]] = {}
         for message in self._heard[TRAJECTORIES]:
             pieces.setdefault(message.header.frame_id, []).append(message)
-        ends = {state.accepted.id: state.accepted
-                for state in self._rig.states['tendon_actuation']}
         found = []
-        for motion, messages in pieces.items():
+        for messages in pieces.values():
             points = {
                 point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec:
                 list(point.positions)
@@ -147,7 +145,7 @@ class Run:
             points[last.time_from_start.sec + 1e-9 * last.time_from_start.nanosec] = list(
                 last.positions)
             found.append({
-                'names': list(messages[0].joint_names), 'end': plain(ends[motion]),
+                'names': list(messages[0].joint_names),
                 'times': sorted(points), 'pulls': [points[time] for time in sorted(points)]})
         return found
 
