@@ -1,0 +1,12 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pages and files that the suite generates are those that were recorded (README.md)."""
+
+from recorded.record_pages import PAGES, pages
+
+
+def test_what_is_generated_is_what_it_was():
+    found = dict(pages())
+    assert sorted(found) == sorted(path.name for path in PAGES.iterdir())
+    for name, text in found.items():
+        assert text == (PAGES / name).read_text(encoding='utf-8'), name
