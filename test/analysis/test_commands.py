@@ -66,6 +66,12 @@ def documented(tmp_path_factory):
     return here / 'results', printed
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Let characterize draw nothing: that takes longer than all else it does."""
+    monkeypatch.setattr(characterize, 'stiffness_figure', lambda *_: None)
+
+
 def assert_readable(picture):
     """Check that a figure is a picture with something in it that nothing cuts off."""
     ink = imread(picture)[:, :, :3].min(axis=2) < 0.9
@@ -138,6 +144,7 @@ def test_a_cell_of_countless_digits_is_refused(tmp_path):
     assert len(error) < 5000
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_the_papers_slope_is_reproduced_from_a_file(tmp_path):
     path = files.export(tmp_path / 'a.csv', [(files.ramp(), 72.0 * files.ramp())],
                         'Weg [mm];Kraft [N]', ';', ',')
@@ -156,6 +163,7 @@ def test_the_simulated_specimen_has_the_papers_stiffness(documented):
         0.026458, rel=1e-4)  # as described: its leaf spring
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_soft_and_stiff_give_the_ratio_and_keep_what_is_known_of_other_segments(tmp_path):
     up = files.ramp()
     soft = files.export(tmp_path / 'soft.csv', [(up, 72.0 * up)])
@@ -172,6 +180,7 @@ def test_soft_and_stiff_give_the_ratio_and_keep_what_is_known_of_other_segments(
     assert arm.segments[0].jam.rigid
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_a_segment_in_space_is_characterized_along_x_and_to_the_side(tmp_path):
     up, arm = files.ramp(), str(description_file().with_name('spatial_jamming.yaml'))
     along, side, stiff = (files.export(tmp_path / f'{name}.csv', [(part * up, slope * part * up)])
@@ -202,6 +211,7 @@ def test_a_segment_in_space_is_characterized_along_x_and_to_the_side(tmp_path):
     assert (status, 'does not bend to the side' in error) == (2, True)
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_stiffness_in_wrong_units_is_questioned_and_can_be_insisted_on(tmp_path):
     up = files.ramp()
     path = files.export(tmp_path / 'a.csv', [(up, 72.0 * up)], 'displacement [mm],force [kN]')
@@ -213,6 +223,7 @@ def test_stiffness_in_wrong_units_is_questioned_and_can_be_insisted_on(tmp_path)
     assert run(characterize, path, *CHARACTERIZE, '--trust-stiffness', '--output', 'x')[0] == 0
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_a_segment_that_is_not_linear_becomes_a_table_that_the_arm_is_computed_with(tmp_path):
     law = MomentCurvature((0.0, 1.0, 6.0), (0.0, 0.03, 0.09))
     force = np.linspace(0.0, 0.9, 201)
@@ -232,6 +243,7 @@ def test_a_segment_that_is_not_linear_becomes_a_table_that_the_arm_is_computed_w
     assert [s.soft_law for s in segments[::2]] == [s.jam.law for s in segments[::2]] == [None] * 2
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_a_linear_segment_takes_its_table_out_of_the_description(tmp_path):
     table = tmp_path / 'table.yaml'
     table.write_text('/**:\n  ros__parameters:\n    arm:\n'
