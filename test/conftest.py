@@ -17,11 +17,17 @@ import subprocess
 import sys
 from time import time_ns
 
+from hypothesis import HealthCheck, settings
 import pytest
 
 # As the program and the benchmarks do, before numpy is imported: in matrices this small, threads
 # only wait for each other, and on a busy machine that takes most of the time.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+# What hypothesis draws does not depend on chance, and what it says not on how fast that goes.
+settings.register_profile('claims', deadline=None, derandomize=True, database=None,
+                          suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile('claims')
 
 with suppress(ImportError, AttributeError):  # an older hypothesis knows no such thing
     from hypothesis.internal.conjecture import providers

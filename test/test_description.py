@@ -6,7 +6,7 @@ from copy import deepcopy
 from math import degrees, inf, isinf, nan, pi
 from pathlib import Path
 
-from hypothesis import given, HealthCheck, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -448,8 +448,7 @@ arm_values = st.fixed_dictionaries({}, optional={
     for p in ARM_PARAMETERS})
 
 
-@settings(deadline=None, derandomize=True, max_examples=60,
-          suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60)
 @given(arm_values)
 def test_any_values_give_an_arm_or_are_refused(values):
     try:
@@ -462,7 +461,7 @@ def test_any_values_give_an_arm_or_are_refused(values):
         assert segment.bending_stiffness > 0.0 and not isinf(segment.bending_stiffness)
 
 
-@settings(deadline=None, derandomize=True, max_examples=50)
+@settings(max_examples=50)
 @given(st.lists(st.floats(), max_size=5))
 def test_any_angles_are_a_shape_or_are_refused(angles):
     arm = arm_from_parameters({})

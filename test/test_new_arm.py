@@ -78,8 +78,8 @@ def answered(draw):
             for name, value in found.items()}
 
 
-@settings(deadline=None, derandomize=True, max_examples=25,
-          suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[
+    HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(answered())
 def test_the_arm_of_the_file_has_what_was_answered(tmp_path, typed):
     described = describe(complete(typed))

@@ -6,15 +6,16 @@ Unknowns of an arm from measured points and pulls, by least squares.  Not in the
 The pulls are taken as they are, the points as measured with independent errors of one size.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Generic, Protocol
 
 import numpy as np
 import scipy
 
 from soft_continuum.analysis.measured_shapes import loaded, MeasuredShape, simulate_steps
-from soft_continuum.analysis.path_sensitivity import points_and_derivatives
+from soft_continuum.analysis.path_sensitivity import derivatives_of_points
 from soft_continuum.analysis.unknowns import (
     Described,
     IdentificationError,
@@ -22,7 +23,7 @@ from soft_continuum.analysis.unknowns import (
     with_values,
 )
 from soft_continuum.mechanics.arm import Arm, SECOND_ORDER
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics, StaticsError
 
 DETERMINED = 0.15  # standard deviation over scale, beyond which data do not determine an unknown
@@ -78,7 +79,9 @@ def identify(arm: Arm, unknowns: Sequence[Unknown[Arm]], shapes: Sequence[Measur
     if any(np.isfinite(segment.jam.yield_moment) for segment in arm.segments):
         raise IdentificationError('jams that yield cannot be identified from shapes; set '
                                   'arm.yield_moments to 0 and measure where nothing yields')
-    return fit_shapes(arm, unknowns, [_Fit(arm, unknowns, shape) for shape in shapes],
+    # Shapes with the same payload are of one arm.
+    models = {shape.payload: _models(loaded(arm, shape), unknowns) for shape in shapes}
+    return fit_shapes(arm, unknowns, [_Fit(models[shape.payload], shape) for shape in shapes],
                       sum(shape.coordinates for shape in shapes))
 
 
@@ -115,30 +118,43 @@ def fit_shapes(described: Described, unknowns: Sequence[Unknown[Described]],
     found = scipy.optimize.least_squares(residuals, start / scales, jac=jacobian, bounds=bounds,
                           xtol=1e-10, ftol=1e-10, gtol=1e-12)
     values = found.x * scales
-    return _judged(described, tuple(unknowns), values, found.fun, jacobian(found.x), scales)
+    return _judged(described, tuple(unknowns), values, found.fun, found.jac, scales)
+
+
+def _models(arm: Arm, unknowns: Sequence[Unknown[Arm]]) -> Callable[[Array], Statics]:
+    """Return the statics of the arm by values (k,) of its unknowns; each is made once."""
+    @lru_cache(1 + 2 * len(unknowns))  # that many make the derivatives at one place
+    def made(*values: float) -> Statics:
+        return Statics(with_values(arm, unknowns, np.array(values)))
+
+    return lambda values: made(*values.tolist())
 
 
 class _Fit:
     """Residuals of one shape and their derivatives."""
 
-    def __init__(self, arm: Arm, unknowns: Sequence[Unknown[Arm]], shape: MeasuredShape) -> None:
-        self._arm, self._unknowns, self._shape = loaded(arm, shape), unknowns, shape
+    def __init__(self, statics_at: Callable[[Array], Statics], shape: MeasuredShape) -> None:
+        self._statics_at, self._shape = statics_at, shape
         self._rows = [shape.numbers[row] for row in shape.moving]
-
-    def _arm_at(self, values: Array) -> Arm:
-        return with_values(self._arm, self._unknowns, values)
+        self._at: Array | None = None
 
     def residuals(self, values: Array) -> Array:
         """Return predicted less measured coordinates, m."""
-        statics = Statics(self._arm_at(values))
-        state = simulate_steps(statics, self._shape.steps, self._shape.name)[-1]
-        return self._shape.misses(state).ravel()
+        return self._shape.misses(self._states(values)[-1]).ravel()
 
     def jacobian(self, values: Array, scales: Array) -> Array:
         """Return derivatives of the residuals, (coordinates, k)."""
-        derivatives = points_and_derivatives(
-            self._arm_at, values, scales, self._shape.steps, self._shape.name)[1]
+        derivatives = derivatives_of_points(
+            self._statics_at, values, scales, self._shape.steps, self._states(values))
         return derivatives[self._rows].reshape(-1, len(values))
+
+    def _states(self, values: Array) -> list[Equilibrium]:
+        """Return the equilibrium after each step; derivatives are asked for where it was."""
+        if self._at is None or not np.array_equal(self._at, values):
+            self._found = simulate_steps(
+                self._statics_at(values), self._shape.steps, self._shape.name)
+            self._at = values.copy()
+        return self._found
 
 
 def _judged(described: Described, unknowns: tuple[Unknown[Described], ...], values: Array,

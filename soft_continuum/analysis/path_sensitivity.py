@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.analysis.measured_shapes import simulate_steps, sliding, Step
-from soft_continuum.mechanics.arm import Arm
+from soft_continuum.analysis.measured_shapes import sliding, Step
 from soft_continuum.mechanics.chain import Array, Equilibrium, RigidChain
 from soft_continuum.mechanics.joints import HELD, JAM, SOFT
 from soft_continuum.mechanics.statics import Statics
@@ -33,55 +32,59 @@ class _Coefficients:
     jams: Array
     loads: Array
     guides: Array
-    friction: float
-    straight_length: float
+    friction: Array
+    straight_length: Array
     compliance: Array
 
 
-def _coefficients(statics: Statics, start: Equilibrium, stiff: Sequence[bool]) -> _Coefficients:
-    joints = statics.laws.joints(start, stiff, None)
-    chain = statics.chain
-    return _Coefficients(joints[:, SOFT], joints[:, JAM], chain.load_coefficients, chain.guides,
-                         chain.arm.tendon.friction, chain.straight_length, statics.compliance)
+def _coefficients(models: Sequence[Statics], start: Equilibrium, stiff: Sequence[bool]
+                  ) -> _Coefficients:
+    """Return those of several arms, along the first axis of each."""
+    rows = []
+    for statics in models:
+        joints, chain = statics.laws.joints(start, stiff, None), statics.chain
+        rows.append((joints[:, SOFT], joints[:, JAM], chain.load_coefficients, chain.guides,
+                     chain.arm.tendon.friction, chain.straight_length, statics.compliance))
+    return _Coefficients(*map(np.array, zip(*rows, strict=True)))
 
 
 def _balance(chain: RigidChain, c: _Coefficients, directions: Sequence[int], angles: Any,
              tensions: Any, held: Any) -> Any:
     """
-    Return moments on the joints and excess of the tendons' lengths, (..., joints + 2).
+    Return moments on the joints and excess of the tendons' lengths, (rows, joints + 2).
 
-    angles, held: (..., joints) rad, tensions: (..., 2) N; real or complex.
+    angles, held: (states, joints) rad, tensions: (states, 2) N; real or complex.  Rows are those
+    of one arm in several states, or of several arms in one state.
     """
     per, segments = chain.joints_per_segment, chain.segments
     theta = np.cumsum(angles, axis=-1)
-    turning = c.loads[:, 0] * np.cos(theta) - c.loads[:, 1] * np.sin(theta)
+    turning = c.loads[..., 0] * np.cos(theta) - c.loads[..., 1] * np.sin(theta)
     moments = c.springs * angles + c.jams * (angles - held) + _from_tip(turning)
-    shape = (*angles.shape[:-1], segments, per)
-    local = np.cumsum(angles.reshape(shape), axis=-1)  # against the disc below
+    local = np.cumsum(angles.reshape(-1, segments, per), axis=-1)  # against the disc below
     bodies, disc = local[..., :-1], local[..., -1]
     lengths = chain.body_lengths.reshape(segments, per)[:, :-1]
     along_x, along_z = lengths * np.sin(bodies), lengths * np.cos(bodies)
-    lower, upper = c.guides[:, 0], c.guides[:, 1]
+    lower, upper = c.guides[..., 0], c.guides[..., 1]
     excess = []
     for tendon, side in enumerate((1.0, -1.0)):
         x = along_x.sum(axis=-1) + side * (upper * np.cos(disc) - lower)
         z = along_z.sum(axis=-1) - side * upper * np.sin(disc)
         span = np.sqrt(x * x + z * z)
         # What a joint turns: the bodies from it on, and the guide on the upper disc.
-        last = np.zeros((*shape[:-1], 1))
+        last = np.zeros((*disc.shape, 1))
         dx = (_from_tip(np.concatenate([along_z, last], axis=-1))
               - (side * upper * np.sin(disc))[..., None])
         dz = (-_from_tip(np.concatenate([along_x, last], axis=-1))
               - (side * upper * np.cos(disc))[..., None])
         pull = (x[..., None] * dx + z[..., None] * dz) / span[..., None]
-        if c.friction and directions[tendon]:
+        if c.friction.any() and directions[tendon]:
             kept = _kept(chain, c, side, directions[tendon], x, z, disc)
         else:
             kept = np.ones(segments)
-        force = tensions[..., tendon, None] * kept
-        moments = moments + (force[..., None] * pull).reshape(angles.shape)
+        force = tensions[:, tendon, None] * kept
+        moments = moments + (force[..., None] * pull).reshape(moments.shape)
         excess.append(span.sum(axis=-1) - c.straight_length
-                      - c.compliance[tendon] * tensions[..., tendon])
+                      - c.compliance[:, tendon] * tensions[:, tendon])
     return np.concatenate([moments, np.stack(excess, axis=-1)], axis=-1)
 
 
@@ -95,36 +98,33 @@ def _kept(chain: RigidChain, c: _Coefficients, side: float, direction: int, x: A
     """Return the tension in each span over that at the base, by Capstan (..., segments)."""
     heights = np.array([d.height for d in chain.arm.discs])
     # Headings of the spans, and of the rope inside the disc below each, against that disc.
-    inside = np.arctan(side * (c.guides[1:, 0] - c.guides[:-1, 1]) / heights[1:-1])
-    inside = np.concatenate([[0.0], inside])
+    inside = np.arctan(side * (c.guides[:, 1:, 0] - c.guides[:, :-1, 1]) / heights[1:-1])
+    inside = np.concatenate([np.zeros((len(inside), 1)), inside], axis=-1)
     span = np.arctan(x / z)
     into = _size(span - inside)  # at the lower guide of each segment
-    out = _size(inside[1:] + disc[..., :-1] - span[..., :-1])  # at its upper guide
+    out = _size(inside[:, 1:] + disc[..., :-1] - span[..., :-1])  # at its upper guide
     first = np.zeros((*x.shape[:-1], 1))
     wrapped = np.cumsum(into, axis=-1) + np.concatenate(
         [first, np.cumsum(out, axis=-1)], axis=-1)
-    return np.exp(-c.friction * direction * wrapped)
+    return np.exp(-c.friction[:, None] * direction * wrapped)
 
 
 def _size(value: Any) -> Any:
     return value * np.where(np.real(value) < 0.0, -1.0, 1.0)
 
 
-def points_and_derivatives(
-        arm_at: Callable[[Array], Arm], values: Array, scales: Array, steps: Sequence[Step],
-        name: str) -> tuple[Array, Array, list[Equilibrium]]:
+def derivatives_of_points(
+        statics_at: Callable[[Array], Statics], values: Array, scales: Array,
+        steps: Sequence[Step], states: Sequence[Equilibrium]) -> Array:
     """
-    Return calculation points of a shape and their derivatives with respect to the unknowns.
+    Return derivatives of a shape's calculation points by the unknowns, (2 * discs, 2, k), m.
 
-    arm_at: from values (k,) of the unknowns to the arm.  scales: (k,) of a change of each that is
-    small.  Returns points (2 * discs, 2), m; derivatives (2 * discs, 2, k), m per unit; and the
-    equilibrium after each step.  A slack tendon is taken to stay slack and a taut one taut.
-
-    Raises StaticsError as ``simulate_steps`` does.
+    statics_at: of the arm with values (k,) for its unknowns.  scales: (k,) of a change of each
+    that is small.  states: the equilibrium after each step, as ``simulate_steps`` returns them.  A
+    slack tendon is taken to stay slack and a taut one taut.
     """
-    statics = Statics(arm_at(values))
-    states = simulate_steps(statics, steps, name)
-    beside = [(Statics(arm_at(values + h)), Statics(arm_at(values - h)))
+    statics = statics_at(values)
+    beside = [(statics_at(values + h), statics_at(values - h))
               for h in np.diag(DIFFERENCE * scales)]
     chain = statics.chain
     turned = np.zeros((chain.joints, len(values)))
@@ -141,7 +141,7 @@ def points_and_derivatives(
     ends[1:, 1] = np.cumsum(-lengths * np.sin(theta)[:, None] * swept, axis=0)
     derivatives = np.zeros((2 * chain.segments + 2, 2, len(values)))
     derivatives[2::2], derivatives[3::2] = ends[chain.last_joint], ends[chain.last_joint + 1]
-    return states[-1].points[:, :2], derivatives, states
+    return derivatives
 
 
 def _step(statics: Statics, beside: Sequence[tuple[Statics, Statics]], scales: Array,
@@ -158,21 +158,19 @@ def _step(statics: Statics, beside: Sequence[tuple[Statics, Statics]], scales: A
                         zip(stiff, chain.arm.segments, strict=True)], per)
     taut = np.nan_to_num(state.tensions) > 0.0
     free = np.concatenate([~locked, taut])
-    here = np.concatenate([state.joint_angles, np.nan_to_num(state.tensions),
-                           statics.laws.joints(start, stiff, None)[:, HELD]])
+    here = np.concatenate([state.joint_angles, np.nan_to_num(state.tensions)])
+    joints = statics.laws.joints(start, stiff, None)
 
-    def balance(c: _Coefficients, at: Any) -> Any:
-        return _balance(chain, c, directions, at[..., :count], at[..., count:count + 2],
-                        at[..., count + 2:])
+    def balance(models: Sequence[Statics], at: Any) -> Any:
+        return _balance(chain, _coefficients(models, start, stiff), directions,
+                        at[:, :count], at[:, count:], joints[:, HELD])
 
-    stepped = here + 1j * COMPLEX_STEP * np.eye(len(here))
-    matrix = balance(_coefficients(statics, start, stiff), stepped).imag.T / COMPLEX_STEP
-    right_side = np.stack([
-        (balance(_coefficients(more, start, stiff), here)
-         - balance(_coefficients(less, start, stiff), here)) / (2.0 * DIFFERENCE * scale)
-        for (more, less), scale in zip(beside, scales, strict=True)], axis=1)
-    right_side += matrix[:, :count][:, locked] @ turned[locked] + matrix[:, count + 2:] @ held
-    moved = np.linalg.solve(matrix[free][:, :count + 2][:, free], -right_side[free])
+    matrix = balance([statics], here + 1j * COMPLEX_STEP * np.eye(len(here))).imag.T / COMPLEX_STEP
+    more, less = (balance(models, here[None]) for models in zip(*beside, strict=True))
+    right_side = (more - less).T / (2.0 * DIFFERENCE * scales)
+    right_side += matrix[:, :count][:, locked] @ turned[locked]
+    right_side[:count] -= joints[:, JAM, None] * held
+    moved = np.linalg.solve(matrix[free][:, free], -right_side[free])
     turned = turned.copy()
     turned[~locked] = moved[:int((~locked).sum())]
     return turned, held

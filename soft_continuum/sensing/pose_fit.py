@@ -70,6 +70,7 @@ class TagGroup:
         self._focal, self._given = np.diag(lens.matrix)[:2], focal
         self._free = 7 if focal_deviation else 6
         self._stiff = 1.0 / focal_deviation**2 if focal_deviation else 0.0
+        self._last: _Guess | None = None
 
     def fits(self) -> list[PoseFit]:
         """Return the minima that were found, the best one first; none if it looks like no tag."""
@@ -168,6 +169,11 @@ class TagGroup:
 
         The seventh is the logarithm of the focal length.
         """
+        if guess is not self._last:  # a guess that fits better is where the next step begins
+            self._last, self._found = guess, self._find_system(guess)
+        return self._found
+
+    def _find_system(self, guess: '_Guess') -> tuple[Array, Array, Array]:
         turn = guess.turn
         arms = self._points @ turn.T
         places = arms + guess.shift

@@ -58,7 +58,8 @@ class UpFilter(ImuFilter[Array]):
         half = np.sinc(angle / 2.0 / np.pi) / 2.0
         back = matrices(np.array([[*(-half * turn), np.cos(angle / 2.0)]]))[0]
         self.up = back @ self.up
-        by_rate = step * np.cross(np.eye(3), self.up).T  # up turns by -rate x up, or up x rate
+        x, y, z = self.up.tolist()  # it turns by -rate x up, or up x rate
+        by_rate = step * np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
         moves = np.eye(6)
         moves[UP, UP], moves[UP, BIAS] = back, by_rate
         self.covariance = moves @ self.covariance @ moves.T

@@ -7,6 +7,7 @@ It shares no projection with what measures in the pictures: rays go out from the
 undistorted by fixed-point iteration.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -56,14 +57,21 @@ class Optics:
 
     def rays(self) -> Array:
         """Return the direction of every pixel, (height, width, 3)."""
-        v, u = np.mgrid[:HEIGHT, :WIDTH]
-        seen = (np.stack([u, v], axis=-1) - self._middle) / self._focal
-        flat, before = seen, np.full(1, np.inf)
-        while np.abs(flat - before).max() > 1e-7:
-            before = flat
-            flat = seen / (1.0 + self._bent * (flat**2).sum(axis=-1, keepdims=True))
+        flat = _undistorted(self._focal, *self._middle.tolist(), self._bent)
         rays = np.concatenate([flat, np.ones((HEIGHT, WIDTH, 1))], axis=-1) @ self._turn
         return np.asarray(rays)
+
+
+@lru_cache(2)  # cameras of one kind differ in how they stand
+def _undistorted(focal: float, right: float, down: float, bent: float) -> Array:
+    """Return in which direction each pixel looks without the lens, (height, width, 2)."""
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    seen = (np.stack([u, v], axis=-1) - (right, down)) / focal
+    flat, before = seen, np.full(1, np.inf)
+    while np.abs(flat - before).max() > 1e-7:
+        before = flat
+        flat = seen / (1.0 + bent * (flat[..., :1]**2 + flat[..., 1:]**2))
+    return flat
 
 
 class Sensor:
@@ -108,7 +116,7 @@ def printed(flat: Array, modules: NDArray[np.bool_], old: Array) -> Array:
 
     flat: (..., 2), to the right and up.
     """
-    reach = np.abs(flat).max(axis=-1)
+    reach = np.maximum(np.abs(flat[..., 0]), np.abs(flat[..., 1]))
     column, row = (np.clip((part * MODULES).astype(int), 0, MODULES - 1)
                    for part in (flat[..., 0] + 0.5, 0.5 - flat[..., 1]))
     ink = np.where(modules[row, column], WHITE, BLACK)

@@ -176,7 +176,9 @@ class SpatialTwinCamera:
         box = _box(np.vstack([self._optics.seen(corners) for _, corners in local]))
         if not grey[box].size:
             return grey
-        fine = np.repeat(np.repeat(grey[box], SAMPLES, 0), SAMPLES, 1)
+        rows, columns = grey[box].shape
+        fine = np.empty((SAMPLES * rows, SAMPLES * columns), dtype=np.float32)
+        fine.reshape(rows, SAMPLES, columns, SAMPLES)[:] = grey[box][:, None, :, None]
         nearest = np.full(fine.shape, np.inf, dtype=np.float32)
         for piece, corners in local:
             own = _box(self._optics.seen(corners))
@@ -185,7 +187,6 @@ class SpatialTwinCamera:
             inner = tuple(slice(SAMPLES * (o.start - b.start), SAMPLES * (o.stop - b.start))
                           for o, b in zip(own, box, strict=True))
             self._draw(piece, corners, own, fine[inner], nearest[inner])
-        rows, columns = (size // SAMPLES for size in fine.shape)
         grey[box] = fine.reshape(rows, SAMPLES, columns, SAMPLES).mean(axis=(1, 3))
         return grey
 
@@ -193,11 +194,10 @@ class SpatialTwinCamera:
               fine: NDArray[np.float32], nearest: NDArray[np.float32]) -> None:
         """Draw one piece into the samples of its box, where it is nearer than what is there."""
         steps = ((np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5).astype(np.float32)
-        to_right, down = self._changes[(slice(None), *own)]
-        middles = self._flat[own][:, None, :, None]
-        x, y = np.moveaxis((middles + steps[:, None] * to_right[:, None, :, None]
-                            + steps[:, None, None, None] * down[:, None, :, None]
-                            ).reshape(*fine.shape, 2), -1, 0)
+        x, y = ((middle[:, None, :, None] + steps * to_right[:, None, :, None]
+                 + steps[:, None, None] * down[:, None, :, None]).reshape(fine.shape)
+                for middle, to_right, down in zip(*(np.moveaxis(part[own], -1, 0) for part in (
+                    self._flat, *self._changes)), strict=True))
         seen = np.ones(fine.shape, dtype=bool)
         for a, b, c in np.cross(corners, np.roll(corners, -1, axis=0)).astype(np.float32):
             seen &= a * x + b * y + c < 0.0  # on the inner side of the plane of eye and edge

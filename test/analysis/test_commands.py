@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The commands print tables, write figures and parameters, and answer bad input with one line."""
 
+from contextlib import chdir, redirect_stderr, redirect_stdout
 import csv
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 import re
 
@@ -39,17 +41,35 @@ COMMANDS = {
 }
 
 
-@pytest.fixture
-def run(capsys):
-    """Return a function that runs a command: exit status, what it printed, and its errors."""
-    def call(command, *arguments):
+def run(command, *arguments):
+    """Run a command: exit status, what it printed, and its errors."""
+    with redirect_stdout(StringIO()) as printed, redirect_stderr(StringIO()) as errors:
         try:
             status = command.main([str(argument) for argument in arguments])
         except SystemExit as ended:  # argparse
             status = ended.code
-        return status, *capsys.readouterr()
+    return status, printed.getvalue(), errors.getvalue()
 
-    return call
+
+@pytest.fixture(scope='module')
+def documented(tmp_path_factory):
+    """Run the lines of the document; return where their results are, and what each printed."""
+    text = DOCUMENT.read_text(encoding='utf-8')
+    lines = ''.join(re.findall(r'```sh\n(.*?)```', text, re.DOTALL)).splitlines()
+    here, printed = tmp_path_factory.mktemp('documented'), {}
+    (here / 'data').symlink_to(DATA.parent)
+    with chdir(here):
+        for line in lines:
+            program, name, *arguments = line.split()
+            assert program == 'soft_continuum'
+            printed[name] = run(COMMANDS[name][0], *arguments)
+    return here / 'results', printed
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Let characterize draw nothing: that takes longer than all else it does."""
+    monkeypatch.setattr(characterize, 'stiffness_figure', lambda *_: None)
 
 
 def assert_readable(picture):
@@ -67,35 +87,30 @@ def assert_grey(picture):
 # All commands
 
 @pytest.mark.parametrize('name', COMMANDS)
-def test_a_command_leaves_a_figure_in_grey_and_repeats_itself_to_the_byte(run, tmp_path, name):
+def test_a_figure_is_grey_only_overwritten_by_force_and_the_same_again_to_the_byte(tmp_path, name):
     command, arguments = COMMANDS[name]
     status, first, _ = run(command, *arguments, '--output', tmp_path / 'one')
     assert status == 0
     picture = tmp_path / 'one' / f'{name}.png'
     assert_readable(picture)
     assert_grey(picture)
-    _, again, _ = run(command, *arguments, '--output', tmp_path / 'two')
+    there = tmp_path / 'two' / f'{name}.png'
+    there.parent.mkdir()
+    there.write_text('precious', encoding='utf-8')
+    status, _, error = run(command, *arguments, '--output', there.parent)
+    assert status == 2
+    assert f'{there} exists; add --force' in error
+    assert there.read_text(encoding='utf-8') == 'precious'
+    assert [path.name for path in there.parent.iterdir()] == [there.name]
+    status, again, _ = run(command, *arguments, '--output', there.parent, '--force')
+    assert status == 0
     assert again == first.replace(str(tmp_path / 'one'), str(tmp_path / 'two'))
     for path in (tmp_path / 'one').iterdir():
         assert path.read_bytes() == (tmp_path / 'two' / path.name).read_bytes()
 
 
 @pytest.mark.parametrize('name', COMMANDS)
-def test_results_are_only_overwritten_by_force(run, tmp_path, name):
-    command, arguments = COMMANDS[name]
-    there = tmp_path / f'{name}.png'
-    there.write_text('precious', encoding='utf-8')
-    status, _, error = run(command, *arguments, '--output', tmp_path)
-    assert status == 2
-    assert f'{there} exists; add --force' in error
-    assert there.read_text(encoding='utf-8') == 'precious'
-    assert [path.name for path in tmp_path.iterdir()] == [there.name]
-    assert run(command, *arguments, '--output', tmp_path, '--force')[0] == 0
-    assert there.read_bytes().startswith(b'\x89PNG')
-
-
-@pytest.mark.parametrize('name', COMMANDS)
-def test_a_place_that_cannot_be_written_is_named(run, tmp_path, name):
+def test_a_place_that_cannot_be_written_is_named(tmp_path, name):
     command, arguments = COMMANDS[name]
     (tmp_path / 'file').write_text('', encoding='utf-8')
     status, _, error = run(command, *arguments, '--output', tmp_path / 'file')
@@ -104,7 +119,7 @@ def test_a_place_that_cannot_be_written_is_named(run, tmp_path, name):
 
 
 @pytest.mark.parametrize('name', COMMANDS)
-def test_a_bad_description_is_named(run, tmp_path, name):
+def test_a_bad_description_is_named(tmp_path, name):
     command, arguments = COMMANDS[name]
     status, _, error = run(command, *arguments, '--params-file', tmp_path / 'none.yaml')
     assert status == 2
@@ -114,13 +129,13 @@ def test_a_bad_description_is_named(run, tmp_path, name):
 
 # characterize
 
-def test_a_file_that_is_given_twice_is_no_second_measurement(run):
+def test_a_file_that_is_given_twice_is_no_second_measurement():
     status, _, error = run(characterize, CURVES, CURVES, *CHARACTERIZE)
     assert status == 2
     assert 'is given twice' in error
 
 
-def test_a_cell_of_countless_digits_is_refused(run, tmp_path):
+def test_a_cell_of_countless_digits_is_refused(tmp_path):
     path = tmp_path / 'digits.csv'
     path.write_text('Force [N];Displacement [mm]\n' + '1;1\n' * 20 + '1' * 120_000 + 'x;1\n')
     status, _, error = run(characterize, path, *CHARACTERIZE)
@@ -129,7 +144,8 @@ def test_a_cell_of_countless_digits_is_refused(run, tmp_path):
     assert len(error) < 5000
 
 
-def test_the_papers_slope_is_reproduced_from_a_file(run, tmp_path):
+@pytest.mark.usefixtures('undrawn')
+def test_the_papers_slope_is_reproduced_from_a_file(tmp_path):
     path = files.export(tmp_path / 'a.csv', [(files.ramp(), 72.0 * files.ramp())],
                         'Weg [mm];Kraft [N]', ';', ',')
     status, text, _ = run(characterize, path, *CHARACTERIZE)
@@ -140,15 +156,15 @@ def test_the_papers_slope_is_reproduced_from_a_file(run, tmp_path):
         assert re.search(rf'{label} +{value}\n', text), label
 
 
-def test_the_simulated_specimen_has_the_papers_stiffness(run, tmp_path):
-    assert run(characterize, CURVES, *CHARACTERIZE)[0] == 0
-    segment = load_arm('characterize.yaml').segments[1]
-    assert segment.bending_stiffness == pytest.approx(0.0202, rel=0.02)
-    assert load_arm('characterize.yaml').segments[0].bending_stiffness == pytest.approx(
+def test_the_simulated_specimen_has_the_papers_stiffness(documented):
+    segments = load_arm(documented[0] / 'characterize.yaml').segments
+    assert segments[1].bending_stiffness == pytest.approx(0.0202, rel=0.02)
+    assert segments[0].bending_stiffness == pytest.approx(
         0.026458, rel=1e-4)  # as described: its leaf spring
 
 
-def test_soft_and_stiff_give_the_ratio_and_keep_what_is_known_of_other_segments(run, tmp_path):
+@pytest.mark.usefixtures('undrawn')
+def test_soft_and_stiff_give_the_ratio_and_keep_what_is_known_of_other_segments(tmp_path):
     up = files.ramp()
     soft = files.export(tmp_path / 'soft.csv', [(up, 72.0 * up)])
     stiff = files.export(tmp_path / 'stiff.csv', [(up / 10, 720.0 * up / 10)])
@@ -164,7 +180,8 @@ def test_soft_and_stiff_give_the_ratio_and_keep_what_is_known_of_other_segments(
     assert arm.segments[0].jam.rigid
 
 
-def test_a_segment_in_space_is_characterized_along_x_and_to_the_side(run, tmp_path):
+@pytest.mark.usefixtures('undrawn')
+def test_a_segment_in_space_is_characterized_along_x_and_to_the_side(tmp_path):
     up, arm = files.ramp(), str(description_file().with_name('spatial_jamming.yaml'))
     along, side, stiff = (files.export(tmp_path / f'{name}.csv', [(part * up, slope * part * up)])
                           for name, slope, part in (
@@ -194,7 +211,8 @@ def test_a_segment_in_space_is_characterized_along_x_and_to_the_side(run, tmp_pa
     assert (status, 'does not bend to the side' in error) == (2, True)
 
 
-def test_stiffness_in_wrong_units_is_questioned_and_can_be_insisted_on(run, tmp_path):
+@pytest.mark.usefixtures('undrawn')
+def test_stiffness_in_wrong_units_is_questioned_and_can_be_insisted_on(tmp_path):
     up = files.ramp()
     path = files.export(tmp_path / 'a.csv', [(up, 72.0 * up)], 'displacement [mm],force [kN]')
     status, _, error = run(characterize, path, *CHARACTERIZE)
@@ -205,7 +223,8 @@ def test_stiffness_in_wrong_units_is_questioned_and_can_be_insisted_on(run, tmp_
     assert run(characterize, path, *CHARACTERIZE, '--trust-stiffness', '--output', 'x')[0] == 0
 
 
-def test_a_segment_that_is_not_linear_becomes_a_table_that_the_arm_is_computed_with(run, tmp_path):
+@pytest.mark.usefixtures('undrawn')
+def test_a_segment_that_is_not_linear_becomes_a_table_that_the_arm_is_computed_with(tmp_path):
     law = MomentCurvature((0.0, 1.0, 6.0), (0.0, 0.03, 0.09))
     force = np.linspace(0.0, 0.9, 201)
     path = files.export(tmp_path / 'a.csv', [(files.cantilever(law, force), force)] * 2)
@@ -224,7 +243,8 @@ def test_a_segment_that_is_not_linear_becomes_a_table_that_the_arm_is_computed_w
     assert [s.soft_law for s in segments[::2]] == [s.jam.law for s in segments[::2]] == [None] * 2
 
 
-def test_a_linear_segment_takes_its_table_out_of_the_description(run, tmp_path):
+@pytest.mark.usefixtures('undrawn')
+def test_a_linear_segment_takes_its_table_out_of_the_description(tmp_path):
     table = tmp_path / 'table.yaml'
     table.write_text('/**:\n  ros__parameters:\n    arm:\n'
                      '      soft_curvatures: [0.0, 1.0, 0.0, 1.0, 4.0, 0.0]\n'
@@ -245,7 +265,7 @@ def test_a_linear_segment_takes_its_table_out_of_the_description(run, tmp_path):
     (['none.csv', *CHARACTERIZE], 'none.csv: cannot be read'),
     ([CURVES, *CHARACTERIZE, '--stiff', CURVES], 'have the files of the two states been swapped'),
 ])
-def test_bad_options_of_characterize_are_answered(run, arguments, message):
+def test_bad_options_of_characterize_are_answered(arguments, message):
     status, _, error = run(characterize, *arguments)
     assert status == 2
     assert message in error
@@ -254,13 +274,10 @@ def test_bad_options_of_characterize_are_answered(run, arguments, message):
 
 # validate and identify
 
-def test_validate_shows_the_papers_pattern_on_the_shipped_specimen(run):
-    run(characterize, CURVES, *CHARACTERIZE)
-    status, text, _ = run(validate, *PAPER, '--params-file', MASSES, '--corrected',
-                          'characterize.yaml')
-    assert status == 0
-    errors = {}
-    with open('validate.csv', encoding='utf-8', newline='') as file:
+def test_validate_shows_the_papers_pattern_on_the_shipped_specimen(documented):
+    results, printed = documented
+    text, errors = printed['validate'][1], {}
+    with open(results / 'validate.csv', encoding='utf-8', newline='') as file:
         for row in csv.DictReader(file):
             errors.setdefault((row['shape'], row['model']), []).append(
                 float(row['error over distance from base [%]']))
@@ -275,13 +292,13 @@ def test_validate_shows_the_papers_pattern_on_the_shipped_specimen(run):
     assert float(row) == pytest.approx(22.0, abs=0.5)
 
 
-def test_identify_recovers_the_stiffness_of_the_shipped_specimen_within_2_percent(run):
-    status, text, _ = run(identify, *SHAPES, '--params-file', MASSES)
-    assert status == 0
-    arm = arm_from_parameters(load_description(MASSES, 'identify.yaml', node='kinematics'))
+def test_identify_recovers_the_stiffness_of_the_shipped_specimen_within_2_percent(documented):
+    results, printed = documented
+    arm = arm_from_parameters(load_description(
+        MASSES, results / 'identify.yaml', node='kinematics'))
     for segment, true in zip(arm.segments, specimen.specimen().segments, strict=True):
         assert segment.bending_stiffness == pytest.approx(true.bending_stiffness, rel=0.02)
-    unseen = [float(line.split()[-1]) for line in text.splitlines()
+    unseen = [float(line.split()[-1]) for line in printed['identify'][1].splitlines()
               if line.startswith(('c_form', 'released', 'loaded'))]
     assert len(unseen) == 7
     assert max(unseen) < 2.0
@@ -294,7 +311,7 @@ def test_identify_recovers_the_stiffness_of_the_shipped_specimen_within_2_percen
     (SHAPES, ['--hold-out', 'released_1', 'released_1_left', 'released_2', 'released_3', 'loaded',
               'loaded_left', 'c_form'], 'do not determine'),
 ])
-def test_what_identify_cannot_do_is_said(run, files, arguments, message):
+def test_what_identify_cannot_do_is_said(files, arguments, message):
     status, _, error = run(identify, *files, '--params-file', MASSES, *arguments)
     assert status == 2
     assert message in error
@@ -302,13 +319,13 @@ def test_what_identify_cannot_do_is_said(run, files, arguments, message):
 
 
 @pytest.mark.parametrize('command', [validate, identify])
-def test_points_and_pulls_that_are_swapped_are_noticed(run, command):
+def test_points_and_pulls_that_are_swapped_are_noticed(command):
     status, _, error = run(command, *reversed(PAPER))
     assert status == 2
     assert 'SIMULATED_paper_pulls.csv, line 2: no column for point' in error
 
 
-def test_a_correction_of_another_arm_is_refused(run, tmp_path):
+def test_a_correction_of_another_arm_is_refused(tmp_path):
     other = tmp_path / 'other.yaml'
     other.write_text('/**:\n  ros__parameters:\n    arm:\n      segment_lengths: [0.07]\n',
                      encoding='utf-8')
@@ -319,14 +336,12 @@ def test_a_correction_of_another_arm_is_refused(run, tmp_path):
 
 # converge, workspace and the data
 
-def test_converge_prints_the_papers_twelve(run):
-    status, text, _ = run(converge)
-    assert status == 0
-    assert 'Converged at n = 12' in text
+def test_converge_prints_the_papers_twelve(documented):
+    assert 'Converged at n = 12' in documented[1]['converge'][1]
     assert 'Not converged' in run(converge, '--most', '8', '--output', 'x')[1]
 
 
-def test_workspace_says_how_long_it_takes_and_is_coarser_for_more_segments(run, tmp_path):
+def test_workspace_says_how_long_it_takes_and_is_coarser_for_more_segments(tmp_path):
     one = tmp_path / 'one.yaml'
     one.write_text('/**:\n  ros__parameters:\n    arm:\n      segment_lengths: [0.07]\n'
                    '      outer_diameters: [0.05]\n      leaf_thicknesses: [0.0005]\n'
@@ -343,7 +358,7 @@ def test_workspace_says_how_long_it_takes_and_is_coarser_for_more_segments(run, 
         for n in (1, 3, 4, 5, 12)] == [11, 11, 6, 4, 2]
 
 
-def test_workspace_refuses_what_would_take_hours(run):
+def test_workspace_refuses_what_would_take_hours():
     status, _, error = run(workspace, '--per-segment', '101')
     assert status == 2
     assert '--per-segment 36 is the most' in error
@@ -367,22 +382,11 @@ def test_the_shipped_data_are_what_the_script_writes_and_say_that_they_are_simul
 
 # Documents
 
-def documented():
-    text = DOCUMENT.read_text(encoding='utf-8')
-    blocks = re.findall(r'```sh\n(.*?)```', text, re.DOTALL)
-    return [line for block in blocks for line in block.splitlines()]
-
-
-def test_every_command_line_in_the_document_runs(run, tmp_path):
-    lines = documented()
-    assert len(lines) == 5
-    (tmp_path / 'data').symlink_to(DATA.parent)
-    for line in lines:
-        program, name, *arguments = line.split()
-        assert program == 'soft_continuum'
-        status, _, error = run(COMMANDS[name][0], *arguments)
+def test_every_command_line_in_the_document_runs(documented):
+    results, printed = documented
+    assert len(printed) == 5
+    for status, _, error in printed.values():
         assert status == 0, error
-    results = tmp_path / 'results'
     assert len(list(results.glob('*.png'))) == 5
     # The tables of the document have the same numbers.
     text = DOCUMENT.read_text(encoding='utf-8')
@@ -400,17 +404,16 @@ def test_every_command_line_in_the_document_runs(run, tmp_path):
         assert f'| {cells} |' in text.replace('**', '')
 
 
-def test_what_the_document_shows_is_what_characterize_prints(run):
+def test_what_the_document_shows_is_what_characterize_prints(documented):
     text = DOCUMENT.read_text(encoding='utf-8')
     shown = re.search(r'```text\n(k, N/mm.*?)```', text, re.DOTALL)[1]
-    _, printed, _ = run(characterize, CURVES, *CHARACTERIZE)
     for line in shown.splitlines():
-        assert line in printed.splitlines()
+        assert line in documented[1]['characterize'][1].splitlines()
 
 
 # Nothing is lost
 
-def test_an_interrupted_identification_keeps_its_parameters(run, monkeypatch):
+def test_an_interrupted_identification_keeps_its_parameters(monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
 

@@ -7,7 +7,7 @@ from math import log, pi
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from soft_continuum.estimation.dimensions import model_error, PLANE
 from soft_continuum.estimation.estimator import HISTORY, OWN_SHARE, PERSISTENT
@@ -403,5 +403,5 @@ def test_the_deviations_of_the_tip_are_those_of_its_errors():
         session.switch(STIFF, look=2)
         each.append(normalised_error(session))
         errors.append(each)
-    bound = chi2.ppf(0.95, 3 * len(errors)) / len(errors)
+    bound = chdtri(3 * len(errors), 0.05) / len(errors)
     assert np.all(np.mean(errors, axis=0) < bound)

@@ -3,6 +3,7 @@
 """What is printed has the size it says, and a lens is found from pictures of the printed board."""
 
 import cv2
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 import numpy as np
 import pytest
 
@@ -17,7 +18,7 @@ DOTS = 10  # per mm
 SIZE, FOCAL = (640, 480), 600.0
 
 
-def printed(layout, folder):
+def printed(layout):
     """Return what a PDF gets, page by page, as grey pictures of 10 dots per mm."""
     found = []
 
@@ -32,19 +33,20 @@ def printed(layout, folder):
             pass
 
         def savefig(self, page):
-            path = folder / 'page.png'
-            page.savefig(path, dpi=25.4 * DOTS)
-            found.append(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
+            page.set_dpi(25.4 * DOTS)
+            canvas = FigureCanvasAgg(page)
+            canvas.draw()
+            found.append(cv2.cvtColor(np.asarray(canvas.buffer_rgba()), cv2.COLOR_RGBA2GRAY))
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(printing, 'PdfPages', Pdf)
-        printing.write_tags(folder / 'tags.pdf', layout)
+        printing.write_tags('tags.pdf', layout)
     return found
 
 
 @pytest.fixture(scope='module')
-def pages(tmp_path_factory):
-    return printed(views.layout(), tmp_path_factory.mktemp('pages'))
+def pages():
+    return printed(views.layout())
 
 
 def test_every_tag_is_printed_in_its_size_on_a4(pages):
@@ -64,10 +66,10 @@ def test_every_tag_is_printed_in_its_size_on_a4(pages):
         assert sides == pytest.approx(60.0 if number >= 100 else 24.0, abs=0.25)
 
 
-def test_a_strip_of_tags_folds_to_a_ring_that_goes_round_counterclockwise(tmp_path):
+def test_a_strip_of_tags_folds_to_a_ring_that_goes_round_counterclockwise():
     detector = cv2.aruco.ArucoDetector(
         cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11))
-    _, strips, *others = printed(space_views.layout(), tmp_path)
+    _, strips, *others = printed(space_views.layout())
     lying = np.rot90(strips, -1)  # z of the discs upwards: as who looks at a ring sees its faces
     found, numbers, _ = detector.detectMarkers(np.ascontiguousarray(lying))
     middles = {}

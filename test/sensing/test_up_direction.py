@@ -42,14 +42,16 @@ def record(rng, base=STRAIGHT, seconds=10.0, errors=ERRORS, duration=1.2):
     return samples, poses.inv().apply([0.0, 0.0, 1.0]), bias
 
 
-@pytest.mark.parametrize('base', [STRAIGHT, Rotation.from_euler('xy', [0.7, 2.0])])
-def test_up_is_within_its_95_percent_ellipse_90_to_99_percent_of_the_time(base):
+def test_up_is_within_its_95_percent_ellipse_90_to_99_percent_of_the_time():
     inside, angles = [], []
-    for seed in range(12):  # as many devices
+    for seed in range(12):  # as many devices, every other one on a base that is turned
+        base = Rotation.from_euler('xy', [0.7, 2.0]) if seed % 2 else STRAIGHT
         samples, ups, _ = record(np.random.default_rng(seed), base)
         found = UpFilter(SETTINGS)
-        for sample, up in zip(samples, ups, strict=True):
-            if found.update(sample) and sample.time > 1001.0:
+        for number, (sample, up) in enumerate(zip(samples, ups, strict=True)):
+            used = found.update(sample)
+            # Samples soon after each other are off alike: every fifth tells as much as all.
+            if used and sample.time > 1001.0 and number % 5 == 0:
                 away = found.up - up
                 squares = away @ np.linalg.pinv(found.up_covariance, rcond=1e-6) @ away
                 inside.append(squares < 5.991)  # chi squared of two that 95 % are below

@@ -130,8 +130,8 @@ def test_several_shapes_are_set_one_after_the_other():
 
 
 def held(**changes):
-    """Return a rig that holds the shape for long, after it drifted."""
-    rig = MeasuredRig((replace(SHAPE, hold_time=15.0),), **changes)
+    """Return a rig that still holds the shape, after it drifted."""
+    rig = MeasuredRig((replace(SHAPE, hold_time=8.0),), **changes)
     rig.run(until=lambda rig: rig.runner.progress.phase == Phase.HOLDING)
     rig.softened = len(asked_to_soften(rig))
     rig.go_on(3.0)

@@ -168,7 +168,7 @@ def test_another_study_is_not_mixed_in_and_a_long_one_needs_consent(
     assert 'another study' in capsys.readouterr().err
     monkeypatch.setattr('soft_continuum.cli.study.ASK_AFTER', 0.0)
     monkeypatch.setattr(sys, 'stdin', io.StringIO())
-    long = study_file(SMALL.replace('shapes: 250', 'shapes: 1000000'), 'long.yaml')
+    long = study_file(SMALL.replace('250', '20').replace('steps: 4', 'steps: 12'), 'long.yaml')
     assert main(['study', str(long), '--output', 'long', *scheduler]) == 1
     assert 'needs --yes' in capsys.readouterr().err
 

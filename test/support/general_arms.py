@@ -11,8 +11,8 @@ from soft_continuum.mechanics import SLACK
 from soft_continuum.mechanics.arm import Arm, Disc, PAPER, SECOND_ORDER, Segment, Tendon
 from soft_continuum.mechanics.laws import Jam
 
-FEW = settings(deadline=None, derandomize=True, max_examples=25, database=None,
-               suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much])
+FEW = settings(max_examples=25, suppress_health_check=[
+    HealthCheck.too_slow, HealthCheck.filter_too_much])
 
 RIGID = Jam()
 STIFFNESS = (0.0265, 0.0091, 0.0033)  # N m^2, E I of the paper's segments

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from soft_continuum.mechanics import Arm, Disc, Segment, SLACK
 
-MODERATE = settings(
-    deadline=None, derandomize=True, max_examples=40, database=None,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much])
+MODERATE = settings(max_examples=40, suppress_health_check=[
+    HealthCheck.too_slow, HealthCheck.filter_too_much])
 
 
 def between(low, high):
