@@ -284,7 +284,7 @@ class Rig:
         self.observer = Observer(context=self.context, namespace=namespace)
         self._changed = threading.Condition()
         self._groups: list[Spinner] = []
-        self._recordings: dict[str, Recording] = {}
+        self._recordings: list[Recording] = []
         self._clients: dict[str, Any] = {}
         self._publishers: dict[str, Any] = {}
         self._last_goal: Goal | None = None
@@ -437,6 +437,7 @@ class Rig:
     def record(self, kind: Any, topic: str, qos: QoSProfile) -> Recording:
         """Record a topic from now on."""
         recording = Recording(topic)
+        self._recordings.append(recording)
 
         def note(message: Any, info: Any) -> None:
             recording.heard.append(Heard(info['source_timestamp'], message))
@@ -444,6 +445,11 @@ class Rig:
 
         self.observer.create_subscription(kind, topic, note, qos, event_callbacks=NO_EVENTS)
         return recording
+
+    def forget(self) -> None:
+        """Forget all messages but the last of each topic, between tests that share an arm."""
+        for recording in self._recordings:
+            del recording.heard[:-1]
 
     def publisher(self, kind: Any, topic: str, qos: QoSProfile = RELIABLE) -> Any:
         """Return a publisher whose subscribers have found it."""
