@@ -89,6 +89,7 @@ class TendonController:
         self.stopped = False
         self.stopped_because = ''
         self.delay = 0.0  # s by which the present motion is later than it was sent
+        self.end = 0.0  # of the last trajectory, on the clock of ``now``
         self.homing = False  # searching for the switches, or pulling from them to zero
         self._busy = False  # until the driver has come to rest after a trajectory
         self._interval = 0.02
@@ -115,25 +116,28 @@ class TendonController:
         """Whether the tendons move, or may still move to what they were sent."""
         return self._busy or self.reading.moving
 
-    def accept(self, times: Array, pulls: Array, now: float, begin: float | None = None) -> None:
+    def accept(self, times: Array, pulls: Array, now: float, begin: float | None = None,
+               continues: bool = False) -> None:
         """
         Replace the present trajectory from ``now`` on by what ``plan`` makes of another one.
 
         Raises MotionRefusedError; then the present trajectory continues unchanged.
         """
-        times, pulls = self.plan(times, pulls, now, begin)
+        times, pulls = self.plan(times, pulls, now, begin, continues)
         if not self.following:
             self._setpoint_time = now
         self._times, self._pulls, self._busy = times, pulls, True
+        self.end = float(times[-1])
 
-    def plan(self, times: Array, pulls: Array, now: float, begin: float | None = None
-             ) -> tuple[Array, Array]:
+    def plan(self, times: Array, pulls: Array, now: float, begin: float | None = None,
+             continues: bool = False) -> tuple[Array, Array]:
         """
         Return the times (k,) s and pulls (k, tendons) m of a trajectory followed from ``now`` on.
 
         times: (points,) s on the clock of ``now``.  pulls: (points, tendons) m.  begin: when the
         trajectory was to start, on the same clock; a late one may catch up as far as the driver's
-        own limits let it.  Changes nothing.  Raises MotionRefusedError.
+        own limits let it.  continues: whether it is a further part of the present trajectory, which
+        is followed up to the first point of it.  Changes nothing.  Raises MotionRefusedError.
         """
         if self.stopped:
             raise MotionRefusedError(Reason.STOPPED, f'stopped ({self.stopped_because}); call '
@@ -152,8 +156,10 @@ class TendonController:
         ahead = times > start
         if not ahead.any():  # it ends before the next set-point: be at its end by then
             ahead[-1], times = True, np.append(times[:-1], start + self._interval)
-        times = np.concatenate([[start], times[ahead]])
-        pulls = np.concatenate([[self._planned(start)], pulls[ahead]])
+        times, pulls = times[ahead], pulls[ahead]
+        kept = np.flatnonzero((self._times > start) & (self._times < times[0]) & continues)
+        times = np.concatenate([[start], self._times[kept], times])
+        pulls = np.concatenate([[self._planned(start)], self._pulls[kept], pulls])
         steps = np.abs(np.diff(pulls, axis=0)).max(axis=1)
         # Seconds since 1970 have a coarse floating-point resolution.
         allowed = self.limits.speed_limit * (np.diff(times) + 2 * np.spacing(times[-1]))
@@ -245,6 +251,7 @@ class TendonController:
             if late > interval:
                 self._times = self._times + late
                 self.delay += late
+                self.end += late
             ahead = self._setpoint_time = now + interval
             self._setpoint = self._planned(ahead)
             try:

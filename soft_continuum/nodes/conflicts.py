@@ -95,6 +95,8 @@ class Conflicts:
                 f'another {node.get_fully_qualified_name()} is running; end one of the two, or '
                 'give one a namespace')
         for topic in self._topics:
+            if node.count_publishers(topic) < 2:  # to list them takes many times as long
+                continue
             names = sorted({f'{info.node_namespace.rstrip("/")}/{info.node_name}'
                             for info in node.get_publishers_info_by_topic(topic)
                             if info.node_name != UNKNOWN_NODE})

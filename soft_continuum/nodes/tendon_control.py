@@ -134,7 +134,8 @@ class TendonControl:
         Raises MotionRefusedError.
         """
         controller = self._checked(request)
-        return controller.plan(*self._trajectory(controller, request))[1]
+        trajectory, _ = self._trajectory(controller, request)
+        return controller.plan(*trajectory, self._continues(request))[1]
 
     def follow(self, request: Request, stiffness: Stiffness) -> None:
         """
@@ -152,10 +153,9 @@ class TendonControl:
         if problem := self._guard.refusal(controller.reading, request.pulls, limit):
             raise MotionRefusedError(Reason.TENSION, problem)
         begins = not controller.busy
-        if not self._continues(request):
-            controller.delay = 0.0
-        trajectory = self._trajectory(controller, request)
-        controller.accept(*trajectory)
+        trajectory, delay = self._trajectory(controller, request)
+        controller.accept(*trajectory, self._continues(request))
+        controller.delay = delay
         if begins:
             self._guard.begin(controller.reading)
         if request.id != self._requests.accepted.id and self._requests.following:
@@ -186,13 +186,23 @@ class TendonControl:
         return self._controller
 
     def _trajectory(self, controller: TendonController, request: Request
-                    ) -> tuple[Array, Array, float, float]:
-        """Return times, pulls, the present and the start on one clock."""
-        now = STEADY()
+                    ) -> tuple[tuple[Array, Array, float, float], float]:
+        """
+        Return times, pulls, the present and the start on one clock, and the delay in it, s.
+
+        A motion in parts keeps its path: what comes late of it makes the rest as much later.
+        """
+        now, delay = STEADY(), 0.0
+        first = request.times[0] if len(request.times) else 0.0
         start = now if request.start is None else request.start
         if request.start is not None and self._continues(request):
-            start += controller.delay  # what earlier parts came late is not caught up
-        return start + request.times, request.pulls, now, start
+            delay = controller.delay
+            if not controller.following and start + delay + first <= controller.end:
+                delay += max(0.0, now - controller.end)  # the part before this one ended already
+        elif request.id and first == 0.0:
+            delay = max(0.0, now - start)
+        start += delay
+        return (start + request.times, request.pulls, now, start), delay
 
     def _continues(self, request: Request) -> bool:
         """Return whether a trajectory is a further part of the motion that was accepted last."""

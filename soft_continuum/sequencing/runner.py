@@ -331,7 +331,7 @@ class Runner:
             if sent < move.duration and self._now >= due:  # the last piece is sent once
                 end = min(elapsed + settings.horizon, move.duration)
                 inside = (move.times > elapsed) & (move.times < end)
-                times = np.append(move.times[inside], end)
+                times = np.concatenate([[elapsed], move.times[inside], [end]])
                 pulls = np.stack(
                     [np.interp(times, move.times, tendon) for tendon in move.pulls.T], axis=1)
                 self._port.follow(self._motions, start, times, pulls)

@@ -43,7 +43,7 @@ class Bench:
         self.now = 100.0
         monkeypatch.setattr('soft_continuum.ros.age.monotonic', lambda: self.now)
         node = Mock()
-        node.get_publishers_info_by_topic.return_value = []
+        node.count_publishers.return_value = 0
         node.get_clock.return_value.now.return_value.nanoseconds = 0
         self.observer = ArmObserver(
             node, ARM, {'silence_timeout': TIMEOUT, 'ambient_pressure': 101325.0,
@@ -192,7 +192,7 @@ def test_kinematics_with_another_description_of_the_jamming_ends_motion() -> Non
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr('soft_continuum.ros.age.monotonic', lambda: now[0])
         node = Mock()
-        node.get_publishers_info_by_topic.return_value = []
+        node.count_publishers.return_value = 0
         reported = ReportedArm(node, RigidChain(ARM), {
             'arm.jamming': True, 'silence_timeout': TIMEOUT})
         calls = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}

@@ -160,7 +160,7 @@ def test_a_stop_aborts_the_goal_and_leaves_the_valves_as_they_are(rig: Rig, phas
     assert (status, result.error_code) == ('ABORTED', Result.STOPPED)
     assert 'stop' in result.error_string
     rig.assert_rests()
-    rig.wait_for_more(rig.pressures[0], 30)
+    rig.wait_for_more(rig.pressures[0], 15)
     assert rig.soft_segments() == soft
 
 

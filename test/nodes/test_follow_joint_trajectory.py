@@ -66,7 +66,7 @@ def goals(rig: Rig, processes: Processes, control_msgs: dict[str, str]
     rig.soften(SEGMENT)
     client: NodeProcess = processes.start(
         [sys.executable, '-m', 'support.follow_client', rig.namespace],
-        environment=control_msgs)
+        environment=control_msgs, directory=HERE.parent)
     assert client.wait(300.0) == 0, client.output
     lines = [json.loads(line) for line in client.output.splitlines() if line.startswith('{')]
     yield {line['name']: line for line in lines}

@@ -79,7 +79,7 @@ def test_a_leaking_segment_is_stiff_until_the_release_vacuum_and_again_from_the_
               pump_start_vacuum=55e3, pump_stop_vacuum=60e3)
     rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
     rig.wait_for(lambda: vacuum(rig, 1) < 58e3, 'a leak')
-    rig.wait_for_more(rig.pressures[0], 50)
+    rig.wait_for_more(rig.pressures[0], 25)
     lowest = min(AMBIENT - m.fluid_pressure for m in rig.pressures[0])
     assert RELEASE_VACUUM < lowest < 58e3
     assert rig.all_stiff
@@ -88,7 +88,7 @@ def test_a_leaking_segment_is_stiff_until_the_release_vacuum_and_again_from_the_
 
 def test_a_vacuum_between_release_and_stiff_makes_no_segment_stiff(rig: Rig) -> None:
     rig.start('jamming_valves', simulated_jamming__ultimate_vacuum=45e3)
-    rig.wait_for_more(rig.pressures[0], 20)
+    rig.wait_for_more(rig.pressures[0], 10)
     assert vacuum(rig, 1) == pytest.approx(45e3)
     assert not any(m.data for recording in rig.stiff for m in recording)
 

@@ -54,7 +54,7 @@ def test_when_the_sequencer_is_killed_the_motion_ceases_by_itself(
     assert soft == [3]
 
     start_again(rig, 'shape_sequencer')
-    rig.assert_rests(40)  # it moves nothing
+    rig.assert_rests(20)  # it moves nothing
     assert (rig.pulls, rig.soft_segments()) == (rested_at, soft)
     rig.wait_for(lambda: rig.statuses['shape_sequencer'].last.message == 'idle', 'idle')
 
@@ -95,10 +95,10 @@ def test_when_the_valves_are_killed_the_goal_is_aborted_and_the_tendons_rest(
     start_again(rig, 'jamming_valves')
     rig.wait_for(lambda: all(
         len(r) > before for r, before in zip(rig.stiff, heard, strict=True)), 'stiff or soft')
-    rig.assert_rests(40)
+    rig.assert_rests(20)
     assert rig.pulls == rested_at
     # It says what the pressures say, and switches nothing.
-    rig.wait_for_more(rig.pressures[0], 20)
+    rig.wait_for_more(rig.pressures[0], 10)
     assert all([flag.data for flag in list(r)[before:]] in ([True], [False], [False, True])
                for r, before in zip(rig.stiff, heard, strict=True))
 
@@ -114,7 +114,7 @@ def test_when_kinematics_is_killed_the_goal_is_aborted_and_its_successor_knows_n
     heard = len(rig.joints)
     start_again(rig, 'kinematics')
     rig.wait_for(lambda: 'unknown' in rig.statuses['kinematics'].last.message, 'no shape')
-    rig.assert_rests(40)
+    rig.assert_rests(20)
     assert len(rig.joints) == heard
     assert not rig.goal(BEND).accepted
     assert 'kinematics' in rig.rejected()

@@ -271,7 +271,7 @@ def test_it_knows_when_the_arm_had_its_shape_and_when_it_was_measured(
     for module in ('ros.ros_time', 'hardware.clock'):
         monkeypatch.setattr(f'soft_continuum.{module}.monotonic', lambda: 100.0)
     node = Mock()
-    node.get_publishers_info_by_topic.return_value = []
+    node.count_publishers.return_value = 0
     node.get_clock().now().nanoseconds = 105_000_000_000
     observed = EstimateObserver(
         node, load_arm(description_file()), {'silence_timeout': 10.0, 'arm.jamming': True},

@@ -23,25 +23,33 @@ from support.ros_rig import RELIABLE, Rig, trajectory
 OTHERS = ('jamming_valves', 'kinematics')
 NAN, INFINITE = float('nan'), float('inf')
 PULL = trajectory([(0.3, (0.004, -0.005))])
+TO_ACTIVE = {'unconfigured': 'configure', 'inactive': 'activate'}
 SLOW_PULL = trajectory([(20.0, (0.010, -0.012))])
-
-
-@pytest.fixture
-def tendons(rig: Rig) -> Rig:
-    """Return an arm without sequencer, its tip segment soft."""
-    rig.start('tendon_actuation', *OTHERS)
-    make_soft(rig, 3)
-    return rig
 
 
 @pytest.fixture(scope='module')
 def shared_tendons(module_domain: int) -> Iterator[Rig]:
-    """Return such an arm for all tests of what is refused: none of them changes the nodes."""
+    """Return an arm without sequencer, its tip segment soft."""
     rig = Rig(module_domain)
     rig.start('tendon_actuation', *OTHERS)
     make_soft(rig, 3)
     yield rig
     rig.close()
+
+
+@pytest.fixture
+def tendons(shared_tendons: Rig) -> Rig:
+    """Return that arm, straight and as if it had just started, whatever was done with it before."""
+    rig = shared_tendons
+    while (state := rig.lifecycle_state('tendon_actuation')) != 'active':
+        assert rig.transition('tendon_actuation', TO_ACTIVE[state])
+    assert rig.trigger('tendon_actuation/resume').success
+    send(rig, trajectory([(0.3, (0.0, 0.0))]))
+    arrives(rig, (0.0, 0.0))
+    rig.wait_for(lambda: not any(rig.status_value('tendon_actuation', key)
+                                 for key in ('stopped', 'ended', 'refused')), 'a clean status')
+    rig.forget()
+    return rig
 
 
 def make_soft(rig: Rig, segment: int) -> None:
@@ -192,24 +200,24 @@ def test_a_stop_does_not_wait_for_a_trajectory_that_is_judged_and_wins(
 
 def test_a_motion_that_was_stopped_takes_no_further_parts(tendons: Rig) -> None:
     part = trajectory([(20.0, (0.010, -0.012))])
-    part.header.frame_id = 'me/1'
+    part.header.frame_id = 'stopped/1'
     send(tendons, part)
     wait_for_pull(tendons)
     for service in ('stop', 'resume'):
         assert tendons.trigger(f'tendon_actuation/{service}').success
     tendons.wait_for(lambda: tendons.at_rest, 'rest')
-    refused(tendons, part, 'me/1', 'has ended', 'stop')
-    part.header.frame_id = 'me/2'
+    refused(tendons, part, 'stopped/1', 'has ended', 'stop')
+    part.header.frame_id = 'stopped/2'
     send(tendons, part)
     tendons.wait_for(lambda: tendons.moving, 'motion')
 
 
 def test_a_motion_that_was_replaced_takes_no_further_parts(tendons: Rig) -> None:
     part, other = (trajectory([(20.0, (0.010, -0.012))]) for _ in range(2))
-    part.header.frame_id, other.header.frame_id = 'me/1', 'somebody_else'
+    part.header.frame_id, other.header.frame_id = 'replaced/1', 'somebody_else'
     state = tendons.states['tendon_actuation']
     send(tendons, part)
-    tendons.wait_for(lambda: state.last.accepted.id == 'me/1', 'a motion')
+    tendons.wait_for(lambda: state.last.accepted.id == 'replaced/1', 'a motion')
     send(tendons, other)
     tendons.wait_for(lambda: state.last.accepted.id == 'somebody_else', 'another')
     send(tendons, part)
@@ -242,10 +250,10 @@ def test_a_jump_of_ros_time_ends_only_a_motion_that_follows_it(
     tendons.wait_for_more(tendons.tendons, 10)  # back, as the node has seen
     stamped = trajectory([(20.0, (0.010, -0.012))])
     stamped.header.stamp = tendons.observer.get_clock().now().to_msg()
-    stamped.header.frame_id = 'me/1'
+    stamped.header.frame_id = 'jumped/1'
     send(tendons, stamped)
     accepted = tendons.states['tendon_actuation']
-    tendons.wait_for(lambda: accepted.last.accepted.id == 'me/1', 'a motion')
+    tendons.wait_for(lambda: accepted.last.accepted.id == 'jumped/1', 'a motion')
     monkeypatch.setattr(RosTime, '_now', lambda self: now(self) + 5.0)
     tendons.wait_for(lambda: accepted.last.accepted.reason == MotionRequest.CLOCK, 'its end')
     assert 'jumped by 5.0' in accepted.last.accepted.message
@@ -319,14 +327,16 @@ def test_a_node_that_falls_silent_ends_the_motion(
 
 @pytest.mark.parametrize(('segment', 'stiff'), [(3, True), (1, False)])
 def test_a_segment_that_changes_in_mid_motion_ends_the_motion(
-        tendons: Rig, segment: int, stiff: bool) -> None:
-    send(tendons, SLOW_PULL)
-    wait_for_pull(tendons)
-    assert tendons.set_stiff(segment, stiff).success
-    assert 'segment' in tendons.wait_for_status('tendon_actuation', 'ended')
-    tendons.wait_for(lambda: tendons.at_rest, 'rest')
-    tendons.assert_rests()
-    assert 0.0 < tendons.pulls[0] < 0.009
+        rig: Rig, segment: int, stiff: bool) -> None:
+    rig.start('tendon_actuation', *OTHERS)
+    make_soft(rig, 3)
+    send(rig, SLOW_PULL)
+    wait_for_pull(rig)
+    assert rig.set_stiff(segment, stiff).success
+    assert 'segment' in rig.wait_for_status('tendon_actuation', 'ended')
+    rig.wait_for(lambda: rig.at_rest, 'rest')
+    rig.assert_rests()
+    assert 0.0 < rig.pulls[0] < 0.009
 
 
 def test_a_trajectory_without_points_brakes_and_holds(tendons: Rig) -> None:

@@ -149,7 +149,7 @@ def test_motions_are_sent_no_further_ahead_than_the_horizon(undisturbed):
     for now, name, *arguments in undisturbed.commands:
         if name == 'follow':
             start, times, _ = arguments
-            assert now < start + times[0]
+            assert now <= start + times[0]
             assert start + times[-1] <= now + RUNNER_SETTINGS.horizon + 1e-9
 
 
