@@ -25,8 +25,8 @@ class Connection:
     """
     A node in a context of its own, spun by a thread, and the ``requests`` on it.
 
-    All that creates, sends or destroys is a coroutine of ``requests`` and so runs on that thread:
-    rclpy may drop an answer that comes while another thread still notes the request.
+    All that creates or sends is a coroutine of ``requests`` and so runs on that thread: rclpy may
+    drop an answer that comes while another thread still notes the request.
     """
 
     def __init__(self, name: str, namespace: str = '', timeout: float = 10.0,
@@ -80,5 +80,6 @@ class Connection:
                 self._open = False
                 self._thread.join()
                 self._executor.shutdown()
+                self.requests.destroy()
                 self.node.destroy_node()
                 self._context.try_shutdown()

@@ -105,8 +105,12 @@ class Requests(Operations):
         self.observed  # noqa: B018  (the sequencer is watched from now on)
         return ActionClient(self.node, RunShapeSequence, 'run_shape_sequence')
 
-    async def close(self) -> None:
-        """Take down the action client before the node, as rclpy needs it."""
-        await super().close()
+    def destroy(self) -> None:
+        """
+        Take down the action client: before its node, and after its executor has been shut down.
+
+        An executor of events that spins on ends the process when it comes to a message of an
+        action client, or server, that was taken from it (rclpy 7.1 holds no GIL there).
+        """
         if '_action' in self.__dict__:
             self._action.destroy()

@@ -13,6 +13,7 @@ import matplotlib
 from matplotlib.figure import Figure
 import numpy as np
 import pytest
+from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
 from soft_continuum.client import (
@@ -221,6 +222,27 @@ def test_leaving_cancels_what_was_started(arm, here):
     arm.wait_for_status('shape_sequencer', 'last', 'CANCELED')
     with pytest.raises(ClientError, match='this Arm is closed; make a new one'):
         client.stop()
+
+
+def test_nothing_spins_an_action_client_that_is_taken_down(
+        here: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    connection = Connection('asker', 'deaf', timeout=DEADLINE)
+    spun: list[bool] = []
+    destroy = ActionClient.destroy
+
+    def note_and_destroy(client: ActionClient) -> None:
+        spun.append(connection._thread.is_alive())
+        destroy(client)
+
+    monkeypatch.setattr(ActionClient, 'destroy', note_and_destroy)
+
+    async def watch() -> None:  # the action client is made when it is first needed
+        assert not connection.requests._action.server_is_ready()
+    try:
+        connection.requests.start(watch()).result()
+    finally:
+        connection.close()
+    assert spun == [False]
 
 
 def test_a_sequencer_that_dies_does_not_keep_its_client_waiting(rig, connect, monkeypatch):

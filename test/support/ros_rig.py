@@ -178,9 +178,9 @@ class Spinner:
         self._thread.join(DEADLINE)
         assert not self._thread.is_alive(), f'one of {self._names} hangs in a callback'
         # A task that is never done keeps its node, and with it the sockets of a domain, for ever.
-        for node in self.nodes:
-            node.executor = None
-        for _ in range(100):
+        # The nodes are not taken away meanwhile: see Requests.destroy.
+        tasks_before = self._executor.create_task(lambda: None)
+        while not tasks_before.done():
             self._executor.spin_once(timeout_sec=0.0)
         for node in self.nodes:
             node.quit()
