@@ -10,9 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ros_rig import DEADLINE, LATCHED, Rig
 from std_srvs.srv import SetBool
-from test_teleop import Joystick, LB, RIGHT
 
 from soft_continuum.browser.session import Session
 from soft_continuum.client import operations
@@ -24,6 +22,8 @@ from soft_continuum.nodes import steered_arm
 from soft_continuum.nodes.sequence_server import SequenceServer
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import RecorderState
+from support.joystick import Joystick, LB, RIGHT
+from support.ros_rig import DEADLINE, LATCHED, Rig
 
 TIMEOUT = 0.5  # s, of what is lost in any case
 
