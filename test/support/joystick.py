@@ -31,6 +31,7 @@ class Joystick:
         self._publisher = rig.publisher(Joy, 'joy')
         self._message = Joy(axes=[0.0] * 8, buttons=[0] * 11)
         self._timer = rig.observer.create_timer(PERIOD, self._publish)
+        rig.wait_for(lambda: len(self.statuses), 'a status of the servo')
 
     def _publish(self) -> None:
         self._message.header.stamp = self.rig.observer.get_clock().now().to_msg()
