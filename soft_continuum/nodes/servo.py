@@ -232,7 +232,14 @@ class Servo(Node):
         if self._planar:
             return self._begin(this, *_made(make))
         self._level, self._ended = OK, 'what the segment can be bent to is being found'
-        self._worker.submit(lambda: on_ros_thread(self, self._on_made, this, *_made(make)))
+
+        def prepare() -> None:
+            if this is self._preparing:  # else it was given up before its turn
+                on_ros_thread(self, self._on_made, this, *_made(make))
+
+        if not self._worker.submit(prepare):
+            self._preparing = None
+            return 'too many attempts to enable it wait to be given up; try again'
         return ''
 
     def _on_made(self, this: object, servo: AngleServo | None, problem: str) -> None:

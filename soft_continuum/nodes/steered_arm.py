@@ -16,9 +16,14 @@ from rclpy.node import Node
 from std_msgs.msg import Bool, Empty
 from std_srvs.srv import SetBool, Trigger
 
-from soft_continuum.client.errors import ClientError, NodesMissingError, RefusedError
+from soft_continuum.client.errors import (
+    ClientError,
+    NoAnswerError,
+    NodesMissingError,
+    RefusedError,
+)
 from soft_continuum.client.requests import Requests
-from soft_continuum.client.tasks import running_nodes, until
+from soft_continuum.client.tasks import ATTEMPTS, running_nodes, until
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.spatial.arm import SpatialArm
@@ -38,7 +43,7 @@ from soft_continuum_interfaces.msg import TeleopState, TendonActuationState
 PREPARING = 'the servo is being prepared'
 ANSWER_TIMEOUT, DISCOVERY_TIMEOUT = 5.0, 0.5  # s
 ENABLING_TIMEOUT = 10.0  # s for a servo in space to find what its segment can be bent to
-RETRY = 1.0  # s between two attempts to enable the servo
+RETRY = 1.0  # s from the end of an attempt to enable the servo to the next
 LEAD_TIME = 0.5
 """s of full speed by which a target may be ahead of the arm: so much is left when that sticks."""
 OFF_TIME = 1.0  # s for which it is said that the emergency stop is off
@@ -67,6 +72,7 @@ class SteeredArm:
         self._describing: Future[None] | None = None
         self._enabled = self._ready = False  # the servo: by anybody; by this, for this segment
         self._interrupted = False  # something else disabled the servo
+        self._asked = 0  # the segment for which the servo was asked to be enabled, until it is
         self._retry_time = 0.0  # s (steady)
         self._servo_status = DiagnosticStatus()
         self._target: Array | None = None  # (3,) rad or m, while the arm is moved
@@ -250,8 +256,8 @@ class SteeredArm:
     def release(self) -> None:
         """Let the arm come to rest, and disable the servo if it was enabled from here."""
         self.rest()
-        if self._ready:
-            self._ready = False
+        if self._ready or self._asked:
+            self._ready, self._asked = False, 0
             self._requests.start(self._disable())
 
     # What takes a while.
@@ -267,34 +273,53 @@ class SteeredArm:
             try:
                 self.note = future.result() or self.note  # which came meanwhile
             except ClientError as error:
-                self.note = f'refused: {error}'
+                failed = isinstance(error, NoAnswerError)
+                self.note = f'{"failed" if failed else "refused"}: {error}'
 
         self.doing, self.note = doing, ''
         self._requests.start(work).add_done_callback(ended)
 
     def _prepare(self) -> None:
         if monotonic() >= self._retry_time:
-            self._retry_time = monotonic() + RETRY
-            self._do(PREPARING, self._enable())
+            self._do(PREPARING, self._prepared())
+
+    async def _prepared(self) -> str:
+        try:
+            return await self._enable()
+        finally:
+            self._retry_time = monotonic() + RETRY  # for so long it is seen why it failed
 
     async def _disable(self) -> None:
-        await self._requests.call(SetBool, f'{SERVO}/enable', data=False)
+        await self._requests.call(SetBool, f'{SERVO}/enable', attempts=ATTEMPTS, data=False)
 
     async def _enable(self) -> str:
-        """Enable the servo for the chosen segment, and wait until it follows targets."""
+        """
+        Enable the servo for the chosen segment, and wait until it follows targets.
+
+        A slow computer needs more than one attempt: none may end what the servo has begun.
+        """
         requests, segment = self._requests, self.segment
         if not running_nodes(self._node, [SERVO])[SERVO]:
             raise NodesMissingError('servo does not run')
-        await self._disable()
-        await until(lambda: not self._enabled, ANSWER_TIMEOUT)
+        if self._asked != segment:
+            self._asked = 0
+            await self._disable()
+            if not await until(lambda: not self._enabled, ANSWER_TIMEOUT):
+                raise NoAnswerError(f'{SERVO}/enabled is still true {ANSWER_TIMEOUT:g} s after '
+                                    'the servo was disabled')
         if not self._jamming:
             await requests.set_parameter(SERVO, 'servo.segment', segment)
-        answer = await requests.call(SetBool, f'{SERVO}/enable', data=True)
+        self._asked = segment
+        answer = await requests.call(SetBool, f'{SERVO}/enable', attempts=ATTEMPTS, data=True)
         if not answer.success:
+            self._asked = 0
             raise RefusedError(answer.message)
-        if not await until(lambda: self._enabled, ENABLING_TIMEOUT):
-            raise RefusedError(self.servo_text or 'the servo is not ready yet')
-        self._ready = self._enabled and segment == self.segment  # until() looks now and then
+        if not await until(lambda: self._enabled or not self._asked, ENABLING_TIMEOUT):
+            raise NoAnswerError(self.servo_text or (
+                f'the servo still finds what segment {segment} can be bent to, for more than '
+                f'{ENABLING_TIMEOUT:g} s'))
+        self._ready = self._enabled and self._asked == self.segment  # until() looks now and then
+        self._asked = 0
         return ''
 
     def soften(self) -> None:

@@ -4,7 +4,10 @@
 """Shapes of arms in space over DDS: reached by name and by direction, canceled, refused."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from math import radians
+from threading import Event
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Vector3
@@ -17,11 +20,13 @@ from std_srvs.srv import SetBool
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
 from soft_continuum.client.plot import plot
+from soft_continuum.nodes import servo, steered_arm
 from soft_continuum.parameters.files import load_any_arm, load_description
+from soft_continuum.sequencing.servo import AngleServo
 from soft_continuum_interfaces.msg import Shape
 from support.descriptions import given, JAMMING, TENDON_ARM
-from support.joystick import Joystick, LEFT, RIGHT
-from support.ros_rig import LATCHED, Rig
+from support.joystick import Joystick, LB, LEFT, RIGHT
+from support.ros_rig import DEADLINE, LATCHED, Rig
 
 HELIX = load_description(JAMMING)['shapes.helix'], load_description(
     JAMMING)['shape_directions.helix']
@@ -143,7 +148,7 @@ def test_a_goal_that_the_arm_cannot_do_is_rejected_with_the_reason(
 def test_the_servo_bends_a_segment_of_an_arm_without_jamming_to_any_side(tendon_arm: Rig) -> None:
     rig = tendon_arm
     statuses = rig.record(DiagnosticStatus, 'servo/status', LATCHED)
-    servo, = rig.start('servo', ready=False, **given(TENDON_ARM) | {'servo__segment': 3})
+    node, = rig.start('servo', ready=False, **given(TENDON_ARM) | {'servo__segment': 3})
     targets = rig.publisher(Vector3, 'servo/target_bending')
     rig.wait_for(lambda: rig.call(SetBool, 'servo/enable', data=True).success, 'a servo')
     rig.wait_for(lambda: statuses.last and 'no target' in statuses.last.message, 'its disc')
@@ -161,7 +166,7 @@ def test_the_servo_bends_a_segment_of_an_arm_without_jamming_to_any_side(tendon_
     assert rig.trigger('tendon_actuation/stop').success
     rig.wait_for(lambda: 'stopped' in statuses.last.message, 'its end')
     assert rig.trigger('tendon_actuation/resume').success
-    rig.end(servo)
+    rig.end(node)
 
 
 def test_a_stick_bends_the_chosen_segment_to_either_side_of_where_it_leans(tendon_arm: Rig
@@ -190,3 +195,37 @@ def test_a_stick_bends_the_chosen_segment_to_either_side_of_where_it_leans(tendo
     joystick.unplug()
     for node in joystick.nodes:
         rig.end(node)
+
+
+def test_a_segment_that_takes_long_to_prepare_is_prepared_once_and_then_moves(
+        tendon_arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, may_end = [], Event()
+
+    def make(*arguments: Any) -> AngleServo:
+        made.append(arguments)
+        assert may_end.wait(DEADLINE)
+        return AngleServo(*arguments)
+
+    monkeypatch.setattr(servo, 'AngleServo', make)
+    monkeypatch.setattr(steered_arm, 'ENABLING_TIMEOUT', 0.2)
+    joystick = Joystick(tendon_arm, **given(TENDON_ARM))
+    joystick.wait_for('ready to move segment 3', connected=True)
+    joystick.show(LB)
+    for _ in range(2):
+        joystick.wait_for(steered_arm.PREPARING)
+        joystick.wait_for('still finds what segment 3 can be bent to')
+    assert len(made) == 1
+    # Nor is it for whoever has given up before its turn.
+    joystick.show()
+    joystick.wait_for('still finds what segment 3 can be bent to', enabled=False)
+    enable = partial(tendon_arm.call, SetBool, 'servo/enable')
+    for _ in range(3):
+        assert enable(data=False).success
+        assert enable(data=True).message == 'being prepared for segment 3'
+    may_end.set()
+    joystick.steer(x=RIGHT)
+    assert len(made) == 2
+    joystick.show()
+    joystick.unplug()
+    for node in joystick.nodes:
+        tendon_arm.end(node)

@@ -5,11 +5,12 @@
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+import pytest
 from sensor_msgs.msg import Joy
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum_interfaces.msg import TeleopState
-from support.ros_rig import LATCHED, RELIABLE, Rig
+from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig
 
 PERIOD = 0.05  # s, as joy_node repeats
 LB, A, B, X, BACK, START, RB = 4, 0, 1, 2, 6, 7, 5
@@ -30,12 +31,17 @@ class Joystick:
         self.sent = rig.record(JointTrajectory, 'tendon_actuation/joint_trajectory', RELIABLE)
         self._publisher = rig.publisher(Joy, 'joy')
         self._message = Joy(axes=[0.0] * 8, buttons=[0] * 11)
+        self._unrest = 0.0  # part by which the stick is less far than it is held
         self._timer = rig.observer.create_timer(PERIOD, self._publish)
         rig.wait_for(lambda: len(self.statuses), 'a status of the servo')
 
     def _publish(self) -> None:
-        self._message.header.stamp = self.rig.observer.get_clock().now().to_msg()
-        self._publisher.publish(self._message)
+        # A hand never holds a stick quite still; one that does not change has lost its radio.
+        self._unrest = 1e-3 - self._unrest
+        message = Joy(buttons=self._message.buttons, axes=[
+            axis * (1.0 - self._unrest) for axis in self._message.axes])
+        message.header.stamp = self.rig.observer.get_clock().now().to_msg()
+        self._publisher.publish(message)
 
     def unplug(self) -> None:
         """Say nothing more; its executor would end if that came while it takes the timer."""
@@ -58,7 +64,8 @@ class Joystick:
             return state is not None and text in state.message and all(
                 getattr(state, name) == value for name, value in fields.items())
 
-        self.rig.wait_for(found, f'{text} {fields}; is: {self.states.last}')
+        if not self.rig.until(found, DEADLINE):
+            pytest.fail(f'not within {DEADLINE:g} s: {text} {fields}; is: {self.states.last}')
         state: TeleopState = self.states.last
         return state
 
