@@ -17,6 +17,7 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.mechanics.spatial import SpatialChain
+from soft_continuum.nodes import conflicts
 from soft_continuum.parameters.files import load_any_arm
 from soft_continuum.ros.conversions import tracked_pose_from_ros, tracked_pose_to_ros
 from soft_continuum.ros.estimates import parameter_names
@@ -27,7 +28,7 @@ from soft_continuum_interfaces.msg import (
     TeleopState,
 )
 from support.descriptions import check_urdf, given, JAMMING, TENDON_ARM
-from support.ros_rig import LATCHED, RELIABLE, Rig, STREAM, trajectory
+from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig, STREAM, trajectory
 
 NAMES = load_any_arm(TENDON_ARM).tendon_names
 OFFSET, SEGMENT, BASE, DISC = 0.008, 0.08, 0.01, 0.005  # m, as config/tendon_arm.yaml has them
@@ -295,14 +296,24 @@ def test_a_planar_arm_without_jamming_bends_as_a_whole(make_rig: Callable[..., R
     rig.end(teleop)
 
 
-def test_nothing_moves_if_the_nodes_disagree_about_jamming(make_rig: Callable[..., Rig]) -> None:
+def test_nothing_moves_if_the_nodes_disagree_about_jamming(
+        make_rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(conflicts, 'ENDED_AFTER', DEADLINE)  # of a busy machine
     rig = make_rig()
     rig.start('kinematics', 'jamming_valves')
+    rig.soften(3)  # while nobody disagrees
     rig.start('tendon_actuation', arm__jamming=False)
     arm = Driven(rig, ('right_tendon', 'left_tendon'))
     pulls = {'right_tendon': 0.002, 'left_tendon': -0.003}
     # What kinematics reports is seen first, or what it says of its description.
     refusals = MotionRequest.STIFFNESS_UNKNOWN, MotionRequest.CONFLICT
     assert arm.send(pulls).reason in refusals
-    rig.soften(3)
     rig.assert_rests()
+    # From when jamming_valves knows of it, no other segment becomes soft either.
+    rig.wait_for(lambda: 'tendon_actuation on' in rig.statuses['jamming_valves'].last.message,
+                 'a conflict')
+    refused = rig.set_stiff(2, False)
+    assert not refused.success
+    assert 'not softened: tendon_actuation on' in refused.message
+    assert 'start every node with the same description' in refused.message
+    assert rig.set_stiff(3, True).success  # what is safe is done
