@@ -14,11 +14,13 @@ from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from soft_continuum.client.errors import ClientError
+from soft_continuum.client.errors import ClientError, NoAnswerError
 from soft_continuum.client.requests import Requests
 from soft_continuum.ros.enclaves import CLIENT, with_enclave
 from soft_continuum.ros.executor import BestExecutor
 from soft_continuum.ros.network import choose_own_network, security_problem, wait_until_up
+
+CLOSE_TIMEOUT = 10.0  # s in which a callback that runs has to return
 
 
 class Connection:
@@ -72,13 +74,20 @@ class Connection:
                 self.node.get_logger().error(traceback.format_exc())
 
     def close(self) -> None:
-        """End the thread and leave the graph; a second call does nothing."""
+        """
+        End the thread and leave the graph; a second call does nothing.
+
+        Raises NoAnswerError when a callback does not return.
+        """
         if self._open:
             try:
-                self.requests.start(self.requests.close()).result()
+                self.requests.start(self.requests.close()).result(CLOSE_TIMEOUT)
             finally:
                 self._open = False
-                self._thread.join()
+                self._thread.join(CLOSE_TIMEOUT)
+                if self._thread.is_alive():  # what it uses must not be taken away
+                    raise NoAnswerError('a callback of this program has not returned for '
+                                        f'{CLOSE_TIMEOUT:g} s: its node is left as it is')
                 self._executor.shutdown()
                 self.node.destroy_node()
                 self._context.try_shutdown()

@@ -23,6 +23,7 @@ from itertools import count
 import os
 from pathlib import Path
 import shutil
+from time import monotonic, sleep
 from typing import Any, TYPE_CHECKING
 
 import yaml
@@ -50,6 +51,7 @@ from soft_continuum_interfaces.action import RunShapeSequence
 if TYPE_CHECKING:
     from soft_continuum.client.requests import Requests
 
+LOCK_TIMEOUT, LOCK_PERIOD = 10.0, 0.05  # s, to wait for another program that writes
 VERSION = 1
 HEADER = '# Saved shapes and sequences. A program writes all of this file at every change.\n'
 KINDS: tuple[Kind, ...] = ('shapes', 'sequences')
@@ -208,7 +210,17 @@ def _change(changed: Callable[[Saved], tuple[Saved, str]]) -> str:
 def _locked(directory: Path) -> Iterator[None]:
     descriptor = os.open(directory, os.O_RDONLY)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        deadline = monotonic() + LOCK_TIMEOUT
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if monotonic() > deadline:
+                    raise OwnShapesError(f'{directory}: another program has been writing there '
+                                         f'for {LOCK_TIMEOUT:g} s; end it, then save again'
+                                         ) from None
+                sleep(LOCK_PERIOD)
         yield
     finally:
         os.close(descriptor)

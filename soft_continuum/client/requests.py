@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 from soft_continuum.client.errors import LostError, NoAnswerError, RefusedError, SequenceError
 from soft_continuum.client.operations import Operations
-from soft_continuum.client.tasks import until
+from soft_continuum.client.tasks import ATTEMPTS, until
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.sequencing.progress import AIMS
@@ -73,29 +73,57 @@ class Requests(Operations):
     async def _follow(self, handle: Any) -> 'SequenceResult':
         """Return how a sequence ended; raises SequenceError or LostError."""
         from soft_continuum.client.sequence import sequence_result
-        answer, observed = handle.get_result_async(), self.observed
-        answer.add_done_callback(self.step)
-        accepted = Age()
-        accepted.refresh()
-
-        def lost() -> bool:
-            return min(accepted.seconds, observed.age(SHAPE_SEQUENCER)) >= LOST_TIMEOUT
-
-        await until(lambda: answer.done() or lost(), inf)
-        if not answer.done():
-            raise LostError(
-                f'nothing received of {SHAPE_SEQUENCER} for {LOST_TIMEOUT:g} s; the arm may be '
-                'left with a soft segment: see its state, start the nodes again, stiffen all '
-                'segments')
-        result = sequence_result(answer.result().result)
+        result = sequence_result(await self._result(handle))
         if result.outcome != 'SUCCESSFUL':
             raise SequenceError(result)
         return result
 
+    async def _result(self, handle: Any) -> Any:
+        """
+        Return the result of a goal; raises LostError.
+
+        It comes when the goal ends, unless it is lost: it is asked for again when the goal has not
+        run for ``timeout`` s.
+        """
+        observed, accepted, runs, asked = self.observed, Age(), Age(), list[Any]()
+        accepted.refresh()
+        began = False
+
+        def answers() -> list[Any]:
+            return [one for one in asked if one.done()]
+
+        def lost() -> bool:
+            return min(accepted.seconds, observed.age(SHAPE_SEQUENCER)) >= LOST_TIMEOUT
+
+        def late() -> bool:
+            nonlocal began
+            if (state := observed.shape_sequencer) is not None:
+                began = began or state.goal_id == handle.goal_id
+                if state.running and (state.goal_id == handle.goal_id or not began):
+                    runs.refresh()  # it does, or waits until the one before has ended
+            return runs.seconds >= self.timeout
+
+        for _ in range(ATTEMPTS):
+            asked.append(handle.get_result_async())
+            asked[-1].add_done_callback(self.step)
+            runs.refresh()
+            await until(lambda: answers() or lost() or late(), inf)
+            if found := answers():
+                return found[0].result().result
+            if lost():
+                raise LostError(
+                    f'nothing received of {SHAPE_SEQUENCER} for {LOST_TIMEOUT:g} s; the arm may '
+                    'be left with a soft segment: see its state, start the nodes again, stiffen '
+                    'all segments')
+        raise LostError(f'{SHAPE_SEQUENCER} does not run the sequence any more, but has not '
+                        f'answered how it ended within {ATTEMPTS * self.timeout:g} s; see its '
+                        'state')
+
     async def cancel_all(self) -> None:
         """Cancel every sequence, whoever started it."""
         from action_msgs.srv import CancelGoal
-        await self.call(CancelGoal, 'run_shape_sequence/_action/cancel_goal')
+        await self.call(
+            CancelGoal, 'run_shape_sequence/_action/cancel_goal', attempts=ATTEMPTS)
 
     @cached_property
     def _action(self) -> Any:

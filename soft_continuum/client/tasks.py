@@ -144,16 +144,21 @@ class Tasks:
         client = self.client(kind, name)
         node = next((n for n in (*NODES, RECORDER) if name.startswith(f'{n}/')), NODES[-1])
         timeout = self.timeout if within is None else within
+        asked: list[Any] = []
         self._callers[name] += 1
         try:
             await self.found(client.service_is_ready, name, node)
             for _ in range(attempts):
-                future = client.call_async(kind.Request(**request))
-                if await self.done(future, timeout / attempts):
-                    return future.result()
-                client.remove_pending_request(future)
+                asked.append(client.call_async(kind.Request(**request)))
+                asked[-1].add_done_callback(self.step)
+                # The answer to an earlier one counts, too: it may only be late.
+                if answered := await until(
+                        lambda: [one for one in asked if one.done()], timeout / attempts):
+                    return answered[0].result()
         finally:
             self._callers[name] -= 1
+            for one in asked:
+                client.remove_pending_request(one)
         # What nobody waits for must not be carried out later; what others wait for must be.
         if not self._callers[name] and self._clients.pop(name, None):
             self.node.destroy_client(client)

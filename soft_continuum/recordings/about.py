@@ -14,7 +14,7 @@ from soft_continuum import version
 from soft_continuum.analysis.recording import DESCRIPTION
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
-from soft_continuum.client.tasks import running_nodes, until
+from soft_continuum.client.tasks import ATTEMPTS, running_nodes, until
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import parameters_text
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, KINEMATICS, NODES
@@ -47,10 +47,13 @@ async def _attach_parameters(requests: Requests, attach: Callable[[str, str], No
     running = running_nodes(requests.node, (*NODES, CAMERA, DISC_SENSORS))
     for name in (name for name, runs in running.items() if runs):
         try:
-            listed = await requests.call(ListParameters, f'{name}/list_parameters')
+            listed = await requests.call(
+                ListParameters, f'{name}/list_parameters', attempts=ATTEMPTS)
             values = await requests.parameters(name, sorted(listed.result.names))
-        except ClientError:
-            continue  # the rest is worth recording without it
+        except ClientError as error:  # the rest is worth recording without it
+            requests.node.get_logger().warning(
+                f'the parameters of {name} are not recorded: {printable(str(error))}')
+            continue
         found[name] = {'ros__parameters': values}
         if name == KINEMATICS:
             arm = {p.name: values[p.name] for p in ARM_PARAMETERS if p.name in values}

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from math import isfinite
 import os
 from pathlib import Path
+import sys
 import threading
 from time import monotonic
 from typing import Any, Self
@@ -32,6 +33,7 @@ from soft_continuum.ros.network import choose_own_network
 from soft_continuum.ros.qos import EVERY_STATE, STREAM
 
 PERIOD = 0.04  # s
+CLOSE_TIMEOUT = 10.0  # s
 BEGIN = 0.5  # s, within which every topic was heard for the first time
 REPEAT_PERIOD = 1.0  # s, after which what stands still is published again
 MAX_BYTES = 1_000_000_000  # of messages, which are kept in memory
@@ -138,7 +140,11 @@ class Playback:
     def __exit__(self, *_: object) -> None:
         """End the stand-ins."""
         self._open = False
-        self._thread.join()
+        self._thread.join(CLOSE_TIMEOUT)
+        if self._thread.is_alive():  # what it uses must not be taken away
+            print(f'the replay has not come to its end within {CLOSE_TIMEOUT:g} s; its nodes are '
+                  'left as they are', file=sys.stderr)
+            return
         self._executor.shutdown()
         for node in self._nodes:
             node.destroy_node()
