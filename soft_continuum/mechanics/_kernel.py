@@ -72,6 +72,7 @@ SIGNATURES = {
 }
 PASSING = 3  # exit status of a build that may do another time: no numba yet, no space
 KEPT = 8  # versions in the cache of the user
+BUILD_TIMEOUT = 900.0  # s: ten times as long as it takes
 BUILD = f"""import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
@@ -153,9 +154,13 @@ def build(directory: Path) -> str:
     Not in this process, which would keep numba.  In a session of its own, so that Ctrl-C does not
     meet the compiler.
     """
-    done = subprocess.run(
-        [sys.executable, '-P', '-c', BUILD, str(HERE.parents[1]), str(directory)],
-        stdin=subprocess.DEVNULL, capture_output=True, text=True, start_new_session=True)
+    try:
+        done = subprocess.run(
+            [sys.executable, '-P', '-c', BUILD, str(HERE.parents[1]), str(directory)],
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, start_new_session=True,
+            timeout=BUILD_TIMEOUT)
+    except subprocess.TimeoutExpired:
+        return f'it was not built within {BUILD_TIMEOUT:g} s, by this process or another one'
     cache = _writable(user_cache())
     if done.returncode == 1 and cache is not None:  # it would fail the next time, too
         with suppress(OSError), tempfile.TemporaryDirectory(dir=cache) as scratch:

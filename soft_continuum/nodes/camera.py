@@ -224,7 +224,7 @@ class Camera(Node):
                 end = WARN, f'{self._source} has no more pictures'
             except SourceError as error:
                 end = ERROR, str(error)
-            self._worker.call(lambda end=end: self._reports.put((*end, {})))  # after the last one
+            self._worker.submit(lambda end=end: self._reports.put((*end, {})))  # after the last
             if not live:
                 return
             self._ending.wait(RETRY)

@@ -18,6 +18,7 @@ from soft_continuum.parameters.parameter import Parameter
 from soft_continuum.ros.ros_time import RosTime
 
 RETRY = 2.0  # s between attempts to connect to a device
+CONNECT_TIMEOUT = 20.0  # s in which a device that is asked for has to connect
 CLOSE_TIMEOUT = 2.0  # s that a device is given to hold and disconnect
 
 
@@ -183,7 +184,12 @@ class ManagedNode(LifecycleNode):
 
     def _configure(self) -> None:
         if self._opened is None:
-            self.connecting.call(self._open_now)
+            try:
+                self.connecting.call(CONNECT_TIMEOUT, self._open_now)
+            except TimeoutError:  # what it finds later is there for the next attempt
+                raise HardwareError(f'{self.hardware_id()} has not connected within '
+                                    f'{CONNECT_TIMEOUT:g} s; see its cables and its power, then '
+                                    'configure again') from None
         self.in_loop(self.attach, self._take())
         self._was_configured = True
 

@@ -75,6 +75,17 @@ class _Request:
         self._function, self._arguments, self._failed = function, arguments, failed
         self.future: Future[Any] = Future()
 
+    def result(self, timeout: float, thread: str) -> Any:
+        """Return what it gives, or raise what it raises; TimeoutError about ``thread``."""
+        try:
+            return self.future.result(timeout)
+        except TimeoutError:
+            if self.future.done():  # its own
+                raise
+            raise TimeoutError(
+                f'the thread {thread} has not done {getattr(self._function, "__name__", "it")} '
+                f'within {timeout:g} s') from None
+
     def run(self) -> None:
         """Do it."""
         try:
@@ -117,7 +128,7 @@ class ControlLoop:
         """
         request = _Request(function, arguments)
         self._requests.put(request)
-        return request.future.result(CALL_TIMEOUT)
+        return request.result(CALL_TIMEOUT, self._thread.name)
 
     def post(self, function: Callable[..., Any], *arguments: Any) -> None:
         """Let the loop call ``function`` as soon as it can."""
@@ -165,11 +176,16 @@ class Worker:
             return False
         return True
 
-    def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return what ``function`` returns, or raise what it raises, however long it takes."""
+    def call(self, timeout: float, function: Callable[..., Any], *arguments: Any) -> Any:
+        """
+        Return what ``function`` returns, or raise what it raises.
+
+        Raises TimeoutError after ``timeout`` s; the function may still be called then.
+        """
         request = _Request(function, arguments)
-        self._work.put(request)
-        return request.future.result()
+        with suppress(Full):  # else nothing that waits before it has ended for long
+            self._work.put(request, timeout=timeout)
+        return request.result(timeout, self._thread.name)
 
     def close(self, timeout: float) -> None:
         """End the thread after what was asked for before; wait ``timeout`` s at most."""

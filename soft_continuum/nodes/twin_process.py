@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 import subprocess
 from tempfile import TemporaryDirectory
-from time import sleep
+from time import monotonic, sleep
 
 from soft_continuum.arguments import Parser
 from soft_continuum.emulators.driving import board_links, driving_parameters
@@ -19,6 +19,7 @@ from soft_continuum.ros.names import TWIN, TWIN_CAMERA
 from soft_continuum.twin.differences import DEFAULT_PRESET, load_cell_parameters, PRESETS
 
 PERIOD = 0.05  # s between two looks at whether it is ready
+START_TIMEOUT = 120.0  # s: it imports MuJoCo, and makes the model of the arm
 NO_OTHER_CAMERA = {'camera.source': "''", 'camera.calibration': "''"}
 RATE = 5  # Hz of the pictures: to draw one and to measure in it takes 0.1 s of a core
 
@@ -62,9 +63,13 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
         children = [twin]
         try:
             boards = board_links(ports['tendon'], tendons if driver == 'grbl' else 1)
+            deadline = monotonic() + START_TIMEOUT
             while not all(path.is_symlink() for path in (*map(Path, boards), ports['modbus'])):
                 if not twin.running:
                     raise ParameterError('the twin did not start; the lines before say why')
+                if monotonic() > deadline:
+                    raise ParameterError(f'the twin has no serial ports {START_TIMEOUT:g} s after '
+                                         'its start; is the computer overloaded?')
                 sleep(PERIOD)
             parameters = driving_parameters(
                 modbus=ports['modbus'], tendons=tendons, **{driver: ' '.join(boards)})

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from soft_continuum.nodes import threads
 from soft_continuum.nodes.runtime import end, Signals
 from soft_continuum.nodes.threads import ControlLoop, Worker
 
@@ -66,6 +67,21 @@ def test_what_it_raises_comes_to_who_asked(loop: ControlLoop, cycles: Cycles) ->
     assert not cycles.failures
 
 
+def test_a_call_that_is_not_done_in_time_says_what_was_waited_for(
+        loop: ControlLoop, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, 'CALL_TIMEOUT', 0.05)
+    worker, go = Worker('devices', lambda _: None, limit=1), threading.Event()
+    loop.post(go.wait, DEADLINE)
+    worker.submit(go.wait, DEADLINE)
+    with pytest.raises(TimeoutError, match='the thread test has not done len within 0.05 s'):
+        loop.call(len, '')
+    for _ in range(2):  # also when another one waits already
+        with pytest.raises(TimeoutError, match='thread devices has not done len within 0.05 s'):
+            worker.call(0.05, len, '')
+    go.set()
+    worker.close(DEADLINE)
+
+
 def test_a_cycle_that_was_missed_is_reported_late_and_left_out(
         loop: ControlLoop, cycles: Cycles) -> None:
     cycles.wait_for_more()
@@ -95,7 +111,7 @@ def test_a_worker_does_one_thing_after_another_and_refuses_too_many() -> None:
     assert worker.submit(int, 'x')
     assert not worker.submit(done.append, 2)
     go.set()
-    assert worker.call(len, done) == 1
+    assert worker.call(DEADLINE, len, done) == 1
     worker.close(DEADLINE)
     assert [type(error) for error in failures] == [ValueError]
 
