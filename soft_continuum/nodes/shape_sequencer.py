@@ -11,6 +11,7 @@ from typing import Any
 
 from rclpy.node import Node
 
+from soft_continuum.client.tasks import running_nodes
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.arm_commander import ArmCommander
@@ -51,7 +52,8 @@ from soft_continuum_interfaces.msg import (
 TICK_PERIOD = 0.05  # s
 SPATIAL_PIECE_PERIOD = 0.15
 """s between pieces of a motion in space: to judge one of nine tendons takes 10 ms of a core."""
-FIRST_MESSAGE_TIMEOUT = 5.0  # s that a goal waits for nodes that have just been started
+FIRST_MESSAGE_TIMEOUT = 5.0  # s that a goal waits for nodes that may have just been started
+STARTING_TIMEOUT = 20.0  # s that it waits for nodes that run: on a slow computer they load longer
 
 
 @dataclass
@@ -207,9 +209,13 @@ class ShapeSequencer(Node):
 
     def _waits(self, check: Check) -> bool:
         """Whether nothing is wrong but that the other nodes have only been started."""
-        observed = self._observed
-        return bool(observed.unheard and check.age.seconds < FIRST_MESSAGE_TIMEOUT
-                    and not (observed.reported_fault or observed.stopped))
+        observed, age = self._observed, check.age.seconds
+        if not observed.unheard or observed.reported_fault or observed.stopped:
+            return False
+        if age < FIRST_MESSAGE_TIMEOUT:
+            return True
+        unheard = [one.partition(' ')[0] for one in observed.unheard]
+        return age < STARTING_TIMEOUT and all(running_nodes(self, unheard).values())
 
     def _shapes_of(self, items: Sequence[ShapeMessage]) -> list[Shape]:
         return shapes_of(items, self._library, self._arm, self.parameters)

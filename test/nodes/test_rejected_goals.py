@@ -14,7 +14,8 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from soft_continuum.mechanics.chain import RigidChain
-from soft_continuum.nodes import shape_sequencer
+from soft_continuum.nodes import kinematics, shape_sequencer
+from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planar_planner import Planner
@@ -256,6 +257,21 @@ def test_a_goal_waits_for_nodes_that_are_just_starting_and_for_no_stop(
     rig.wait_for(waiting, 'the goal waits')
     rig.start('kinematics')
     assert later.result()[0] == 'SUCCEEDED'
+
+
+def test_a_goal_waits_longer_for_a_node_that_runs_and_still_loads(
+        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shape_sequencer, 'FIRST_MESSAGE_TIMEOUT', 0.0)
+    monkeypatch.setattr(shape_sequencer, 'STARTING_TIMEOUT', 60.0)
+    loads: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(kinematics, 'load_model', lambda *what: loads.append(what))
+    rig.start(*ALL, ready=False)
+    rig.wait_until_ready('tendon_actuation', 'jamming_valves', 'shape_sequencer')
+    goal = rig.goal((0.0, 0.0, 0.1))
+    rig.wait_for(lambda: 'waiting for kinematics' in rig.statuses['shape_sequencer'].last.message,
+                 'the goal waits')
+    load_model(*loads[0])
+    assert goal.result()[0] == 'SUCCEEDED'
 
 
 def test_a_state_that_is_not_a_number_ends_no_node(shared_arm: Rig) -> None:
