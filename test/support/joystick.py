@@ -10,12 +10,13 @@ from sensor_msgs.msg import Joy
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum_interfaces.msg import TeleopState
-from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig
+from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig, trajectory
 
 PERIOD = 0.05  # s, as joy_node repeats
 LB, A, B, X, BACK, START, RB = 4, 0, 1, 2, 6, 7, 5
 PATIENT = {'teleop.timeout': 2.0}  # of a busy machine, on which messages come late
 RIGHT, LEFT = -1.0, 1.0  # as joy_node counts
+MARK_PERIOD = 2.0  # s after which another mark is sent: one is lost while too many wait
 
 
 class Joystick:
@@ -30,6 +31,9 @@ class Joystick:
         self.states = rig.record(TeleopState, 'teleop/state', LATCHED)
         self.sent = rig.record(JointTrajectory, 'tendon_actuation/joint_trajectory', RELIABLE)
         self._publisher = rig.publisher(Joy, 'joy')
+        self._trajectories = rig.publisher(
+            JointTrajectory, 'tendon_actuation/joint_trajectory')
+        self._marks = 0
         self._message = Joy(axes=[0.0] * 8, buttons=[0] * 11)
         self._unrest = 0.0  # part by which the stick is less far than it is held
         self._timer = rig.observer.create_timer(PERIOD, self._publish)
@@ -87,9 +91,25 @@ class Joystick:
     def _without_target(self) -> bool:
         return any(text in self.statuses.last.message for text in ('no target', 'disabled'))
 
+    def _all_judged(self) -> bool:
+        """
+        Wait until tendon_actuation has judged what was sent; whether the servo sent no more since.
+
+        On a busy machine that takes a while, and what waits moves a tendon that has come to rest.
+        """
+        before, states = len(self.sent), self.rig.states['tendon_actuation']
+        self._marks += 1
+        mark = trajectory([(1.0, [0.0])], ('of no tendon',))
+        mark.header.frame_id = f'mark {self._marks}'
+        self._trajectories.publish(mark)
+        judged = self.rig.until(lambda: mark in self.sent and any(
+            state.refused.id == mark.header.frame_id for state in list(states)), MARK_PERIOD)
+        return bool(judged) and len(self.sent) == before + 1
+
     def assert_rests(self) -> None:
         """Claim that the servo follows nothing, the tendons rest, and nothing more is sent."""
         self.rig.wait_for(self._without_target, 'a servo without a target')
+        self.rig.wait_for(self._all_judged, 'an end of what the servo sent')
         self.rig.wait_for(lambda: self.rig.at_rest, 'rest')
         sent = len(self.sent)
         self.rig.assert_rests()
