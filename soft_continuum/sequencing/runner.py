@@ -324,7 +324,8 @@ class Runner:
         while True:
             # After a pause longer than the horizon, go on from where the last piece ended.
             elapsed = min(self._now - start, end)
-            start = self._now - elapsed
+            if self._now - start > end:
+                start = self._now - end
             if elapsed >= move.duration:
                 break
             self._check_motion(move.segment)
