@@ -136,8 +136,8 @@ class TendonController:
 
         times: (points,) s on the clock of ``now``.  pulls: (points, tendons) m.  begin: when the
         trajectory was to start, on the same clock; a late one may catch up as far as the driver's
-        own limits let it.  continues: whether it is a further part of the present trajectory, which
-        is followed up to the first point of it.  Changes nothing.  Raises MotionRefusedError.
+        own limits let it.  continues: whether it goes on along the path of the present trajectory,
+        which is followed up to its first point.  Changes nothing.  Raises MotionRefusedError.
         """
         if self.stopped:
             raise MotionRefusedError(Reason.STOPPED, f'stopped ({self.stopped_because}); call '

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 from uuid import uuid4
 
+from builtin_interfaces.msg import Time
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.task import Future
@@ -51,6 +52,7 @@ class MotionCommander:
         self._run = 0
         self._motion_id = ''
         self._followed = False
+        self._start, self._stamp = 0.0, Time()  # of the pieces that were sent last
         self._ros_time = RosTime(node.get_clock())
         self._trajectory = node.create_publisher(
             JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', COMMAND)
@@ -66,8 +68,11 @@ class MotionCommander:
         motion_id = f'{self._name}/{self._process}/{self._run}.{motion}'
         if motion_id != self._motion_id:
             self._motion_id, self._followed, self.motion_failure = motion_id, False, None
+            self._start = 0.0
+        if start != self._start:  # parts of one path share their stamp
+            self._start, self._stamp = start, self._ros_time.stamp(start)
         message = trajectory_to_ros(times, pulls, self._tendons)
-        message.header.stamp = self._ros_time.stamp(start)
+        message.header.stamp = self._stamp
         message.header.frame_id = motion_id
         self._trajectory.publish(message)
 

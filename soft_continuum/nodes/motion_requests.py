@@ -18,7 +18,8 @@ class Request:
     A trajectory to be judged.
 
     times: (k,) s from its start.  pulls: (k, tendons) m.  start: s (steady), None for as
-    soon as it is accepted.  revocation: how often motion had been revoked when it came.
+    soon as it is accepted.  revocation: how often motion had been revoked when it came.  stamp: ns
+    of ROS time, the start as it was sent; 0 for none.
     """
 
     id: str
@@ -26,6 +27,7 @@ class Request:
     pulls: Array
     start: float | None
     revocation: int
+    stamp: int = 0
 
 
 class MotionRequests:

@@ -228,7 +228,8 @@ class TendonActuation(ManagedNode):
             raise MotionRefusedError(
                 Reason.INVALID, f'it starts {start - STEADY():.1f} s from now; allowed: '
                 f'{MAX_AHEAD:g} s; check header.stamp (zero: start now) and the clocks')
-        return Request(message.header.frame_id, times, pulls, start, revocations)
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        return Request(message.header.frame_id, times, pulls, start, revocations, stamp)
 
     def _judge(self, data: bytes, revocations: int) -> None:
         """Follow a trajectory if nothing forbids it; on a thread that may take long."""

@@ -51,6 +51,7 @@ class TendonControl:
         self._tension_limit, self._publish, self._release = tension_limit, report, release
         self._guard = TensionGuard(tendons)
         self._stops = 0
+        self._path = 0, 0.0  # stamp and start of the trajectory that was accepted last, ns and s
         self._stamped = False  # whether the trajectory that is followed was to begin by ROS time
         self._time = STEADY()  # of the last reading, s
         self._driver: TendonDriver | None = None
@@ -135,7 +136,7 @@ class TendonControl:
         """
         controller = self._checked(request)
         trajectory, _ = self._trajectory(controller, request)
-        return controller.plan(*trajectory, self._continues(request))[1]
+        return controller.plan(*trajectory, self._goes_on(request))[1]
 
     def follow(self, request: Request, stiffness: Stiffness) -> None:
         """
@@ -154,8 +155,8 @@ class TendonControl:
             raise MotionRefusedError(Reason.TENSION, problem)
         begins = not controller.busy
         trajectory, delay = self._trajectory(controller, request)
-        controller.accept(*trajectory, self._continues(request))
-        controller.delay = delay
+        controller.accept(*trajectory, self._goes_on(request))
+        controller.delay, self._path = delay, (request.stamp, trajectory[3] - delay)
         if begins:
             self._guard.begin(controller.reading)
         if request.id != self._requests.accepted.id and self._requests.following:
@@ -193,13 +194,14 @@ class TendonControl:
         A motion in parts keeps its path: what comes late of it makes the rest as much later.
         """
         now, delay = STEADY(), 0.0
-        first = request.times[0] if len(request.times) else 0.0
         start = now if request.start is None else request.start
         if request.start is not None and self._continues(request):
             delay = controller.delay
-            if not controller.following and start + delay + first <= controller.end:
-                delay += max(0.0, now - controller.end)  # the part before this one ended already
-        elif request.id and first == 0.0:
+            if self._goes_on(request):
+                start = self._path[1]
+                if not controller.following:  # the part before this one ended already
+                    delay += max(0.0, now - controller.end)
+        elif request.id and len(request.times) and request.times[0] == 0.0:
             delay = max(0.0, now - start)
         start += delay
         return (start + request.times, request.pulls, now, start), delay
@@ -207,6 +209,10 @@ class TendonControl:
     def _continues(self, request: Request) -> bool:
         """Return whether a trajectory is a further part of the motion that was accepted last."""
         return bool(request.id) and request.id == self._requests.accepted.id
+
+    def _goes_on(self, request: Request) -> bool:
+        """Return whether it is also of the same path: its times count from the same start."""
+        return self._continues(request) and request.stamp == self._path[0] != 0
 
     def refuse(self, request_id: str, reason: Reason, message: str) -> None:
         """Report that a trajectory is refused; whatever is followed goes on."""

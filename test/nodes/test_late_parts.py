@@ -42,7 +42,7 @@ class Steered:
         """Send the part of the motion between two times (s)."""
         part = (begin - 1e-9 <= TIMES) & (end + 1e-9 >= TIMES)
         self.control.follow(Request(
-            motion, TIMES[part], PATH[part], self.start, self.control.revocations), None)
+            motion, TIMES[part], PATH[part], self.start, self.control.revocations, 1), None)
 
     def go_on(self, seconds: float) -> None:
         """Let time pass."""

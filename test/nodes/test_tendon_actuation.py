@@ -39,7 +39,7 @@ def shared_tendons(module_domain: int) -> Iterator[Rig]:
 
 @pytest.fixture
 def tendons(shared_tendons: Rig) -> Rig:
-    """Return that arm, straight and as if it had just started, whatever was done with it before."""
+    """Return that arm, straight and as if it had just started, whatever it did before."""
     rig = shared_tendons
     while (state := rig.lifecycle_state('tendon_actuation')) != 'active':
         assert rig.transition('tendon_actuation', TO_ACTIVE[state])
