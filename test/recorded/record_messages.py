@@ -134,6 +134,7 @@ class Run:
         """
         pieces: dict[str, list[Any]] = {}
         for message in self._heard[TRAJECTORIES]:
+            assert message.points, f'the motion was held: {self._rig.sequencer.last}'
             pieces.setdefault(message.header.frame_id, []).append(message)
         found = []
         for messages in pieces.values():
