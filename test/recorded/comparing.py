@@ -30,7 +30,8 @@ def differences(recorded: Any, found: Any, place: str = '', tolerance: float = T
         yield from _in_block(recorded, found, place, tolerance * (1.0 + largest))
     elif isinstance(recorded, list) and isinstance(found, list):
         if len(recorded) != len(found):
-            yield float('inf'), f'{place}: {len(found)} instead of {len(recorded)}'
+            yield float('inf'), (f'{place}: {len(found)} instead of {len(recorded)}: '
+                                 f'{str(found)[:1000]} instead of {str(recorded)[:1000]}')
         for i, (one, other) in enumerate(zip(recorded, found, strict=False)):
             yield from differences(one, other, f'{place}[{i}]', tolerance)
     elif recorded != found or type(recorded) is not type(found):
@@ -41,7 +42,8 @@ def _in_block(recorded: Any, found: Any, place: str, tolerance: float
               ) -> Iterator[tuple[float, str]]:
     if isinstance(recorded, list) and isinstance(found, list):
         if len(recorded) != len(found):
-            yield float('inf'), f'{place}: {len(found)} instead of {len(recorded)}'
+            yield float('inf'), (f'{place}: {len(found)} instead of {len(recorded)}: '
+                                 f'{str(found)[:1000]} instead of {str(recorded)[:1000]}')
         for i, (one, other) in enumerate(zip(recorded, found, strict=False)):
             yield from _in_block(one, other, f'{place}[{i}]', tolerance)
     elif isinstance(recorded, float) and isinstance(found, float):

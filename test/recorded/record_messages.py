@@ -35,8 +35,11 @@ RUNS: Mapping[str, tuple[str, Sequence[Sequence[str]]]] = {
     'without_jamming': ('tendon_arm', (('c_form', 'helix'), ('s_form',))),
 }
 """Of each run: the file in ``config/``, and the shapes of its goals."""
-CHANGES = {'angle_step': 0.2618}
-"""Of the parameters: coarse steps are planned sooner."""
+ANGLE_STEPS = {'planar': 0.035, 'spatial': 0.1, 'without_jamming': 0.035}
+"""
+rad of bending between two points of a plan.  Coarser ones are planned sooner, and tendons fight
+between them: where a piece is cut there, which its time decides, it may be refused.
+"""
 LEFT_OUT = {'stamp', 'measured', 'goal_id', 'rejected_goal_id', 'id', 'lifetime'}
 """Fields of messages that are times or ids."""
 LAGGING = {'bending_angles', 'bending_directions', 'tip'}
@@ -64,7 +67,7 @@ class Run:
     def __init__(self, rig: Rig, name: str) -> None:
         """Start the nodes; listen to every topic in the namespace of the arm."""
         file, self._goals = RUNS[name]
-        values = given(CONFIG / f'{file}.yaml', **CHANGES)
+        values = given(CONFIG / f'{file}.yaml', angle_step=ANGLE_STEPS[name])
         self._rig, jamming = rig, values.get('arm__jamming', True)
         nodes = ['tendon_actuation', 'kinematics', 'shape_sequencer']
         rig.start(*([JAMMING_VALVES] if jamming else []), *nodes, **values)
@@ -134,6 +137,7 @@ class Run:
         """
         pieces: dict[str, list[Any]] = {}
         for message in self._heard[TRAJECTORIES]:
+            assert message.points, f'the motion was held: {self._rig.sequencer.last}'
             pieces.setdefault(message.header.frame_id, []).append(message)
         found = []
         for messages in pieces.values():
