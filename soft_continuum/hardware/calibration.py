@@ -92,14 +92,16 @@ class TendonBench:
         for segment in self._segments:
             retry(partial(vent, jamming, segment), self._clock)
         deadline = self._clock() + RESPONSE_TIME
+        late = False  # before they were looked at, not after
         while stiff := self.stiff:
-            if self._clock() > deadline:
+            if late:
                 pressure = retry(jamming.read, self._clock).pressures[stiff[0]]
                 raise HardwareError(
                     f'segment {stiff[0] + 1} is not soft {RESPONSE_TIME:g} s after it was '
                     f'vented: {pressure:.0f} Pa, needed: {self._soft_pressure:.0f} Pa; check its '
                     'vent, valve and pressure sensor (doctor checks them)')
             self._clock.sleep(POLL_INTERVAL)
+            late = self._clock() > deadline
 
     def move(self, distances: Sequence[float]) -> TendonReading:
         """
@@ -143,15 +145,17 @@ class TendonBench:
 
     def _rest_at(self, target: tuple[float, ...], duration: float) -> TendonReading:
         begin = moved = self._clock()
+        patience = duration + TIMEOUT  # of which a computer that is late uses up no more
         while True:
             reading, now = self._tendons.read(), self._clock()
             if reading.moving or now - begin < duration:
                 moved = now
             if now - moved >= REST_TIME:
                 break
-            if now - begin > duration + TIMEOUT:
+            if patience <= 0.0:
                 raise HardwareError('the tendons do not come to rest; check the motors')
             self._clock.sleep(POLL_INTERVAL)
+            patience -= POLL_INTERVAL
         errors = (abs(a - b) for a, b in zip(reading.pulls, target, strict=True))
         if max(errors) > max((POSITION_TOLERANCE, *reading.accuracy.pull_tolerances)):
             tendons = self._limits.tendons

@@ -218,7 +218,8 @@ def test_tendons_move_only_once_a_segment_is_soft(rig, run):
     assert 'segment 3 is not soft' in errors
     assert rig.grbl.motors == (0, 0, 0)
     rig.modbus.repair()
-    assert run('zero', '--yes', '--take-up', 1, 1)[0] == 0
+    status, _, errors = run('zero', '--yes', '--take-up', 1, 1)
+    assert status == 0, errors
     assert rig.modbus.coils == (True, True, True, False)
 
 

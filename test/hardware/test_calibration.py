@@ -171,3 +171,36 @@ def test_steppers_that_do_not_arrive_are_an_error(time):
             HardwareError, match='right_tendon 2.00 mm, .* instead of right_tendon 4.00'):
         bench.move((0.004, 0.0))
     assert tendons.stopped
+
+
+class LateTime(Time):
+    """Time on a computer so busy that each sleep takes 1 s."""
+
+    def sleep(self, seconds):
+        super().sleep(max(seconds, 1.0))
+
+
+class SlowSteppers(SimulatedTendons):
+    """Steppers that are seen to move a number of times."""
+
+    looks = inf
+
+    def read(self):
+        self.looks -= 1
+        reading = super().read()
+        return replace(reading, speeds=(1e-3, 0.0)) if self.looks > 0 else reading
+
+
+def test_a_computer_that_is_late_is_not_taken_for_motors_that_do_not_rest():
+    time = LateTime()
+    tendons, _, bench = bench_of(time, SlowSteppers(time, TENDONS, 0.03, 0.3, 5e-6))
+    tendons.looks = 30
+    assert bench.move((0.004, 0.0)).pulls[0] == pytest.approx(0.004, abs=1e-5)
+
+
+def test_motors_that_do_not_rest_are_an_error(time):
+    _, _, bench = bench_of(time, SlowSteppers(time, TENDONS, 0.03, 0.3, 5e-6))
+    begin = time()
+    with pytest.raises(HardwareError, match='do not come to rest; check the motors'):
+        bench.move((0.004, 0.0))
+    assert time() - begin < 30.0

@@ -7,10 +7,12 @@ import threading
 
 import pytest
 
+from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import open_serial
 from support.driver_waits import at_rest, failed, until
 from support.grbl_rig import board, driver, in_motion, rig, settled, standing, STEP, steps
+from support.virtual_clock import VirtualClock
 
 QUEUE = 0.2 * 0.03 / STEP  # steps that may still be made
 
@@ -408,3 +410,24 @@ def test_an_opening_that_is_reset_again_and_again_ends():
         with pytest.raises(HardwareError):
             driver(emulator).open()
         assert emulator.time - begin < 6.1
+
+
+class LateClock(VirtualClock):
+    """Time on a computer so busy that a program goes on 3 s after what it waited for came."""
+
+    def __init__(self):
+        super().__init__()
+        self._late = threading.current_thread()
+
+    def wait(self, files, timeout):
+        found = super().wait(files, timeout)
+        if threading.current_thread() is self._late:
+            super().wait((), 3.0)
+        return found
+
+
+def test_a_computer_that_is_late_is_not_taken_for_a_board_that_does_not_answer():
+    with GrblEmulator(clock=LateClock()) as emulator:
+        tendons = driver(emulator)
+        tendons.open()
+        tendons.close()

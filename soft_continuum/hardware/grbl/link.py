@@ -173,8 +173,14 @@ class GrblLink:
         os.set_blocking(self._wake_read, False)
         os.set_blocking(self._wake_write, False)
         self._aborted = False
+        self._late = 0.0  # s by which this computer went on later than it wanted to
         self.unanswered = ''
         """The line that waits for its acknowledgement."""
+
+    @property
+    def waited(self) -> float:
+        """Time (s) that stands still while this computer is late: what a board may take."""
+        return self.clock() - self._late
 
     def close(self) -> None:
         """Close the port; what a device has not taken within LAST_BYTES_TIME is dropped."""
@@ -203,8 +209,10 @@ class GrblLink:
         """Return whether something was received, after ``timeout`` (s), or earlier when woken."""
         if self._aborted:
             raise HardwareError(f'{self._port.port} was closed while it was being opened')
+        begin = self.clock()
         try:
             ready = self.clock.wait([self._port.fileno(), self._wake_read], timeout)
+            self._late += max(0.0, self.clock() - begin - max(0.0, timeout))
             if self._wake_read in ready:
                 os.read(self._wake_read, 4096)
             return self._port.fileno() in ready

@@ -84,7 +84,7 @@ def find_controller(link: GrblLink) -> Controller:
     Waits for a motion that is still under way to end.  A stop that was left half done (Hold) is
     finished: its motion is dropped, not resumed.  Raises HardwareError saying what to do.
     """
-    deadline = link.clock() + FIND_TIMEOUT
+    deadline = link.waited + FIND_TIMEOUT
     # A line that an earlier program left unfinished becomes an error, not a command.
     link.write(b'=\n')
     while True:
@@ -167,7 +167,7 @@ def _wait_for_rest(link: GrblLink, deadline: float) -> bool:
     Returns whether it is locked.  Raises HardwareError when it does not come to rest.
     """
     state = ''
-    while link.clock() < deadline:
+    while link.waited < deadline:
         link.write(STATUS_QUERY)
         for message in _collect(link, QUERY_INTERVAL):
             if isinstance(message, Alarm):
@@ -202,7 +202,7 @@ def _interrogate(link: GrblLink, deadline: float) -> Controller:
     # grblHAL may keep its offsets in a reset: there they prove nothing.
     hal = any('grblhal' in text.lower() for text in build)
     marked = offsets == [f'{MARK:.3f}'] and not hal
-    while link.clock() < deadline:
+    while link.waited < deadline:
         link.write(STATUS_QUERY)
         for message in link.receive(QUERY_INTERVAL):  # the offset comes with every 30th
             if isinstance(message, Banner):
@@ -221,10 +221,10 @@ def _interrogate(link: GrblLink, deadline: float) -> Controller:
 def _ask(link: GrblLink, line: str, deadline: float) -> list[Message]:
     """Send a line; return what is received until it is acknowledged."""
     link.send(line)
-    deadline = min(deadline, link.clock() + ANSWER_TIMEOUT)
+    deadline = min(deadline, link.waited + ANSWER_TIMEOUT)
     messages: list[Message] = []
-    while link.clock() < deadline:
-        for message in link.receive(deadline - link.clock()):
+    while link.waited < deadline:
+        for message in link.receive(min(QUERY_INTERVAL, deadline - link.waited)):
             if isinstance(message, Banner):
                 raise ResetSeenError
             if isinstance(message, Acknowledgement):
@@ -238,8 +238,8 @@ def _ask(link: GrblLink, line: str, deadline: float) -> list[Message]:
 
 def _collect(link: GrblLink, seconds: float) -> list[Message]:
     """Return all that is received within a time."""
-    until = link.clock() + seconds
+    until = link.waited + seconds
     messages: list[Message] = []
-    while link.clock() < until:
-        messages += link.receive(until - link.clock())
+    while link.waited < until:
+        messages += link.receive(until - link.waited)
     return messages
