@@ -21,6 +21,8 @@ from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from soft_continuum.hardware import tendon_controller
+from soft_continuum.nodes import tendon_control
 from soft_continuum.ros.definitions import message_class
 from support.descriptions import given
 from support.rig_fixtures import domains
@@ -35,11 +37,6 @@ RUNS: Mapping[str, tuple[str, Sequence[Sequence[str]]]] = {
     'without_jamming': ('tendon_arm', (('c_form', 'helix'), ('s_form',))),
 }
 """Of each run: the file in ``config/``, and the shapes of its goals."""
-ANGLE_STEPS = {'planar': 0.035, 'spatial': 0.1, 'without_jamming': 0.035}
-"""
-rad of bending between two points of a plan.  Coarser ones are planned sooner, and tendons fight
-between them: where a piece is cut there, which its time decides, it may be refused.
-"""
 LEFT_OUT = {'stamp', 'measured', 'goal_id', 'rejected_goal_id', 'id', 'lifetime'}
 """Fields of messages that are times or ids."""
 LAGGING = {'bending_angles', 'bending_directions', 'tip'}
@@ -67,7 +64,7 @@ class Run:
     def __init__(self, rig: Rig, name: str) -> None:
         """Start the nodes; listen to every topic in the namespace of the arm."""
         file, self._goals = RUNS[name]
-        values = given(CONFIG / f'{file}.yaml', angle_step=ANGLE_STEPS[name])
+        values = given(CONFIG / f'{file}.yaml')
         self._rig, jamming = rig, values.get('arm__jamming', True)
         nodes = ['tendon_actuation', 'kinematics', 'shape_sequencer']
         rig.start(*([JAMMING_VALVES] if jamming else []), *nodes, **values)
@@ -189,6 +186,8 @@ def _as(publishers: Sequence[Any]) -> QoSProfile:
 def main() -> None:
     """Write what is not there."""
     MESSAGES.mkdir(exist_ok=True)
+    # As rig_fixtures: nodes in this process go on when a busy machine kept them waiting.
+    tendon_control.MAX_LATENESS = tendon_controller.MAX_DELAY = 20.0
     for name in RUNS:
         path = MESSAGES / f'{name}.json'
         if not path.exists():
