@@ -331,8 +331,9 @@ class Runner:
             self._check_motion(move.segment)
             if sent < move.duration and self._now >= due:  # the last piece is sent once
                 end = min(elapsed + settings.horizon, move.duration)
-                inside = (move.times > elapsed) & (move.times < end)
-                times = np.concatenate([[elapsed], move.times[inside], [end]])
+                # The first has where it begins too: it is followed from there, however late.
+                inside = ((move.times > elapsed) | (sent == 0.0)) & (move.times < end)
+                times = np.append(move.times[inside], end)
                 pulls = np.stack(
                     [np.interp(times, move.times, tendon) for tendon in move.pulls.T], axis=1)
                 self._port.follow(self._motions, start, times, pulls)
