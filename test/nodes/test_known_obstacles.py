@@ -81,6 +81,7 @@ class Topics:
         rig.start('shape_sequencer', obstacles__file=str(EXAMPLE))
         self.publisher = rig.publisher(MarkerArray, 'obstacles', OBSTACLES)
         self.known = rig.record(MarkerArray, 'known_obstacles', LATCHED)
+        rig.wait_for(lambda: len(self.known), 'known_obstacles')
 
     def send(self, *markers: Marker) -> str:
         """Publish markers; return what the sequencer says when it has refused them."""
@@ -120,9 +121,8 @@ def sequencer(module_domain: int) -> Iterator[Topics]:
     rig.close()
 
 
-def test_what_is_known_follows_the_topic(sequencer: Topics) -> None:
-    of_file = [one.name for one in load_obstacles(EXAMPLE)]
-    sequencer.rig.wait_for(lambda: len(sequencer.known), 'known_obstacles')
+def test_what_is_known_follows_the_topic(rig: Rig) -> None:
+    sequencer, of_file = Topics(rig), [one.name for one in load_obstacles(EXAMPLE)]
     assert sequencer.names == of_file
     assert sequencer.change(ball(), ball(number=2), ball('b')) == [
         *of_file, 'ball', 'ball/2', 'b']

@@ -130,7 +130,7 @@ class Run:
         Return all points of each motion, s and m.
 
         A motion comes in pieces.  The last point of each, but of the last one, is where it was
-        cut, which is left out, as is that at 0, where it begins: all others are points of the plan.
+        cut, which is left out, as is the one at 0, where it begins: all others are of the plan.
         """
         pieces: dict[str, list[Any]] = {}
         for message in self._heard[TRAJECTORIES]:
