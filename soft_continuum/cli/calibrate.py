@@ -10,7 +10,6 @@ from math import isfinite
 from pathlib import Path
 import signal
 import sys
-from time import monotonic, sleep
 from typing import Any
 
 from soft_continuum.analysis.results import reserve_outputs
@@ -33,6 +32,7 @@ from soft_continuum.hardware.calibration import (
     SegmentVacuum,
     TendonBench,
 )
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.drives import (
     corrected_scale,
@@ -140,7 +140,7 @@ def _run(options: argparse.Namespace) -> None:
 @contextmanager
 def _jamming(job: Job) -> Iterator[JammingDriver | RegulatorDriver]:
     driver: JammingDriver | RegulatorDriver = make_driver(
-        JAMMING_DRIVERS, job.values['jamming_driver'], job.values, monotonic)
+        JAMMING_DRIVERS, job.values['jamming_driver'], job.values, STEADY)
     driver.open()
     try:
         yield driver
@@ -166,7 +166,7 @@ def _bench(job: Job, text: str, sets_zero: bool = False
     vented = ' '.join(f'Segment {segment + 1} is vented and becomes soft.' for segment in soft)
     confirm(f'{vented} {text} Ctrl-C stops.'.lstrip(), job.options.yes)
     tendons: TendonDriver = make_driver(
-        TENDON_DRIVERS, values['tendon_driver'], values, monotonic)
+        TENDON_DRIVERS, values['tendon_driver'], values, STEADY)
     if tendons.reference_moves:
         raise CalibrationError(
             'the tendons are homed (grbl.homed_pulls), which calibrate does not do: take '
@@ -294,7 +294,7 @@ def _zero(job: Job) -> None:
         else:
             bench.move(tuple(distance / MM for distance in take_up))
         tendons.reference()
-        sleep(MARK_TIME)
+        STEADY.sleep(MARK_TIME)
     print('The straight arm is zero.')
     if parameter := job.drive.zeros:
         _take(job, parameter, tuple(tendons.zeros))  # type: ignore[attr-defined]

@@ -3,12 +3,12 @@
 """Calibrating finds what is true of a rig, moves little, and leaves it safe however it ends."""
 
 import signal
-import time
 
 import pytest
 
 from soft_continuum.cli import calibrate
 from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.parameters.files import load_rig
 from support.emulated_rig import (
     CTRL_C,
@@ -24,8 +24,8 @@ STEPS_PER_MM = 200
 
 
 @pytest.fixture
-def rig(tmp_path):
-    with emulated_rig(tmp_path) as found:
+def rig(request, tmp_path):
+    with emulated_rig(tmp_path, real_time='on_terminal' in request.fixturenames) as found:
         yield found
 
 
@@ -187,10 +187,13 @@ def test_slack_known_before_is_taken_up_without_asking(rig, run):
 
 def test_a_board_that_is_reset_when_its_port_is_opened_is_told_from_one_that_is_not(
         rig, run, monkeypatch):
+    sleep = STEADY.sleep
+
     def reset(seconds):
-        time.sleep(seconds)
-        rig.grbl.reset()
-    monkeypatch.setattr(calibrate, 'sleep', reset)
+        sleep(seconds)
+        if seconds == calibrate.MARK_TIME:
+            rig.grbl.reset()
+    monkeypatch.setattr(STEADY, 'sleep', reset)
     status, output, _ = run('zero', '--yes', '--take-up', 1, 0.5)
     assert status == 0
     assert 'does not keep it, because opening its port resets it' in output

@@ -10,22 +10,23 @@ import pty
 import select
 import subprocess
 import sys
-from time import monotonic, sleep
+from time import monotonic
 from unittest.mock import patch
 
 import yaml
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
-from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.grbl import session as grbl_session
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.grbl.tendons import GrblTendons
 from soft_continuum.mechanics.arm import TENDONS
+from support.virtual_clock import VirtualClock
 
 DEADLINE = 60.0  # s until a test gives up waiting; a loaded computer is slow
 SPEED = 8.0
-"""By which emulators, and the drivers and verbs in this process, live faster."""
+"""By which emulators in real time live faster."""
 PATIENCE = 50  # queries to the stepper board in this process: a busy computer answers late
 TIMEOUT = 1.0  # s that a Modbus reply may take on one
 
@@ -51,9 +52,14 @@ class Rig:
 
 
 @contextmanager
-def emulated_rig(folder, settings=None):
-    """A rig that is soft, without a reference, as after it was switched on."""
-    with (patch.object(STEADY, '_factor', SPEED),
+def emulated_rig(folder, settings=None, real_time=False):
+    """
+    A rig that is soft, without a reference, as after it was switched on.
+
+    It lives, with the drivers and verbs in this process, in a time of their own; in real time, but
+    faster, where a verb in a process of its own moves it.
+    """
+    with (_faster() if real_time else _own_time(),
           patch.object(grbl_session, 'MAX_UNANSWERED_QUERIES', PATIENCE),
           patch.object(grbl_session, 'PROGRESS_TIMEOUT', DEADLINE),
           patch.object(grbl_session, 'ACKNOWLEDGEMENT_TIMEOUT', DEADLINE),
@@ -67,6 +73,16 @@ def emulated_rig(folder, settings=None):
         yield rig
 
 
+def _faster():
+    return patch.object(STEADY, '_factor', SPEED)
+
+
+def _own_time():
+    clock = VirtualClock()
+    return patch.multiple(Clock, __call__=lambda _: clock(),
+                          wait=lambda _, files, timeout: clock.wait(files, timeout))
+
+
 def reference(rig):
     """Give the controller a zero, as the node does."""
     tendons = steppers(rig)
@@ -76,7 +92,7 @@ def reference(rig):
 def _references(tendons):
     tendons.open()
     tendons.reference()
-    sleep(0.2)
+    STEADY.sleep(1.0)
     tendons.close()
     return True
 
@@ -101,7 +117,7 @@ def until(condition, what):
     deadline = monotonic() + DEADLINE
     while not condition():
         assert monotonic() < deadline, f'never: {what}'
-        sleep(0.01)
+        STEADY.sleep(0.05)
 
 
 def shorten(rig):
