@@ -447,9 +447,9 @@ def test_a_stop_that_gets_no_answer_is_asked_for_again(
 
     def stop(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         asked.append(monotonic())
-        if len(asked) == 1:  # as if its answer were lost
+        if len(asked) == 1:  # as if its answer were lost; one that is only late counts
             sleep(3.0)
-        response.success = len(asked) > 1
+        response.success = True
         return response
 
     arm.observer.create_service(Trigger, '/deaf/tendon_actuation/stop', stop)
@@ -458,4 +458,4 @@ def test_a_stop_that_gets_no_answer_is_asked_for_again(
         connection.requests.start(connection.requests.stop()).result()
     finally:
         connection.close()
-    assert len(asked) >= 2
+    wait_until(lambda: len(asked) >= 2)
