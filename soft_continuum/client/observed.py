@@ -24,7 +24,6 @@ from soft_continuum.client.state import (
     progress_of,
     SequenceResult,
 )
-from soft_continuum.client.tasks import running_nodes
 from soft_continuum.mechanics.spatial.directions import bending_directions
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.ros.age import Age
@@ -34,6 +33,7 @@ from soft_continuum.ros.conversions import (
     tracked_pose_from_ros,
 )
 from soft_continuum.ros.entry import subscribe
+from soft_continuum.ros.graph import running_nodes
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
     KINEMATICS,
