@@ -44,7 +44,7 @@ def tendons(shared_tendons: Rig) -> Rig:
     while (state := rig.lifecycle_state('tendon_actuation')) != 'active':
         assert rig.transition('tendon_actuation', TO_ACTIVE[state])
     assert rig.trigger('tendon_actuation/resume').success
-    send(rig, trajectory([(0.3, (0.0, 0.0))]))
+    send(rig, trajectory([(0.1, (0.0, 0.0))]))
     arrives(rig, (0.0, 0.0))
     rig.wait_for(lambda: not any(rig.status_value('tendon_actuation', key)
                                  for key in ('stopped', 'ended', 'refused')), 'a clean status')
@@ -141,8 +141,7 @@ BAD_TRAJECTORIES = {
 
 @pytest.mark.parametrize('case', BAD_TRAJECTORIES)
 def test_a_bad_trajectory_is_refused_with_the_reason_and_moves_nothing(
-        shared_tendons: Rig, case: str) -> None:
-    tendons = shared_tendons
+        tendons: Rig, case: str) -> None:
     message, reasons = BAD_TRAJECTORIES[case]
     refused(tendons, message, *reasons)
     pulls = (0.001, -0.001) if tendons.pulls[0] < 5e-4 else (0.0, 0.0)
@@ -151,10 +150,10 @@ def test_a_bad_trajectory_is_refused_with_the_reason_and_moves_nothing(
     tendons.wait_for(lambda: not tendons.status_value('tendon_actuation', 'refused'), 'no refusal')
 
 
-def test_a_trajectory_of_the_past_is_refused(shared_tendons: Rig) -> None:
+def test_a_trajectory_of_the_past_is_refused(tendons: Rig) -> None:
     message = trajectory([(0.3, (0.001, -0.002))])
     message.header.stamp = Time(sec=1)
-    refused(shared_tendons, message, 'ago', 'header.stamp')
+    refused(tendons, message, 'ago', 'header.stamp')
 
 
 BOUNDS = {
@@ -167,9 +166,9 @@ BOUNDS = {
 
 @pytest.mark.parametrize('bound', BOUNDS)
 def test_a_trajectory_that_takes_too_long_to_judge_is_refused_with_the_bound(
-        shared_tendons: Rig, bound: str) -> None:
+        tendons: Rig, bound: str) -> None:
     points, reasons = BOUNDS[bound]
-    refused(shared_tendons, trajectory(points), *reasons)
+    refused(tendons, trajectory(points), *reasons)
 
 
 @pytest.mark.parametrize('how', ['stop', 'hold'])
@@ -260,10 +259,10 @@ def test_a_jump_of_ros_time_ends_only_a_motion_that_follows_it(
     tendons.wait_for(lambda: tendons.at_rest, 'rest')
 
 
-def test_a_trajectory_far_in_the_future_is_refused(shared_tendons: Rig) -> None:
+def test_a_trajectory_far_in_the_future_is_refused(tendons: Rig) -> None:
     message = trajectory([(0.3, (0.001, -0.002))])
     message.header.stamp = Time(sec=2**31 - 1)
-    refused(shared_tendons, message, 'from now', 'allowed: 60 s')
+    refused(tendons, message, 'from now', 'allowed: 60 s')
 
 
 def test_a_trajectory_that_would_need_too_much_tension_is_refused(tendons: Rig) -> None:
