@@ -47,6 +47,7 @@ class Bench:
         node.get_clock.return_value.now.return_value.nanoseconds = 0
         self.observer = ArmObserver(
             node, ARM, {'silence_timeout': TIMEOUT, 'ambient_pressure': 101325.0,
+                        'full_vacuum': 80e3,
                         'arm.jamming': True}, Mock())
         self._callbacks = {
             call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
