@@ -18,7 +18,7 @@ from soft_continuum.arguments import DONE, FAILED, NO_NODES, Parser, WRONG_USAGE
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import EXACT, ParameterError
-from soft_continuum.ros.names import KINEMATICS, SERVO, SHAPE_SEQUENCER, TELEOP
+from soft_continuum.ros.names import KINEMATICS, running_nodes, SERVO, SHAPE_SEQUENCER, TELEOP
 from soft_continuum.teleop.dead_man import MOVE, RELEASE
 from soft_continuum.teleop.keyboard import Keyboard
 from soft_continuum.teleop.pad import Controls, Pad
@@ -107,7 +107,6 @@ def _steering(connection: 'Connection', files: Sequence[Path]) -> Iterator[Path]
 
     Yield the file of what they write.  Raises ParameterError, and ClientError.
     """
-    from soft_continuum.client.tasks import running_nodes
     from soft_continuum.nodes.processes import NodeProcesses
     running = running_nodes(connection.node, (SERVO, TELEOP, SHAPE_SEQUENCER))
     requests, missing = connection.requests, [n for n in (SERVO, TELEOP) if not running[n]]

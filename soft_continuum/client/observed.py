@@ -24,7 +24,6 @@ from soft_continuum.client.state import (
     progress_of,
     SequenceResult,
 )
-from soft_continuum.client.tasks import running_nodes
 from soft_continuum.mechanics.spatial.directions import bending_directions
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.ros.age import Age
@@ -40,6 +39,7 @@ from soft_continuum.ros.names import (
     MEASURED_POSE,
     NODES,
     RECORDER,
+    running_nodes,
     SENSORS,
     SHAPE_SEQUENCER,
     TELEOP,

@@ -23,7 +23,13 @@ from soft_continuum.client.errors import (
     NodesMissingError,
     RefusedError,
 )
-from soft_continuum.ros.names import JAMMING_VALVES, NODES, RECORDER, SHAPE_SEQUENCER
+from soft_continuum.ros.names import (
+    JAMMING_VALVES,
+    NODES,
+    RECORDER,
+    running_nodes,
+    SHAPE_SEQUENCER,
+)
 
 T = TypeVar('T')
 
@@ -43,12 +49,6 @@ async def until(condition: Callable[[], T], timeout: float) -> T:
     while not (value := condition()) and monotonic() < deadline:
         await _next_step()
     return value
-
-
-def running_nodes(node: Node, names: Sequence[str] = NODES) -> dict[str, bool]:
-    """Return which nodes are in the ROS graph, in the namespace of ``node``."""
-    graph = node.get_node_names_and_namespaces()
-    return {name: (name, node.get_namespace()) in graph for name in names}
 
 
 class Tasks:

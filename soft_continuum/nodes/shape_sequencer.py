@@ -11,7 +11,6 @@ from typing import Any
 
 from rclpy.node import Node
 
-from soft_continuum.client.tasks import running_nodes
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.arm_commander import ArmCommander
@@ -34,7 +33,7 @@ from soft_continuum.parameters.reach import reach_from_parameters
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.entry import LOG_PERIOD
-from soft_continuum.ros.names import SHAPE_SEQUENCER
+from soft_continuum.ros.names import running_nodes, SHAPE_SEQUENCER
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
 from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome

@@ -23,7 +23,7 @@ from soft_continuum.client.errors import (
     RefusedError,
 )
 from soft_continuum.client.requests import Requests
-from soft_continuum.client.tasks import ATTEMPTS, running_nodes, until
+from soft_continuum.client.tasks import ATTEMPTS, until
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.spatial.arm import SpatialArm
@@ -31,6 +31,7 @@ from soft_continuum.nodes.emergency_stop import TOPIC as EMERGENCY_STOP
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
+    running_nodes,
     SERVO,
     SHAPE_SEQUENCER,
     TENDON_ACTUATION,

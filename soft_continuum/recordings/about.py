@@ -14,10 +14,10 @@ from soft_continuum import version
 from soft_continuum.analysis.recording import DESCRIPTION
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
-from soft_continuum.client.tasks import ATTEMPTS, running_nodes, until
+from soft_continuum.client.tasks import ATTEMPTS, until
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import parameters_text
-from soft_continuum.ros.names import CAMERA, DISC_SENSORS, KINEMATICS, NODES
+from soft_continuum.ros.names import CAMERA, DISC_SENSORS, KINEMATICS, NODES, running_nodes
 from soft_continuum.text import printable
 
 PARAMETERS = 'parameters.yaml'
