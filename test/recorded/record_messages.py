@@ -130,7 +130,7 @@ class Run:
         Return all points of each motion, s and m.
 
         A motion comes in pieces.  The last point of each, but of the last one, is where it was
-        cut, which is left out, as is the one at 0, where it begins: all others are of the plan.
+        cut, which is left out: all others are points of the plan.
         """
         pieces: dict[str, list[Any]] = {}
         for message in self._heard[TRAJECTORIES]:
@@ -141,8 +141,7 @@ class Run:
             points = {
                 point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec:
                 list(point.positions)
-                for message in messages for point in message.points[:-1]
-                if point.time_from_start.sec or point.time_from_start.nanosec}
+                for message in messages for point in message.points[:-1]}
             last = messages[-1].points[-1]
             points[last.time_from_start.sec + 1e-9 * last.time_from_start.nanosec] = list(
                 last.positions)
