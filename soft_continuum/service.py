@@ -43,7 +43,7 @@ RestartSec=2
 RestartPreventExitStatus={wrong_usage}
 SuccessExitStatus={interrupted}
 KillSignal=SIGINT
-TimeoutStopSec=10
+TimeoutStopSec=30
 NoNewPrivileges=yes
 """
 TARGET = """\

@@ -21,7 +21,8 @@ from soft_continuum.ros.enclaves import CLIENT, with_enclave
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
 from soft_continuum.ros.network import SAID
 
-END_TIMEOUT = 5.0  # s that nodes are given to hold and end; they need a fraction of one
+END_TIMEOUT = 20.0
+"""s that nodes are given to hold and end: they need a fraction of one, but a busy computer more."""
 SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 CHILD = ('import signal; signal.signal(signal.SIGINT, signal.SIG_DFL); '  # while it imports
          'from soft_continuum.nodes.processes import child; child()')
