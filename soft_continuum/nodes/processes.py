@@ -22,7 +22,7 @@ from soft_continuum.ros.names import TWIN, TWIN_CAMERA
 from soft_continuum.ros.network import SAID
 
 END_TIMEOUT = 20.0
-"""s that nodes are given to hold and end: they need a fraction of one, but a busy computer more."""
+"""s that nodes are given to hold and end: a fraction of one is enough, but on a busy computer."""
 SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 CHILD = ('import signal; signal.signal(signal.SIGINT, signal.SIG_DFL); '  # while it imports
          'from soft_continuum.nodes.processes import child; child()')
