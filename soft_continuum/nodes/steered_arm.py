@@ -42,6 +42,8 @@ from soft_continuum.teleop.dead_man import MOVE
 from soft_continuum_interfaces.msg import TeleopState, TendonActuationState
 
 PREPARING = 'the servo is being prepared'
+NO_SERVO = ('servo does not run: start the nodes with --teleop, or it alone with: ros2 run '
+            'soft_continuum servo')
 ANSWER_TIMEOUT, DISCOVERY_TIMEOUT = 5.0, 0.5  # s
 ENABLING_TIMEOUT = 10.0  # s for a servo in space to find what its segment can be bent to
 RETRY = 1.0  # s from the end of an attempt to enable the servo to the next
@@ -171,8 +173,7 @@ class SteeredArm:
         if self._jamming and (problem := self._softness_problem()):
             return problem
         if not running_nodes(self._node, [SERVO])[SERVO]:
-            return ('servo does not run: start the nodes with --teleop, or it alone with: ros2 '
-                    'run soft_continuum servo')
+            return NO_SERVO
         return ''
 
     def interruption(self) -> str:
@@ -338,7 +339,9 @@ class SteeredArm:
             if other != segment and self._observed.stiff(other) is not True:
                 await self._requests.set_stiff(other, True)
         await self._requests.set_stiff(segment, False)
-        return f'segment {segment} is soft: {MOVE}'
+        # Who is told to move it does so at once: a servo that has just started has to be known.
+        servo = await until(lambda: running_nodes(self._node, [SERVO])[SERVO], ANSWER_TIMEOUT)
+        return f'segment {segment} is soft: {MOVE if servo else NO_SERVO}'
 
     def stiffen(self) -> None:
         """Stiffen the chosen segment."""

@@ -84,15 +84,16 @@ def test_a_goal_is_planned_from_the_full_vacuum_however_late_the_model_has_it(
     regulated.wait_for(
         lambda: states and states.last.vacuum[0] == pytest.approx(25.0 / 80.0), 'a weak jam')
     model, late = nodes['kinematics']._vacuum, [True]
-    follow, plan, begins = model.follow, nodes['shape_sequencer']._planning.plan, []
+    follow, planning, begins = model.follow, nodes['shape_sequencer']._planning, []
+    plan = planning.plan
     monkeypatch.setattr(model, 'follow', lambda *given: None if late else follow(*given))
 
     def planned(shapes: object, first: bool = False) -> object:
         if not first:
-            begins.append(list(states.last.vacuum))
+            begins.append(list(planning._observed.kinematics.vacuum))
         return plan(shapes, first)
 
-    monkeypatch.setattr(nodes['shape_sequencer']._planning, 'plan', planned)
+    monkeypatch.setattr(planning, 'plan', planned)
     goal = regulated.goal((0.2, 0.1, 0.0))
     goal.wait_for_phase('preparing')
     regulated.wait_for(lambda: vacuum(regulated, 1) > 79e3, 'the full vacuum')

@@ -16,6 +16,7 @@ import threading
 import time
 from typing import Any
 
+from soft_continuum.teleop.dead_man import MOVE
 from soft_continuum_interfaces.msg import TeleopState
 from support.ros_rig import DEADLINE, LATCHED, Rig
 
@@ -80,7 +81,7 @@ def test_a_key_that_is_held_moves_the_arm_until_the_terminal_is_closed(
     terminal.type(b'n')
     wait_for('segment 1 is not soft', segment=1)
     terminal.type(b's')
-    wait_for('segment 1 is soft')
+    wait_for(f'segment 1 is soft: {MOVE}')
     assert 'STOP' in terminal.screen
 
     deadline = time.monotonic() + DEADLINE
