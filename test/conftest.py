@@ -38,8 +38,14 @@ with suppress(ImportError, AttributeError):  # an older hypothesis knows no such
 SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation.py',
         'test_examples.py', 'analysis/test_commands.py', 'analysis/test_identification.py',
         'mechanics/test_elastica.py', 'mechanics/test_kernel.py', 'mechanics/test_mujoco.py',
-        'mechanics/test_spatial_tip.py', 'study', 'twin')
-"""Tests below these start nodes, devices, programs or other solvers, or run whole analyses."""
+        'mechanics/test_spatial_tip.py', 'sensing/test_printing.py', 'sensing/test_ring_camera.py',
+        'sequencing/test_aiming.py', 'sequencing/test_aiming_in_space.py',
+        'sequencing/test_closed_loop.py', 'sequencing/test_held_shapes.py',
+        'sequencing/test_tip_runs.py', 'study', 'twin')
+"""
+Tests below these start nodes, devices, programs or other solvers, draw many pictures, or run
+whole analyses and whole sequences with measurements.
+"""
 COMPUTE = """
 import os
 parent = os.getppid()
@@ -102,13 +108,14 @@ def pytest_report_header(config):
     return ', '.join(f'{name}: {value}' for name, value in force.items() if value) or None
 
 
+def pytest_ignore_collect(collection_path, config):
+    here = Path(__file__).parent
+    if config.option.quick and collection_path.is_relative_to(here):
+        return collection_path.relative_to(here).as_posix().startswith(SLOW) or None
+    return None
+
+
 def pytest_collection_modifyitems(config, items):
-    if config.option.quick:
-        here = Path(__file__).parent
-        left_out = [item for item in items
-                    if item.path.relative_to(here).as_posix().startswith(SLOW)]
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if item not in left_out]
     if config.option.seed is not None:
         random = Random(config.option.seed)
         modules = {item.path: random.random() for item in items}
