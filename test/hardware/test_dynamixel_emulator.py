@@ -134,7 +134,7 @@ PARAMETERS = st.lists(st.sampled_from([0xFF, 0xFD, 0x00, 0x55]) | st.integers(0,
                       max_size=40).map(bytes)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.tuples(st.integers(0, 252), st.integers(0, 255), PARAMETERS), max_size=4),
        st.lists(st.integers(1, 30), min_size=1))
 def test_packets_are_found_however_their_bytes_come(wanted, cuts):
@@ -146,7 +146,7 @@ def test_packets_are_found_however_their_bytes_come(wanted, cuts):
     assert [(p.id, p.instruction, p.parameters) for p in found if p.intact] == wanted
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.binary(max_size=60), PARAMETERS, st.data())
 def test_a_damaged_packet_is_never_taken_for_an_intact_one_and_the_next_is_understood(
         noise, parameters, data):

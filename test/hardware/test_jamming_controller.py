@@ -4,7 +4,7 @@
 
 from math import inf, nan
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
@@ -375,7 +375,6 @@ def test_a_rig_that_works_has_no_faults_in_an_hour_of_switching():
 thresholds = st.lists(st.floats(1e3, 101e3), min_size=4, max_size=4)
 
 
-@settings(deadline=None, derandomize=True)
 @given(thresholds)
 def test_thresholds_out_of_order_are_refused_and_named(values):
     given_order = dict(zip(ORDER, values, strict=True))
@@ -397,7 +396,6 @@ commands = st.lists(
     st.tuples(st.integers(0, 2), st.booleans(), st.floats(0.0, 2.0)), max_size=15)
 
 
-@settings(deadline=None, derandomize=True)
 @given(commands, st.booleans())
 def test_a_segment_is_never_stiff_before_its_pressure_says_so(script, initially_stiff):
     clock, driver, controller = simulated(initially_stiff)
@@ -415,7 +413,6 @@ def test_a_segment_is_never_stiff_before_its_pressure_says_so(script, initially_
         before = list(controller.stiff)
 
 
-@settings(deadline=None, derandomize=True)
 @given(commands)
 def test_an_evacuated_segment_becomes_stiff_whatever_was_switched_before(script):
     clock, _, controller = simulated(initially_stiff=False)
@@ -568,7 +565,6 @@ def test_a_regulated_segment_is_stiff_by_the_same_thresholds_as_one_with_a_valve
     assert flags == [False, True, True, False, False]
 
 
-@settings(deadline=None, derandomize=True)
 @given(st.lists(st.tuples(st.integers(0, 1), st.floats(0.0, 90e3), st.floats(0.0, 2.0)),
                 min_size=1, max_size=12))
 def test_whatever_is_set_a_segment_is_stiff_only_with_a_vacuum_that_makes_it_so(script):

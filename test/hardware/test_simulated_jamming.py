@@ -4,7 +4,7 @@
 
 from math import exp
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
@@ -155,7 +155,6 @@ commands = st.one_of(
 scripts = st.lists(st.tuples(commands, st.floats(0.0, 3.0)), max_size=8)
 
 
-@settings(deadline=None, derandomize=True)
 @given(scripts, st.booleans(), st.lists(st.floats(0.001, 1.0), max_size=20))
 def test_the_result_does_not_depend_on_how_finely_time_is_ticked(script, stiff, parts):
     readings = []
@@ -174,7 +173,6 @@ def test_the_result_does_not_depend_on_how_finely_time_is_ticked(script, stiff, 
     assert (fine.evacuated, fine.pump) == (coarse.evacuated, coarse.pump)
 
 
-@settings(deadline=None, derandomize=True)
 @given(scripts, st.booleans())
 def test_pressures_stay_between_ambient_and_what_the_pump_reaches(script, stiff):
     clock, jamming = rig(stiff)
@@ -185,7 +183,6 @@ def test_pressures_stay_between_ambient_and_what_the_pump_reaches(script, stiff)
             assert AMBIENT - ULTIMATE - 1e-6 <= pressure <= AMBIENT + 1e-6
 
 
-@settings(deadline=None, derandomize=True)
 @given(scripts, st.booleans())
 def test_pressures_are_continuous_whatever_is_switched(script, stiff):
     clock, jamming = rig(stiff)
@@ -201,7 +198,6 @@ def regulators(initially_stiff=False):
     return clock, SimulatedRegulators(clock, SEGMENTS, PLANT, initially_stiff, dead_band=500.0)
 
 
-@settings(deadline=None, derandomize=True)
 @given(st.lists(st.tuples(st.floats(0.0, 90e3), st.floats(0.0, 3.0)), min_size=1, max_size=6))
 def test_a_regulator_comes_within_its_dead_band_from_either_side_and_stays(script):
     clock, air = regulators()

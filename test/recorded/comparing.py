@@ -9,13 +9,14 @@ TOLERANCE = 1e-9
 """In SI units, and relative to the largest number of the same list of numbers."""
 
 
-def differences(recorded: Any, found: Any, place: str = '', tolerance: float = TOLERANCE
-                ) -> Iterator[tuple[float, str]]:
+def differences(recorded: Any, found: Any, place: str = '', tolerance: float = TOLERANCE,
+                in_block: bool = False) -> Iterator[tuple[float, str]]:
     """
     Yield where two values differ: by how many tolerances, and in words.
 
     Numbers with a fraction agree within ``tolerance`` (1 + the largest recorded number of their
     list, or list of lists, such as the poses of all discs); all else agrees when it is equal.
+    in_block: whether these are in such a list, whose tolerance is given.
     """
     if isinstance(recorded, dict) and isinstance(found, dict):
         for name in [*recorded, *(name for name in found if name not in recorded)]:
@@ -24,29 +25,17 @@ def differences(recorded: Any, found: Any, place: str = '', tolerance: float = T
                 yield float('inf'), f'{at}: {"not recorded" if name in found else "missing"}'
             else:
                 yield from differences(recorded[name], found[name], at, tolerance)
-    elif _is_block(recorded) and _is_block(found):
+    elif not in_block and _is_block(recorded) and _is_block(found):
         largest = max((abs(one) for one in _leaves(recorded) if isinstance(one, float)),
                       default=0.0)
-        yield from _in_block(recorded, found, place, tolerance * (1.0 + largest))
+        yield from differences(recorded, found, place, tolerance * (1.0 + largest), True)
     elif isinstance(recorded, list) and isinstance(found, list):
         if len(recorded) != len(found):
             yield float('inf'), (f'{place}: {len(found)} instead of {len(recorded)}: '
                                  f'{str(found)[:1000]} instead of {str(recorded)[:1000]}')
         for i, (one, other) in enumerate(zip(recorded, found, strict=False)):
-            yield from differences(one, other, f'{place}[{i}]', tolerance)
-    elif recorded != found or type(recorded) is not type(found):
-        yield float('inf'), f'{place}: {found!r} instead of {recorded!r}'
-
-
-def _in_block(recorded: Any, found: Any, place: str, tolerance: float
-              ) -> Iterator[tuple[float, str]]:
-    if isinstance(recorded, list) and isinstance(found, list):
-        if len(recorded) != len(found):
-            yield float('inf'), (f'{place}: {len(found)} instead of {len(recorded)}: '
-                                 f'{str(found)[:1000]} instead of {str(recorded)[:1000]}')
-        for i, (one, other) in enumerate(zip(recorded, found, strict=False)):
-            yield from _in_block(one, other, f'{place}[{i}]', tolerance)
-    elif isinstance(recorded, float) and isinstance(found, float):
+            yield from differences(one, other, f'{place}[{i}]', tolerance, in_block)
+    elif in_block and isinstance(recorded, float) and isinstance(found, float):
         if (off := abs(found - recorded)) != 0.0:
             yield off / tolerance, f'{place}: {found!r} instead of {recorded!r}'
     elif recorded != found or type(recorded) is not type(found):
