@@ -77,7 +77,7 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         *ARM_PARAMETERS, AUTOSTART, PULL_LIMITS, TENSION_LIMIT, CO_CONTRACTION_LIMIT, STALE_AFTER,
         Parameter('tendon_driver', 'simulated', 'driver of the motors',
                   choices=driver_names(TENDON_DRIVERS)),
-        Parameter('tendon_rate', 50.0, 'rate of control and of tendon_states', 5.0, 500.0,
+        Parameter('tendon_rate', 50.0, 'rate of control, and of tendon_states in motion', 5.0, 500.0,
                   unit='Hz'),
         Parameter('speed_limit', 0.03, 'largest tendon speed', 1e-4, 1.0, unit='m/s'),
         Parameter('acceleration_limit', 0.3, 'largest tendon acceleration', 1e-3, 100.0,

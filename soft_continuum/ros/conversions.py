@@ -36,6 +36,8 @@ UNKNOWN = 1e6
 MAX_VARIANCE = 1.0
 """Variance, m^2 or rad^2, from which a coordinate counts as not measured."""
 
+SHAPE_FIELDS = 'joint_angles', 'held_angles', 'stiff', 'vacuum'
+"""Fields of KinematicsState of which a state of the model is made."""
 ACCURACY_RANGES = {'pull_tolerances': (0.0, 0.01), 'tension_deviations': (1e-3, 1e4),
                    'tension_relative_deviations': (0.0, 1.0)}
 """Of what a device can tell of itself: m, N, and a share; those of the parameters it replaces."""
