@@ -46,12 +46,14 @@ class Listener:
 
     missed: whether there were others between those that were taken last, or before them.  number:
     of the last, counted by its sender.  lag: s of this computer's time since its stamp.
+    publisher: who sends them, as DDS calls it; empty where that is not known, as after one was
+    restarted.
     """
 
     def __init__(self, link: 'RosLink', kind: Any, parameter: str, topic: str, timeout: float
                  ) -> None:
         """Subscribe; parameter: that names the topic, for messages.  timeout: s."""
-        self.missed, self.number, self.lag = True, 0, 0.0
+        self.missed, self.number, self.lag, self.publisher = True, 0, 0.0, b''
         self.topic, self.parameter, self._kind = link.resolve(parameter, topic), parameter, kind
         self._link, self.timeout = link, timeout
         self._stamps, self._received = Stamps(timeout), link.clock()
@@ -74,6 +76,8 @@ class Listener:
         if numbers:
             self.missed = len(newest) < len(taken) or numbers != [
                 *range(self.number + 1, self.number + 1 + len(numbers))]
+            if numbers[0] < self.number:
+                self.publisher = b''
             self.number = numbers[-1]
         return [one for one in newest if one is not None]
 
@@ -119,6 +123,7 @@ class Listener:
         if len(found) > 1:
             return (f'{where} is published by {names(found)}; there must be one: end the others, '
                     'or give this device a topic of its own')
+        self.publisher = bytes(found[0].endpoint_gid)
         return _other_type(where, found, self._kind)
 
 

@@ -129,7 +129,7 @@ class RosTendons(RosDevice):
 
     def _recall(self) -> None:
         """Take up the zeros that were set while the same publisher had the joints here."""
-        self._publisher = bytes(self._states.publishers[0].endpoint_gid)
+        self._publisher = self._states.publisher
         positions = self._watch.positions
         joints, zeros, last, sent = self._known.pop(self._publisher, (None, (), (), ()))
         assert positions is not None
@@ -271,7 +271,13 @@ class RosTendons(RosDevice):
         with self._receiving() as link:
             if self._opened and self._watch.positions is None:
                 raise HardwareError('a joint state could not be believed; open the driver again')
-            for message, stamp in self._states.take():
+            taken = self._states.take()
+            if self._opened and self._states.publisher != self._publisher:
+                self._watch.positions = None  # nothing is sent any more, not even a stop
+                raise HardwareError(
+                    f'the publisher of {self._states.topic} was restarted: what it counts its '
+                    'positions from may have changed; open the driver again')
+            for message, stamp in taken:
                 self._watch.take(message, stamp, self._clock(), self._states.missed)
             if self._opened:
                 link.check()
