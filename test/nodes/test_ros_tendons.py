@@ -298,6 +298,26 @@ def test_a_zero_lasts_as_long_as_the_node_that_reports_the_joints(make: Make) ->
         driver.move((0.0, 0.0), PERIOD)
 
 
+def test_a_publisher_that_was_restarted_at_rest_at_zero_has_lost_its_zero(make: Make) -> None:
+    driver, controllers = ready(make)
+
+    def restart(message: JointState) -> JointState:
+        controllers.message = lambda message: message
+        old, controllers._states = controllers._states, controllers.node.create_publisher(
+            JointState, 'joint_state_broadcaster/joint_states', 10)
+        controllers.node.destroy_publisher(old)
+        return message
+
+    sent = controllers.commands
+    controllers.message = restart
+    with pytest.raises(HardwareError, match='was restarted'):
+        until(lambda: not driver.read().referenced)
+    driver.close()
+    assert controllers.commands == sent  # not even a stop, to positions that may mean another place
+    driver.open()
+    assert not driver.read().referenced
+
+
 def test_absolute_joints_need_no_reference_after_a_start(make: Make) -> None:
     driver, _ = make(start=0.5, absolute=True, zeros=(0.3, 0.7), scales=(0.01, -0.01))
     driver.open()
