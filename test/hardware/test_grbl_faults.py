@@ -500,6 +500,29 @@ class LateClock(VirtualClock):
         return found
 
 
+@pytest.mark.parametrize('seed', range(4))
+def test_a_driver_that_goes_on_late_reads_what_waits_before_it_calls_a_board_silent(seed):
+    busy = random.Random(seed)
+
+    class Late(VirtualClock):
+        def wait(self, files, timeout):
+            found = super().wait(files, timeout)
+            late = timeout > 0.0 and threading.current_thread().name == 'grbl_tendons'
+            if late and busy.random() < 0.03:
+                super().wait((), busy.choice([0.3, 1.0, 2.5]))
+            return found
+
+    with GrblEmulator(clock=Late()) as emulator:
+        tendons = driver(emulator)
+        tendons.open()
+        tendons.reference()
+        for goal in (0.01, -0.01), (0.0, 0.005):
+            tendons.move(goal, 0.6)
+            until(emulator, lambda: not tendons.read().moving)
+            assert emulator.motors[:2] == steps(goal) and tendons.read().referenced
+        tendons.close()
+
+
 def test_a_computer_that_is_late_is_not_taken_for_a_board_that_does_not_answer():
     with GrblEmulator(clock=LateClock()) as emulator:
         tendons = driver(emulator)

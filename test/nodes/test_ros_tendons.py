@@ -318,6 +318,21 @@ def test_a_publisher_that_was_restarted_at_rest_at_zero_has_lost_its_zero(make: 
     assert not driver.read().referenced
 
 
+def test_what_came_while_nobody_looked_was_not_missed(make: Make) -> None:
+    driver, controllers = ready(make, timeout=0.25)
+    for _ in range(3):  # as on a computer on which neither this program nor DDS ran for a while
+        driver.read()
+        controllers.message = lambda message: None
+        time.sleep(0.6)
+        driver.read()
+        controllers.message = lambda message: message
+        number = driver._states.number
+        until(lambda: driver.read() and driver._states.number > number)
+    controllers.message = lambda message: None
+    with pytest.raises(HardwareError, match='nothing new on'):
+        until(lambda: driver.read() and False)
+
+
 def test_absolute_joints_need_no_reference_after_a_start(make: Make) -> None:
     driver, _ = make(start=0.5, absolute=True, zeros=(0.3, 0.7), scales=(0.01, -0.01))
     driver.open()

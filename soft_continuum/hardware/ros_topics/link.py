@@ -23,7 +23,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
-from soft_continuum.hardware.clock import Clock
+from soft_continuum.hardware.clock import Clock, Looks
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.ros_topics.stamps import Stamps
 from soft_continuum.ros.entry import MAX_BYTES
@@ -56,7 +56,7 @@ class Listener:
         self.missed, self.number, self.lag, self.publisher = True, 0, 0.0, b''
         self.topic, self.parameter, self._kind = link.resolve(parameter, topic), parameter, kind
         self._link, self.timeout = link, timeout
-        self._stamps, self._received = Stamps(timeout), link.clock()
+        self._stamps, self._received = Stamps(timeout), link.looks()
         self._subscription = link.node.create_subscription(
             kind, self.topic, lambda _: None, STATES, raw=True)
 
@@ -86,6 +86,8 @@ class Listener:
             raise HardwareError(f'a message of {len(data)} bytes came on {self.topic}; allowed: '
                                 f'{MAX_BYTES}')
         message, now = deserialize_message(data, self._kind), self._link.clock()
+        if waited := info['received_timestamp'] * 1e-9:  # DDS had it before it was looked at
+            now -= max(0.0, time.time() - waited)
         header = getattr(message, 'header', None)
         stamp = header.stamp.sec + header.stamp.nanosec * 1e-9 if header is not None else 0.0
         stamp = stamp or info['source_timestamp'] * 1e-9
@@ -94,12 +96,12 @@ class Listener:
                 return None
         except HardwareError as error:
             raise HardwareError(f'a message on {self.topic}: {error}') from None
-        self._received, self.lag = now, time.time() - stamp
+        self._received, self.lag = self._link.looks(), time.time() - stamp
         return message, stamp
 
     def check(self) -> None:
         """Raise HardwareError when no newer message came for too long."""
-        age, timeout = self._link.clock() - self._received, self.timeout
+        age, timeout = self._link.looks() - self._received, self.timeout
         if age > timeout:
             raise HardwareError(
                 f'nothing new on {self.topic} ({self.parameter}) for {age:.2f} s; allowed: '
@@ -181,6 +183,7 @@ class RosLink:
     def __init__(self, lender: Any | None, clock: Clock) -> None:
         """Start the node; lender: the node that has the driver, None outside of nodes."""
         self.clock, self._lender = clock, lender
+        self.looks = Looks(clock)
         self._own = None if lender is not None else Context()
         try:
             if self._own is not None:
