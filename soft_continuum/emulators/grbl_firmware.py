@@ -259,7 +259,8 @@ class GrblFirmware:
             text += f'|WCO:{decimals(offsets)}'
         elif self._until_offset in (9, 29):
             text += '|Ov:100,100,100'
-        self._until_offset = (self._until_offset or (10 if self.state in ('Idle', 'Alarm') else 30)) - 1
+        again = 10 if self.state in ('Idle', 'Alarm') else 30
+        self._until_offset = (self._until_offset or again) - 1
         return text + '>'
 
     def _machine(self) -> MachineSettings:

@@ -20,7 +20,7 @@ REPEAT_PERIOD = 1.0  # s between two states that are the same
 FAILURE_PERIOD = 5.0  # s for which a mistake of the program is shown
 
 NUMBER = re.compile(r'-?\d+\.\d+(e[-+]?\d+)?|-?\d+(?= (?:mm|ms|s|k?Pa|N|%)(?!\w))')
-"""What may change while a status stays of its kind: measured values, not those that name a part."""
+"""What may change while a status stays of its kind: what is measured, not what names a part."""
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 

@@ -99,8 +99,8 @@ def test_a_reset_at_the_board_loses_the_reference(moving):
 
 GREETINGS = {
     'of its own': "Grbl 1.1i MR 2023 ['$' for help]", 'of a laser': 'Ortur Laser Master 2 Ready!',
-    'of a fork': "Grbl-Vigo:1.1f|Build:G-20170131-V3.0-20200720", 'damaged': "Gr\x02l 1.1h ['$' fo",
-    'none': None}
+    'of a fork': 'Grbl-Vigo:1.1f|Build:G-20170131-V3.0-20200720',
+    'damaged': "Gr\x02l 1.1h ['$' fo", 'none': None}
 
 
 @pytest.mark.parametrize('greeting', GREETINGS)

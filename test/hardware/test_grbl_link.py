@@ -29,7 +29,7 @@ from soft_continuum.hardware.grbl.link import (
     ("Grbl 1.1h ['$' for help]", Banner("Grbl 1.1h ['$' for help]")),
     ("Grbl 1.1i MR ['$' for help]", Banner("Grbl 1.1i MR ['$' for help]")),
     ('Grbl', Banner('Grbl')),
-    ("GrblHAL 1.1f ['$' or '$HELP' for help]", 
+    ("GrblHAL 1.1f ['$' or '$HELP' for help]",
      Banner("GrblHAL 1.1f ['$' or '$HELP' for help]")),
     ('[TLO:0.000]', Feedback('TLO:0.000')),
     ('<Idle|MPos:1.000,-2.500,0.000|FS:0,0>', Status('Idle', '', (1.0, -2.5, 0.0), None)),

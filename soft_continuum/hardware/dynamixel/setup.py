@@ -7,7 +7,6 @@ The settings are in the EEPROM of the servos, which is locked while their torque
 """
 
 from collections.abc import Mapping, Sequence
-import contextlib
 from dataclasses import dataclass
 from math import hypot, pi
 from typing import Any, Self

@@ -223,7 +223,7 @@ def _interrogate(link: GrblLink, deadline: float) -> Controller:
         return Controller(version[0], settings, (0.0, 0.0, 0.0), None)
     # grblHAL may keep its offsets in a reset: there they prove nothing.
     hal = any('grblhal' in text.lower() for text in build)
-    marked = any([is_mark(m) for m in _ask(link, OFFSETS, deadline)])
+    marked = any(map(is_mark, _ask(link, OFFSETS, deadline)))
     zero = tuple(steps - MARK if i == MARK_AXIS else steps
                  for i, steps in enumerate(status.work_offset))
     return Controller(version[0], settings, status.position, zero if marked and not hal else None)

@@ -9,8 +9,8 @@ unit, function, length, echo and CRC.  After anything else the line is not used 
 received for a while; ``out_of_step`` then tells the user of the bus that late replies may still be
 on their way.  Zeros around a reply are none: lines without bias end what is sent with some.  A
 write is acknowledged by its repetition, which an adapter with a local echo gives too, so that one
-goes only over a line that has answered a read.  Frames and CRC are pymodbus's (modbus_frames.py); its client is not used, as it
-accepts a late reply.
+goes only over a line that has answered a read.  Frames and CRC are pymodbus's (frames.py); its
+client is not used, as it accepts a late reply.
 """
 
 from collections.abc import Callable
