@@ -232,15 +232,16 @@ def _interrogate(link: GrblLink, deadline: float) -> Controller:
 def _status_with_offset(link: GrblLink, deadline: float) -> Status:
     """Return a status report with the work offset, which not every one has."""
     for _ in range(OFFSET_QUERIES):
-        if link.waited > deadline:
-            break
         link.write(STATUS_QUERY)
-        for message in link.receive(QUERY_INTERVAL):
-            if isinstance(message, Banner):
-                raise ResetSeenError
-            if isinstance(message, Status) and (
-                    message.work_offset is not None or message.position is None):
-                return message
+        until, answered = min(link.waited + QUERY_INTERVAL, deadline), False
+        while not answered and link.waited < until:  # queries that come too fast get one answer
+            for message in link.receive(until - link.waited):
+                if isinstance(message, Banner):
+                    raise ResetSeenError
+                if isinstance(message, Status):
+                    answered = True
+                    if message.work_offset is not None or message.position is None:
+                        return message
     raise HardwareError(
         'the GRBL controller does not report its work offset (WCO), without which a reset of the '
         'board could not be seen; check the cable, and $10 (grblHAL: $10=511)')
