@@ -5,7 +5,6 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
-import os
 from queue import Empty, Full, Queue, SimpleQueue
 import sys
 import threading
@@ -15,6 +14,7 @@ from typing import Any
 
 from rclpy.node import Node
 
+from soft_continuum.hardware.real_time import ask_for_real_time
 from soft_continuum.nodes.entries import guarded
 
 CALL_TIMEOUT = 3.0
@@ -23,7 +23,6 @@ SWITCH_INTERVAL = 0.001
 """s for which another thread of Python may keep control waiting."""
 REST_PERIOD = 0.095
 """s between two readings at rest: every fifth at 50 Hz, every second at 20 Hz."""
-PRIORITY = 20  # of control among real-time threads, where the system allows any
 
 
 def on_ros_thread(node: Node, function: Callable[..., None], *arguments: Any) -> bool:
@@ -166,8 +165,7 @@ class ControlLoop:
         self._thread.join(CALL_TIMEOUT)
 
     def _run(self) -> None:
-        with suppress(OSError):  # only some systems allow it
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        ask_for_real_time()
         last = monotonic()
         deadline = last + self._period
         while not self._ending:
