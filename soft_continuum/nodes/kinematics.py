@@ -28,7 +28,7 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.statics import StaticsError
-from soft_continuum.nodes.conflicts import Conflicts
+from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.jam_vacuum import JamVacuum
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
@@ -147,6 +147,7 @@ class Kinematics(Node):
             self, segments + 1, frame,
             measured_pose_from_ros if planar else tracked_pose_from_ros)
         self.conflicts = Conflicts(self, segments, self.parameters)
+        self._shared_joints = SharedJoints(self, self._joint_message.name, self.conflicts)
         repeat(self, CHECK_PERIOD, self._check)
         serve(self, Trigger, '~/reset', self._on_reset)
         self.status.set(OK, loading())
@@ -272,6 +273,7 @@ class Kinematics(Node):
         self._segment_poses.publish(poses_to_ros(poses[2::2], self._segment_message))
         self._disc_poses.publish(poses_to_ros(poses, self._disc_message))
         self._joint_message.position = state.joint_positions.tolist()
+        self._shared_joints.sent(self._joint_message)
         self._joint_states.publish(self._joint_message)
         self._tension_message.effort = state.tensions.tolist()
         self._tensions.publish(self._tension_message)
