@@ -79,11 +79,14 @@ class Requests(Operations):
 
         from soft_continuum_interfaces.action import RunShapeSequence
         goal_id, known, observed = UUID(uuid=list(uuid4().bytes)), Age(), self.observed
+        accepted = False
 
         def reported() -> bool:
+            nonlocal accepted
             state = observed.shape_sequencer
             if known.seconds == inf and state and goal_id in (state.goal_id,
                                                               state.rejected_goal_id):
+                accepted = goal_id == state.goal_id
                 known.refresh()
             return ANSWER_PAUSE <= known.seconds < inf
 
@@ -95,9 +98,8 @@ class Requests(Operations):
         if answer.done():
             return answer.result()
         if known.seconds < inf:
-            response = RunShapeSequence.Impl.SendGoalService.Response(
-                accepted=observed.shape_sequencer.goal_id == goal_id)
-            return ClientGoalHandle(self._action, goal_id, response)
+            return ClientGoalHandle(self._action, goal_id, (
+                RunShapeSequence.Impl.SendGoalService.Response(accepted=accepted)))
         answer.add_done_callback(lambda late: late.result().cancel_goal_async())
         raise NoAnswerError(f'no answer of {SHAPE_SEQUENCER} within {timeout:g} s')
 

@@ -26,6 +26,7 @@ ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended
 TOPICS = ('tendon_states', *(f'{node}/state' for node in (*NODES, TELEOP)))
 MAX_AHEAD = 0.2
 """s by which the clock of another computer may be ahead: as much more motion may be queued."""
+GRAPH_PERIOD = 1.0  # s: another publisher is discovered no sooner
 MAX_NAMES = 5  # of publishers that are listed
 MAX_PROCESSES = 8  # of one name that are told apart
 JOINTS = 'joint_states'
@@ -70,6 +71,7 @@ class Conflicts:
         of_segments = [f'segment_{n}/{topic}' for n in range(1, segments + 1)
                        for topic in ('stiff', 'pressure')]
         self._topics = [node.resolve_topic_name(topic) for topic in (*TOPICS, *of_segments)]
+        self._graph_age, self._shared_topics = Age(), list[str]()
         self._own_name = node.get_name()
         self._heard: dict[str, dict[str, Heard]] = {  # by name and process, the last one last
             name: {} for name in (self._own_name, *DESCRIBED)}
@@ -127,13 +129,10 @@ class Conflicts:
             f'another {node.get_namespace().rstrip("/")}/{name} is running; end one of the two, '
             'or give one a namespace'
             for name, age in self._doubled.items() if age.seconds <= ENDED_AFTER]
-        for topic in self._topics:
-            if node.count_publishers(topic) < 2:  # to list them takes many times as long
-                continue
-            names = publishers(node, topic)
-            if len(names) > 1:
-                problems.append(
-                    f'{topic} is published by {" and ".join(names)}; end all but one')
+        if self._graph_age.seconds >= GRAPH_PERIOD:
+            self._graph_age.refresh()
+            self._shared_topics = self._look_at_the_graph()
+        problems += self._shared_topics
         problems += sorted({one.conflict for one in (
             self.about.own, *(heard.instance for _, heard in self._others()))} - {''})
         for difference in DIFFERENCES:
@@ -141,6 +140,17 @@ class Conflicts:
         problems += self._clocks()
         self.problem = '; '.join(problems)
         node.status.alarm('conflict', self.problem)
+
+    def _look_at_the_graph(self) -> list[str]:
+        """Return which topics have more than one publisher."""
+        found = []
+        for topic in self._topics:
+            if self._node.count_publishers(topic) < 2:  # to list them takes many times as long
+                continue
+            names = publishers(self._node, topic)
+            if len(names) > 1:
+                found.append(f'{topic} is published by {" and ".join(names)}; end all but one')
+        return found
 
     def _clocks(self) -> list[str]:
         """Return whose clock is ahead of that of this node: a late message is no sign of that."""
