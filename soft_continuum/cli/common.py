@@ -34,7 +34,7 @@ BAD_INPUT = (MeasurementError, IdentificationError, ResultError, ParameterError,
 
 def shapes_parser(name: str, description: str, known: str) -> Parser:
     """Return the parser of a verb on measured shapes; known: columns that pulls may have."""
-    parser = Parser(name, description, *FOR_ANALYSIS)
+    parser = Parser(name, description, *FOR_ANALYSIS, '--decimal')
     parser.add_argument('points', type=Path, help='CSV file: shape, point, x, z; in space also y')
     parser.add_argument('pulls', type=Path,
                         help=f'CSV file: shape, segment, right, left and, if known, {known}; '
