@@ -113,7 +113,7 @@ def _split(table: Table, displacement: Column, force: Column, start: int, end: i
     column = displacement.part(start, end)
     u, f = column.numbers(), force.part(start, end).numbers()
     labels = {_changes(c.part(start, end).cells) for c in table.all('repetition')}
-    starts = [0, *(labels.pop() if len(labels) == 1 else _starts(u)[1:])]
+    starts = [0, *labels.pop()] if len(labels) == 1 else _starts(u)
     if len(times := table.all('time')) == 1:
         _check_time(times[0].part(start, end), starts)
     ends = [*starts[1:], len(u)]
@@ -121,6 +121,11 @@ def _split(table: Table, displacement: Column, force: Column, start: int, end: i
     if len(starts) > 1 and ends[-1] - starts[-1] < min(MIN_POINTS, (ends[-2] - starts[-2]) / 2):
         starts.pop()
         ends.pop()
+    # It may count a few rows before or after it turns round.
+    rising = _upwards(u)
+    tops = [a + int(np.argmax(rising[a:b])) for a, b in zip(starts, ends, strict=True)]
+    starts[1:] = ends[:-1] = [b - int(np.argmin(rising[a:b + 1][::-1]))
+                              for a, b in zip(tops, tops[1:], strict=False)]
     return [(column.part(a, b), u[a:b], f[a:b]) for a, b in zip(starts, ends, strict=True)]
 
 
@@ -128,9 +133,14 @@ def _changes(cells: Sequence[str]) -> tuple[int, ...]:
     return tuple(i for i in range(1, len(cells)) if cells[i] != cells[i - 1])
 
 
+def _upwards(displacement: Array) -> Array:
+    """Return displacements that grow with the load: a machine that pushes counts downwards."""
+    return displacement * (1.0 if abs(displacement.max()) >= abs(displacement.min()) else -1.0)
+
+
 def _starts(displacement: Array) -> list[int]:
     """Return where the displacement, back from more than half its range, rises again."""
-    u = displacement * (1.0 if abs(displacement.max()) >= abs(displacement.min()) else -1.0)
+    u = _upwards(displacement)
     swing = 0.5 * (u.max() - u.min())
     starts, rising, extreme = [0], True, 0
     for i, value in enumerate(u):

@@ -44,7 +44,8 @@ PREFIXES = frozenset(('', 'kilo', 'deca', 'deci', 'centi', 'milli', 'micro', 'na
 BRACKETS = re.compile(r'[\[(]([^\[\]()]*)[\])]')
 SUFFIX = re.compile(r'(.+?)(?:\s*[,/]\s*|\s+in\s+|[_ ])([^\W\d_]{1,3}|\N{DEGREE SIGN})')
 PREPOSITIONS = frozenset(('at', 'of', 'to', 'from', 'per', 'in', 'on', 'bei', 'von', 'pro', 'de'))
-OF_CHANNELS = frozenset(('sensor', 'cell', 'channel', 'ch', 'kanal', 'count', 'number', 'no', 'nr'))
+OF_CHANNELS = frozenset(
+    ('sensor', 'cell', 'channel', 'ch', 'kanal', 'count', 'number', 'no', 'nr'))
 """Words after the name of a quantity that do not change it: force cell 2, cycle count."""
 JUMP, STEP = 0.5, 0.25
 """Largest step over the range of a column: more only as misread, less as it should be read."""
