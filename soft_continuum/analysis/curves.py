@@ -23,6 +23,7 @@ from soft_continuum.analysis.delimited import (
 from soft_continuum.mechanics.chain import Array
 
 MIN_POINTS = 10  # on the way up, for a slope that means something
+NEW_PAGE = 0.1  # of the range: a block that begins higher goes on with the one before
 MAX_CURVES = 50
 MAX_POINTS = 100_000  # of all curves together
 
@@ -80,7 +81,7 @@ def read_curves(paths: Sequence[str | Path], columns: Mapping[str, str] | None =
     for path in paths:
         table = read_table(path, (FORCE, DISPLACEMENT, TIME, REPETITION), columns, units,
                            decimal=decimal)
-        parts = [part for sides in _sides(table) for block in table.blocks
+        parts = [part for sides in _sides(table) for block in _whole(table, sides[0])
                  for part in _split(table, *sides, *block)]
         curves += [
             _curve(f'{table.path.name} #{k}' if len(parts) > 1 else table.path.name, *part)
@@ -101,6 +102,18 @@ def _sides(table: Table) -> list[tuple[Column, Column]]:
             len({column.header for column in columns}) == 1 for columns in found):
         return list(zip(*found, strict=True))
     return [(table.column('displacement'), table.column('force'))]
+
+
+def _whole(table: Table, displacement: Column) -> list[tuple[int, int]]:
+    """Return the blocks, joined where a header is repeated within a repetition, on a new page."""
+    whole = [table.blocks[0]]
+    for start, end in table.blocks[1:]:
+        u = _upwards(displacement.part(whole[-1][0], end).numbers())
+        if u[start - whole[-1][0]] - u.min() > NEW_PAGE * np.ptp(u):
+            whole[-1] = (whole[-1][0], end)
+        else:
+            whole.append((start, end))
+    return whole
 
 
 def _split(table: Table, displacement: Column, force: Column, start: int, end: int

@@ -187,10 +187,9 @@ class _Block:
                 del self.rows[:k + 1]
                 break
         counted = bool(self.rows) and _is_number(self.rows[0][1][0])
-        while self.rows and (
+        while self.rows and not _is_number(self.rows[-1][1][0]) and (
                 not any(self.rows[-1][1][1:])
-                or counted and re.search(r'[^\W\d_]', self.rows[-1][1][0])
-                and not _is_number(self.rows[-1][1][0])):
+                or counted and re.search(r'[^\W\d_]', self.rows[-1][1][0])):
             self.rows.pop()
         return self
 

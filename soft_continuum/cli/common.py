@@ -86,9 +86,9 @@ def run_verb(parser: Parser, run: Callable[[argparse.Namespace], int | None],
     except OSError as error:
         if isinstance(error, TimeoutError) and error.errno is None:  # of nodes, not of a disk
             raise
-        return parser.fail(
-            f'{error.filename or options.output}: cannot be written: {error.strerror}; choose '
-            'another directory with --output', WRONG_USAGE)
+        place = error.filename or getattr(options, 'output', 'the result')
+        return parser.fail(f'{place}: cannot be written: {error.strerror}; choose another place',
+                           WRONG_USAGE)
     except KeyboardInterrupt:
         print(file=sys.stderr)
         return parser.fail('interrupted', INTERRUPTED)
