@@ -284,9 +284,9 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
     rows = [(number, row) for number, row in _rows(text) if row.strip()]
     if not rows:
         raise MeasurementError(f'{path}: the file is empty; export the measurement again')
-    if text.count('\n') >= MAX_ROWS:
-        raise MeasurementError(f'{path}: has more than {MAX_ROWS} lines, the most that are '
-                               'read: export fewer points, such as every tenth')
+    if (count := len(text.splitlines())) > MAX_ROWS:
+        raise MeasurementError(f'{path}: has {count} lines; at most {MAX_ROWS} are read: '
+                               'export fewer points, such as every tenth')
     if any(MOTION_CAPTURE.match(row) for _, row in rows[:10]):
         raise MeasurementError(
             f'{path}: is an export of a motion-capture program, of its bodies frame by frame in '

@@ -65,6 +65,13 @@ def test_what_is_not_said_is_asked(name):
         read_curves([FILES / name])
 
 
+def test_who_writes_thousands_apart_does_so_in_all_rows(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text('Weg [um];Kraft [N]\n1.234;0\n'
+                    + '\n'.join(f'{12345 + i};{i}' for i in range(20)), encoding='utf-8')
+    assert read_curves([path])[0].displacement[0] == pytest.approx(1.234e-6)
+
+
 def test_a_header_on_every_page_makes_no_repetitions(tmp_path):
     header, *rows = table('Weg [mm];Kraft [N]', lambda u, f: f'{u:.2f};{f:.2f}').splitlines()
     path = tmp_path / 'a.csv'
