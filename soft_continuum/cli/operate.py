@@ -372,6 +372,11 @@ def _watch(arm: 'Arm', _: Namespace, output: Output) -> int:
         return DONE
 
 
+def _sure_options(parser: Parser) -> None:
+    parser.add_argument('--yes', action='store_true', help='do not ask whether the arm is '
+                        'straight when it was bent as far as is known')
+
+
 ACTIONS = {
     'status': Action(_status),
     'watch': Action(_watch),
@@ -388,8 +393,10 @@ ACTIONS = {
         if options.list and (options.file or options.remove or options.clear) else '')),
     'stop': Action(lambda arm, _, output: output.done(arm.stop())),
     'resume': Action(lambda arm, _, output: output.done(arm.resume())),
-    'reference': Action(lambda arm, _, output: output.done(arm.reference())),
-    'reset': Action(lambda arm, _, output: output.done(arm.reset())),
+    'reference': Action(lambda arm, options, output: output.done(arm.reference(options.yes)),
+                        _sure_options),
+    'reset': Action(lambda arm, options, output: output.done(arm.reset(options.yes)),
+                    _sure_options),
     'home': Action(lambda arm, _, output: output.done(arm.home())),
     'tare': Action(_tare),
 }

@@ -366,13 +366,18 @@ class Arm:
         """Allow motion after a stop, from where the tendons are."""
         return self._do(self._requests.resume())
 
-    def reference(self) -> str:
-        """Take the present pulls as those of the straight arm."""
-        return self._do(self._requests.reference())
+    def reference(self, sure: bool = False) -> str:
+        """
+        Take the present pulls as those of the straight arm.
 
-    def reset(self) -> str:
-        """Tell kinematics that the arm is straight."""
-        return self._do(self._requests.reset())
+        Raises RefusedError with a question if the arm was last known not to be straight; calling
+        it again within 30 s, or ``sure``, is the answer.
+        """
+        return self._do(self._requests.reference(sure))
+
+    def reset(self, sure: bool = False) -> str:
+        """Tell kinematics that the arm is straight; asks as ``reference`` does."""
+        return self._do(self._requests.reset(sure))
 
     def tare(self) -> dict[str, str]:
         """

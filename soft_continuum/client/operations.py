@@ -94,13 +94,22 @@ class Operations(Tasks):
         """Allow motion after a stop, from where the tendons are."""
         return await self.trigger(f'{TENDON_ACTUATION}/resume')
 
-    async def reference(self) -> str:
-        """Take the present pulls as those of the straight arm."""
-        return await self.trigger(f'{TENDON_ACTUATION}/reference')
+    async def reference(self, sure: bool = False) -> str:
+        """Take the present pulls as those of the straight arm; sure: as of ``_say``."""
+        return await self._say(f'{TENDON_ACTUATION}/reference', sure)
 
-    async def reset(self) -> str:
-        """Tell kinematics that the arm is straight."""
-        return await self.trigger(f'{KINEMATICS}/reset')
+    async def reset(self, sure: bool = False) -> str:
+        """Tell kinematics that the arm is straight; sure: as of ``_say``."""
+        return await self._say(f'{KINEMATICS}/reset', sure)
+
+    async def _say(self, service: str, sure: bool) -> str:
+        """Call a service that asks back in a refusal; sure: answer by calling it again."""
+        try:
+            return await self.trigger(service)
+        except RefusedError:
+            if not sure:
+                raise
+        return await self.trigger(service)
 
     async def record(self, begin: bool) -> str:
         """Begin or end a recording by the recorder; return what it says."""
@@ -265,10 +274,12 @@ class Operations(Tasks):
         from soft_continuum_interfaces.msg import MotionRequest
         observed = self.observed
         await self._refuse_during_sequence()
-        await self.found(lambda: observed.tendon_actuation and observed.pulls(), 'tendon_states',
-                         TENDON_ACTUATION)
+        await self.found(lambda: (state := observed.tendon_actuation) and (
+            observed.pulls() or not state.referenced), 'tendon_states', TENDON_ACTUATION)
         names, pulls = observed.tendons, observed.pulls()
-        assert pulls is not None
+        if pulls is None:
+            raise RefusedError(f'{TENDON_ACTUATION}: the position of the tendons is not '
+                               'referenced; straighten the arm and call ~/reference')
         now = dict(zip(names, pulls, strict=True))
         steps = {name if name in now else f'{name}_tendon': m for name, m in changes.items()}
         unknown = [name for name in changes if not {name, f'{name}_tendon'} & now.keys()]

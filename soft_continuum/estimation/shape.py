@@ -70,6 +70,8 @@ class ArmShape:
         """(tendons,) m: as far as the motors have pulled since all segments are stiff."""
         self._failures = self._far_off = 0
         self._measured: float | None = None  # when it last was, s
+        self.lost_bent = ''
+        """How the arm was bent when its shape was lost, for people; empty: straight as far as known."""
 
     @property
     def measurable(self) -> bool:
@@ -140,6 +142,11 @@ class ArmShape:
         self._forget_estimate()
         self._begin_prediction(None)
 
+    def lose(self, bent: str) -> None:
+        """Forget the shape: pulls that follow count from another zero.  bent: see lost_bent."""
+        self._commands, self.lost_bent = None, bent or self.lost_bent
+        self._begin_anew()
+
     def _begin_prediction(self, state: Any) -> None:
         self._path, self.unpredicted, self._solved, self._stood = state, None, (), None
 
@@ -154,12 +161,14 @@ class ArmShape:
         if self.unpredicted is not None and any(
                 now and not was for was, now in zip(before.stiff, commands.stiff, strict=True)):
             self._begin_prediction(None)  # what is held now was not predicted
-        if self._path is None and np.abs(commands.pulls).max() <= STRAIGHT_PULLS:
+        if (self._path is None and not self.lost_bent
+                and np.abs(commands.pulls).max() <= STRAIGHT_PULLS):
             self._begin_prediction(self.statics.chain.straight())
         if self._path is None:
-            self.unpredicted = UnknownShapeError(
-                'the shape is unknown: the tendons were pulled before this node started, or a '
-                'segment was stiffened where the model found no shape')
+            self.unpredicted = UnknownShapeError('the shape is unknown: ' + (
+                f'when the tendons lost their position, {self.lost_bent}' if self.lost_bent else
+                'the tendons were pulled before this node started, or a segment was stiffened '
+                'where the model found no shape'))
             return
         key = (*np.round(commands.pulls / PULL_RESOLUTION), *commands.stiff,
                *(commands.vacuum or ()))
@@ -213,6 +222,7 @@ class ArmShape:
 
     def set_straight(self) -> None:
         """Take the arm to be straight."""
+        self.lost_bent = ''
         self._forget_estimate()
         self._begin_prediction(self.statics.chain.straight())
 
@@ -220,6 +230,7 @@ class ArmShape:
         """Take the shape that the pulls alone make, every segment soft; raises StaticsError."""
         state = self.statics.solve(self.statics.chain.straight(), pulls,
                                    [True] * self.statics.chain.segments)
+        self.lost_bent = ''
         self._forget_estimate()
         self._begin_prediction(state)
 
@@ -268,7 +279,7 @@ class ArmShape:
         seen = self._seen(discs, commands)
         if seen is None:
             return None
-        self._measured = time
+        self._measured, self.lost_bent = time, ''
         return self._estimator(seen, commands)
 
     def _estimator(self, start: Any, commands: Commands) -> Estimator:

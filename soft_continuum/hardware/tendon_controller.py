@@ -221,18 +221,22 @@ class TendonController:
         self.stopped, self.stopped_because = False, ''
         self._setpoint = np.array(self.reading.pulls)
 
-    def reference(self) -> None:
-        """
-        Take the present position as zero pull, or begin to home: the arm must be straight.
-
-        Raises MotionRefusedError while the tendons move, or are stopped and would move.
-        """
+    def check_reference(self) -> None:
+        """Raise MotionRefusedError while the tendons move, or are stopped and would home."""
         if self.following or self.reading.moving:
             raise MotionRefusedError(
                 Reason.INVALID, 'the tendons are moving; wait until they rest')
         if self._driver.reference_moves and self.stopped:
             raise MotionRefusedError(
                 Reason.STOPPED, f'stopped ({self.stopped_because}); call ~/resume before homing')
+
+    def reference(self) -> None:
+        """
+        Take the present position as zero pull, or begin to home: the arm must be straight.
+
+        Raises as check_reference does.
+        """
+        self.check_reference()
         self._driver.reference()
         self._busy = self.homing = self._driver.reference_moves
         self.update(0.0, 0.0)

@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 
 from soft_continuum.mechanics.either import AnyArm, chain_of
 from soft_continuum.nodes.entries import subscribe
-from soft_continuum.nodes.reported_arm import ReportedArm
+from soft_continuum.nodes.reported_arm import NOT_REFERENCED, ReportedArm
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import accuracy_from_ros, pulls_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
@@ -70,7 +70,11 @@ class ArmObserver(ReportedArm):
         self.tendons, self.tendons_heard = state, True
         with suppress(ValueError):  # kinematics reports it; what was told before still counts
             self._pull_tolerances = accuracy_from_ros(state, self._names).pull_tolerances
-        self._note_fault(TENDON_ACTUATION, state.fault)
+        lost = state.connected and not state.referenced
+        if lost:
+            self.forget_shape()
+            self._tendon_age.forget()
+        self._note_fault(TENDON_ACTUATION, state.fault or NOT_REFERENCED * lost)
         self._on_tendon_state(state)
 
     def _on_jamming_valves(self, state: JammingValvesState) -> None:
@@ -129,6 +133,8 @@ class ArmObserver(ReportedArm):
         """Why the arm cannot be operated; empty when it can."""
         if faults := self.reported_fault:
             return faults
+        if self.tendons.connected and not self.tendons.referenced:
+            return f'{TENDON_ACTUATION}: {NOT_REFERENCED}'
         timeout = self.timeout
         if unheard := self.unheard:
             return (f'nothing received yet from {", ".join(unheard)}; do they run, and what is '
@@ -138,7 +144,11 @@ class ArmObserver(ReportedArm):
 
     @property
     def unheard(self) -> list[str]:
-        """What was never received, as in the first moments of this node: nodes and topics."""
+        """
+        What was not received, in the first moments of this node or after ~/reference.
+
+        Nodes and topics.
+        """
         unheard = [name for name, age in self._ages.items() if age.seconds == inf]
         if not self.tendons_heard:
             unheard.append(f'{TENDON_ACTUATION} (~/state)')
@@ -154,12 +164,7 @@ class ArmObserver(ReportedArm):
         if self.stopped:
             return (f'tendon motion is stopped ({self.stopped}); '
                     'call tendon_actuation/resume first')
-        if fault := self.fault:
-            return fault
-        if not self.tendons.referenced:
-            return ('the position of the tendons is not referenced; straighten the arm and call '
-                    'tendon_actuation/reference first')
-        return ''
+        return self.fault
 
     @property
     def measured(self) -> float | None:

@@ -36,7 +36,9 @@ from soft_continuum.nodes.measured_poses import MeasuredPoses
 from soft_continuum.nodes.measured_tensions import MeasuredTensions
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.question import Question
 from soft_continuum.nodes.refusals import Refusals
+from soft_continuum.nodes.reported_arm import bent, NOT_REFERENCED
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.estimation import estimation_from_parameters
@@ -57,7 +59,12 @@ from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parame
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.urdf import arm_urdf, joint_names
-from soft_continuum_interfaces.msg import EstimatedParameter, JammingValvesState, KinematicsState
+from soft_continuum_interfaces.msg import (
+    EstimatedParameter,
+    JammingValvesState,
+    KinematicsState,
+    TendonActuationState,
+)
 
 MARKER_PERIOD = 0.05  # s
 TENSION_PERIOD = 1.0  # s for which a tension that was wrong is shown
@@ -130,9 +137,11 @@ class Kinematics(Node):
         self._uncertainties: tuple[float, Array, list[EstimatedParameter]] = (
             -inf, np.zeros((0, 3, 3)), [])
         self._measured_tensions = MeasuredTensions(self._tendons, self.parameters)
-        self._measured_tensions.listen(self)
+        self._measured_tensions.listen(self, self._on_tendon_actuation)
         self._refused_poses, self._refused_tensions = Refusals('poses'), Refusals('tensions')
         self._follows = False  # whether the state is that of the last pulls
+        self._unknown = ''  # why nobody knows how far the tendons are pulled
+        self._question = Question()
         self._states = self.create_publisher(KinematicsState, '~/state', STREAM)
         subscribe(self, JointState, 'tendon_states', self._on_tendons, SENSOR)
         if jamming:
@@ -180,7 +189,28 @@ class Kinematics(Node):
         """Follow the vacuum of a jam, which counts with the next pulls if it is not rigid."""
         self._vacuum.follow(segment, message.fluid_pressure, self._next_stiff.told)
 
+    def _on_tendon_actuation(self, state: TendonActuationState) -> None:
+        self._unknown = ''
+        if state.connected and not state.referenced:
+            self._lose_shape()
+        elif not state.connected and self._pulls is not None:
+            # It may be back with its position: then the arm is where it was.
+            self._unknown = ('tendon_actuation has no device, so nobody knows whether the arm '
+                             'still has the shape that it had')
+            self.status.set(WARN, self._unknown)
+
+    def _lose_shape(self) -> None:
+        """Forget it: the position of the tendons is lost, or counts from another zero."""
+        self._shape.lose(bent(self._shape.state, self.parameters['arm.jamming']))
+        self._pulls = self._next_pulls = None
+        self._follows = False
+        self._sliding[:] = 0
+        self.status.set(WARN, f'the shape is unknown: {NOT_REFERENCED}')
+
     def _on_tendons(self, message: JointState) -> None:
+        if message.name and not message.position:  # in one message with them, so never late
+            self._lose_shape()
+            return
         try:
             pulls = pulls_from_ros(message, self._tendons)
         except ValueError as error:
@@ -278,7 +308,9 @@ class Kinematics(Node):
             return
         self._follows = self._update()
         state = self._shape.state
-        if not self._follows or state is None:
+        if self._unknown:
+            self.status.set(WARN, self._unknown)
+        if not self._follows or state is None or self._unknown:
             return
         stamp = self.get_clock().now().to_msg()
         for message in (self._segment_message, self._disc_message, self._predicted_message,
@@ -389,8 +421,11 @@ class Kinematics(Node):
                 for name, value in zip(self._tendons, values, strict=True)}
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._pulls is None:
-            response.message = 'no tendon_states yet; start tendon_actuation'
+        if self._unknown:
+            response.message = self._unknown
+        elif self._pulls is None:
+            response.message = ('no tendon_states with pulls: start tendon_actuation; if that '
+                                f'runs, {NOT_REFERENCED}')
         elif not self._compiled:
             response.message = loading()
         elif not any(self._stiff.jammed(self._elastic)) and None not in self._stiff.confirmed:
@@ -407,9 +442,15 @@ class Kinematics(Node):
             response.message = (
                 f'pulls are {", ".join(f"{pull:.4f}" for pull in self._pulls)} m; straighten '
                 'the arm and call tendon_actuation/reference first, or soften every segment')
+        elif question := self._question.ask(
+                self._shape.lost_bent or bent(self._shape.state, True), (
+                    'the arm would be taken to be straight, and every later shape would be wrong '
+                    'by that bend; straighten it')):
+            response.message = question
         else:
             self._shape.set_straight()
             response.success = True
-            response.message = 'the arm is taken to be straight'
+            response.message = ('the arm is taken to be straight: poses, tensions and plans '
+                                'follow from that')
             self._publish()
         return response

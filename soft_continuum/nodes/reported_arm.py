@@ -28,6 +28,9 @@ from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
 
 MAX_DISAGREEMENT = 1.0  # s for which kinematics may not know yet what jamming_valves reported
 STRAIGHT = 0.02  # rad: largest bending angle of a segment that counts as straight
+UNPULLED = 1e-3  # m: largest pull of a tendon that counts as that of a straight arm
+NOT_REFERENCED = ('the position of the tendons is not referenced; straighten the arm and call '
+                  'tendon_actuation/reference')
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,19 @@ class Interlock:
 
     reason: Reason
     message: str
+
+
+def bent(shape: Any, jamming: bool) -> str:
+    """
+    Return which segment is bent most, for people; empty for a straight arm, or None.
+
+    Without jamming there is nothing to say: how its weight bends an arm is no matter of its zero.
+    """
+    if shape is None or not jamming:
+        return ''
+    angles = np.abs(shape.bending_angles)
+    most = int(angles.argmax())
+    return f'segment {most + 1} was bent by {angles[most]:.3f} rad' * bool(angles[most] > STRAIGHT)
 
 
 class ReportedArm:
@@ -85,6 +101,15 @@ class ReportedArm:
             self.shape_age.refresh()
             if self.agreed:
                 self._agreed.refresh()
+
+    def forget_shape(self) -> None:
+        """Wait for another shape: the pulls of the one that was reported count no more."""
+        self.shape_age.forget()
+
+    @property
+    def last_bent(self) -> str:
+        """How the arm was bent when its shape was last known, for people; empty for straight."""
+        return '' if self._reported is None else bent(self._reported[0], self._jamming)
 
     @property
     def agreed(self) -> bool:
@@ -182,13 +207,9 @@ class ReportedArm:
             return Interlock(
                 Reason.STIFFNESS_CHANGED,
                 'homing pays out the tendons: stiffen every segment')
-        shape = self.shape
-        if shape is not None:
-            bent = np.abs(shape.bending_angles).max()
-            if bent > STRAIGHT:
-                return Interlock(
-                    Reason.HOMING,
-                    'homing ends where the straight arm has its tendons just taut, but a '
-                    f'segment is bent by {bent:.3f} rad: straighten the arm, and call '
-                    'kinematics/reset if kinematics is wrong')
+        if problem := bent(self.shape, self._jamming):
+            return Interlock(
+                Reason.HOMING, 'homing ends where the straight arm has its tendons just taut, '
+                f'but {problem}: straighten the arm, and call kinematics/reset if kinematics is '
+                'wrong')
         return None

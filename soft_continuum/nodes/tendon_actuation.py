@@ -3,6 +3,7 @@
 """The node that owns the motors of the tendons."""
 
 from collections.abc import Callable
+from copy import copy
 from functools import partial
 from importlib.util import find_spec
 import traceback
@@ -15,7 +16,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
-from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
+from soft_continuum.hardware.protocols import HardwareError, TendonDriver
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
     Reason,
@@ -88,7 +89,7 @@ class TendonActuation(ManagedNode):
         self._refusals = Newest(self._to_loop, lambda refusal: self._control.refuse(*refusal))
         self._judging = Worker('trajectories', self._on_thread_failure)
         self._compiled = False
-        self._reading: TendonReading | None = None  # that was published
+        self._report: Report | None = None  # that was published
         self._states = self.create_publisher(JointState, 'tendon_states', STREAM)
         self._state_publisher = StatePublisher(self, TendonActuationState)
         self.create_subscription(JointTrajectory, '~/joint_trajectory',
@@ -279,15 +280,19 @@ class TendonActuation(ManagedNode):
         self._publish(self._control.snapshot())
 
     def _publish(self, report: Report) -> None:
-        state, reading = report.state, report.reading
-        if reading is not None and reading is not self._reading:
+        state, reading, last = report.state, report.reading, self._report
+        self._report = report
+        if state.connected and not state.referenced:
+            self._arm.forget_shape()
+        self._state_publisher.publish(state)
+        if reading is not None and (last is None or reading is not last.reading):
             message = JointState(
-                name=list(self._tendons), position=list(reading.pulls),
+                name=list(self._tendons),
+                # A number that means nothing would be taken for a pull by whoever reads it.
+                position=list(reading.pulls) if reading.referenced else [],
                 velocity=list(reading.speeds), effort=list(reading.tensions or ()))
             message.header.stamp = self.ros_time.stamp(report.time)
             self._states.publish(message)
-        self._reading = reading
-        self._state_publisher.publish(state)
         self.status.set(*self._summary(report), stopped=state.stop_message, ended=report.ended,
                         referenced=str(state.referenced).lower(), refused=report.refused)
         if self._action is not None:  # last: whatever it raises, the state was told
@@ -340,4 +345,11 @@ class TendonActuation(ManagedNode):
         return self._answer(response, self._control.resume)
 
     def _on_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._answer(response, self._control.reference)
+        self._answer(response, self._control.reference)
+        if response.success and self._report is not None:
+            # Pulls before and after count from two zeros: nobody must take one for the other.
+            self._arm.forget_shape()
+            state = copy(self._report.state)
+            state.referenced = False
+            self._state_publisher.publish(state)
+        return response

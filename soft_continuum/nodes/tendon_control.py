@@ -14,7 +14,8 @@ from soft_continuum.hardware.tendon_controller import (
 from soft_continuum.hardware.tension_guard import TensionGuard
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.motion_requests import MotionRequests, Request
-from soft_continuum.nodes.reported_arm import Interlock, ReportedArm
+from soft_continuum.nodes.question import Question
+from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED
 from soft_continuum.nodes.tendon_report import Report
 from soft_continuum.nodes.threads import RestingStream
 from soft_continuum.ros.conversions import accuracy_to_ros, Stiffness
@@ -66,6 +67,8 @@ class TendonControl:
         self._emergency = False  # whether emergency_stop is on
         self._fault = ''  # why there is no device
         self._ended = self._refused = ''  # why the last motion was, for people
+        self._known_pulls = (0.0,) * len(tendons)  # the last ones that were referenced, m
+        self._question = Question()
         self._revoked: tuple[int, Reason, str] = (0, Reason.NO_REASON, '')
         self._over: dict[str, tuple[Reason, str]] = {}  # motions that were revoked, by their id
         self.lost = False  # a device that was attached
@@ -304,7 +307,11 @@ class TendonControl:
         return True, 'ready, from the present position'
 
     def reference(self) -> tuple[bool, str]:
-        """Take the position as zero pull, or begin to home; return success and the answer."""
+        """
+        Take the position as zero pull, or begin to home; return success and the answer.
+
+        Of an arm that was last known not to be straight it has to be asked for twice.
+        """
         if not self._active or self._controller is None or self._driver is None:
             return False, self._fault or 'the node is not active'
         homes = self._driver.reference_moves
@@ -314,6 +321,11 @@ class TendonControl:
         if homes and (problem := self._guard.unmeasured(reading, self._tension_limit())):
             return False, problem
         try:
+            self._controller.check_reference()
+            if question := self._question.ask(self._arm.last_bent or self._pulled(), (
+                    'every pull would count as 0 here, and every later shape would be wrong by '
+                    'that bend; straighten the arm, with its tendons just taut')):
+                return False, question
             self._controller.reference()
         except MotionRefusedError as error:
             return False, str(error)
@@ -324,8 +336,14 @@ class TendonControl:
         self._guard.begin(reading)
         self.report()
         return True, ('homing; the tendons are at zero pull when they rest' if homes else
-                      'the present position counts as the straight arm; '
-                      'call kinematics/reset if it was not known')
+                      'the present position counts as the straight arm, every pull as 0; '
+                      'call kinematics/reset if the shape of the arm was not known, or bent')
+
+    def _pulled(self) -> str:
+        """Return which tendon was pulled most where it was last known; empty for none."""
+        name, pull = max(zip(self._tendons, self._known_pulls, strict=True),
+                         key=lambda one: abs(one[1]))
+        return f'{name} was pulled by {1e3 * pull:.1f} mm' * (abs(pull) > UNPULLED)
 
     # The control cycle.
 
@@ -399,7 +417,9 @@ class TendonControl:
             state.referenced = controller.reading.referenced
             state.moving, state.homing = controller.busy, controller.homing
             accuracy_to_ros(controller.reading.accuracy, state)
-            if self._active and (state.referenced or not state.homing):
+            if state.referenced:
+                self._known_pulls = controller.reading.pulls
+            if self._active:
                 reading = controller.reading
         unmeasured = self._guard.unmeasured(reading, self._tension_limit()) if reading else ''
         return Report(state, self._ended, self._refused, unmeasured, reading, self._time,

@@ -17,6 +17,10 @@ class Age:
         """Note that it was received now."""
         self._received = monotonic()
 
+    def forget(self) -> None:
+        """Count as never received, until it is received again."""
+        self._received = -inf
+
     @property
     def seconds(self) -> float:
         """Seconds since it was received; infinite before the first time."""

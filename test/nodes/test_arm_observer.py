@@ -165,7 +165,19 @@ def test_no_sequence_begins_on_an_arm_that_is_stopped_or_not_referenced(
     bench.tendons(**values)
     assert reason in bench.observer.interlock
     bench.tendons()
+    bench.stream()
     assert bench.observer.interlock == ''
+
+
+def test_pulls_and_shape_of_before_a_lost_position_do_not_count_after_it(bench: Bench) -> None:
+    bench.tendons(referenced=False)
+    assert 'not referenced' in bench.observer.fault
+    assert bench.observer.shape is None
+    bench.tendons()  # referenced at once: what was known is of another zero
+    assert 'tendon_states' in bench.observer.fault
+    bench.stream()
+    assert bench.observer.fault == ''
+    assert bench.observer.shape is not None
 
 
 @pytest.mark.parametrize('position', [

@@ -126,9 +126,9 @@ def test_nothing_moves_before_somebody_says_that_the_arm_is_straight(devices: Be
         'tendon_actuation'].last.message == 'position not referenced', 'no reference')
     devices.rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True)
     devices.rig.wait_for(lambda: devices.rig.all_stiff, 'a stiff arm')
-    devices.rig.wait_for(lambda: len(devices.rig.joints), 'joint_states')
     assert not devices.rig.goal(BEND).accepted
     assert 'not referenced' in devices.rig.rejected()
+    assert not devices.rig.joints  # nor does anybody know the shape
     assert devices.rig.all_stiff
     assert devices.grbl.motors[:2] == (0, 0)
 
@@ -167,6 +167,38 @@ def test_a_reset_of_the_board_in_motion_loses_the_reference(bench: Bench) -> Non
     assert not rig.goal(BEND).accepted
     assert 'not referenced' in rig.rejected()
     assert bench.grbl.motors == rests_at
+
+
+def test_no_shape_is_valid_from_the_reset_of_a_board_on_until_the_arm_is_said_to_be_straight(
+        bench: Bench) -> None:
+    rig, status = bench.rig, bench.rig.statuses['kinematics']
+    assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
+    bench.grbl.reset()
+    rig.wait_for(lambda: not rig.states['tendon_actuation'].last.referenced, 'a lost position')
+    rig.wait_for(lambda: 'not referenced' in status.last.message, 'a lost shape')
+    shapes, said = len(rig.joints), len(status)
+    for soft in (3, 2, 1):  # of soft segments the pulls alone make the shape, and they read as 0
+        rig.soften(soft)
+        rig.assert_rests()
+    assert not rig.trigger('kinematics/reset').success
+    assert {s.level for s in list(status)[said:]} <= {DiagnosticStatus.WARN}
+    assert len(rig.joints) == shapes
+    assert not any(message.position for message in rig.wait_for_more(rig.tendons))
+
+    assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
+    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
+    for service in ('tendon_actuation/reference', 'kinematics/reset'):
+        asked = rig.trigger(service)
+        assert not asked.success
+        assert 'segment 3 was bent by 0.' in asked.message
+        if 'reference' in service:
+            assert rig.trigger(service).success
+            rig.wait_for(lambda: 'segment 3 was bent' in status.last.message, 'an unknown shape')
+            assert len(rig.joints) == shapes
+    assert rig.trigger('kinematics/reset').success
+    rig.wait_for(lambda: len(rig.joints) > shapes, 'a shape')
+    assert not any(rig.joints.last.position)
+    assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
 
 
 def test_a_stop_in_motion_rests_at_the_reported_step_and_resume_goes_on(bench: Bench) -> None:

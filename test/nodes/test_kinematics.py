@@ -3,6 +3,7 @@
 
 """What is said of the shape of the arm."""
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
-from soft_continuum_interfaces.msg import JammingValvesState
+from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationState
 from support.ros_rig import LATCHED, RELIABLE, Rig
 
 ARM = load_arm(description_file())
@@ -41,6 +42,12 @@ class FakeArm:
             'right_tendon', 'left_tendon')) -> None:
         """Say the pulls only."""
         self._tendons.publish(JointState(name=list(names), position=list(pulls)))
+
+    def state(self, **values: bool) -> None:
+        """Say how the device of the tendons is."""
+        self._rig.publisher(
+            TendonActuationState, 'tendon_actuation/state', LATCHED).publish(
+            TendonActuationState(**values))
 
 
 @pytest.fixture
@@ -195,6 +202,61 @@ def test_reset_takes_the_arm_to_be_straight_again(rig: Rig, fake: FakeArm) -> No
     rig.wait_for_status('kinematics', 'soft', '')
     rig.wait_for(lambda: rig.trigger('kinematics/reset').success, 'reset')
     rig.wait_for(lambda: not np.any(rig.joints.last.position), 'a straight arm')
+
+
+@pytest.mark.parametrize('how', ['positions', 'state'])
+def test_no_shape_is_published_from_a_lost_position_on_until_a_person_says_that_it_is_straight(
+        rig: Rig, fake: FakeArm, how: str) -> None:
+    bend(rig, fake)
+    status = rig.statuses['kinematics']
+    if how == 'positions':
+        fake.pull(())
+    else:
+        fake.state(connected=True, referenced=False)
+    rig.wait_for(lambda: 'not referenced' in status.last.message, 'a lost shape')
+    shapes, said = len(rig.joints), len(status)
+    fake.say(soft=3)
+    assert 'not referenced' in rig.trigger('kinematics/reset').message
+    fake.state(connected=True, referenced=True)
+    fake.say((0.0, 0.0), soft=3)
+    rig.wait_for(lambda: 'segment 3 was bent by 0.' in status.last.message, 'an unknown shape')
+    fake.say((0.0, 0.0))
+    asked = rig.trigger('kinematics/reset')
+    assert not asked.success
+    assert 'segment 3 was bent by 0.' in asked.message
+    assert len(rig.joints) == shapes
+    assert {s.level for s in list(status)[said:]} <= {DiagnosticStatus.WARN}
+    assert rig.trigger('kinematics/reset').success
+    rig.wait_for(lambda: len(rig.joints) > shapes, 'a shape')
+    assert not np.any(rig.joints.last.position)
+
+
+def test_a_device_that_comes_back_with_its_position_finds_the_shape_as_it_was(
+        rig: Rig, fake: FakeArm) -> None:
+    bent, status = bend(rig, fake), rig.statuses['kinematics']
+    fake.state(connected=False)
+    rig.wait_for(lambda: 'no device' in status.last.message, 'a warning')
+    shapes = len(rig.joints)
+    fake.say()  # the segment is stiffened meanwhile, as a sequence that ends does
+    assert 'no device' in rig.trigger('kinematics/reset').message
+    assert len(rig.joints) == shapes
+    fake.state(connected=True, referenced=True)
+    fake.pull(PULLS)
+    rig.wait_for(lambda: len(rig.joints) > shapes, 'a shape')
+    assert shape(rig, 1) == pytest.approx(bent)
+    assert status.last.level == DiagnosticStatus.OK
+
+
+def test_a_reference_on_a_straight_arm_asks_nothing(rig: Rig, fake: FakeArm) -> None:
+    fake.say((0.0, 0.0))
+    shape(rig, 1)
+    fake.state(connected=True, referenced=False)
+    rig.wait_for(lambda: 'not referenced' in rig.statuses['kinematics'].last.message, 'a loss')
+    shapes = len(rig.joints)
+    fake.state(connected=True, referenced=True)
+    fake.pull((0.0, 0.0))
+    rig.wait_for(lambda: len(rig.joints) > shapes, 'a shape')
+    assert not np.any(rig.joints.last.position)
 
 
 def test_reset_is_refused_before_the_tendons_were_heard(rig: Rig) -> None:

@@ -410,9 +410,22 @@ def test_a_stop_that_comes_while_the_node_does_not_work_counts_when_it_does(
 def test_reference_takes_the_present_position_as_zero(tendons: Rig) -> None:
     send(tendons, PULL)
     arrives(tendons, (0.004, -0.005))
+    states = tendons.states['tendon_actuation']
+    before = len(states)
+    asked = tendons.trigger('tendon_actuation/reference')
+    assert not asked.success
+    assert 'was bent by 0.' in asked.message
+    tendons.assert_rests()
+    assert tendons.pulls == pytest.approx((0.004, -0.005))
     assert tendons.trigger('tendon_actuation/reference').success
     arrives(tendons, (0.0, 0.0))
     tendons.assert_rests()
+    # Between both zeros nobody takes a pull for one: goals end, shapes are forgotten.
+    assert [state.referenced for state in list(states)[before:]].count(False) == 1
+    assert states.last.referenced
+    tendons.wait_for(lambda: 'was bent by 0.' in tendons.statuses['kinematics'].last.message,
+                     'an unknown shape')
+    tendons.wait_for(lambda: tendons.trigger('kinematics/reset').success, 'a straight arm')
 
 
 def test_reference_is_refused_while_a_tendon_moves(tendons: Rig) -> None:

@@ -348,7 +348,8 @@ class Rig:
                     for flag, stiffness in zip(self.stiff, state.last.stiffness, strict=True)),
                 'the state of the valves')
         if set(names) >= set(ALL):
-            self.wait_for(lambda: len(self.joints), 'joint_states')
+            tendons = self.states['tendon_actuation']
+            self.wait_for(lambda: len(self.joints) or not tendons.last.referenced, 'joint_states')
 
     def end(self, node: Any) -> None:
         """End the nodes that were started together with ``node``."""
