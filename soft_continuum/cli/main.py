@@ -44,10 +44,15 @@ def call(verb: Verb, options: Sequence[str]) -> int:
     """Import the function of a verb and call it; return the exit status."""
     sys.argv[1:] = options
     module, _, name = verb.target.partition(':')
-    function: Callable[..., int] = getattr(import_module(f'soft_continuum.{module}'), name)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
+        function: Callable[..., int] = getattr(import_module(f'soft_continuum.{module}'), name)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         return function(*verb.arguments)
+    except ImportError as error:
+        from soft_continuum.extras import remedy
+        if not (text := remedy(error)):
+            raise
+        return Parser(verb.name, '').fail(text)
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:  # such as into head: what was printed so far was enough
