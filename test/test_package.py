@@ -112,7 +112,7 @@ def test_pages_that_the_product_names_exist_and_are_installed(
 ) -> None:
     named = {page for folder in ('soft_continuum', 'soft_continuum_interfaces', 'config', 'launch',
                                  'bin')
-             for path in (ROOT / folder).rglob('*') if path.suffix in TEXTS
+             for path in (ROOT / folder).rglob('*') if path.is_file() and path.suffix in TEXTS
              for page in re.findall(r'(?<![\w/.])(?:msg_)?docs/[\w/]+\.md',
                                     path.read_text(encoding='utf-8'))}
     assert {'docs/how_to/secure_the_network.md', 'msg_docs/parameters.md'} < named
