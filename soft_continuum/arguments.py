@@ -95,6 +95,9 @@ COMMON_OPTIONS: dict[str, dict[str, Any]] = {
     '--timeout': {
         'type': number_in(0.01, 3600.0, 's'), 'default': 5.0, 'metavar': 'S',
         'help': 'longest wait for nodes to be found and to answer (default: 5 s)'},
+    '--decimal': {
+        'choices': ('.', ','),
+        'help': 'decimal mark of the CSV files, where their numbers may be read with both'},
     '--json': {
         'action': 'store_true', 'help': 'print JSON, one document per line, in SI units'},
 }

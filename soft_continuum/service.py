@@ -13,6 +13,7 @@ import os
 from typing import Any
 
 from soft_continuum.arguments import INTERRUPTED, WRONG_USAGE
+from soft_continuum.hardware.real_time import PRIORITY
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.text import printable
 
@@ -44,6 +45,9 @@ RestartPreventExitStatus={wrong_usage}
 SuccessExitStatus={interrupted}
 KillSignal=SIGINT
 TimeoutStopSec=30
+# The threads that talk to devices go on before others on a busy computer. A service of a user gets
+# what the limits of the user allow: see doctor.
+LimitRTPRIO={priority}
 NoNewPrivileges=yes
 """
 TARGET = """\
@@ -93,7 +97,7 @@ def units(namespace: str, nodes: Sequence[str], command: Sequence[str],
     return {
         f'{name}@.service': UNIT.format(
             name=name, where=where, command=words, environment=listed, wrong_usage=WRONG_USAGE,
-            interrupted=INTERRUPTED),
+            interrupted=INTERRUPTED, priority=PRIORITY),
         f'{name}.target': TARGET.format(
             where=where, services=' '.join(f'{name}@{node}.service' for node in nodes))}
 

@@ -3,8 +3,8 @@
 """
 Force-displacement curves of a segment, one repetition after the other (paper, IV-A).
 
-Repetitions are separate files, blocks of columns side by side, the values of a repetition column,
-or one long record in which the displacement comes back to where it began.
+Repetitions are separate files, blocks with one header below or beside one another, the values of a
+repetition column, or one long record in which the displacement comes back to where it began.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,27 +15,28 @@ import numpy as np
 
 from soft_continuum.analysis.delimited import (
     Column,
-    FORCE_UNITS,
-    LENGTH_UNITS,
     MeasurementError,
     Quantity,
     read_table,
     Table,
-    TIME_UNITS,
 )
 from soft_continuum.mechanics.chain import Array
 
 MIN_POINTS = 10  # on the way up, for a slope that means something
+NEW_PAGE = 0.1  # of the range: a block that begins higher goes on with the one before
 MAX_CURVES = 50
 MAX_POINTS = 100_000  # of all curves together
 
-FORCE = Quantity('force', ('force', 'load', 'kraft', 'f'), FORCE_UNITS)
+FORCE = Quantity('force', ('force', 'load', 'kraft', 'f', 'forza', 'fuerza', 'carga'), 'N',
+                 options=True)
 DISPLACEMENT = Quantity(
     'displacement', ('displacement', 'travel', 'deflection', 'extension', 'crosshead', 'stroke',
-                     'weg', 'verformung', 'durchbiegung', 'u'), LENGTH_UNITS)
-TIME = Quantity('time', ('time', 'zeit', 't'), TIME_UNITS, required=False)
-REPETITION = Quantity('repetition', ('repetition', 'cycle', 'zyklus', 'wiederholung'),
-                      required=False)
+                     'position', 'weg', 'verformung', 'durchbiegung', 'u', 'deplacement',
+                     'spostamento', 'desplazamiento'), 'm', options=True)
+TIME = Quantity('time', ('time', 'zeit', 't', 'temps', 'tempo', 'tiempo'), required=False,
+                options=True)
+REPETITION = Quantity('repetition', ('repetition', 'cycle', 'cycles', 'zyklus', 'zyklen',
+                                     'wiederholung', 'specimen'), required=False, options=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,24 +68,24 @@ class Curve:
 
 
 def read_curves(paths: Sequence[str | Path], columns: Mapping[str, str] | None = None,
-                units: Mapping[str, str] | None = None) -> tuple[Curve, ...]:
+                units: Mapping[str, str] | None = None, decimal: str | None = None
+                ) -> tuple[Curve, ...]:
     """
     Read all repetitions from files.
 
     columns, units: by quantity (force, displacement, time, repetition), where the header does
-    not say it.  Raises MeasurementError naming file, line and remedy.
+    not say it.  decimal: the mark, where the numbers allow both.  Raises MeasurementError naming
+    file, line and remedy.
     """
     curves: list[Curve] = []
     for path in paths:
-        table = read_table(path, (FORCE, DISPLACEMENT, TIME, REPETITION), columns, units)
-        forces = table.columns['force']
-        if len(forces) == len(table.columns['displacement']) > 1:
-            blocks = [_block(table, k) for k in range(len(forces))]
-        else:
-            blocks = _split(table)
+        table = read_table(path, (FORCE, DISPLACEMENT, TIME, REPETITION), columns, units,
+                           decimal=decimal)
+        parts = [part for sides in _sides(table) for block in _whole(table, sides[0])
+                 for part in _split(table, *sides, *block)]
         curves += [
-            _curve(f'{table.path.name} #{k}' if len(blocks) > 1 else table.path.name, *block)
-            for k, block in enumerate(blocks, start=1)]
+            _curve(f'{table.path.name} #{k}' if len(parts) > 1 else table.path.name, *part)
+            for k, part in enumerate(parts, start=1)]
         points = sum(len(curve.force) for curve in curves)
         if len(curves) > MAX_CURVES or points > MAX_POINTS:
             raise MeasurementError(
@@ -94,37 +95,65 @@ def read_curves(paths: Sequence[str | Path], columns: Mapping[str, str] | None =
     return tuple(curves)
 
 
-def _block(table: Table, place: int) -> tuple[Column, Array, Array]:
-    """Return the columns of one of several repetitions that stand side by side."""
-    force, displacement = table.columns['force'][place], table.columns['displacement'][place]
-    if len(force.cells) != len(displacement.cells):
-        line = min(force.lines[-1:] + displacement.lines[-1:], default=0) + 1
-        raise MeasurementError(
-            f'{table.path}, line {line}: repetition {place + 1} has {len(force.cells)} forces and '
-            f'{len(displacement.cells)} displacements; repair the columns')
-    return displacement, displacement.numbers(), force.numbers()
+def _sides(table: Table) -> list[tuple[Column, Column]]:
+    """Return displacement and force; those of each repetition where equal headers repeat them."""
+    found = table.all('displacement'), table.all('force')
+    if len(found[0]) == len(found[1]) and all(
+            len({column.header for column in columns}) == 1 for columns in found):
+        return list(zip(*found, strict=True))
+    return [(table.column('displacement'), table.column('force'))]
 
 
-def _split(table: Table) -> list[tuple[Column, Array, Array]]:
-    """Return the repetitions that stand below one another."""
-    column = table.column('displacement')
-    displacement, force = column.numbers(), table.column('force').numbers()
-    if table.has('repetition'):
-        labels = table.column('repetition').cells
-        starts = [0, *(i for i in range(1, len(labels)) if labels[i] != labels[i - 1])]
-    else:
-        starts = _starts(displacement)
-    if table.has('time'):
-        _check_time(table.column('time'), starts)
-    ends = [*starts[1:], len(force)]
-    return [(Column(column.path, column.header, column.factor, column.cells[a:b],
-                    column.lines[a:b], column.decimal), displacement[a:b], force[a:b])
-            for a, b in zip(starts, ends, strict=True)]
+def _whole(table: Table, displacement: Column) -> list[tuple[int, int]]:
+    """Return the blocks, joined where a header is repeated within a repetition, on a new page."""
+    whole = [table.blocks[0]]
+    for start, end in table.blocks[1:]:
+        u = _upwards(displacement.part(whole[-1][0], end).numbers())
+        if u[start - whole[-1][0]] - u.min() > NEW_PAGE * np.ptp(u):
+            whole[-1] = (whole[-1][0], end)
+        else:
+            whole.append((start, end))
+    return whole
+
+
+def _split(table: Table, displacement: Column, force: Column, start: int, end: int
+           ) -> list[tuple[Column, Array, Array]]:
+    """Return the repetitions that stand below one another in the rows of a block."""
+    # Repetitions side by side differ in length.
+    while (len(table.all('force')) > 1 and end > start
+           and not displacement.cells[end - 1] and not force.cells[end - 1]):
+        end -= 1
+    column = displacement.part(start, end)
+    u, f = column.numbers(), force.part(start, end).numbers()
+    labels = {_changes(c.part(start, end).cells) for c in table.all('repetition')}
+    starts = [0, *labels.pop()] if len(labels) == 1 else _starts(u)
+    if len(times := table.all('time')) == 1:
+        _check_time(times[0].part(start, end), starts)
+    ends = [*starts[1:], len(u)]
+    # A machine counts the end of the last cycle as another one.
+    if len(starts) > 1 and ends[-1] - starts[-1] < min(MIN_POINTS, (ends[-2] - starts[-2]) / 2):
+        starts.pop()
+        ends.pop()
+    # It may count a few rows before or after it turns round.
+    rising = _upwards(u)
+    tops = [a + int(np.argmax(rising[a:b])) for a, b in zip(starts, ends, strict=True)]
+    starts[1:] = ends[:-1] = [b - int(np.argmin(rising[a:b + 1][::-1]))
+                              for a, b in zip(tops, tops[1:], strict=False)]
+    return [(column.part(a, b), u[a:b], f[a:b]) for a, b in zip(starts, ends, strict=True)]
+
+
+def _changes(cells: Sequence[str]) -> tuple[int, ...]:
+    return tuple(i for i in range(1, len(cells)) if cells[i] != cells[i - 1])
+
+
+def _upwards(displacement: Array) -> Array:
+    """Return displacements that grow with the load: a machine that pushes counts downwards."""
+    return displacement * (1.0 if abs(displacement.max()) >= abs(displacement.min()) else -1.0)
 
 
 def _starts(displacement: Array) -> list[int]:
     """Return where the displacement, back from more than half its range, rises again."""
-    u = displacement * (1.0 if abs(displacement.max()) >= abs(displacement.min()) else -1.0)
+    u = _upwards(displacement)
     swing = 0.5 * (u.max() - u.min())
     starts, rising, extreme = [0], True, 0
     for i, value in enumerate(u):
@@ -142,10 +171,13 @@ def _starts(displacement: Array) -> list[int]:
 
 
 def _check_time(time: Column, starts: Sequence[int]) -> None:
-    """Refuse time that steps back, other than where a repetition starts."""
-    values = time.numbers()
+    """Refuse time that steps back, other than where a repetition starts or its clock does."""
+    try:
+        values = time.numbers()
+    except MeasurementError:  # not needed
+        return
     for i in np.flatnonzero(np.diff(values) < 0.0) + 1:
-        if i not in starts:
+        if i not in starts and values[i] > values[0]:
             raise MeasurementError(
                 f'{time.path}, line {time.lines[i]}: {time.header} steps back from '
                 f'{time.cells[i - 1]} to {time.cells[i]} within a repetition; put the rows in '
@@ -162,7 +194,8 @@ def _curve(name: str, column: Column, displacement: Array, force: Array) -> Curv
     if up < MIN_POINTS:
         raise MeasurementError(
             f'{where}: the repetition that starts here has {up} points up to its largest '
-            f'displacement; {MIN_POINTS} or more are needed: measure it in smaller steps')
+            f'displacement; {MIN_POINTS} or more are needed: measure it in smaller steps, or '
+            'delete a cycle that is not whole')
     if np.ptp(curve.loading[0]) == 0.0 or np.ptp(curve.loading[1]) == 0.0:
         raise MeasurementError(f'{where}: force or displacement does not change in the repetition '
                                'that starts here; check which columns were exported')

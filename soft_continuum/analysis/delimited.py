@@ -3,17 +3,20 @@
 """
 Delimited text as testing machines and spreadsheets write it, to columns in SI units.
 
-The header is the first line that has all the columns that are wanted; what stands above it is
-skipped.  Cells are separated by semicolons, tabs or commas; decimal commas are read where commas
-do not separate.  Units stand in the header, ``Force [N]``, or in a row of their own below it.
+A table is a header that has all the columns that are wanted, units in it, ``Force [N]``, or in a
+row of their own below it, and rows of numbers.  Of several tables the longest is read; tables with
+one header are blocks of one.  Numbers are read with the decimal mark that all of them allow; where
+both marks do, they are asked for: a file is never read a thousand times too large.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import csv
-from dataclasses import dataclass
-from math import isfinite, pi
+from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 import re
+from typing import Any
+import unicodedata
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,20 +27,41 @@ Array = NDArray[np.float64]  # not that of mechanics, for which numba would be i
 
 MAX_SIZE = 10_000_000  # bytes of a file
 MAX_ROWS = 100_000
-MAX_PREAMBLE = 200  # lines above the header
 MAX_COLUMNS = 200
 MAX_HEADER = 200  # characters of a cell of the header
+MAX_SUBHEADERS = 3  # lines below the header down to the units
+MAX_WRAPPED = 10  # lines of a row whose cells are wrapped
 
-FORCE_UNITS = {'N': 1.0, 'mN': 1e-3, 'cN': 1e-2, 'kN': 1e3}
-LENGTH_UNITS = {'m': 1.0, 'mm': 1e-3, 'cm': 1e-2, 'um': 1e-6, '\u00b5m': 1e-6, '\u03bcm': 1e-6}
-TIME_UNITS = {'s': 1.0, 'sec': 1.0, 'ms': 1e-3, 'min': 60.0}
-ANGLE_UNITS = {'rad': 1.0, 'deg': pi / 180.0, '\u00b0': pi / 180.0}
-MASS_UNITS = {'kg': 1.0, 'g': 1e-3}
-ALL_UNITS = {*FORCE_UNITS, *LENGTH_UNITS, *TIME_UNITS, *ANGLE_UNITS, *MASS_UNITS}
+DELIMITERS = {';': 'semicolons', '\t': 'tabs', ',': 'commas', '  ': 'blanks', ' ': 'blanks'}
+UNITS = {'N': 'N, mN, kN, gf, kgf, lbf', 'm': 'm, mm, um, in', 'rad': 'rad, deg', 'kg': 'kg, g'}
+"""Units that messages name, by that of SI."""
+NAMES = frozenset((
+    'newton', 'dyne', 'force_gram', 'force_kilogram', 'force_pound', 'force_ounce', 'kip',
+    'meter', 'micron', 'inch', 'foot', 'thou', 'radian', 'degree', 'gram', 'pound', 'ounce',
+    'second', 'minute', 'hour'))
+PREFIXES = frozenset(('', 'kilo', 'deca', 'deci', 'centi', 'milli', 'micro', 'nano'))
+"""Units are those of pint, but a rod or a link in a header is none, and Mm is a misprint."""
+BRACKETS = re.compile(r'[\[(]([^\[\]()]*)[\])]')
+SUFFIX = re.compile(r'(.+?)(?:\s*[,/]\s*|\s+in\s+|[_ ])([^\W\d_]{1,3}|\N{DEGREE SIGN})')
+PREPOSITIONS = frozenset(('at', 'of', 'to', 'from', 'per', 'in', 'on', 'bei', 'von', 'pro', 'de'))
+OF_CHANNELS = frozenset(
+    ('sensor', 'cell', 'channel', 'ch', 'kanal', 'count', 'number', 'no', 'nr'))
+"""Words after the name of a quantity that do not change it: force cell 2, cycle count."""
+JUMP, STEP = 0.5, 0.25
+"""Largest step over the range of a column: more only as misread, less as it should be read."""
+MOTION_CAPTURE = re.compile(r'Format Version,|NO_OF_FRAMES\b|.*\bRigid Body\b')
 
-UNIT_IN_HEADER = (r'(.*?)\s*\[(.*)\]', r'(.*?)\s*\((.*)\)', r'(.*?)\s*/\s*(\S+)',
-                  r'(.*?)\s+in\s+(\S+)', r'(.*?)[_ ](\S+)')
-DELIMITERS = {';': 'semicolons', '\t': 'tabs', ',': 'commas'}
+BLANKS = ' \u00a0\u2007\u2008\u2009\u202f'
+APOSTROPHES = "'\u2019"
+OTHER = {'.': ',', ',': '.'}
+NUMBER = {mark: re.compile(
+    rf'[-+\u2212]?(?:(?:\d+(?:{re.escape(mark)}\d*)?|{re.escape(mark)}\d+)(?:[eE][-+]?\d+)?'
+    rf'|[1-9]\d{{0,2}}(?P<by>[{re.escape(other)}{BLANKS}{APOSTROPHES}])\d{{3}}'
+    rf'(?:(?P=by)\d{{3}})*(?:{re.escape(mark)}\d*)?)', re.ASCII) for mark, other in OTHER.items()}
+"""By decimal mark: digits, or groups of three with one separator between them."""
+WRITTEN = {mark: {**dict.fromkeys(map(ord, BLANKS + APOSTROPHES + other)), ord(mark): '.',
+                  ord('\u2212'): '-'} for mark, other in OTHER.items()}
+"""How such a number is written for Python."""
 
 
 class MeasurementError(ValueError):
@@ -50,13 +74,19 @@ class Quantity:
     A column that is looked for.
 
     name: ours, also of the option that names the column.  aliases: words that stand for it in a
-    header, lower case.  units: factor to SI by unit; empty for text and plain numbers.
+    header, lower case, without accents.  unit: of SI; empty for text and plain numbers.
+    options: whether the verb has --NAME-column and, with a unit, --NAME-unit.
     """
 
     name: str
     aliases: tuple[str, ...]
-    units: Mapping[str, float] | None = None
+    unit: str = ''
     required: bool = True
+    options: bool = False
+
+    def remedy(self, otherwise: str) -> str:
+        """Return how the column is named: by its option, or ``otherwise`` in the file."""
+        return f'name it with --{self.name}-column' if self.options else otherwise
 
 
 @dataclass(frozen=True)
@@ -70,11 +100,19 @@ class Column:
     lines: tuple[int, ...]
     decimal: str
 
+    def part(self, start: int, end: int) -> 'Column':
+        """Return the rows from start to end."""
+        return replace(self, cells=self.cells[start:end], lines=self.lines[start:end])
+
     def numbers(self) -> Array:
         """Return the values (rows,) in SI; raises MeasurementError for what is no number."""
-        return self.factor * np.array([
-            _number(self.path, line, self.header, cell, self.decimal)
-            for cell, line in zip(self.cells, self.lines, strict=True)], dtype=float)
+        values = np.array([_number(cell, self.decimal) for cell in self.cells], dtype=float)
+        for bad in np.flatnonzero(~np.isfinite(values)):
+            raise MeasurementError(
+                f'{self.path}, line {self.lines[bad]}: {self.header} is {self.cells[bad]!r}, not '
+                f'a finite number{" with a decimal comma" if self.decimal == "," else ""}; '
+                'delete this line or export the measurement again')
+        return self.factor * values
 
     def whole_numbers(self) -> list[int]:
         """Return the values as whole numbers; raises MeasurementError naming the line."""
@@ -89,76 +127,109 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """What was read: for each quantity its columns; more than one where the header repeats it."""
+    """
+    What was read: for each quantity its columns; more than one where the header has several.
+
+    blocks: first row and the row after the last of each block; one unless the header is repeated.
+    """
 
     path: Path
-    columns: Mapping[str, tuple[Column, ...]]
+    columns: Mapping[Quantity, tuple[Column, ...]]
+    blocks: tuple[tuple[int, int], ...]
+
+    def all(self, name: str) -> tuple[Column, ...]:
+        """Return all columns that may be the quantity."""
+        return next(found for q, found in self.columns.items() if q.name == name)
 
     def column(self, name: str) -> Column:
         """Return the only column of a quantity; raises MeasurementError when there are more."""
-        found = self.columns[name]
+        found = self.all(name)
         if len(found) > 1:
+            quantity = next(q for q in self.columns if q.name == name)
             raise MeasurementError(
                 f'{self.path}: {len(found)} columns may be the {name}: '
-                f'{", ".join(repr(c.header) for c in found)}; name one with --{name}-column')
+                f'{", ".join(repr(c.header) for c in found)}; '
+                + quantity.remedy('rename or delete all but one'))
         return found[0]
 
     def has(self, name: str) -> bool:
         """Whether the file has a column of that quantity."""
-        return bool(self.columns[name])
+        return bool(self.all(name))
+
+
+@dataclass
+class _Block:
+    """A header and what stands below it: a row of units, if there is one, and rows by lines."""
+
+    line: int
+    header: list[str]
+    places: dict[Quantity, list[int]]
+    rows: list[tuple[int, list[str]]] = field(default_factory=list)
+    units: list[str] = field(default_factory=list)
+
+    def measured(self, row: Sequence[str]) -> list[str]:
+        """Return the cells of a row that have a unit."""
+        return [row[place] for quantity, places in self.places.items() if quantity.unit
+                for place in places if place < len(row)]
+
+    @property
+    def numbered(self) -> bool:
+        """Whether there is a number where there should be."""
+        return any(_is_number(cell) for _, row in self.rows for cell in self.measured(row))
+
+    def trim(self) -> '_Block':
+        """Put the row of units apart, and take away words below the numbers: titles, results."""
+        for k, (_, row) in enumerate(self.rows[:MAX_SUBHEADERS]):
+            if any(_is_number(cell) for cell in self.measured(row)):
+                break
+            if _is_of_units(self.measured(row)):
+                self.units = row
+                del self.rows[:k + 1]
+                break
+        counted = bool(self.rows) and _is_number(self.rows[0][1][0])
+        while self.rows and not _is_number(self.rows[-1][1][0]) and (
+                not any(self.rows[-1][1][1:])
+                or counted and re.search(r'[^\W\d_]', self.rows[-1][1][0])):
+            self.rows.pop()
+        return self
 
 
 def read_table(path: str | Path, quantities: Sequence[Quantity],
                named: Mapping[str, str] | None = None,
                units: Mapping[str, str] | None = None,
-               usual: Mapping[str, str] | None = None) -> Table:
+               usual: Mapping[str, str] | None = None, decimal: str | None = None) -> Table:
     """
     Read the columns of ``quantities`` from a file.
 
     named: header of a column, by quantity, where it is not to be found by its aliases.  units: of
-    a quantity, in place of what the header says; usual: where it says nothing.  Raises
-    MeasurementError naming file, line and remedy for files that are empty, have other columns,
-    other delimiters or uneven rows.
+    a quantity, in place of what the header says; usual: where it says nothing.  decimal: the
+    mark, where numbers may be read with both.  Raises MeasurementError naming file, line and
+    remedy for files that are empty, have other columns, other delimiters or uneven rows.
     """
     path = Path(path)
-    named, units, usual = named or {}, units or {}, usual or {}
-    lines = _text(path).splitlines()
-    if len(lines) > MAX_ROWS:
-        raise MeasurementError(f'{path}: has {len(lines)} lines; at most {MAX_ROWS} are read: '
-                               'export fewer points, such as every tenth')
-    if not any(line.strip() for line in lines):
-        raise MeasurementError(f'{path}: the file is empty; export the measurement again')
-    start, delimiter, header, places = _header(path, lines, quantities, named)
-    rows = [(number, _cells(line, delimiter))
-            for number, line in enumerate(lines[start + 1:], start=start + 2)
-            if line.strip(f' {delimiter}')]
-    unit_row: list[str] = []
-    if rows and _is_unit_row(rows[0][1], places, quantities):
-        unit_row = rows.pop(0)[1]
-    unit_row += [''] * (len(header) - len(unit_row))
-    if not rows:
-        raise MeasurementError(f'{path}, line {start + 1}: there are no rows below the header; '
-                               'export the measured values as well')
-    for number, row in rows:
-        _check_width(path, number, row, header, delimiter)
-    used = [place for found in places.values() for place in found]
-    decimal = '.' if delimiter == ',' else _decimal(path, rows, used)
-    columns: dict[str, tuple[Column, ...]] = {quantity.name: () for quantity in quantities}
-    for quantity in quantities:
-        found = places[quantity.name]
-        for place in found:
-            factor = _factor(f'{path}, line {start + 1}', quantity, header[place],
-                             units.get(quantity.name) or _split_unit(header[place])[1]
-                             or unit_row[place].strip('[]() ')
-                             or usual.get(quantity.name, ''))
-            end = len(rows)
-            # Repetitions side by side differ in length.
-            while len(found) > 1 and end and not rows[end - 1][1][place]:
-                end -= 1
-            columns[quantity.name] += (Column(
-                path, header[place], factor, tuple(row[place] for _, row in rows[:end]),
-                tuple(number for number, _ in rows[:end]), decimal),)
-    return Table(path, columns)
+    units, usual = units or {}, usual or {}
+    delimiter, blocks = _blocks(path, _text(path), quantities, named or {})
+    first = blocks[0]
+    for block in blocks:
+        for number, row in block.rows:
+            _check_width(path, number, row, first.header, delimiter)
+    rows = [row for block in blocks for row in block.rows]
+    lines = tuple(number for number, _ in rows)
+    columns = {quantity: tuple(Column(
+        path, first.header[place],
+        _factor(f'{path}, line {first.line}', quantity, first.header[place],
+                first.units[place:place + 1],
+                units.get(quantity.name, ''), usual.get(quantity.name, '')),
+        tuple(row[place] for _, row in rows), lines, decimal or '.') for place in places)
+        for quantity, places in first.places.items()}
+    if not decimal:
+        measured = [c for q, found in columns.items() if q.unit for c in found]
+        decimal = _decimal(measured, delimiter, [
+            tuple(row[place] for _, row in rows) for place in range(len(first.header))])
+        columns = {q: tuple(replace(c, decimal=decimal) for c in found)
+                   for q, found in columns.items()}
+    ends = np.cumsum([len(block.rows) for block in blocks]).tolist()
+    return Table(path, columns, tuple(zip([0, *ends[:-1]], ends, strict=True)))
 
 
 def _text(path: Path) -> str:
@@ -169,6 +240,9 @@ def _text(path: Path) -> str:
                                'permissions') from None
     if data.startswith((b'\xff\xfe', b'\xfe\xff')):
         return data.decode('utf-16', errors='replace')
+    for first, encoding in ((1, 'utf-16-le'), (0, 'utf-16-be')):
+        if data[first::2].count(0) > len(data) / 4 and not data[1 - first::2].count(0):
+            return data.decode(encoding, errors='replace')
     if b'\0' in data:
         raise MeasurementError(f'{path}: is not a text file; export it as CSV')
     try:
@@ -177,81 +251,209 @@ def _text(path: Path) -> str:
         return data.decode('cp1252', errors='replace')  # what Windows programs write
 
 
-def _cells(line: str, delimiter: str) -> list[str]:
+def _rows(text: str) -> Iterator[tuple[int, str]]:
+    """Yield rows with the number of their first line: a quoted cell may go over several lines."""
+    lines = text.splitlines()
+    at = 0
+    while at < len(lines):
+        quotes, end = 0, at
+        for end in range(at, min(at + MAX_WRAPPED, len(lines))):
+            quotes += lines[end].count('"')
+            if quotes % 2 == 0:
+                break
+        else:  # a quotation mark that is not closed, or inches
+            end = at
+        yield at + 1, '\n'.join(lines[at:end + 1])
+        at = end + 1
+
+
+def _cells(text: str, delimiter: str) -> list[str]:
+    if not delimiter.strip(' '):
+        # A unit in brackets belongs to the name before it.
+        parts = re.split(r'\t|\s{2,}' if delimiter == '  ' else r'\s+(?![\[(])', text.strip())
+        return [cell.strip('"') for cell in parts]
     try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+        return [cell.strip() for cell in next(csv.reader([text], delimiter=delimiter))]
     except csv.Error:  # a cell of 128 kB
-        return [line]
+        return [text]
 
 
-def _header(path: Path, lines: Sequence[str], quantities: Sequence[Quantity],
-            named: Mapping[str, str]) -> tuple[int, str, list[str], dict[str, list[int]]]:
-    """Find the header: its line (0-based), delimiter, cells and the places of each quantity."""
-    required = [q.name for q in quantities if q.required or q.name in named]
-    best: tuple[int, int, list[str], list[str]] = (0, 0, [], required)
-    for i, line in enumerate(lines[:MAX_PREAMBLE]):
-        for delimiter in DELIMITERS:
-            if not 0 < line.count(delimiter) < MAX_COLUMNS:
-                continue
-            cells = _cells(line, delimiter)
-            places = {q.name: [k for k, cell in enumerate(cells)
-                               if _matches(cell, q, named.get(q.name))] for q in quantities}
-            missing = [name for name in required if not places[name]]
-            if not missing:
-                return i, delimiter, cells, places
-            if len(required) - len(missing) > best[0]:
-                best = len(required) - len(missing), i, cells, missing
-    score, at, cells, missing = best
-    if score:
-        have = ', '.join(f"'{printable(cell, MAX_NAME)}'" for cell in cells[:10] if cell)
+def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mapping[str, str]
+            ) -> tuple[str, list[_Block]]:
+    """Return the delimiter, and the longest table: its block, or those with the same header."""
+    rows = [(number, row) for number, row in _rows(text) if row.strip()]
+    if not rows:
+        raise MeasurementError(f'{path}: the file is empty; export the measurement again')
+    if (count := len(text.splitlines())) > MAX_ROWS:
+        raise MeasurementError(f'{path}: has {count} lines; at most {MAX_ROWS} are read: '
+                               'export fewer points, such as every tenth')
+    if any(MOTION_CAPTURE.match(row) for _, row in rows[:10]):
         raise MeasurementError(
-            f'{path}, line {at + 1}: no column for {" and ".join(missing)}; the columns are '
-            f'{have}; name it with --{missing[0]}-column')
-    at, line = next((i, line) for i, line in enumerate(lines) if line.strip())
-    raise MeasurementError(
-        f'{path}, line {at + 1}: neither this line ({line.strip()[:40]!r}) nor one below is a '
-        f'header with columns for {" and ".join(required)}, separated by '
-        f'{", ".join(DELIMITERS.values())}; export it with another delimiter, or name the columns '
-        f'with --{required[0]}-column')
+            f'{path}: is an export of a motion-capture program, of its bodies frame by frame in '
+            'its own axes; have it publish the poses of the discs while the arm moves: '
+            '`soft_continuum measure` writes points and pulls from them')
+    required = [q for q in quantities if q.required or q.name in named]
+    best: tuple[int, int, list[str], list[Quantity]] = (0, 0, [], required)
+    bare: _Block | None = None
+    for delimiter in DELIMITERS:
+        blocks: list[_Block] = []
+        for number, row in rows:
+            cells = _cells(row, delimiter)
+            if 1 < len(cells) < MAX_COLUMNS and (
+                    named or len(re.findall(r'[^\W\d_]+', row)) >= len(required)):
+                header = [' '.join(cell.split()) for cell in cells]
+                while not header[-1] and len(header) > 1:
+                    header.pop()
+                places = {q: [k for k, cell in enumerate(header)
+                              if _matches(cell, q, named.get(q.name))] for q in quantities}
+                missing = [q for q in required if not places[q]]
+                if not missing:
+                    blocks.append(_Block(number, header, places))
+                    continue
+                if len(required) - len(missing) > best[0]:
+                    best = len(required) - len(missing), number, header, missing
+            if blocks and any(cells):
+                blocks[-1].rows.append((number, cells))
+        filled = [block for block in blocks if block.trim().rows]
+        filled = [block for block in filled if block.numbered] or filled
+        if filled:
+            longest = max(filled, key=lambda block: len(block.rows))
+            same = [block for block in filled if (block.header, block.units)
+                    == (longest.header, longest.units)]
+            for block in filled:
+                if block not in same and 2 * len(block.rows) >= len(longest.rows):
+                    raise MeasurementError(
+                        f'{path}, lines {block.line} and {longest.line}: two tables that differ '
+                        'in their headers; put each into a file of its own')
+            return delimiter, same
+        if delimiter.strip(' '):
+            bare = bare or next(iter(blocks), None)
+    if bare:
+        raise MeasurementError(f'{path}, line {bare.line}: there are no rows below the header; '
+                               'export the measured values as well')
+    raise MeasurementError(_no_header(path, rows[0], best, required))
+
+
+def _no_header(path: Path, first: tuple[int, str],
+               best: tuple[int, int, list[str], list[Quantity]], required: Sequence[Quantity]
+               ) -> str:
+    """Say what is missing; best: columns found, line, header and quantities that are missing."""
+    found, at, header, missing = best
+    if found:
+        have = ', '.join(f"'{printable(cell, MAX_NAME)}'" for cell in header[:10] if cell)
+        name = missing[0].name
+        return (f'{path}, line {at}: no column for {" and ".join(q.name for q in missing)}; the '
+                f'columns are {have}; ' + missing[0].remedy(f'write {name} above its column'))
+    at, line = first
+    names = ' and '.join(q.name for q in required)
+    return (f'{path}, line {at}: neither this line ({printable(line.strip()[:40])!r}) nor one '
+            f'below is a header with columns for {names}, separated by '
+            f'{", ".join(dict.fromkeys(DELIMITERS.values()))}; export it with another delimiter, '
+            f'or ' + required[0].remedy(f'write {names} above the columns'))
 
 
 def _matches(cell: str, quantity: Quantity, named: str | None) -> bool:
-    if not cell or len(cell) > MAX_HEADER:
+    if len(cell) > MAX_HEADER:
         return False
-    names = [cell, _split_unit(cell)[0]]
+    if not cell.strip('+-0123456789., eE'):
+        return cell == named
     if named is not None:
-        return named.strip() in names
-    for name in names:
-        words = re.findall(r'[^\W\d_]+', name.lower())
-        # German names are compounds: Standardkraft, Traversenweg.
-        if any(word == alias or (len(alias) > 2 and word.endswith(alias))
-               for word in words for alias in quantity.aliases):
-            return True
-    return False
+        return ' '.join(named.split()) in (cell, _name(cell),
+                                           BRACKETS.sub('', cell[::-1], 1)[::-1].strip())
+    head = _head(cell)
+    # German names are compounds: Standardkraft, Traversenweg.
+    return any(head == alias or (len(alias) > 2 and head.endswith(alias))
+               for alias in quantity.aliases)
 
 
-def _split_unit(cell: str) -> tuple[str, str]:
-    """Return name and unit of a header cell; the unit is empty where none can be told."""
-    for k, pattern in enumerate(UNIT_IN_HEADER):
-        match = re.fullmatch(pattern, cell.strip())
-        # Without brackets only what is a unit is taken for one.
-        if match and (k < 2 or match[2] in ALL_UNITS):
-            return match[1].strip(), match[2].strip()
-    return cell.strip(), ''
+def _name(cell: str) -> str:
+    """Return a header cell without brackets, and without a unit that stands behind it."""
+    name = cell
+    while BRACKETS.search(name):
+        name = BRACKETS.sub('', name)
+    match = SUFFIX.fullmatch(name.strip())
+    return match[1].strip() if match and _unit(match[2]) else name.strip()
 
 
-def _is_unit_row(row: Sequence[str], places: Mapping[str, Sequence[int]],
-                 quantities: Sequence[Quantity]) -> bool:
-    """Whether the cells of all columns that have a unit are words in place of numbers."""
-    cells = [row[p] for q in quantities if q.units for p in places[q.name] if p < len(row)]
-    return bool(cells) and all(cell.strip('[]() ') in ALL_UNITS for cell in cells)
+@cache
+def _head(cell: str) -> str:
+    """Return the word of a header cell that says what it is of: Maximum Load at Break, load."""
+    plain = unicodedata.normalize('NFKD', _name(cell).lower())
+    words = re.findall(r'[^\W\d_]+', ''.join(c for c in plain if not unicodedata.combining(c)))
+    words = words[:next((k for k, word in enumerate(words) if word in PREPOSITIONS and k), None)]
+    while len(words) > 1 and words[-1] in OF_CHANNELS:
+        words.pop()
+    return words[-1] if words else ''
+
+
+@cache
+def _registry() -> Any:
+    with needed(MeasurementError):
+        import pint
+    return pint.UnitRegistry()
+
+
+@cache
+def _unit(text: str) -> tuple[float, str] | None:
+    """Return factor to SI, and SI unit, of a unit; None for what is no unit of a measurement."""
+    word = text.strip(' .')
+    if word == '\N{DEGREE SIGN}':
+        word = 'deg'
+    if not re.fullmatch(r'[^\W\d_]+(?:[-_ ][^\W\d_]+)?', word):
+        return None
+    low = word.lower()
+    for spelling in dict.fromkeys((word, re.sub('^K', 'k', word), low,
+                                   re.sub('[-_ ]', '', low), re.sub('[- ]', '_', low))):
+        parsed = _registry().parse_unit_name(spelling)
+        if parsed and parsed[0][0] in PREFIXES and parsed[0][1] in NAMES:
+            value = _registry().Quantity(1.0, parsed[0][0] + parsed[0][1]).to_base_units()
+            return float(value.magnitude), str(value.units)
+    return None
+
+
+def _is_of_units(cells: Sequence[str]) -> bool:
+    """Whether the cells of a row are units: one that is known, or all in brackets."""
+    filled = [cell for cell in cells if cell]
+    return bool(filled) and (any(_unit(cell.strip('[]() ')) for cell in filled)
+                             or all(BRACKETS.fullmatch(cell) for cell in filled))
+
+
+def _factor(where: str, quantity: Quantity, header: str, below: Sequence[str], given: str,
+            usual: str) -> float:
+    """Return the factor of a column to SI; raises MeasurementError for units that do not fit."""
+    if not quantity.unit:
+        return 1.0
+    inside = BRACKETS.findall(header)[::-1]
+    suffix = SUFFIX.fullmatch(header)
+    said = [text.strip(' []()') for text in (
+        [given] if given else [*inside, *below, *([suffix[2]] if suffix else [])])]
+    wanted = _unit(quantity.unit)
+    for text in said:
+        unit = _unit(text)
+        if unit and wanted and unit[1] == wanted[1]:
+            return unit[0]
+    allowed = UNITS[quantity.unit]
+    option = f'--{quantity.name}-unit' if quantity.options else ''
+    wrong = next((text for text in said[:len(inside) + len(below) or 1] if text), '')
+    if wrong and (given or inside or below):
+        raise MeasurementError(
+            f'{where}: {printable(wrong, MAX_NAME)!r} is not a unit of {quantity.name}; known: '
+            f'{allowed}; ' + (f'give {option}' if option and not given else 'convert the column'))
+    if usual:
+        return _factor(where, quantity, header, (), usual, '')
+    raise MeasurementError(
+        f'{where}: column {header!r} has no unit; write it as {header} '
+        f'[{quantity.unit}]' + (f' or give {option}' if option else '') + f' (one of {allowed})')
 
 
 def _check_width(path: Path, line: int, row: list[str], header: Sequence[str], delimiter: str
                  ) -> None:
+    if any('\n' in cell for cell in row):
+        raise MeasurementError(f'{path}, line {line}: a quoted cell goes on in the next line; '
+                               'close its quotation mark')
     while len(row) > len(header) and not row[-1]:
         row.pop()
-    row += [''] * (len(header) - len(row)) if delimiter != ',' else []
+    row += [''] * (len(header) - len(row)) if delimiter in ';\t' else []
     if len(row) != len(header):
         hint = ('; decimal commas need semicolons between the columns'
                 if delimiter == ',' and len(row) > len(header) else '')
@@ -260,44 +462,79 @@ def _check_width(path: Path, line: int, row: list[str], header: Sequence[str], d
             f'header has {len(header)}; repair or delete this line{hint}')
 
 
-def _decimal(path: Path, rows: Sequence[tuple[int, Sequence[str]]], used: Sequence[int]) -> str:
-    """Return the decimal mark of a file; raises MeasurementError when it has both."""
-    seen: dict[str, int] = {}
-    for line, row in rows:
-        for cell in (row[place] for place in used):
-            if re.fullmatch(r'[-+\d.,eE]+', cell) and any(c.isdigit() for c in cell):
-                marks = re.findall('[.,]', cell)
-                if marks and marks.count(marks[-1]) == 1:
-                    seen.setdefault(marks[-1], line)
-    if len(seen) == 2:
+def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequence[str]]) -> str:
+    """
+    Return the decimal mark with which the columns can be read; raises MeasurementError.
+
+    table: the cells of all columns, which tell where those that are wanted allow both marks.
+    """
+    if delimiter == ',':
+        for column in measured:
+            for cell, line in zip(column.cells, column.lines, strict=True):
+                if re.fullmatch(r'[-+]?0\d+', cell):
+                    raise MeasurementError(
+                        f'{column.path}, line {line}: {column.header} is {cell!r}, the end of '
+                        'another number; decimal commas need semicolons between the columns')
+    excluded: dict[str, int] = {}
+    unsure: list[tuple[int, Column]] = []
+    for column in measured:
+        # 12345 beside 1.234: who writes thousands apart does so in all rows.
+        together = any(re.match(r'[-+]?\d{5}', cell) for cell in column.cells)
+        for cell, line in zip(column.cells, column.lines, strict=True):
+            if '.' not in cell and ',' not in cell:
+                continue
+            reads = _marks(cell)
+            if len(reads) == 2 and _number(cell, '.') != _number(cell, ','):
+                unsure.append((line, column))
+                reads = {',' if ',' in cell else '.'} if together else reads
+            for mark in set(OTHER) - reads if reads else ():
+                excluded.setdefault(mark, line)
+    if len(excluded) == 2:
         raise MeasurementError(
-            f'{path}, lines {seen["."]} and {seen[","]}: decimal points and decimal commas in one '
-            'file; export it with one of them')
-    return next(iter(seen), '.')
+            f'{measured[0].path}, lines {excluded[","]} and {excluded["."]}: decimal points and '
+            'decimal commas in one file; export it with one of them')
+    if excluded or not unsure:
+        return ',' if '.' in excluded else '.'
+    if delimiter == ',' and not any(',' in cell for column in measured for cell in column.cells):
+        return '.'
+    votes = {mark for cells in table for mark in _vote(cells)}
+    if len(votes) == 1:
+        return votes.pop()
+    line, column = unsure[0]
+    cell = column.cells[column.lines.index(line)]
+    raise MeasurementError(
+        f'{column.path}, line {line}: {column.header} is {cell!r}, which may be '
+        f'{_number(cell, "."):g} or {_number(cell, ","):g}: say which mark is the decimal one, '
+        'with --decimal . or --decimal ,')
 
 
-def _number(path: Path, line: int, header: str, cell: str, decimal: str) -> float:
-    text = cell.replace(' ', '').replace('.' if decimal == ',' else ',', '').replace(',', '.')
-    try:
-        value = float(text)
-    except ValueError:
-        value = float('nan')
-    if not isfinite(value):
-        raise MeasurementError(f'{path}, line {line}: {header} is {cell!r}, not a finite number; '
-                               'delete this line or export the measurement again')
-    return value
+def _vote(cells: Sequence[str]) -> set[str]:
+    """Return the decimal mark that a column of numbers proves; two or none where it does not."""
+    filled = [cell for cell in cells if cell]
+    allowed = set(OTHER).intersection(*map(_marks, filled))
+    if len(allowed) < 2 or len(filled) < 2:
+        return allowed
+    jumps = {}
+    for mark in allowed:
+        values = np.array([_number(cell, mark) for cell in filled])
+        if np.ptp(values) > 0.0:
+            jumps[mark] = np.abs(np.diff(values)).max() / np.ptp(values)
+    # 800, 933, 1.067: what is measured does not fall to nothing and go on.
+    return {mark for mark, jump in jumps.items()
+            if jump < STEP and all(other > JUMP for m, other in jumps.items() if m != mark)}
 
 
-def _factor(where: str, quantity: Quantity, header: str, unit: str) -> float:
-    """Return the factor of a unit to SI; raises MeasurementError for one that is not known."""
-    if not quantity.units:
-        return 1.0
-    allowed = ', '.join(quantity.units)
-    if not unit:
-        raise MeasurementError(
-            f'{where}: column {header!r} has no unit; write it as {header} '
-            f'[{next(iter(quantity.units))}] or give --{quantity.name}-unit (one of {allowed})')
-    if unit not in quantity.units:
-        raise MeasurementError(f'{where}: {unit!r} is not a unit of {quantity.name}; known: '
-                               f'{allowed}; convert the column')
-    return quantity.units[unit]
+def _marks(cell: str) -> set[str]:
+    """Return the decimal marks with which a cell is a number."""
+    return {mark for mark in '.,' if NUMBER[mark].fullmatch(cell)}
+
+
+def _is_number(cell: str) -> bool:
+    return bool(_marks(cell)) or cell.lower().lstrip('+-') in ('nan', 'inf', 'infinity')
+
+
+def _number(cell: str, decimal: str) -> float:
+    """Return a number; nan for what is none with this decimal mark."""
+    if not NUMBER[decimal].fullmatch(cell):
+        return float('nan')
+    return float(cell.translate(WRITTEN[decimal]))

@@ -21,10 +21,7 @@ from typing import Any, overload, Protocol, TypeVar
 import numpy as np
 
 from soft_continuum.analysis.delimited import (
-    ANGLE_UNITS,
     Column,
-    LENGTH_UNITS,
-    MASS_UNITS,
     MeasurementError,
     Quantity,
     read_table,
@@ -44,12 +41,12 @@ Loaded = TypeVar('Loaded', bound=AnyArm)
 SHAPE = Quantity('shape', ('shape', 'form'))
 SEGMENT = Quantity('segment', ('segment',))
 RIGHT_AND_LEFT = (
-    Quantity('right', ('right', 'rechts'), LENGTH_UNITS),
-    Quantity('left', ('left', 'links'), LENGTH_UNITS),
+    Quantity('right', ('right', 'rechts'), 'm'),
+    Quantity('left', ('left', 'links'), 'm'),
 )
 OPTIONAL = (
-    Quantity('angle', ('angle', 'winkel'), ANGLE_UNITS, required=False),
-    Quantity('payload', ('payload', 'nutzlast'), MASS_UNITS, required=False),
+    Quantity('angle', ('angle', 'winkel'), 'rad', required=False),
+    Quantity('payload', ('payload', 'nutzlast'), 'kg', required=False),
 )
 
 
@@ -110,25 +107,26 @@ class MeasuredShape:
         return found
 
 
-def read_shapes(points: str | Path, pulls: str | Path, arm: AnyArm, jamming: bool = True
-                ) -> tuple[MeasuredShape, ...]:
+def read_shapes(points: str | Path, pulls: str | Path, arm: AnyArm, jamming: bool = True,
+                decimal: str | None = None) -> tuple[MeasuredShape, ...]:
     """
     Read the shapes of a points file and a pulls file, in the order of the points file.
 
-    jamming: of an arm in space, whether one segment was soft at a time.  Raises MeasurementError
-    naming file, line and remedy.
+    jamming: of an arm in space, whether one segment was soft at a time.  decimal: the mark, where
+    the numbers allow both.  Raises MeasurementError naming file, line and remedy.
     """
     axes = 'xz' if isinstance(arm, Arm) else 'xyz'
     measured = _read_points(read_table(points, (
         SHAPE, Quantity('point', ('point', 'punkt')),
-        *(Quantity(axis, (axis,), LENGTH_UNITS) for axis in axes))), axes, arm)
+        *(Quantity(axis, (axis,), 'm') for axis in axes)), decimal=decimal), axes, arm)
     tendons: tuple[Quantity, ...] = RIGHT_AND_LEFT
     named: dict[str, str] = {}
     if not isinstance(arm, Arm):
-        tendons = tuple(Quantity(name, (name,), LENGTH_UNITS) for name in arm.tendon_names)
+        tendons = tuple(Quantity(name, (name,), 'm') for name in arm.tendon_names)
         named = {name: name for name in arm.tendon_names}
     pulled = _read_pulls(
-        read_table(pulls, (SHAPE, *((SEGMENT,) if jamming else ()), *tendons, *OPTIONAL), named),
+        read_table(pulls, (SHAPE, *((SEGMENT,) if jamming else ()), *tendons, *OPTIONAL), named,
+                   decimal=decimal),
         [tendon.name for tendon in tendons], arm, jamming)
     for name in measured:
         if name not in pulled:

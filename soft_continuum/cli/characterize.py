@@ -35,7 +35,7 @@ from soft_continuum.parameters.parameter import Value
 
 NAME = 'characterize'
 COLUMNS = ('force', 'displacement', 'time', 'repetition')
-UNITS = ('force', 'displacement', 'time')
+UNITS = ('force', 'displacement')
 SOFT, LATERAL, STIFF = 'soft', 'lateral', 'stiff'
 REPLACED = {SOFT: 'arm.bending_stiffnesses', LATERAL: 'arm.lateral_bending_stiffnesses',
             STIFF: 'arm.stiffness_ratios'}
@@ -44,7 +44,7 @@ REPLACED = {SOFT: 'arm.bending_stiffnesses', LATERAL: 'arm.lateral_bending_stiff
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
     parser = Parser(NAME, 'Bending stiffness E I of a segment, soft and stiff, from '
-                    'force-displacement curves of a testing machine.', *FOR_ANALYSIS)
+                    'force-displacement curves of a testing machine.', *FOR_ANALYSIS, '--decimal')
     parser.add_argument('soft', type=Path, nargs='*', metavar='FILE',
                         help='CSV files of the soft segment, one repetition or more in each')
     parser.add_argument('--lateral', type=Path, nargs='+', default=[], metavar='FILE',
@@ -89,7 +89,8 @@ def _run(options: argparse.Namespace) -> None:
     states = []
     for name, paths in files.items():
         _refuse_twice(paths)
-        curves = read_curves(paths, _given(options, 'column'), _given(options, 'unit'))
+        curves = read_curves(paths, _given(options, 'column'), _given(options, 'unit'),
+                             options.decimal)
         states.append(MeasuredState(
             name, curves, characterise(curves, segment.length, options.lever_arm)))
     results = {state.name: state.result for state in states}

@@ -34,7 +34,7 @@ BAD_INPUT = (MeasurementError, IdentificationError, ResultError, ParameterError,
 
 def shapes_parser(name: str, description: str, known: str) -> Parser:
     """Return the parser of a verb on measured shapes; known: columns that pulls may have."""
-    parser = Parser(name, description, *FOR_ANALYSIS)
+    parser = Parser(name, description, *FOR_ANALYSIS, '--decimal')
     parser.add_argument('points', type=Path, help='CSV file: shape, point, x, z; in space also y')
     parser.add_argument('pulls', type=Path,
                         help=f'CSV file: shape, segment, right, left and, if known, {known}; '
@@ -90,9 +90,9 @@ def run_verb(parser: Parser, run: Callable[[argparse.Namespace], int | None],
     except OSError as error:
         if isinstance(error, TimeoutError) and error.errno is None:  # of nodes, not of a disk
             raise
-        return parser.fail(
-            f'{error.filename or options.output}: cannot be written: {error.strerror}; choose '
-            'another directory with --output', WRONG_USAGE)
+        place = error.filename or getattr(options, 'output', 'the result')
+        return parser.fail(f'{place}: cannot be written: {error.strerror}; choose another place',
+                           WRONG_USAGE)
     except KeyboardInterrupt:
         print(file=sys.stderr)
         return parser.fail('interrupted', INTERRUPTED)

@@ -23,6 +23,7 @@ from soft_continuum.hardware.checks import (
     Check,
     check_jamming,
     check_ports,
+    check_real_time,
     check_tendons,
     FAIL,
     OK,
@@ -114,6 +115,7 @@ def checks(paths: Sequence[Path]) -> Iterator[Check]:
         yield Check('parameters', FAIL, str(error))
         return
     yield Check('parameters', OK, where)
+    yield check_real_time(values)
     yield check_ports(values)
     yield from check_tendons(values)
     if values['arm.jamming']:

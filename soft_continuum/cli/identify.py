@@ -84,13 +84,14 @@ def _run(options: argparse.Namespace) -> None:
         flat = find_unknowns(names, arm)
         _identify(options, Method(
             arm, flat, identify, shape_error, lambda found: parameters_of(found, flat)),
-            read_shapes(options.points, options.pulls, arm))
+            read_shapes(options.points, options.pulls, arm, decimal=options.decimal))
     else:
         begun = spread_out(values, arm)
         _identify(options, Method(
             begun, find_unknowns_in_space(names, begun), identify_in_space, shape_error_in_space,
             lambda found: changed(found, begun)),
-            read_shapes(options.points, options.pulls, arm, bool(values['arm.jamming'])))
+            read_shapes(options.points, options.pulls, arm, bool(values['arm.jamming']),
+                        options.decimal))
 
 
 def _identify(options: argparse.Namespace, method: Method[Described],

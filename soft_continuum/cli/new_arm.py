@@ -41,7 +41,7 @@ FILE_NAME = re.compile(r'\w[\w.-]{0,99}', re.ASCII)
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
     parser = Parser(NAME, 'Describe an arm: asks for it in millimetres and degrees, and writes '
-                    'NAME.yaml, which the nodes take as --params-file, and a picture, NAME.png. '
+                    'NAME.yaml, for `up --params-file`, and a picture, NAME.png. '
                     'What is not known is assumed, and marked so. Options are answers; lists '
                     'have commas, base first, and one number counts for all.',
                     '--output', '--force')

@@ -39,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser(NAME, 'How the tip would be brought to a position: which segment is softened '
                     'when, to which angle, how long that takes, with which tension and at which '
                     'distance from obstacles. Needs neither a rig nor nodes.',
-                    '--params-file', '--json', '--force')
+                    '--params-file', '--json', '--force', '--decimal')
     add_tip(parser, needed=False)
     parser.add_argument('--path', type=Path, metavar='FILE',
                         help='instead of a position, a path: a CSV file with the columns x and z, '
@@ -87,7 +87,8 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
         if value is not None:
             values[name] = value
     around = Surroundings(arm, load_obstacles(options.obstacles) if options.obstacles else ())
-    tips = (read_tip_path(options.path, options.unit, UNITS[options.unit] * options.tolerance)
+    tips = (read_tip_path(options.path, options.unit, UNITS[options.unit] * options.tolerance,
+                          options.decimal)
             if options.path else [given_tip(options)])
     start, found = _planned(arm, values, around, options.start, tips)
     _print(found, options.json, len(tips) > 1)

@@ -6,7 +6,7 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from soft_continuum.arguments import Parser, WRONG_USAGE
+from soft_continuum.arguments import COMMON_OPTIONS, Parser, WRONG_USAGE
 from soft_continuum.cli.operate import Action, add_hold, add_vacuums, run_action, watch_sequence
 from soft_continuum.cli.output import Output
 from soft_continuum.cli.tip_options import (
@@ -43,6 +43,7 @@ def _reach(arm: 'Arm', options: Namespace, output: Output) -> int:
 def _follow_options(parser: Parser) -> None:
     parser.add_argument('file', type=Path, metavar='FILE', help='CSV file with the columns x and '
                         'z or x, y and z, and, if wanted, angle')
+    parser.add_argument('--decimal', **COMMON_OPTIONS['--decimal'])
     add_unit(parser, 'of lengths where the header does not tell, and of the tolerance')
     add_tolerance(parser)
     add_hold(parser)
@@ -52,7 +53,8 @@ def _follow(arm: 'Arm', options: Namespace, output: Output) -> int:
     from soft_continuum.analysis.delimited import MeasurementError
     from soft_continuum.cli.tip_path import read_tip_path
     try:
-        tips = read_tip_path(options.file, options.unit, UNITS[options.unit] * options.tolerance)
+        tips = read_tip_path(options.file, options.unit, UNITS[options.unit] * options.tolerance,
+                             options.decimal)
     except MeasurementError as error:
         return output.fail(error, WRONG_USAGE)
     return watch_sequence(arm.start(tips, hold=options.hold), output)

@@ -5,13 +5,7 @@
 from math import pi
 from pathlib import Path
 
-from soft_continuum.analysis.delimited import (
-    ANGLE_UNITS,
-    LENGTH_UNITS,
-    MeasurementError,
-    Quantity,
-    read_table,
-)
+from soft_continuum.analysis.delimited import MeasurementError, Quantity, read_table
 from soft_continuum.cli.tip_options import MAX_POSITION
 from soft_continuum.tip import Tip
 
@@ -19,18 +13,20 @@ MAX_POINTS = 200
 """As many as shape_sequencer takes."""
 
 
-def read_tip_path(path: Path, unit: str = 'm', tolerance: float = 0.0) -> list[Tip]:
+def read_tip_path(path: Path, unit: str = 'm', tolerance: float = 0.0,
+                  decimal: str | None = None) -> list[Tip]:
     """
     Return the goals of a CSV file with the columns x, z, and, if there are, y and angle.
 
     unit: of lengths where the header does not tell; that of angles is degrees then.  tolerance:
-    m, 0 for the usual one.  Raises MeasurementError naming file, line and remedy.
+    m, 0 for the usual one.  decimal: the mark, where the numbers allow both.  Raises
+    MeasurementError naming file, line and remedy.
     """
     table = read_table(path, [
-        Quantity('x', ('x',), LENGTH_UNITS), Quantity('z', ('z',), LENGTH_UNITS),
-        Quantity('y', ('y',), LENGTH_UNITS, required=False),
-        Quantity('angle', ('angle',), ANGLE_UNITS, required=False)],
-        usual={'x': unit, 'y': unit, 'z': unit, 'angle': 'deg'})
+        Quantity('x', ('x',), 'm'), Quantity('z', ('z',), 'm'),
+        Quantity('y', ('y',), 'm', required=False),
+        Quantity('angle', ('angle',), 'rad', required=False)],
+        usual={'x': unit, 'y': unit, 'z': unit, 'angle': 'deg'}, decimal=decimal)
     names = [name for name in 'xyz' if table.has(name)]
     rows = list(zip(*(table.column(name).numbers().tolist() for name in names), strict=True))
     if len(rows) > MAX_POINTS:

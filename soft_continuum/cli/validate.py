@@ -44,7 +44,8 @@ def _run(options: argparse.Namespace) -> None:
             raise ArmError(f'--corrected has an arm with segments of {sizes[1][0]} m and discs of '
                            f'{sizes[1][1]} m, --params-file one with {sizes[0][0]} and '
                            f'{sizes[0][1]}; they must be the same arm')
-    shapes = read_shapes(options.points, options.pulls, arm, bool(values['arm.jamming']))
+    shapes = read_shapes(options.points, options.pulls, arm, bool(values['arm.jamming']),
+                         options.decimal)
     figure, listing = reserve_outputs(
         options.output, [f'{NAME}.png', f'{NAME}.csv'], options.force)
     predictions = predict(shapes, arm, corrected)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from math import inf
 from typing import Any, TYPE_CHECKING
+from uuid import uuid4
 
 from soft_continuum.client.errors import LostError, NoAnswerError, RefusedError, SequenceError
 from soft_continuum.client.operations import Operations
@@ -22,6 +23,8 @@ if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
 PLANNING_TIMEOUT = 30.0  # s that the shape_sequencer may take to plan before it answers
 TIP_TIMEOUT = 130.0  # s more for each goal of the tip: more than reach.time_limit
 LOST_TIMEOUT = 10.0  # s without a message of the shape_sequencer until a sequence counts as lost
+ANSWER_PAUSE = 1.0
+"""s for which an answer is waited for once the state of the sequencer says that it was sent."""
 REASON_TIMEOUT = 1.0  # s between the answer to a goal and the reason of its rejection
 
 
@@ -52,13 +55,7 @@ class Requests(Operations):
         await self.found(self._action.server_is_ready, 'the action run_shape_sequence',
                          SHAPE_SEQUENCER)
         sequence = RunningSequence()
-        answer = self._action.send_goal_async(message, feedback_callback=sequence.on_feedback)
-        timeout = PLANNING_TIMEOUT + TIP_TIMEOUT * sum(
-            bool(shape.tips) for shape in message.shapes)
-        if not await self.done(answer, timeout):
-            answer.add_done_callback(lambda late: late.result().cancel_goal_async())
-            raise NoAnswerError(f'no answer of {SHAPE_SEQUENCER} within {timeout:g} s')
-        handle = answer.result()
+        handle = await self._handle(message, sequence.on_feedback)
         if not handle.accepted:
             observed = self.observed
             state = await until(lambda: (state := observed.shape_sequencer)
@@ -69,6 +66,42 @@ class Requests(Operations):
         sequence.begin(lambda: self.node.executor.create_task(handle.cancel_goal_async),
                        self.start(self._follow(handle)))
         return sequence
+
+    async def _handle(self, message: Any, on_feedback: Any) -> Any:
+        """
+        Send a goal; return its handle once it is accepted or rejected.
+
+        If the answer is lost, as on a busy machine, the state of the shape_sequencer still says
+        which of the two.
+        """
+        from rclpy.action.client import ClientGoalHandle
+        from unique_identifier_msgs.msg import UUID
+
+        from soft_continuum_interfaces.action import RunShapeSequence
+        goal_id, known, observed = UUID(uuid=list(uuid4().bytes)), Age(), self.observed
+        accepted = False
+
+        def reported() -> bool:
+            nonlocal accepted
+            state = observed.shape_sequencer
+            if known.seconds == inf and state and goal_id in (state.goal_id,
+                                                              state.rejected_goal_id):
+                accepted = goal_id == state.goal_id
+                known.refresh()
+            return ANSWER_PAUSE <= known.seconds < inf
+
+        answer = self._action.send_goal_async(message, on_feedback, goal_id)
+        answer.add_done_callback(self.step)
+        timeout = PLANNING_TIMEOUT + TIP_TIMEOUT * sum(
+            bool(shape.tips) for shape in message.shapes)
+        await until(lambda: answer.done() or reported(), timeout)
+        if answer.done():
+            return answer.result()
+        if known.seconds < inf:
+            return ClientGoalHandle(self._action, goal_id, (
+                RunShapeSequence.Impl.SendGoalService.Response(accepted=accepted)))
+        answer.add_done_callback(lambda late: late.result().cancel_goal_async())
+        raise NoAnswerError(f'no answer of {SHAPE_SEQUENCER} within {timeout:g} s')
 
     async def _follow(self, handle: Any) -> 'SequenceResult':
         """Return how a sequence ended; raises SequenceError or LostError."""
@@ -82,8 +115,8 @@ class Requests(Operations):
         """
         Return the result of a goal; raises LostError.
 
-        It comes when the goal ends, unless it is lost: it is asked for again when the goal has not
-        run for ``timeout`` s.
+        It comes when the goal ends, unless it is lost, as on a busy machine: it is asked for again
+        when the goal has not run for 1 s, then 2 s and so on, ``ATTEMPTS * timeout`` s in all.
         """
         observed, accepted, runs, asked = self.observed, Age(), Age(), list[Any]()
         accepted.refresh()
@@ -95,15 +128,16 @@ class Requests(Operations):
         def lost() -> bool:
             return min(accepted.seconds, observed.age(SHAPE_SEQUENCER)) >= LOST_TIMEOUT
 
-        def late() -> bool:
+        def late() -> bool:  # for ``pause`` s
             nonlocal began
             if (state := observed.shape_sequencer) is not None:
                 began = began or state.goal_id == handle.goal_id
                 if state.running and (state.goal_id == handle.goal_id or not began):
                     runs.refresh()  # it does, or waits until the one before has ended
-            return runs.seconds >= self.timeout
+            return runs.seconds >= pause
 
-        for _ in range(ATTEMPTS):
+        pause, patience = ANSWER_PAUSE, ATTEMPTS * self.timeout
+        while patience > 0.0:
             asked.append(handle.get_result_async())
             asked[-1].add_done_callback(self.step)
             runs.refresh()
@@ -115,6 +149,7 @@ class Requests(Operations):
                     f'nothing received of {SHAPE_SEQUENCER} for {LOST_TIMEOUT:g} s; the arm may '
                     'be left with a soft segment: see its state, start the nodes again, stiffen '
                     'all segments')
+            patience, pause = patience - pause, min(2.0 * pause, self.timeout)
         raise LostError(f'{SHAPE_SEQUENCER} does not run the sequence any more, but has not '
                         f'answered how it ended within {ATTEMPTS * self.timeout:g} s; see its '
                         'state')

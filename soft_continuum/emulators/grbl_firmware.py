@@ -43,7 +43,8 @@ class GrblFirmware:
     The firmware and its motors, without a wire; times are emulated s.
 
     ``time`` is now and ``stood_since`` the end of the last motion.  ``race``: the next jog runs as
-    a program.  ``stalled``: the motors make no step, whatever the state.
+    a program.  ``stalled``: the motors make no step, whatever the state.  ``greeting``: what a
+    reset says; forks of the firmware have their own.
     """
 
     def __init__(self, settings: Mapping[int, float], say: Callable[[str], None],
@@ -58,6 +59,7 @@ class GrblFirmware:
         self.settings: dict[int, float] = {**DEFAULTS, **settings}
         self.received: list[str] = []  # lines, as they came
         self.race = self.stalled = False
+        self.greeting = "Grbl 1.1h ['$' for help]"
         self.time = self.stood_since = 0.0
         self.forgotten: Steps = (0, 0, 0)  # steps made before the position was set to zero
         self.buffer = bytearray()
@@ -209,7 +211,7 @@ class GrblFirmware:
             self._say_line(line)
 
     def _greet(self) -> None:
-        self._say('', "Grbl 1.1h ['$' for help]")
+        self._say('', self.greeting)
         if self.state == 'Alarm':
             self._say("[MSG:'$H'|'$X' to unlock]")
 
@@ -255,9 +257,10 @@ class GrblFirmware:
             text += '|Pn:H'
         if self._until_offset == 0:
             text += f'|WCO:{decimals(offsets)}'
-        elif self._until_offset == 9:
+        elif self._until_offset in (9, 29):
             text += '|Ov:100,100,100'
-        self._until_offset = (self._until_offset or (10 if state != 'Idle' else 30)) - 1
+        again = 10 if self.state in ('Idle', 'Alarm') else 30
+        self._until_offset = (self._until_offset or again) - 1
         return text + '>'
 
     def _machine(self) -> MachineSettings:

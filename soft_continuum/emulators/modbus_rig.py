@@ -123,7 +123,8 @@ class ModbusEmulator(EmulatedDevice):
     The boards; faults may be set at any time.
 
     Segments count from 0 here.  hang: answer nothing.  late: s by which every reply is late.
-    drop, garble: share of replies that are lost or damaged.  refuse: exception code that answers
+    drop, garble: share of replies that are lost or damaged.  echo: the adapter receives what it
+    sends.  zeros: so many end every reply.  refuse: exception code that answers
     everything, 0 for none.  transform: what is sent instead of a reply.  stuck: coils, or
     outputs, that do not follow.  A reply has the state at the time of its request, however late
     it is.
@@ -202,7 +203,7 @@ class ModbusEmulator(EmulatedDevice):
         """End every fault but a pulled plug."""
         with self.lock:
             self.hang, self.late, self.drop, self.garble, self.refuse = False, 0.0, 0.0, 0.0, 0
-            self.transform = None
+            self.transform, self.echo, self.zeros = None, False, 0
             self.stuck.clear()
             for segment in self.segments:
                 segment.broken_wire, segment.stuck_at = False, None
@@ -229,7 +230,10 @@ class ModbusEmulator(EmulatedDevice):
                 pause = min(FRAME_GAP if received else IDLE_STEP, due - self.clock())
                 if self.clock.wait([master], pause):
                     with self.lock:  # the plug may have been pulled since
-                        received += os.read(self._master, 4096)
+                        data = os.read(self._master, 4096)
+                    if self.echo:
+                        self.send(data)
+                    received += data
                     received_at = self.clock()
             except (OSError, ValueError):
                 received = b''
@@ -268,6 +272,7 @@ class ModbusEmulator(EmulatedDevice):
                 damaged = self._random.randrange(len(reply))
                 flipped = reply[damaged] ^ 1 << self._random.randrange(8)
                 reply = reply[:damaged] + bytes([flipped]) + reply[damaged + 1:]
+            reply += bytes(self.zeros)
             late = self.late
         if self._baud_rate:
             # Request, reply and the silence of 3.5 characters between them.

@@ -31,5 +31,29 @@ class Clock:
         self.wait((), seconds)
 
 
+class Looks:
+    """
+    Time for judging the silence of others, that stands still while nobody looks.
+
+    From one look to the next at most GAP counts: a program that was kept waiting has not seen that
+    nothing came.
+    """
+
+    GAP = 0.1  # s
+
+    def __init__(self, clock: Clock) -> None:
+        """Begin with a look at time 0."""
+        self._clock, self._last, self._time = clock, clock(), 0.0
+
+    def look(self) -> None:
+        """Let the time go on that has passed since the last look, as far as it counts."""
+        last, self._last = self._last, self._clock()
+        self._time += min(self._last - last, self.GAP)
+
+    def __call__(self) -> float:
+        """Return the time of the last look, s."""
+        return self._time
+
+
 STEADY = Clock()
 """Real time, which is never set."""

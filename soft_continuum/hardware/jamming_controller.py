@@ -174,6 +174,8 @@ class JammingController:
                  settings: JammingSettings, clock: Callable[[], float] = monotonic) -> None:
         """Use an opened ``driver``; clock: s, never set back."""
         self._driver = driver
+        # To ask what a protocol is takes long, and this is asked in every cycle.
+        self._valves = None if isinstance(driver, RegulatorDriver) else driver
         self._settings = settings
         self._clock = clock
         self._watch = PressureWatch(segments, settings)
@@ -210,8 +212,8 @@ class JammingController:
             self.stiff[i] = (holds(reading, i, self._settings) and not self.faults[i]
                              and isfinite(value) and value >= threshold
                              and not self._watch.refilling(i))
-        if not isinstance(self._driver, RegulatorDriver):
-            self._switch_pump(self._driver, reading, vacuum)
+        if self._valves is not None:
+            self._switch_pump(self._valves, reading, vacuum)
         return reading
 
     def _switch_pump(self, driver: JammingDriver, reading: JammingReading,

@@ -20,6 +20,7 @@ from soft_continuum.ros.text import plain
 from soft_continuum_interfaces import srv
 
 PERIOD = 0.2  # s between two signs of life
+MAX_CONFLICT = 500  # characters of a conflict that another node notices
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Instance:
     What a node says of itself: five times a second on ``~/instance``, a line for each.
 
     process: different for every process.  description: parameters.arm.description_digest.  time:
-    its ROS time, s; None where that is not said.
+    its ROS time, s; None where that is not said.  conflict: one that it alone can notice.
     """
 
     process: str
@@ -36,6 +37,7 @@ class Instance:
     description: str = ''
     host: str = ''
     time: float | None = None
+    conflict: str = ''
 
     @classmethod
     def own(cls, parameters: Mapping[str, Any]) -> Self:
@@ -45,15 +47,17 @@ class Instance:
     def to_ros(self, time: float) -> String:
         """Return it as a message that is sent at a ROS time, s."""
         return String(data='\n'.join((
-            self.process, self.version, self.description, self.host, f'{time:.6f}')))
+            self.process, self.version, self.description, self.host, f'{time:.6f}',
+            self.conflict)))
 
     @classmethod
     def from_ros(cls, message: String) -> Self:
         """Read a message; versions before 0.2 say only the process."""
-        process, of_program, description, host, time = (
-            message.data.split('\n', 5) + [''] * 5)[:5]
+        process, of_program, description, host, time, conflict = (
+            message.data.split('\n', 6) + [''] * 6)[:6]
         return cls(plain(process), plain(of_program), plain(description), plain(host),
-                   float(time[:30]) if ROS_NUMBER.fullmatch(time[:30]) else None)
+                   float(time[:30]) if ROS_NUMBER.fullmatch(time[:30]) else None,
+                   plain(conflict, MAX_CONFLICT))
 
 
 class About:

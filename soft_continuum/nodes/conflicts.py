@@ -2,27 +2,35 @@
 # SPDX-License-Identifier: Apache-2.0
 """Nodes that must not act as one arm: of one name, of two versions, for two arms."""
 
-from collections import defaultdict
-from collections.abc import Mapping
+from collections import defaultdict, deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf
 from typing import Any
 
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from soft_continuum.nodes.about import About, Instance, PERIOD
-from soft_continuum.nodes.entries import repeat, subscribe
+from soft_continuum.nodes.entries import guarded, repeat, subscribe
 from soft_continuum.parameters.nodes import DESCRIBED
 from soft_continuum.ros.age import Age
+from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.names import INSTANCE, NODES, TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.ros.text import plain
 
 ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended
-TOPICS = ('tendon_states', 'joint_states', *(f'{node}/state' for node in (*NODES, TELEOP)))
+TOPICS = ('tendon_states', *(f'{node}/state' for node in (*NODES, TELEOP)))
 MAX_AHEAD = 0.2
 """s by which the clock of another computer may be ahead: as much more motion may be queued."""
+GRAPH_PERIOD = 1.0  # s: another publisher is discovered no sooner
 MAX_NAMES = 5  # of publishers that are listed
+MAX_PROCESSES = 8  # of one name that are told apart
+JOINTS = 'joint_states'
+OWN_JOINTS = 500  # messages of our own that may still be on their way back
 
 
 DIFFERENCES = (
@@ -33,50 +41,69 @@ DIFFERENCES = (
 """Of Instance: what must be the same, how it is said, and the remedy."""
 
 
+@dataclass
+class Heard:
+    """
+    A process of a node that was heard of.
+
+    ahead: s by which its clock is, by its last two messages: in one, a clock may have been set.
+    """
+
+    instance: Instance
+    ahead: tuple[float, float] = (-inf, -inf)
+    age: Age = field(default_factory=Age)
+
+
 class Conflicts:
     """
     Notices whatever would make two nodes act as one, or two arms be taken for one.
 
     The graph alone would not do: a node that was killed stays in it for many seconds.  So every
     node publishes on ~/instance that it runs, by which version and for which arm, and this
-    receives it of another one with its name, and of all the other nodes of the arm.
+    receives it of every node of the arm.  Two processes of one name run if one of them is heard
+    again after the other: of a node that was started again the first one is not.
     """
 
     def __init__(self, node: Any, segments: int, parameters: Mapping[str, Any]) -> None:
         """Watch on behalf of ``node``, for an arm of so many segments."""
         self.problem = ''
-        self._node, self._about = node, About(node, parameters)
+        self._node, self.about = node, About(node, parameters)
         of_segments = [f'segment_{n}/{topic}' for n in range(1, segments + 1)
                        for topic in ('stiff', 'pressure')]
         self._topics = [node.resolve_topic_name(topic) for topic in (*TOPICS, *of_segments)]
-        self._same_name = Age()
-        subscribe(node, String, INSTANCE, self._on_same_name, SENSOR)
-        self._others = {name: (Instance(''), Age()) for name in DESCRIBED
-                        if name != node.get_name()}
-        self._ahead: dict[str, tuple[float, float]] = {}  # s, by the last two messages of a node
-        for name in self._others:
-            subscribe(node, String, INSTANCE.replace('~', name), partial(self._on_other, name),
-                      SENSOR)
+        self._graph_age, self._shared_topics = Age(), list[str]()
+        self._own_name = node.get_name()
+        self._heard: dict[str, dict[str, Heard]] = {  # by name and process, the last one last
+            name: {} for name in (self._own_name, *DESCRIBED)}
+        self._doubled: dict[str, Age] = defaultdict(Age)
+        for name in self._heard:
+            subscribe(node, String,
+                      INSTANCE if name == self._own_name else INSTANCE.replace('~', name),
+                      partial(self._on_instance, name), SENSOR)
         repeat(node, PERIOD, self._check_now)
 
-    def _on_same_name(self, message: String) -> None:
-        if Instance.from_ros(message).process != self._about.own.process:
-            self._same_name.refresh()
-            self._check_at_first()
-
-    def _on_other(self, name: str, message: String) -> None:
-        _, age = self._others[name]
-        instance = Instance.from_ros(message)
-        age.refresh()
-        self._others[name] = instance, age
+    def _on_instance(self, name: str, message: String) -> None:
+        instance, processes = Instance.from_ros(message), self._heard[name]
+        last, heard = next(reversed(processes), ''), processes.pop(instance.process, None)
+        if heard is None:
+            for process in [one for one, of in processes.items() if of.age.seconds > ENDED_AFTER]:
+                del processes[process]
+            if len(processes) >= MAX_PROCESSES:
+                return
+            heard = Heard(instance)
+        elif last != instance.process:
+            self._doubled[name].refresh()
+        processes[instance.process] = heard
+        heard.instance = instance
+        heard.age.refresh()
         if instance.time is not None:
-            _, last = self._ahead.get(name, (-inf, -inf))
-            self._ahead[name] = last, instance.time - self._about.time
-        if any(self._differs(instance, attribute) for attribute, *_ in DIFFERENCES):
+            heard.ahead = heard.ahead[1], instance.time - self.about.time
+        if last != instance.process or any(
+                self._differs(instance, attribute) for attribute, *_ in DIFFERENCES):
             self._check_at_first()
 
     def _differs(self, instance: Instance, attribute: str) -> bool:
-        own = getattr(self._about.own, attribute)  # '' of a node that has no description
+        own = getattr(self.about.own, attribute)  # '' of a node that has no description
         return bool(own) and getattr(instance, attribute) != own
 
     def _check_at_first(self) -> None:
@@ -86,50 +113,117 @@ class Conflicts:
 
     def lost(self, name: str, timeout: float) -> bool:
         """Return whether one of the other nodes was heard of, but not for ``timeout`` s."""
-        return timeout < self._others[name][1].seconds < inf
+        return timeout < min((one.age.seconds for one in self._heard[name].values()),
+                             default=inf) < inf
+
+    def _others(self) -> Iterator[tuple[str, Heard]]:
+        """Yield name and process of whatever other nodes run."""
+        for name, processes in self._heard.items():
+            for process, heard in processes.items():
+                if process != self.about.own.process and heard.age.seconds <= ENDED_AFTER:
+                    yield name, heard
 
     def _check_now(self) -> None:
-        node, problems = self._node, []
-        if self._same_name.seconds <= ENDED_AFTER:
-            problems.append(
-                f'another {node.get_fully_qualified_name()} is running; end one of the two, or '
-                'give one a namespace')
-        for topic in self._topics:
-            if node.count_publishers(topic) < 2:  # to list them takes many times as long
-                continue
-            names = sorted({f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-                            for info in node.get_publishers_info_by_topic(topic)
-                            if info.node_name != UNKNOWN_NODE})
-            if len(names) > 1:
-                some = ' and '.join(map(plain, names[:MAX_NAMES]))
-                problems.append(f'{topic} is published by {some}; end all but one')
+        node = self._node
+        problems = [
+            f'another {node.get_namespace().rstrip("/")}/{name} is running; end one of the two, '
+            'or give one a namespace'
+            for name, age in self._doubled.items() if age.seconds <= ENDED_AFTER]
+        if self._graph_age.seconds >= GRAPH_PERIOD:
+            self._graph_age.refresh()
+            self._shared_topics = self._look_at_the_graph()
+        problems += self._shared_topics
+        problems += sorted({one.conflict for one in (
+            self.about.own, *(heard.instance for _, heard in self._others()))} - {''})
         for difference in DIFFERENCES:
             problems += self._differences(*difference)
         problems += self._clocks()
         self.problem = '; '.join(problems)
         node.status.alarm('conflict', self.problem)
 
+    def _look_at_the_graph(self) -> list[str]:
+        """Return which topics have more than one publisher."""
+        found = []
+        for topic in self._topics:
+            if self._node.count_publishers(topic) < 2:  # to list them takes many times as long
+                continue
+            names = publishers(self._node, topic)
+            if len(names) > 1:
+                found.append(f'{topic} is published by {" and ".join(names)}; end all but one')
+        return found
+
     def _clocks(self) -> list[str]:
         """Return whose clock is ahead of that of this node: a late message is no sign of that."""
-        found = {}
-        for name, (instance, age) in self._others.items():
-            ahead = min(self._ahead.get(name, (-inf, -inf)))  # in one, a clock may have been set
-            if age.seconds <= ENDED_AFTER and ahead > MAX_AHEAD:
-                found[instance.host] = name, ahead
+        found = {one.instance.host: (name, min(one.ahead)) for name, one in self._others()
+                 if min(one.ahead) > MAX_AHEAD}
         return [
             f'the clock of {name} on {host or "an unknown computer"} is {ahead:.2f} s ahead of '
-            f'that of {self._node.get_name()} on {self._about.own.host}; allowed: {MAX_AHEAD:g} '
+            f'that of {self._node.get_name()} on {self.about.own.host}; allowed: {MAX_AHEAD:g} '
             's; let both computers take their time from one server (chrony)'
             for host, (name, ahead) in found.items()]
 
     def _differences(self, attribute: str, what: str, remedy: str) -> list[str]:
         """Return how the nodes that run differ from this one in an attribute of Instance."""
-        own, found = self._about.own, defaultdict(list)
-        for name, (instance, age) in self._others.items():
-            if age.seconds <= ENDED_AFTER and self._differs(instance, attribute):
-                found[getattr(instance, attribute), instance.host].append(name)
+        own, found = self.about.own, defaultdict(list)
+        for name, one in self._others():
+            if self._differs(one.instance, attribute):
+                found[getattr(one.instance, attribute), one.instance.host].append(name)
         return [
             f'{" and ".join(names)} on {host or "an unknown computer"} '
             f'{"have" if len(names) > 1 else "has"} {what} '
             f'{value or "unknown"}, {self._node.get_name()} on {own.host} '
             f'{getattr(own, attribute)}: {remedy}' for (value, host), names in found.items()]
+
+
+class SharedJoints:
+    """
+    Notices that another node publishes joints of this arm on joint_states.
+
+    Other joints there, such as those of a base that carries the arm, are no conflict: every robot
+    publishes its own.  A message does not say who sent it, so our own are kept for a while.
+    """
+
+    def __init__(self, node: Any, names: Sequence[str], conflicts: Conflicts) -> None:
+        """Watch on behalf of the ``node`` that publishes the joints with these names."""
+        self._node, self._names, self._conflicts = node, frozenset(names), conflicts
+        self._own: deque[tuple[int, int, bytes]] = deque(maxlen=OWN_JOINTS)
+        self._age, self._shared = Age(), ''
+        self._topic, self._alone = node.resolve_topic_name(JOINTS), True
+        node.create_subscription(JointState, JOINTS, guarded(node, self._on_joints), SENSOR,
+                                 raw=True)
+        repeat(node, PERIOD, self._check)
+
+    def sent(self, message: JointState) -> None:
+        """Note a message of our own, before it is published."""
+        self._own.append(_key(message))
+
+    def _on_joints(self, data: bytes) -> None:
+        if self._alone or len(data) > MAX_BYTES:  # to convert each of our own would cost a lot
+            return
+        message = deserialize_message(data, JointState)
+        if (shared := self._names.intersection(message.name)) and _key(message) not in self._own:
+            self._shared = min(shared)
+            self._age.refresh()
+
+    def _check(self) -> None:
+        node = self._node
+        self._alone = node.count_publishers(self._topic) < 2
+        problem = '' if self._age.seconds > ENDED_AFTER else (
+            f'{self._topic} with {plain(self._shared)} is published by '
+            f'{" and ".join(publishers(node, self._topic))}; end all but {node.get_name()}, or '
+            'give other names to the joints of the others')
+        about = self._conflicts.about
+        about.own = replace(about.own, conflict=problem)
+
+
+def _key(message: JointState) -> tuple[int, int, bytes]:
+    stamp = message.header.stamp
+    return stamp.sec, stamp.nanosec, bytes(message.position)
+
+
+def publishers(node: Any, topic: str) -> list[str]:
+    """Return the full names of the nodes that publish a topic, a few at most."""
+    names = {f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+             for info in node.get_publishers_info_by_topic(topic)
+             if info.node_name != UNKNOWN_NODE}
+    return [plain(name) for name in sorted(names)[:MAX_NAMES]]

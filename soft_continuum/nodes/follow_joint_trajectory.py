@@ -10,7 +10,7 @@ could not say why.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf
+from math import inf, isnan
 from typing import Any
 from uuid import uuid4
 
@@ -187,10 +187,9 @@ class FollowServer(ActionServer):
                 raise GoalError(Result.INVALID_GOAL, f'a tolerance of the acceleration of '
                                 f'{plain(one.name)}: accelerations are not measured')
             n = self._tendons.index(one.name)
+            if any(map(isnan, (one.position, one.velocity, one.acceleration))):
+                raise GoalError(Result.INVALID_GOAL, f'a tolerance of {plain(one.name)} is nan')
             for values, value in ((found.positions, one.position), (found.speeds, one.velocity)):
-                if value != value:  # nan
-                    raise GoalError(Result.INVALID_GOAL,
-                                    f'a tolerance of {plain(one.name)} is nan')
                 values[n] = value if value > 0.0 else inf
         return found
 

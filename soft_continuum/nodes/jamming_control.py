@@ -8,7 +8,10 @@ from dataclasses import dataclass
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, RegulatorDriver
+from soft_continuum.nodes.threads import RestingStream
 from soft_continuum_interfaces.msg import JammingValvesState
+
+REST_CHANGE = 200.0  # Pa of pressure
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,7 @@ class JammingControl:
         self._pressures: tuple[float, ...] | None = None
         self._time = 0.0
         self._fault = ''
+        self._stream = RestingStream(REST_CHANGE)
 
     def attach(self, driver: Driver) -> None:
         """Control an open ``driver`` from now on."""
@@ -89,8 +93,12 @@ class JammingControl:
         except HardwareError as error:
             self.not_connected(str(error))
             return
-        self._fault, self._time = '', time
-        self.report()
+        changed, self._fault, self._time = bool(self._fault), '', time
+        controller = self._controller
+        reading = controller.reading
+        state = tuple(controller.stiff), controller.faults, reading.pump, reading.vacuums
+        if self._stream.due(time, state, self._pressures) or changed:
+            self.report()
 
     def set_stiff(self, segments: Sequence[int], stiff: bool) -> None:
         """

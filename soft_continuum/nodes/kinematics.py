@@ -28,7 +28,7 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.statics import StaticsError
-from soft_continuum.nodes.conflicts import Conflicts
+from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.jam_vacuum import JamVacuum
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
@@ -145,9 +145,10 @@ class Kinematics(Node):
         self._pose_to_ros = measured_pose_to_ros if planar else tracked_pose_to_ros
         self._measured = MeasuredPoses(
             self, segments + 1, frame,
-            measured_pose_from_ros if planar else tracked_pose_from_ros)
+            self._wake, measured_pose_from_ros if planar else tracked_pose_from_ros)
         self.conflicts = Conflicts(self, segments, self.parameters)
-        repeat(self, CHECK_PERIOD, self._check)
+        self._shared_joints = SharedJoints(self, self._joint_message.name, self.conflicts)
+        self._timer = repeat(self, CHECK_PERIOD, self._check)  # only while something waits
         serve(self, Trigger, '~/reset', self._on_reset)
         self.status.set(OK, loading())
 
@@ -190,10 +191,12 @@ class Kinematics(Node):
         self._next_pulls = pulls
         self._time = seconds(message.header.stamp) or seconds(self.get_clock().now().to_msg())
         self._follow()
+        self._check_alarms()
         if self._shape.state is not None and self._follows:
             measured = dict(zip(message.name, message.effort, strict=False))
             if self._shape.measurable:
                 self._measured_tensions.put(self._time, measured)
+                self._wake()
             # The estimate follows what is measured: only the prediction can differ for long.
             model = self._shape.predicted or self._shape.state
             self.status.alarm('tensions', self._measured_tensions.problem(
@@ -207,6 +210,17 @@ class Kinematics(Node):
             self._measure(time, discs, self._refused_poses)
         for time, tensions in self._measured_tensions.take():
             self._measure(time, tensions, self._refused_tensions)
+        self._check_alarms()
+        if not self._measured.waits and self._next_pulls is None and (
+                self._next_stiff == self._stiff):
+            self._timer.cancel()
+
+    def _wake(self) -> None:
+        """Have what waits looked at within CHECK_PERIOD."""
+        if self._timer.is_canceled():
+            self._timer.reset()
+
+    def _check_alarms(self) -> None:
         self.status.alarm('anomaly', '; '.join(one.message for one in self._shape.anomalies))
         if self._measured.refused:
             self.status.alarm('pose', f'a measured pose is not used: {self._measured.refused}',
@@ -236,8 +250,10 @@ class Kinematics(Node):
 
     def _follow(self) -> None:
         """Follow what was reported last, but not more often than the model can."""
-        if STEADY() - self._followed >= MIN_PERIOD:  # else the timer will
+        if STEADY() - self._followed >= MIN_PERIOD:
             self._follow_now()
+        else:
+            self._wake()
 
     def _follow_now(self) -> None:
         if self._next_pulls is not None:
@@ -272,6 +288,7 @@ class Kinematics(Node):
         self._segment_poses.publish(poses_to_ros(poses[2::2], self._segment_message))
         self._disc_poses.publish(poses_to_ros(poses, self._disc_message))
         self._joint_message.position = state.joint_positions.tolist()
+        self._shared_joints.sent(self._joint_message)
         self._joint_states.publish(self._joint_message)
         self._tension_message.effort = state.tensions.tolist()
         self._tensions.publish(self._tension_message)

@@ -35,10 +35,14 @@ class MeasuredPoses:
     The base does not move: it tells whether the camera did, but alone nothing of the arm.
     """
 
-    def __init__(self, node: Any, discs: int, frame: str, read: PoseReader = measured_pose_from_ros
-                 ) -> None:
-        """Subscribe for ``node``; frame: in which poses have to be; read: what they say."""
-        self._frame, self._read = frame, read
+    def __init__(self, node: Any, discs: int, frame: str, on_pose: Callable[[], None],
+                 read: PoseReader = measured_pose_from_ros) -> None:
+        """
+        Subscribe for ``node``; frame: in which poses have to be; read: what they say.
+
+        on_pose: called when there is something to take, or has been refused.
+        """
+        self._frame, self._read, self._on_any = frame, read, on_pose
         self._waiting: dict[float, tuple[float, dict[int, DiscMeasurement]]] = {}
         self._taken = -1.0  # s, the stamp that was used last
         self._allowed = MAX_AT_ONCE  # times that may be used now
@@ -49,6 +53,7 @@ class MeasuredPoses:
                       partial(self._on_pose, disc), SENSOR)
 
     def _on_pose(self, disc: int, message: PoseWithCovarianceStamped) -> None:
+        self._on_any()
         try:
             pose, covariance = self._read(message, self._frame)
         except ValueError as error:
@@ -61,6 +66,11 @@ class MeasuredPoses:
         discs[disc] = DiscMeasurement(disc, pose, covariance)
         while len(self._waiting) > MAX_WAITING:
             del self._waiting[next(iter(self._waiting))]
+
+    @property
+    def waits(self) -> bool:
+        """Whether there is anything that ``take`` has not returned yet."""
+        return bool(self._waiting)
 
     def take(self) -> list[tuple[float, list[DiscMeasurement]]]:
         """Return what need not wait any longer: times in s, and what was measured then."""

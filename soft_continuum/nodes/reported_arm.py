@@ -15,7 +15,12 @@ from soft_continuum.mechanics.either import AnyChain
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.conversions import equilibrium_from_ros, Stiffness, stiffness_from_ros
+from soft_continuum.ros.conversions import (
+    equilibrium_from_ros,
+    SHAPE_FIELDS,
+    Stiffness,
+    stiffness_from_ros,
+)
 from soft_continuum.ros.estimates import Model, model_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
@@ -70,7 +75,11 @@ class ReportedArm:
         self.jamming_age.refresh()
 
     def _on_shape(self, message: KinematicsState) -> None:
-        shape = equilibrium_from_ros(message, self.chain)
+        last = self._reported
+        # At rest the same shape comes again, which need not be computed again.
+        same = last is not None and all(getattr(message, name) == getattr(last[1], name)
+                                        for name in SHAPE_FIELDS)
+        shape = last[0] if last is not None and same else equilibrium_from_ros(message, self.chain)
         if shape is not None:
             self._reported = shape, message
             self.shape_age.refresh()

@@ -4,6 +4,7 @@
 
 from copy import deepcopy
 from math import inf
+import re
 import time
 from typing import Any
 
@@ -18,6 +19,9 @@ from soft_continuum.ros.qos import LATCHED
 REPEAT_PERIOD = 1.0  # s between two states that are the same
 FAILURE_PERIOD = 5.0  # s for which a mistake of the program is shown
 
+NUMBER = re.compile(r'-?\d+\.\d+(e[-+]?\d+)?|-?\d+(?= (?:mm|ms|s|k?Pa|N|%)(?!\w))')
+"""What may change while a status stays of its kind: what is measured, not what names a part."""
+
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -29,7 +33,7 @@ class Status:
         self._message = DiagnosticStatus(
             name=node.get_fully_qualified_name().lstrip('/'), hardware_id=hardware_id)
         self._node = node
-        self._logged: tuple[bytes, str] = OK, ''
+        self._logged: tuple[bytes, str] = OK, ''  # level and kind of the last
         self._log_times: dict[bytes, float] = {}  # by level: when, s (steady)
         self._publisher = node.create_publisher(DiagnosticStatus, '~/status', LATCHED)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -68,12 +72,12 @@ class Status:
         self._publisher.publish(self._message)
 
     def _log(self, level: bytes, message: str) -> None:
-        """Log what changed; of what changes faster than LOG_PERIOD, what lasts."""
-        now = time.monotonic()
-        if ((level, message) == self._logged
+        """Log what changed but for numbers; of what changes faster than LOG_PERIOD, what lasts."""
+        now, kind = time.monotonic(), (level, NUMBER.sub('#', message))
+        if (kind == self._logged
                 or now - self._log_times.get(level, -inf) <= LOG_PERIOD):
             return
-        self._logged, self._log_times[level] = (level, message), now
+        self._logged, self._log_times[level] = kind, now
         logger = self._node.get_logger()
         # Separate calls: rclpy ties a severity to the calling line.
         if level == ERROR:

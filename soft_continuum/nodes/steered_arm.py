@@ -42,7 +42,7 @@ from soft_continuum.teleop.dead_man import MOVE
 from soft_continuum_interfaces.msg import TeleopState, TendonActuationState
 
 PREPARING = 'the servo is being prepared'
-NO_SERVO = ('servo does not run: start the nodes with --teleop, or it alone with: ros2 run '
+NO_SERVO = ('servo does not run: start the nodes with `up --teleop`, or it alone with: ros2 run '
             'soft_continuum servo')
 ANSWER_TIMEOUT, DISCOVERY_TIMEOUT = 5.0, 0.5  # s
 ENABLING_TIMEOUT = 10.0  # s for a servo in space to find what its segment can be bent to

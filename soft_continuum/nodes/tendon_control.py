@@ -16,6 +16,7 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.motion_requests import MotionRequests, Request
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm
 from soft_continuum.nodes.tendon_report import Report
+from soft_continuum.nodes.threads import RestingStream
 from soft_continuum.ros.conversions import accuracy_to_ros, Stiffness
 from soft_continuum_interfaces.msg import TendonActuationState
 
@@ -24,6 +25,7 @@ MAX_LATENESS = 0.5
 MAX_JUMP = 0.5
 """s by which ROS time may jump without a motion that follows it being ended."""
 CHANGED = 'a segment changed between soft and stiff, or its vacuum was set'
+REST_CHANGE = 1e-6  # m of pull
 MAX_REVOKED = 20  # motions whose further parts are refused
 Device = tuple[TendonDriver, TendonController]
 
@@ -50,6 +52,7 @@ class TendonControl:
         self._tendons, self._arm, self._period, self._jump = tendons, arm, period, jump
         self._tension_limit, self._publish, self._release = tension_limit, report, release
         self._guard = TensionGuard(tendons)
+        self._stream = RestingStream(REST_CHANGE)
         self._stops = 0
         self._path = 0, 0.0  # stamp and start of the trajectory that was accepted last, ns and s
         self._stamped = False  # whether the trajectory that is followed was to begin by ROS time
@@ -343,9 +346,11 @@ class TendonControl:
         except HardwareError as error:
             self._lose(error)
             return
-        if not controller.busy:
+        busy = controller.busy
+        if not busy:
             self._requests.done()
-        self.report()
+        if self._stream.due(self._time, (busy, reading.referenced), reading.pulls) or busy:
+            self.report()
 
     def _tension_interlock(self, reading: TendonReading) -> Interlock | None:
         limit = self._tension_limit()

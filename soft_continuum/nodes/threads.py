@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The threads of a node: one for control, one for what takes long, and that of ROS."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
-import os
 from queue import Empty, Full, Queue, SimpleQueue
 import sys
 import threading
@@ -15,13 +14,15 @@ from typing import Any
 
 from rclpy.node import Node
 
+from soft_continuum.hardware.real_time import ask_for_real_time
 from soft_continuum.nodes.entries import guarded
 
 CALL_TIMEOUT = 3.0
 """s that a caller waits for a thread; drivers promise to be much faster."""
 SWITCH_INTERVAL = 0.001
 """s for which another thread of Python may keep control waiting."""
-PRIORITY = 20  # of control among real-time threads, where the system allows any
+REST_PERIOD = 0.095
+"""s between two readings at rest: every fifth at 50 Hz, every second at 20 Hz."""
 
 
 def on_ros_thread(node: Node, function: Callable[..., None], *arguments: Any) -> bool:
@@ -61,6 +62,30 @@ class Newest:
         with self._lock:
             value, self._value = self._value, None
         self._function(value)
+
+
+class RestingStream:
+    """
+    Chooses the readings of a device that are published: all in motion, ten a second at rest.
+
+    To convert and send a reading costs far more than to make it.
+    """
+
+    def __init__(self, resolution: float) -> None:
+        """Start with a reading that is due; resolution: a smaller change of a value is rest."""
+        self._resolution = resolution
+        self._published: tuple[Any, Sequence[float], float] | None = None
+
+    def due(self, now: float, state: Any, values: Sequence[float]) -> bool:
+        """Return whether a reading goes out at ``now``, s: it changed, or 0.1 s passed."""
+        if self._published is not None:
+            last_state, last_values, last = self._published
+            if now - last < REST_PERIOD and state == last_state and all(
+                    abs(value - before) <= self._resolution
+                    for value, before in zip(values, last_values, strict=True)):
+                return False
+        self._published = state, values, now
+        return True
 
 
 class _Request:
@@ -140,8 +165,7 @@ class ControlLoop:
         self._thread.join(CALL_TIMEOUT)
 
     def _run(self) -> None:
-        with suppress(OSError):  # only some systems allow it
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        ask_for_real_time()
         last = monotonic()
         deadline = last + self._period
         while not self._ending:

@@ -62,8 +62,8 @@ def start_parser(verb: str, description: str) -> Parser:
     parser = Parser(verb, description, '--namespace', '--params-file')
     table = {p.name: p for p in ALL_PARAMETERS}
     for name in DRIVERS:
-        parser.add_argument('--' + name.replace('_', '-'), choices=table[name].choices,
-                            help=table[name].description)
+        parser.add_argument(f'--{name.removesuffix("_driver")}-driver',
+                            choices=table[name].choices, help=table[name].description)
     parser.add_argument('--computer', choices=COMPUTERS, default=ALL,
                         help=f'{COMPUTER_HELP} (default: all)')
     add_twin_options(parser)

@@ -5,6 +5,7 @@
 from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ MAX_OBSTACLES = 100
 """Of one arm: each state of a plan is compared with all."""
 MAX_MESH_SIZE = 20_000_000  # bytes of a file
 MESH_FILES = '.stl', '.obj', '.ply'
+DECIMAL_COMMA = re.compile(rb'\s-?\d+,\d')
 UNITS = {'m': 1.0, 'mm': 1e-3}
 PLACE = 'name', 'shape', 'position', 'rpy'
 SIZES = {'sphere': ('radius',), 'box': ('size',), 'cylinder': ('radius', 'length'),
@@ -98,8 +100,10 @@ def load_mesh(path: str | Path, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> Mes
         loaded = trimesh.load_mesh(BytesIO(data), file_type=kind[1:], process=False)
         corners = np.asarray(loaded.vertices, dtype=float)[loaded.faces] * np.asarray(scale)
     except Exception as error:  # whatever a parser raises for a file that is not of its kind
+        commas = ('. It has decimal commas: export it with points'
+                  if DECIMAL_COMMA.search(data[:4096]) else '')
         raise ObstacleError(f'the mesh {path} is no {kind[1:].upper()} file: '
-                            f'{printable(error)}') from None
+                            f'{printable(error)}{commas}') from None
     if not len(corners):
         raise ObstacleError(f'the mesh {path} has no triangle; is it a {kind[1:].upper()} file?')
     if not np.all(np.isfinite(corners)):

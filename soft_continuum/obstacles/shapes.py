@@ -12,6 +12,7 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.text import MAX_NAME, printable
 
 SIZE_RANGE = (1e-4, 100.0)  # m; outside it the unit is wrong
+IN_MM = 'If it is in millimetres, give unit: mm, or scale: 0.001 for a mesh alone'
 
 
 class ObstacleError(ValueError):
@@ -22,8 +23,9 @@ def check_size(name: str, value: object) -> None:
     """Raise ObstacleError for what is no length of a shape, m."""
     low, high = SIZE_RANGE
     if not finite(value) or not low <= value <= high:  # type: ignore[operator]
+        in_mm = finite(value) and low <= 1e-3 * value <= high  # type: ignore[operator]
         raise ObstacleError(f'{name} is {printable(repr(value), MAX_NAME)}; allowed: {low:g} to '
-                            f'{high:g} m')
+                            f'{high:g} m{". " + IN_MM if in_mm else ""}')
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from soft_continuum.obstacles.body import Body, Cylinders, MIN_HALF_LENGTH
 from soft_continuum.obstacles.geometry import distance, placed
 from soft_continuum.obstacles.mesh import Mesh
 from soft_continuum.obstacles.obstacle import Obstacle, Shape
-from soft_continuum.obstacles.shapes import Capsule, ObstacleError, Sphere
+from soft_continuum.obstacles.shapes import Capsule, IN_MM, ObstacleError, Sphere
 
 SEATED = 0.001
 """m that an obstacle may reach into the base disc: what the arm stands on may touch it."""
@@ -130,8 +130,7 @@ class Surroundings:
                 size = ' x '.join(f'{length:.4g}' for length in extent.tolist())
                 raise ObstacleError(
                     f'obstacle {obstacle.name} is {size} m, and the arm {self.arm.length:.3g} m '
-                    f'long; allowed: up to {MAX_TO_ARM:g} times as much. If it is in millimetres, '
-                    'give unit: mm, or scale: 0.001 for a mesh alone')
+                    f'long; allowed: up to {MAX_TO_ARM:g} times as much. {IN_MM}')
 
     def _refuse_on_base(self) -> None:
         base = self._body.base()

@@ -36,6 +36,8 @@ UNKNOWN = 1e6
 MAX_VARIANCE = 1.0
 """Variance, m^2 or rad^2, from which a coordinate counts as not measured."""
 
+SHAPE_FIELDS = 'joint_angles', 'held_angles', 'stiff', 'vacuum'
+"""Fields of KinematicsState of which a state of the model is made."""
 ACCURACY_RANGES = {'pull_tolerances': (0.0, 0.01), 'tension_deviations': (1e-3, 1e4),
                    'tension_relative_deviations': (0.0, 1.0)}
 """Of what a device can tell of itself: m, N, and a share; those of the parameters it replaces."""
@@ -266,7 +268,8 @@ def trajectory_from_ros(message: JointTrajectory, tendons: Sequence[str]) -> tup
     """
     Return times (k,) s from the start, and pulls (k, tendons) m in the order of ``tendons``.
 
-    Raises ValueError when the joint names or the number of positions are not those of the tendons.
+    Raises ValueError when the joint names or the numbers of a point are not those of the tendons.
+    Velocities, accelerations and efforts, which nothing follows, must be none or finite numbers.
     """
     names = list(message.joint_names)
     if sorted(names) != sorted(tendons):
@@ -276,6 +279,12 @@ def trajectory_from_ros(message: JointTrajectory, tendons: Sequence[str]) -> tup
             raise ValueError(
                 f'point {number} has {len(point.positions)} positions; needed: one for each of '
                 f'{names}')
+        for what in ('velocities', 'accelerations', 'effort'):
+            values = getattr(point, what)
+            if len(values) not in (0, len(tendons)) or not np.all(np.isfinite(values)):
+                raise ValueError(f'point {number} has {len(values)} values in {what}, of which '
+                                 f'{np.count_nonzero(~np.isfinite(values))} are no finite '
+                                 f'numbers; needed: none, or a number for each of {names}')
     order = [names.index(name) for name in tendons]
     times = np.array([seconds(p.time_from_start) for p in message.points])
     pulls = np.array([[p.positions[i] for i in order] for p in message.points], dtype=float)

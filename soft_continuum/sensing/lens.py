@@ -12,8 +12,10 @@ from soft_continuum.parameters.files import read_yaml
 from soft_continuum.sensing.pictures import Array
 from soft_continuum.text import printable
 
-MODELS = {'plumb_bob': (5,), 'rational_polynomial': (8,), '': (0, 4, 5, 8)}
-"""Distortion models of sensor_msgs/CameraInfo that are understood, and their coefficients."""
+MODELS = {'plumb_bob': 5, 'rational_polynomial': 8, '': 8, 'none': 0}
+"""Most coefficients of the distortion models of sensor_msgs/CameraInfo that are understood.
+
+OpenCV counts them in one order, so that any that are left out, or 0 at the end, change nothing."""
 
 
 class LensError(ValueError):
@@ -26,7 +28,7 @@ class Lens:
     A calibrated camera.
 
     size: (width, height) px.  matrix: (3, 3), focal lengths and centre, px.  distortion: the
-    coefficients of OpenCV, as in sensor_msgs/CameraInfo.
+    coefficients of OpenCV, as in sensor_msgs/CameraInfo, five or eight.
     """
 
     size: tuple[int, int]
@@ -37,15 +39,17 @@ class Lens:
     def of(cls, size: tuple[int, int], matrix: Any, distortion: Any, model: str = '') -> Self:
         """Check and return a calibration; raises LensError."""
         k = np.asarray(matrix, dtype=float).reshape(-1)
-        d = np.asarray(distortion, dtype=float).reshape(-1)
+        d = np.trim_zeros(np.asarray(distortion, dtype=float).reshape(-1), 'b')
         if k.size != 9 or not (np.isfinite(k).all() and k[0] > 0.0 and k[4] > 0.0):
             raise LensError('the camera is not calibrated: its focal length is missing; '
                             'call: soft_continuum calibrate camera')
-        if model not in MODELS or d.size not in MODELS[model] or not np.isfinite(d).all():
+        if d.size > MODELS.get(model.lower(), -1) or not np.isfinite(d).all():
             raise LensError(
-                f'distortion model {printable(model, 40)!r} with {d.size} coefficients is not '
-                'known; known: plumb_bob with 5, rational_polynomial with 8')
-        return cls(size, k.reshape(3, 3), d)
+                f'distortion model {printable(model, 40)!r} with {d.size} coefficients that are '
+                'not 0 is not known; known: plumb_bob with up to 5, rational_polynomial with up '
+                'to 8, none with none; have the driver publish one of these, or call: '
+                'soft_continuum calibrate camera, and give its file as camera.calibration')
+        return cls(size, k.reshape(3, 3), np.pad(d, (0, (5 if d.size <= 5 else 8) - d.size)))
 
     @property
     def projection(self) -> Array:

@@ -12,11 +12,18 @@ import pytest
 import serial
 
 from soft_continuum.cli import doctor
+from soft_continuum.hardware import checks
 from soft_continuum.hardware.checks import check_jamming, check_tendons
 from soft_continuum.parameters.files import load_rig
 from support.emulated_rig import emulated_rig, reference, TIMEOUT
 
 WRITE_COIL = 5
+
+
+@pytest.fixture(autouse=True)
+def real_time(monkeypatch):
+    """Let every system allow real-time priority."""
+    monkeypatch.setattr(checks, 'real_time_allowed', lambda: True)
 
 
 @pytest.fixture
@@ -46,10 +53,17 @@ def test_a_sound_rig_passes_every_check(rig, ask):
             break
     assert status == 0
     assert list(found) == [
-        'model', 'parameters', 'serial ports', 'tendon port', 'tendon firmware', 'tendon settings',
-        'tendon reference', 'jamming port', 'relay board', 'analog board', 'modbus round trip',
-        'pump and valves', 'segment 1', 'segment 2', 'segment 3']
+        'model', 'parameters', 'control threads', 'serial ports', 'tendon port', 'tendon firmware',
+        'tendon settings', 'tendon reference', 'jamming port', 'relay board', 'analog board',
+        'modbus round trip', 'pump and valves', 'segment 1', 'segment 2', 'segment 3']
     assert {step: s for step, (s, _) in found.items() if s != 'OK'} == {}
+
+
+def test_threads_that_may_have_to_wait_are_named_on_a_rig_alone(rig, ask, monkeypatch):
+    monkeypatch.setattr(checks, 'real_time_allowed', lambda: False)
+    status, message = ask(rig.file)[1]['control threads']
+    assert status == 'WARN' and ' - rtprio 20"' in message
+    assert ask()[1]['control threads'][0] == 'OK'
 
 
 def test_nothing_is_moved_or_switched(rig, ask):
@@ -72,7 +86,7 @@ def test_there_is_one_line_per_step_and_a_summary(rig, capsys):
     *lines, empty, summary = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines].count('FAIL') == 1
     assert sum(line.startswith('FAIL  segment 2: no pressure') for line in lines) == 1
-    assert (empty, summary) == ('', '15 checks: 1 failed, 1 to be looked at')
+    assert (empty, summary) == ('', '16 checks: 1 failed, 1 to be looked at')
 
 
 def test_an_unknown_option_is_a_usage_error(capsys):

@@ -6,20 +6,28 @@ Whatever fails on Dynamixel servos or their bus, no wrong position is believed, 
 ``./run soak --only dynamixel`` does the same fifty times each, with four servos, at other times.
 """
 
+from random import Random
+import threading
+
 import pytest
 
+from soft_continuum.emulators import dynamixel_motor
+from soft_continuum.emulators.driving import tension_limit
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
+from support import servo_rig
 from support.servo_rig import (
     BEYOND_TURN,
     FAULTS,
     PULSE_PULL,
     rig,
     servos,
+    somewhere,
     spools,
     trial,
     WITHIN_TURN,
 )
+from support.virtual_clock import VirtualClock
 
 RAN_ON = 0.02  # m that a tendon may go on, until watchdog or driver have ended the motion
 
@@ -64,6 +72,67 @@ def test_connecting_to_loaded_servos_that_their_watchdogs_stopped_pays_nothing_o
         assert made.pulls == pytest.approx(before, abs=1.1 * PULSE_PULL)
 
 
+HOLD_UPS = {
+    'caught': lambda servo: setattr(servo.motor, 'caught', True),
+    'limp': lambda servo: servo.write(64, b'\0')}
+
+
+@pytest.mark.parametrize('how', HOLD_UPS)
+@pytest.mark.parametrize('seed', range(6))
+def test_a_servo_that_is_caught_or_limp_stops_the_other_within_a_millimetre(how, seed, tmp_path):
+    random = Random(seed)
+    speed, held, way = random.uniform(0.005, 0.028), seed % 2, random.choice([0.018, -0.018])
+    with rig(tmp_path, tendons=2) as made:
+        emulator, clock = made.emulator, made.emulator.clock
+        at = clock() + random.uniform(0.15, 0.8) * 0.018 / speed
+        before = []
+
+        def hold_up():
+            if clock() >= at and not before:
+                before.append(made.pulls)
+                emulator.read(lambda: HOLD_UPS[how](emulator.servos[held]))
+        with pytest.raises(HardwareError, match=f'servo {held + 1}'):
+            made.follow((way, -way), 0.018 / speed, hold_up)
+        went = 0.0
+        while emulator.moving and emulator.servos[1 - held].motor.speed:
+            went = max(went, abs(made.pulls[1 - held] - before[0][1 - held]))
+            clock.sleep(0.002)
+        assert went < 1e-3
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_load_friction_inertia_and_a_late_computer_do_not_look_like_a_servo_that_is_caught(
+        seed, tmp_path, monkeypatch):
+    random = Random(seed)
+    model = ('XM430-W350', 'XL330-M288')[seed % 2]
+    monkeypatch.setattr(dynamixel_motor, 'TIME_CONSTANT', random.choice([0.005, 0.02]))
+    monkeypatch.setattr(dynamixel_motor, 'LOAD_FRICTION', random.choice([0.05, 0.3]))
+    monkeypatch.setattr(servo_rig, 'VirtualClock', lambda: LateClock(random))
+    with rig(tmp_path, tendons=2, model=model) as made:
+        for servo in made.emulator.servos:
+            servo.motor.tendon.stiffness = random.uniform(0.0, 500.0) * tension_limit(model) / 60.0
+            servo.motor.tendon.weight = random.uniform(0.0, 0.5) * tension_limit(model)
+        made.wait(0.3)
+        for _ in range(2):
+            goal, now = somewhere(random, 2), made.driver.read().pulls
+            way = max(abs(a - b) for a, b in zip(goal, now, strict=True))
+            made.follow(goal, max(0.3, way / random.uniform(0.005, 0.029)))
+
+
+class LateClock(VirtualClock):
+    """Time on a computer that now and then lets the thread of the driver wait for up to 40 ms."""
+
+    def __init__(self, random):
+        super().__init__()
+        self._random = random
+
+    def wait(self, files, timeout):
+        found = super().wait(files, timeout)
+        if threading.current_thread().name == 'dynamixel_tendons' and self._random.random() < 0.2:
+            super().wait((), self._random.choice([0.002, 0.01, 0.04]))
+        return found
+
+
 def test_a_second_program_cannot_open_the_port(tmp_path):
     with rig(tmp_path, tendons=2) as made:
         assert 'in use by another program' in refused(made.emulator, tmp_path)
@@ -98,6 +167,9 @@ def test_a_wrong_mode_model_protocol_or_baud_rate_is_named(tmp_path):
 def test_two_servos_with_one_id_a_missing_one_and_a_wrong_radius_are_named(tmp_path):
     with servos(2) as emulator:
         emulator.collide(1, 0)
+        assert 'two servos may have the ID 1' in refused(emulator, tmp_path)
+        with emulator.lock:  # they answer a ping alike, at the same time
+            emulator.random.randint = lambda low, high: low
         assert 'two servos may have the ID 1' in refused(emulator, tmp_path)
         emulator.repair()
         emulator.servos[1].power_off()

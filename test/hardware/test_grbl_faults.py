@@ -97,6 +97,80 @@ def test_a_reset_at_the_board_loses_the_reference(moving):
         assert emulator.motors[:2] == (where[0] + 200, where[1] + 400)
 
 
+GREETINGS = {
+    'of its own': "Grbl 1.1i MR 2023 ['$' for help]", 'of a laser': 'Ortur Laser Master 2 Ready!',
+    'of a fork': 'Grbl-Vigo:1.1f|Build:G-20170131-V3.0-20200720',
+    'damaged': "Gr\x02l 1.1h ['$' fo", 'none': None}
+
+
+@pytest.mark.parametrize('greeting', GREETINGS)
+@pytest.mark.parametrize('at', [(0.0, 0.0), (0.004, -0.002)])
+def test_a_reset_at_rest_is_known_by_its_effects_whatever_the_board_says(greeting, at):
+    with rig() as (emulator, tendons):
+        settled(tendons)
+        tendons.move(at, 0.2)
+        at_rest(tendons)
+        emulator.firmware.greeting = GREETINGS[greeting] or ''
+        emulator.reset(banner=GREETINGS[greeting] is not None)
+        begin, where = emulator.time, emulator.motors
+        unreferenced(tendons)
+        assert emulator.time - begin < 0.3 and emulator.motors == where
+
+
+@pytest.mark.parametrize('greeting', GREETINGS)
+def test_a_board_that_is_accepted_with_its_greeting_is_known_by_it_while_it_is_asked(greeting):
+    with rig() as (emulator, tendons):
+        settled(tendons)
+        tendons.close()
+        take = emulator.firmware.take
+
+        def reset_when_asked(data):
+            take(data)
+            if data == b'$$\n' and emulator.firmware.received.count('$$') == 2:
+                emulator.firmware.greeting = GREETINGS[greeting] or ''
+                emulator.reset(banner=GREETINGS[greeting] is not None)
+        emulator.firmware.take = reset_when_asked
+        tendons.open()
+        assert not tendons.read().referenced
+
+
+def test_a_work_offset_that_was_damaged_on_the_way_stops_nothing_for_good():
+    with rig() as (emulator, tendons):
+        in_motion(emulator, tendons)
+        report = emulator.firmware._report
+        damaged = []
+
+        def damage():
+            line = report()
+            if 'WCO' in line and not damaged:
+                damaged.append(line)
+                return line.replace('WCO:0', 'WCO:7')
+            return line
+        emulator.firmware._report = damage
+        at_rest(tendons)
+        assert damaged and '$#' in emulator.firmware.received[-100:]
+        assert tendons.read().referenced and emulator.motors[:2] == steps((0.04, -0.04))
+
+
+def test_a_work_offset_that_another_program_sets_is_set_right_again():
+    with rig() as (emulator, tendons):
+        settled(tendons)
+        with emulator.lock:
+            assert emulator.firmware._do('G92X5') == 0
+        emulator.clock.sleep(0.5)
+        tendons.move((0.001, 0.002), 0.1)
+        assert at_rest(tendons).referenced and emulator.motors[:2] == (200, 400)
+        assert emulator.firmware._work_offset[0] == 0.0
+
+
+def test_a_board_that_reports_no_work_offset_is_refused():
+    with board() as emulator:
+        report = emulator.firmware._report
+        emulator.firmware._report = lambda: report().split('|WCO')[0].rstrip('>') + '>'
+        with pytest.raises(HardwareError, match='WCO.*reset of the board could not be seen'):
+            driver(emulator).open()
+
+
 @pytest.mark.parametrize('moving', [False, True])
 def test_a_reset_whose_banner_is_lost_shows_in_the_position(moving):
     with rig() as (emulator, tendons):
@@ -424,6 +498,29 @@ class LateClock(VirtualClock):
         if threading.current_thread() is self._late:
             super().wait((), 3.0)
         return found
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_a_driver_that_goes_on_late_reads_what_waits_before_it_calls_a_board_silent(seed):
+    busy = random.Random(seed)
+
+    class Late(VirtualClock):
+        def wait(self, files, timeout):
+            found = super().wait(files, timeout)
+            late = timeout > 0.0 and threading.current_thread().name == 'grbl_tendons'
+            if late and busy.random() < 0.03:
+                super().wait((), busy.choice([0.3, 1.0, 2.5]))
+            return found
+
+    with GrblEmulator(clock=Late()) as emulator:
+        tendons = driver(emulator)
+        tendons.open()
+        tendons.reference()
+        for goal in (0.01, -0.01), (0.0, 0.005):
+            tendons.move(goal, 0.6)
+            until(emulator, lambda: not tendons.read().moving)
+            assert emulator.motors[:2] == steps(goal) and tendons.read().referenced
+        tendons.close()
 
 
 def test_a_computer_that_is_late_is_not_taken_for_a_board_that_does_not_answer():

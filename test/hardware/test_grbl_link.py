@@ -26,8 +26,11 @@ from soft_continuum.hardware.grbl.link import (
     ('ALARM:3', Alarm(3)),
     ('$110=500.000', Setting(110, 500.0)),
     ('$100=250.000 (x, step/mm)', Setting(100, 250.0)),
-    ("Grbl 1.1h ['$' for help]", Banner('Grbl 1.1h')),
-    ("GrblHAL 1.1f ['$' or '$HELP' for help]", Banner('GrblHAL 1.1f')),
+    ("Grbl 1.1h ['$' for help]", Banner("Grbl 1.1h ['$' for help]")),
+    ("Grbl 1.1i MR ['$' for help]", Banner("Grbl 1.1i MR ['$' for help]")),
+    ('Grbl', Banner('Grbl')),
+    ("GrblHAL 1.1f ['$' or '$HELP' for help]",
+     Banner("GrblHAL 1.1f ['$' or '$HELP' for help]")),
     ('[TLO:0.000]', Feedback('TLO:0.000')),
     ('<Idle|MPos:1.000,-2.500,0.000|FS:0,0>', Status('Idle', '', (1.0, -2.5, 0.0), None)),
     ('<Hold:0|MPos:0.000,0.000,0.000|Bf:15,128|FS:0,0|WCO:1.000,2.000,3.000>',
@@ -43,7 +46,7 @@ def test_every_kind_of_line_is_understood(line, message):
 @pytest.mark.parametrize('line', [
     '', 'okk', 'o', 'error:', 'ALARM:', 'ALARM:x', '$1', '$x=1', '$100=nan', '$100=1e5',
     '<Idle>', '<Idle|MPos:0.000,0.000>', '<Idle|MPos:0.000,0.0', '<Idle|MPos:nan,0.0,0.0>',
-    '<Idle|MPos:0.000,0.000,0.000|FS:0,0', 'Idle|MPos:0.000,0.000,0.000>', '[MSG:', 'Grbl'])
+    '<Idle|MPos:0.000,0.000,0.000|FS:0,0', 'Idle|MPos:0.000,0.000,0.000>', '[MSG:', 'Gr'])
 def test_what_was_damaged_on_the_way_is_not_believed(line):
     assert parse(line) is None
 

@@ -142,6 +142,7 @@ def test_a_link_never_replaces_a_file(tmp_path):
 FAULTS = {
     'hang': lambda e: e.hang, 'late 0.5': lambda e: e.late == 0.5,
     'drop 0.1': lambda e: e.drop == 0.1, 'garble 1': lambda e: e.garble == 1.0,
+    'echo': lambda e: e.echo, 'zeros 3': lambda e: e.zeros == 3,
     'refuse 6': lambda e: e.refuse == 6, 'stuck-coil 2': lambda e: e.stuck == {2},
     'broken-wire 1': lambda e: e.segments[0].current() == 0,
     'stuck-sensor 3': lambda e: e.segments[2].stuck_at == 4000,

@@ -20,6 +20,7 @@ from soft_continuum.hardware.jamming_controller import (
     JammingSettings,
     RESPONSE_TIME,
 )
+from soft_continuum.hardware.modbus.bus import ModbusBus
 from soft_continuum.hardware.modbus.jamming import COILS_INTERVAL, ModbusJamming
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
@@ -460,8 +461,8 @@ WRONG_REPLIES = {
     'an exception to another function': resealed(lambda r: bytes([r[0], 0x90, 2, 0, 0])),
     'with a wrong checksum': alter(3, 0xA5),
     'with a byte too few': lambda reply: reply[:-1],
-    'with a byte too many in front': lambda reply: b'\0' + reply,
-    'the echo of a request': lambda reply: bytes.fromhex('0204000000031037'),
+    'with a byte too many in front': lambda reply: b'\x55' + reply,
+    'the echo of a request': resealed(lambda reply: bytes.fromhex('0204000000030000')),
     'one byte': lambda reply: b'\x01',
     'only noise': lambda reply: b'\xff' * 300,
 }
@@ -472,8 +473,57 @@ def test_a_wrong_reply_is_never_taken(emulator, driver, change):
     emulator.transform = change
     words = fail(driver.read)
     assert 'does not answer' in words
+    assert ('local echo' in words) == (change is WRONG_REPLIES['the echo of a request'])
     emulator.transform = None
     assert eventually(emulator, driver.read).pressures == (AMBIENT,) * 3
+
+
+@pytest.mark.parametrize('zeros', [1, 3, 7])
+@pytest.mark.parametrize('refuse', [0, 2])
+def test_zeros_around_replies_of_a_line_without_bias_fail_nothing(emulator, driver, zeros, refuse):
+    eventually(emulator, driver.read)
+    emulator.zeros = zeros
+    for _ in range(20):
+        assert driver.read().pressures == (AMBIENT,) * 3
+        emulator.clock.sleep(0.05)
+    emulator.refuse = refuse
+    if refuse:
+        assert 'has no such address' in fail(driver.set_evacuated, 1, True)
+    else:
+        driver.set_evacuated(1, True)
+        assert emulator.coils[2]
+
+
+def test_nothing_but_zeros_is_called_a_matter_of_the_wires(emulator, driver):
+    emulator.transform = lambda reply: bytes(len(reply))
+    assert 'termination and bias' in fail(driver.read)
+
+
+@pytest.mark.parametrize('regulators', [False, True])
+def test_an_adapter_with_a_local_echo_is_named_and_its_echo_acknowledges_nothing(regulators):
+    with emulated(regulators=regulators) as emulator:
+        emulator.echo = emulator.hang = True
+        bus = ModbusBus(emulator.port, 115200, TIMEOUT, emulator.clock)
+        bus.open()
+        for _ in range(3):
+            with pytest.raises(HardwareError, match='local echo'):
+                if regulators:
+                    bus.write_register(3, 0, 9000)
+                else:
+                    bus.write_coil(1, 2, True)
+            emulator.clock.sleep(1.0)
+        bus.close()
+
+
+@pytest.mark.parametrize('hang', [True, False])
+def test_an_echo_that_begins_while_the_line_is_used_switches_nothing_unseen(
+        emulator, driver, hang):
+    eventually(emulator, driver.read)
+    emulator.echo, emulator.hang = True, hang
+    assert 'local echo' in fail(driver.set_evacuated, 1, True)
+    assert 'local echo' in fail(driver.read)
+    emulator.repair()
+    assert eventually(emulator, driver.read).evacuated == (False, not hang, False)
 
 
 def test_bytes_after_a_reply_are_forgotten(emulator, driver):

@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import rclpy
+from rclpy.action import ActionClient
 from std_srvs.srv import SetBool
 
 from soft_continuum.browser.session import Session
 from soft_continuum.client import operations
 from soft_continuum.client import requests as client_requests
 from soft_continuum.client.connection import Connection
-from soft_continuum.client.errors import LostError, NoAnswerError
+from soft_continuum.client.errors import LostError, NoAnswerError, RefusedError
 from soft_continuum.nodes import recorder as recorder_node
 from soft_continuum.nodes import steered_arm
 from soft_continuum.nodes.sequence_server import SequenceServer
@@ -120,6 +122,27 @@ def test_a_sequence_of_which_the_result_never_comes_ends_with_the_reason(
     sequence = requests.start(requests.send([[0.0, 0.0, 0.2]], 0.0)).result(DEADLINE)
     with pytest.raises(LostError, match='does not run the sequence any more, but has not'):
         sequence.result(DEADLINE)
+
+
+@pytest.mark.parametrize('shape, outcome', [([0.0, 0.0, 0.15], 'SUCCESSFUL'),
+                                            ([9.0, 0.0, 0.0], 'bending')])
+def test_a_goal_whose_answer_is_lost_is_accepted_or_rejected_all_the_same(
+        nodes: tuple[Rig, dict[str, Any]], connection: Connection,
+        monkeypatch: pytest.MonkeyPatch, shape: list[float], outcome: str) -> None:
+    requests, lost, send = connection.requests, [], ActionClient.send_goal_async
+
+    def lose(*arguments: Any) -> Any:
+        lost.append(send(*arguments))
+        return rclpy.Future()
+
+    monkeypatch.setattr(ActionClient, 'send_goal_async', lose)
+    answered = requests.start(requests.send([shape], 0.0))
+    if outcome == 'SUCCESSFUL':
+        assert answered.result(DEADLINE).result(DEADLINE).outcome == outcome
+    else:
+        with pytest.raises(RefusedError, match=outcome):
+            answered.result(DEADLINE)
+    assert lost
 
 
 def test_a_goal_that_is_not_answered_is_given_up_and_canceled_if_it_is_later(

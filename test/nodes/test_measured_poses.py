@@ -23,7 +23,7 @@ DISCS, FRAME = 4, 'base_link'
 
 def test_the_base_is_measured_with_the_other_discs_but_alone_it_is_no_measurement(
         rig: Rig) -> None:
-    poses = MeasuredPoses(rig.observer, DISCS, FRAME)
+    poses = MeasuredPoses(rig.observer, DISCS, FRAME, lambda: None)
     publishers = [rig.publisher(PoseWithCovarianceStamped, MEASURED_POSE.format(n))
                   for n in range(DISCS)]
     seconds = count(1)
@@ -51,7 +51,7 @@ def test_two_cameras_that_look_at_nearly_or_exactly_the_same_time_are_both_used(
     now = [0.0]
     monkeypatch.setattr('soft_continuum.nodes.measured_poses.STEADY', lambda: now[0])
     node = Mock()
-    poses = MeasuredPoses(node, DISCS, FRAME)
+    poses = MeasuredPoses(node, DISCS, FRAME, lambda: None)
     calls = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
 
     def see(disc: int, stamp: float) -> None:

@@ -233,6 +233,7 @@ def test_a_stop_that_states_do_not_confirm_is_an_error(make: Make) -> None:
     begin = time.monotonic()
     at = controllers.positions['spool_right']
     controllers.message = with_positions(lambda p: p + 0.5 * (time.monotonic() - begin))
+    driver.move(driver.read().pulls, PERIOD)  # or it may rest already
     driver.stop()
     with pytest.raises(HardwareError, match='a stop was not confirmed'):
         until(lambda: driver.read() and False)
@@ -296,6 +297,39 @@ def test_a_zero_lasts_as_long_as_the_node_that_reports_the_joints(make: Make) ->
     assert not driver.read().referenced
     with pytest.raises(HardwareError, match='not referenced'):
         driver.move((0.0, 0.0), PERIOD)
+
+
+def test_a_publisher_that_was_restarted_at_rest_at_zero_has_lost_its_zero(make: Make) -> None:
+    driver, controllers = ready(make)
+
+    def restart(message: JointState) -> JointState:
+        controllers.message = lambda message: message
+        old, controllers._states = controllers._states, controllers.node.create_publisher(
+            JointState, 'joint_state_broadcaster/joint_states', 10)
+        controllers.node.destroy_publisher(old)
+        return message
+
+    sent = controllers.commands
+    controllers.message = restart
+    with pytest.raises(HardwareError, match='was restarted'):
+        until(lambda: not driver.read().referenced)
+    driver.close()
+    assert controllers.commands == sent  # not even a stop: positions may mean another place
+    driver.open()
+    assert not driver.read().referenced
+
+
+def test_what_came_while_nobody_looked_was_not_missed(make: Make) -> None:
+    driver, controllers = ready(make, timeout=1.0)
+    controllers.message = lambda message: None
+    time.sleep(2.0)  # as on a computer on which neither this program nor DDS ran for a while
+    driver.read()
+    controllers.message = lambda message: message
+    number = driver._states.number
+    until(lambda: driver.read() and driver._states.number > number)
+    controllers.message = lambda message: None
+    with pytest.raises(HardwareError, match='nothing new on'):
+        until(lambda: driver.read() and False)
 
 
 def test_absolute_joints_need_no_reference_after_a_start(make: Make) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from soft_continuum.nodes import status as module
-from soft_continuum.nodes.status import OK, Status, WARN
+from soft_continuum.nodes.status import ERROR, OK, Status, WARN
 from support.ros_rig import Rig
 
 
@@ -43,3 +43,17 @@ def test_what_is_the_same_is_logged_once(rig: Rig, logged: list[str]) -> None:
     for _ in range(3):
         rig.on_ros_thread(status.set, OK, 'idle')
     assert logged == ['idle']
+
+
+@pytest.mark.parametrize(('texts', 'lines'), [
+    (['has 0.0 kPa', 'has -0.0 kPa', 'has 0 kPa', 'has 12.5 kPa'], 1),
+    (['silent for 0.26 s', 'silent for 3 s', 'silent for 1.2e+03 s'], 1),
+    (['servo 1: has 3 N', 'servo 2: has 3 N'], 2), (['step 1 of 3', 'step 2 of 3'], 2)])
+def test_a_fault_is_logged_once_while_only_what_is_measured_of_it_changes(
+        rig: Rig, logged: list[str], monkeypatch: pytest.MonkeyPatch, texts: list[str],
+        lines: int) -> None:
+    monkeypatch.setattr(module, 'LOG_PERIOD', -1.0)
+    status = rig.on_ros_thread(Status, rig.observer, 'arm')
+    for text in texts * 2:
+        rig.on_ros_thread(status.set, ERROR, text)
+    assert len(logged) == lines * (2 if lines > 1 else 1)

@@ -109,6 +109,12 @@ def points(*positions: tuple[float, ...]) -> JointTrajectory:
     return trajectory([(0.3 * (i + 1), p) for i, p in enumerate(positions)])
 
 
+def with_more(name: str, given: tuple[float, ...]) -> JointTrajectory:
+    message = points((0.001, -0.002))
+    setattr(message.points[0], name, list(given))
+    return message
+
+
 BAD_TRAJECTORIES = {
     'not a number': (points((NAN, 0.0)), ['finite']),
     'infinite': (points((0.001, -INFINITE)), ['finite']),
@@ -117,6 +123,9 @@ BAD_TRAJECTORIES = {
     'three positions':
         (points((0.001, -0.002), (0.002, -0.003, 0.0)), ['point 2', '3 positions']),
     'no positions': (points(()), ['point 1', '0 positions']),
+    **{f'{name}, {given}': (with_more(name, given), ['point 1', name, 'right_tendon'])
+       for name in ('velocities', 'accelerations', 'effort')
+       for given in ((0.0, NAN), (0.1,), (0.0, 0.0, 0.0), (INFINITE, 0.0))},
     'unknown joints':
         (trajectory([(0.3, (0.001, -0.002))], names=('right', 'left')),
          ["'right'", 'right_tendon', 'left_tendon']),

@@ -1,31 +1,132 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Two suites of the same names would soften two segments at once: they notice, and do nothing."""
+"""Two nodes that would act as one: whichever it is, all notice, and nothing moves."""
 
+from collections.abc import Sequence
+
+import pytest
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from support.ros_rig import ALL, Rig, trajectory
+from soft_continuum.parameters.nodes import DESCRIBED
+from soft_continuum_interfaces.msg import JammingValvesState
+from support.processes import Processes
+from support.ros_rig import ALL, QUICK, Rig, trajectory
+
+BEND = (0.0, 0.0, 0.2)
+
+
+def assert_refuses_all_motion(rig: Rig, words: str) -> None:
+    """Claim that goals, softening and trajectories are refused for a reason that has the words."""
+    goal = rig.goal(BEND)
+    assert not goal.accepted
+    assert words in rig.rejection(goal)
+    assert words in rig.set_stiff(1, False).message
+    state = rig.states['tendon_actuation']
+    rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(
+        trajectory([(1.0, (0.001, -0.002))]))
+    rig.wait_for(lambda: words in state.last.refused.message, 'a refusal')
+    # By the state, which is repeated: a second jamming_valves that ended had flags of its own.
+    rig.wait_for(lambda: set(rig.states['jamming_valves'].last.stiffness)
+                 == {JammingValvesState.STIFF}, 'a stiff arm')
+
+
+def wait_for_conflict(rig: Rig, words: str) -> None:
+    rig.wait_for(lambda: all(words in rig.statuses[node].last.message for node in ALL),
+                 'errors of all nodes')
+
+
+def wait_for_its_end(rig: Rig, words: str) -> None:
+    rig.wait_for(lambda: not any(words in rig.statuses[node].last.message for node in ALL),
+                 'an end of the errors')
+
+
+@pytest.mark.parametrize('name', DESCRIBED)
+def test_a_second_node_of_one_name_ends_the_goal_and_refuses_all_motion_whichever_it_is(
+        shared_arm: Rig, name: str) -> None:
+    rig, words = shared_arm, f'another {shared_arm.namespace}/{name} is running'
+    first = [] if name in ALL else rig.start(name, ready=False)
+    running = rig.goal_when_heard(BEND, hold=60.0)
+    running.wait_for_phase('holding')
+    second, = rig.start(name, ready=False)
+    wait_for_conflict(rig, words)
+    status, result = running.result()
+    assert status == 'ABORTED'
+    assert words in result.error_string
+    # Of two tendon_actuation or jamming_valves each tells its own state, by turns.
+    assert_refuses_all_motion(rig, words)
+    for node in (second, *first):
+        rig.end(node)
+    wait_for_its_end(rig, words)
+
+
+def test_after_two_nodes_of_one_name_goals_are_reached_again(shared_arm: Rig) -> None:
+    assert shared_arm.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
+
+
+def test_a_second_process_of_one_name_is_a_conflict_and_one_that_was_started_again_is_none(
+        rig: Rig, processes: Processes) -> None:
+    rig.start(*(name for name in ALL if name != 'kinematics'))
+    words = f'another {rig.namespace}/kinematics is running'
+    first = processes.node('kinematics', parameters=QUICK)
+    rig.wait_until_ready(*ALL)
+    second = processes.node('kinematics', parameters=QUICK)
+    wait_for_conflict(rig, words)
+    assert_refuses_all_motion(rig, words)
+    first.kill()
+    wait_for_its_end(rig, words)
+    said = [len(rig.statuses[node]) for node in ALL]
+    second.kill()
+    processes.node('kinematics', parameters=QUICK)
+    assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
+    assert not any('another' in status.message for node, before in zip(ALL, said, strict=True)
+                   for status in list(rig.statuses[node])[before:])
 
 
 def test_a_second_suite_of_the_same_names_is_an_error_and_refuses_all_motion(rig: Rig) -> None:
     rig.start_arm()
-    running = rig.goal((0.0, 0.0, 0.3), hold=60.0)
+    running = rig.goal(BEND, hold=60.0)
     running.wait_for_phase('holding')
     second = rig.start(*ALL)
-    rig.wait_for(lambda: all('another /arm_under_test/' in rig.statuses[node].last.message
-                             for node in ALL), 'errors of all nodes')
+    for name in ALL:
+        wait_for_conflict(rig, f'another {rig.namespace}/{name} is running')
     status, result = running.result()
     assert status == 'ABORTED'
     assert 'another' in result.error_string
-    assert not rig.goal((0.0, 0.0, 0.2)).accepted
-    assert 'another' in rig.set_stiff(1, False).message
-    rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(
-        trajectory([(1.0, (0.001, -0.002))]))
-    rig.wait_for(lambda: 'another' in rig.states['tendon_actuation'].last.refused.message,
-                 'a refusal')
-    assert rig.all_stiff
+    assert_refuses_all_motion(rig, 'another')
     rig.end(second[0])
-    rig.wait_for(lambda: not any('another' in rig.statuses[node].last.message for node in ALL),
-                 'an end of the errors')
-    assert rig.goal_when_heard((0.0, 0.0, 0.2)).result()[0] == 'SUCCEEDED'
+    wait_for_its_end(rig, 'another')
+    assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
+
+
+def publish_joints(rig: Rig, names: Sequence[str]) -> None:
+    rig.publisher(JointState, 'joint_states').publish(
+        JointState(name=list(names), position=[0.1] * len(names)))
+
+
+def test_joints_of_a_base_on_joint_states_are_no_conflict_and_a_joint_of_the_arm_is_one(
+        rig: Rig) -> None:
+    rig.start_arm()
+    running = rig.goal(BEND, hold=600.0)
+    running.wait_for_phase('holding')
+    for _ in range(20):
+        publish_joints(rig, ['left_wheel', 'right_wheel'])
+        rig.wait_for_more(rig.pressures[0], 2)
+    assert not running.ended
+    assert not any('joint_states' in status.message
+                   for recorded in rig.statuses.values() for status in recorded)
+
+    words = f'{rig.namespace}/joint_states with segment_2_joint_1 is published by '
+
+    def noticed() -> bool:
+        publish_joints(rig, ['left_wheel', 'segment_2_joint_1'])
+        return all(words in rig.statuses[node].last.message for node in ALL)
+
+    rig.wait_for(noticed, 'errors of all nodes')
+    status, result = running.result()
+    assert status == 'ABORTED'
+    assert words in result.error_string
+    assert f'{rig.namespace}/observer' in result.error_string
+    wait_for_its_end(rig, words)
+    assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'

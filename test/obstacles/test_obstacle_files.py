@@ -97,7 +97,8 @@ def test_a_mesh_is_found_beside_its_file_and_scaled_by_its_unit(tmp_path, kind):
     ('obstacles: [{shape: sphere, radius: 0.1}]', ['name is missing']),
     ('obstacles: [{name: a, shape: sphere, radius: 0}]', ['radius is 0', '0.0001 to 100 m']),
     ('obstacles: [{name: a, shape: sphere, radius: .nan}]', ['radius is nan', 'finite']),
-    ('obstacles: [{name: a, shape: sphere, radius: 300}]', ['radius is 300', '0.0001 to 100 m']),
+    ('obstacles: [{name: a, shape: sphere, radius: 300}]',
+     ['radius is 300', '0.0001 to 100 m', 'in millimetres, give unit: mm']),
     ('obstacles: [{name: a, shape: box, size: [0.1, 0.0, 0.1]}]', ['size along y is 0']),
     ('obstacles: [{name: a, shape: box, size: 0.1}]', ['size is 0.1', 'three numbers']),
     ('obstacles: [{name: a, shape: sphere, radius: 1, position: [0, .inf, 0]}]', ['position']),
@@ -131,6 +132,9 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
     ('no.ply', b'<html>not found</html>', 'no PLY file'),
     ('far.obj', obj(np.array(CUBE) * 1e6, FACES), 'largest extent'),
     ('zero.stl', cube('stl', 0.0), '0 triangles'),
+    ('mm.stl', cube('stl', 1500.0), 'unit: mm, or scale: 0.001'),
+    ('commas.stl', b'solid\nfacet normal 0 0 0\nouter loop\nvertex 0,0 1,5 0,0\n'
+     b'endloop\nendfacet\nendsolid\n', 'export it with points'),
 ])
 def test_a_mesh_that_encloses_nothing_is_refused(tmp_path, name, data, part):
     (tmp_path / name).write_bytes(data)

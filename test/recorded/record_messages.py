@@ -89,6 +89,8 @@ class Run:
         for names in self._goals:
             goal = rig.goal(*names)
             status, result = goal.result()
+            # Feedback comes by a topic, the result by a service: neither waits for the other.
+            rig.wait_for(lambda goal=goal: goal.phases[-1][-1] == 'holding', 'the last feedback')
             found['goals'].append({
                 'phases': [list(phase) for phase in goal.phases], 'status': status,
                 'result': {name: value for name, value in plain(result).items()

@@ -184,10 +184,28 @@ def test_a_file_that_is_no_calibration_is_refused(tmp_path, text):
         Lens.read(path)
 
 
+@pytest.mark.parametrize(('distortion', 'model', 'same'), [
+    ([], 'plumb_bob', 5), ([], '', 5), ([], 'none', 5), ([], 'rational_polynomial', 5),
+    ([0.0] * 8, 'plumb_bob', 5), ([0.0] * 14, 'rational_polynomial', 5), ([0.0] * 4, 'None', 5),
+    ([-0.2, 0.1], 'plumb_bob', 5), ([-0.2, 0.1, 1e-3, 2e-3], 'plumb_bob', 5),
+    ([-0.2, 0.1, 1e-3, 2e-3, 0.01, 0.0, 0.0, 0.0], 'plumb_bob', 5),
+    ([-0.2, 0.1, 1e-3, 2e-3, 0.01, 0.02, 0.01, 3e-3, *[0.0] * 6], 'rational_polynomial', 8)])
+def test_coefficients_that_are_left_out_are_zeros(distortion, model, same):
+    matrix = np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]])
+    lens = Lens.of((640, 480), matrix, distortion, model)
+    points = np.array([[100.0, 80.0], [500.0, 400.0]])
+    whole = np.array([*distortion, *[0.0] * 14])[:14]  # as OpenCV has them at most
+    assert lens.undistorted(points) == pytest.approx(
+        Lens((640, 480), matrix, whole).undistorted(points), abs=1e-6)
+    assert lens.distortion.size == same
+    assert f'cols: {same}' in lens.text('any')
+
+
 @pytest.mark.parametrize(('matrix', 'distortion', 'model'), [
     (np.zeros(9), np.zeros(5), 'plumb_bob'), (np.eye(3), np.zeros(5), 'equidistant'),
-    (np.eye(3), np.zeros(4), 'plumb_bob'), (np.eye(3), [np.nan] * 5, 'plumb_bob'),
+    (np.eye(3), np.ones(6), 'plumb_bob'), (np.eye(3), [np.nan] * 5, 'plumb_bob'),
+    (np.eye(3), np.ones(9), 'rational_polynomial'), (np.eye(3), [0.1], 'none'),
     (np.full(9, np.inf), np.zeros(5), 'plumb_bob'), ([1.0], np.zeros(5), '')])
 def test_an_uncalibrated_camera_is_refused(matrix, distortion, model):
-    with pytest.raises(LensError):
+    with pytest.raises(LensError, match='soft_continuum calibrate camera'):
         Lens.of((640, 480), matrix, distortion, model)

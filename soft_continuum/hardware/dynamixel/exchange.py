@@ -32,7 +32,6 @@ from soft_continuum.hardware.protocols import HardwareError
 
 SILENCE_TIMEOUT, MIN_MISSED = 0.15, 4
 """s without a reply that can be taken, and cycles in succession, that are a failure."""
-TORQUE_INTERVAL = 0.5  # s between two looks whether the torque is on
 
 
 class Exchange:
@@ -48,7 +47,7 @@ class Exchange:
         self._bus, self._servos = bus, tuple(servos)
         self._ids = [servo.id for servo in servos]
         self._states = list(found)
-        self._heard = self._torque_seen = bus.clock()
+        self._heard = bus.clock()
         self._repeat = False
         self.missed = 0
 
@@ -84,6 +83,11 @@ class Exchange:
                 self._servos, states, self._states, written, strict=True):
             if state.alert:
                 self._explain_alert(servo)
+            if not state.torque:
+                raise HardwareError(
+                    self._why_other(servo, state.written, wanted) if not state.written.watchdog
+                    else f'another program switched off the torque of {servo} ({TORQUE_ENABLE} is '
+                    '0): its tendon has no tension; end that program')
             if state.written != wanted:
                 self._repeat = True
                 self._miss(self._why_other(servo, state.written, wanted))
@@ -94,22 +98,6 @@ class Exchange:
                 return None
         self._states, self._heard, self.missed = states, now, 0
         return states
-
-    def check_torque(self) -> None:
-        """Raise HardwareError if the torque of a servo is off; looks now and then."""
-        now = self._bus.clock()
-        if now - self._torque_seen < TORQUE_INTERVAL:
-            return
-        with contextlib.suppress(NoReplyError, DamagedReplyError):  # then in the next cycle
-            replies = self._bus.sync_read(self._ids, TORQUE_ENABLE.address, TORQUE_ENABLE.end)
-            self._torque_seen = now
-            for servo, reply in zip(self._servos, replies, strict=True):
-                if reply.alert:
-                    self._explain_alert(servo)
-                if not TORQUE_ENABLE.decode(reply.data):
-                    raise HardwareError(
-                        f'another program switched off the torque of {servo} ({TORQUE_ENABLE} is '
-                        '0): its tendon has no tension; end that program')
 
     def _miss(self, why: str) -> None:
         """Count a reply that was not taken; raises HardwareError when there are too many."""

@@ -16,6 +16,7 @@ import serial
 
 from soft_continuum.hardware.clock import Clock
 
+MAX_LATE_READS = 8  # after the timeout, of what a busy computer has not read in time
 REPLY_TIME = 0.03
 """s for a reply beyond its own duration: the latency timer of FTDI adapters is 16 ms."""
 
@@ -28,7 +29,7 @@ class Port(PortHandler):  # type: ignore[misc]
         super().__init__(line.port)
         line.timeout = 0
         self.ser, self.clock, self.is_open = line, clock, True
-        self._deadline = 0.0
+        self._deadline, self._late_reads = 0.0, 0
         self.reply_time = REPLY_TIME
         self.set_speed(line.baudrate)
 
@@ -46,15 +47,19 @@ class Port(PortHandler):  # type: ignore[misc]
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
         """Give a reply of so many bytes its time."""
-        self._deadline = (self.clock() + self.tx_time_per_byte * packet_length + self.reply_time)
+        self.setPacketTimeoutMillis(
+            1e3 * (self.tx_time_per_byte * packet_length + self.reply_time))
 
     def setPacketTimeoutMillis(self, msec: float) -> None:  # noqa: N802
         """Give a reply so many ms."""
-        self._deadline = self.clock() + 1e-3 * msec
+        self._deadline, self._late_reads = self.clock() + 1e-3 * msec, 0
 
     def isPacketTimeout(self) -> bool:  # noqa: N802
-        """Whether that time is over."""
-        return self.clock() >= self._deadline
+        """Whether that time is over, and nothing that came within it waits to be read."""
+        if self.clock() < self._deadline:
+            return False
+        self._late_reads += 1
+        return self._late_reads > MAX_LATE_READS or not self.clock.wait([self.ser.fileno()], 0.0)
 
 
 class Packets(Protocol2PacketHandler):  # type: ignore[misc]

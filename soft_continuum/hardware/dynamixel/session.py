@@ -16,6 +16,7 @@ import threading
 
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus
 from soft_continuum.hardware.dynamixel.exchange import Exchange
+from soft_continuum.hardware.dynamixel.following import Following
 from soft_continuum.hardware.dynamixel.path import HeldPath
 from soft_continuum.hardware.dynamixel.reference import Zero, ZeroFile
 from soft_continuum.hardware.dynamixel.registers import (
@@ -69,6 +70,7 @@ class DynamixelSession:
         self._path = HeldPath(spools, [zero.position for zero in zeros], self._positions(),
                               [written.goal for written in self._written])
         self._track = Track(found[0].time, self._positions())
+        self._following = Following(servos, spools, found)
         self._target: tuple[tuple[float, ...], float] | None = None  # and its arrival, s
         self._braked = False
         self._mark_due = not self._unknown  # where the zero was found in another way
@@ -152,6 +154,7 @@ class DynamixelSession:
             (pulls, arrival), self._target = self._target, None
             if self.state is State.RESTING:
                 self._path.place(self._positions(), [w.goal for w in self._written])
+                self._following.place(self._states)
                 self._enter(State.MOVING)
             self._since = now
             self._path.aim(pulls, max(0.0, arrival - now))
@@ -179,8 +182,6 @@ class DynamixelSession:
                     self._brake()
         self._exchange.send(self._written)
         self._receive()
-        if not self._exchange.missed:
-            self._exchange.check_torque()
         with self._lock:
             self._judge(self.bus.clock())
             marks, self._mark_due = self._mark_due, False
@@ -224,11 +225,13 @@ class DynamixelSession:
 
     def _receive(self) -> None:
         """Read all servos; take what they reply if all of it can be believed."""
+        missed = self._exchange.missed
         states = self._exchange.receive(self._written)
         if states is not None:
             with self._lock:
-                self._states = states
+                before, self._states = self._states, states
                 self._track.add(states[0].time, self._positions())
+                self._following.add(before, states, bool(missed))
 
     # What the replies mean
 
@@ -265,8 +268,10 @@ class DynamixelSession:
         elif self.state is State.MOVING and arrived and still:
             self._enter(State.RESTING)
         late = self.state is State.MOVING and now - self._since > ARRIVAL_TIMEOUT
+        at = None if self.state is not State.MOVING or self._path.done else self._following.caught
         if late or now - self._near > BEHIND_TIMEOUT:
             at = max(range(len(errors)), key=lambda i: abs(scale[i] * errors[i]))
+        if at is not None:
             servo, state = self._servos[at], self._states[at]
             wanted = self._path.to_pulls(self._path.wanted)[at]
             raise HardwareError(
@@ -298,7 +303,8 @@ class DynamixelSession:
         with self._lock:
             moved = self.state in BUSY and not self._exchange.missed
             self.state, self.failure = State.FAILED, reason
-            goals = self._stop_goals()
+            # Where they are now, though they swing: what goes on alone strains the arm.
+            goals = self._path.holding_goals(self._positions(), [s.current for s in self._states])
         if moved:
             with contextlib.suppress(HardwareError):
                 self._exchange.write(GOAL_POSITION, goals)

@@ -7,7 +7,6 @@ The settings are in the EEPROM of the servos, which is locked while their torque
 """
 
 from collections.abc import Mapping, Sequence
-import contextlib
 from dataclasses import dataclass
 from math import hypot, pi
 from typing import Any, Self
@@ -194,9 +193,17 @@ class Servo:
         It lags behind a moving goal by its speed over the gain of its position loop.  Half of that
         leaves the least swing, whatever the delay of the motor; with some more none comes back.
         """
-        gain = (self.get(POSITION_P_GAIN) * P_GAIN_UNIT / FULL_PWM  # 1/s
-                * self.model.no_load_speed / RADIANS_PER_PULSE)
-        return STOP_SHARE / gain if gain > 0.0 else 0.0
+        return STOP_SHARE * self.lag_time
+
+    @property
+    def full_error(self) -> float:
+        """How far the goal must be ahead for the full voltage, pulses."""
+        return FULL_PWM / max(self.get(POSITION_P_GAIN) * P_GAIN_UNIT, 1e-9)
+
+    @property
+    def lag_time(self) -> float:
+        """By which a turning servo lags behind its goal, s."""
+        return self.full_error * RADIANS_PER_PULSE / self.model.no_load_speed
 
     @property
     def homing_offset(self) -> int:
@@ -234,9 +241,16 @@ def find_servos(bus: DynamixelBus, spools: Spools) -> list[Servo]:
 
 def _table(bus: DynamixelBus, number: int, name: str) -> bytes:
     """Return the registers of a servo that answered a ping."""
+    damaged = 0
     for _ in range(PINGS):
-        with contextlib.suppress(NoReplyError, DamagedReplyError):
+        try:
             return bus.read_bytes(number, 0, TABLE_END).data
+        except DamagedReplyError:
+            damaged += 1
+        except NoReplyError:
+            continue
+    if damaged:
+        raise _doubled(number, name, damaged)
     raise HardwareError(f'{name} answers a ping but no read: its {STATUS_RETURN_LEVEL} is 0 '
                         '(switch it off and on), or its cable is bad')
 
@@ -253,16 +267,20 @@ def _ping(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> int:
         except DamagedReplyError:
             damaged += 1
     if damaged:
-        raise HardwareError(
-            f'{damaged} of {PINGS} replies of {name} are damaged or doubled: two servos may have '
-            f'the ID {number} (connect one of them alone and give it another ID), or the baud '
-            'rate or the line is wrong')
+        raise _doubled(number, name, damaged)
     if missed == PINGS:
         raise HardwareError(_why_missing(bus, number, name, ids))
     if missed > MAX_MISSED:
         raise HardwareError(f'{name} answered {PINGS - missed} of {PINGS} requests; check its '
                             'cable and its supply')
     return model
+
+
+def _doubled(number: int, name: str, damaged: int) -> HardwareError:
+    return HardwareError(
+        f'{damaged} of {PINGS} replies of {name} are damaged or doubled: two servos may have the '
+        f'ID {number} (connect one of them alone and give it another ID), or the baud rate or the '
+        'line is wrong')
 
 
 def _why_missing(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> str:

@@ -23,10 +23,11 @@ from soft_continuum.hardware.dynamixel.registers import (
     REALTIME_TICK,
     Register,
     TICK_RANGE,
+    TORQUE_ENABLE,
     VELOCITY_UNIT,
 )
 
-BLOCK = BUS_WATCHDOG.address, PRESENT_POSITION.end
+BLOCK = TORQUE_ENABLE.address, PRESENT_POSITION.end
 REST_TIME, REST_PULSES = 0.03, 1
 """s over which a servo at rest is seen to turn by no more pulses."""
 VELOCITY_TIME = 0.008  # s
@@ -60,6 +61,7 @@ class ServoState:
     One servo at one time, between when it was asked and time, when its reply was there (s).
 
     position: pulses.  current: counts.  tick: ms.  alert: whether it has a hardware error.
+    torque: whether it is on.
     """
 
     asked: float
@@ -69,6 +71,7 @@ class ServoState:
     current: int
     tick: int
     alert: bool
+    torque: bool = True
 
     @classmethod
     def from_reply(cls, reply: Reply, asked: float, time: float) -> 'ServoState':
@@ -79,7 +82,8 @@ class ServoState:
         return cls(asked, time, Written(get(BUS_WATCHDOG), get(GOAL_CURRENT),
                                         get(PROFILE_VELOCITY),
                                         get(GOAL_POSITION)),
-                   get(PRESENT_POSITION), get(PRESENT_CURRENT), get(REALTIME_TICK), reply.alert)
+                   get(PRESENT_POSITION), get(PRESENT_CURRENT), get(REALTIME_TICK), reply.alert,
+                   bool(get(TORQUE_ENABLE)))
 
     def follows(self, earlier: 'ServoState', fastest: float) -> bool:
         """Whether the servo can be here after ``earlier``; fastest: pulses/s."""

@@ -31,6 +31,7 @@ from soft_continuum.hardware.protocols import (
     HardwareError,
     TendonReading,
 )
+from soft_continuum.hardware.real_time import ask_for_real_time
 from soft_continuum.parameters.parameter import Parameter
 from soft_continuum.user_files import dynamixel_zeros
 
@@ -175,6 +176,7 @@ class DynamixelTendons:
 
     def _run(self, session: DynamixelSession) -> None:
         """Serve the bus until it is closed or fails: what its thread does."""
+        ask_for_real_time()
         wake, close_by = self._wake[0], 0.0
         try:
             while True:

@@ -32,7 +32,8 @@ AXES = 'XYZA'
 """Axes that can be tendons, in the order of the tendons."""
 
 NUMBER = r'[-+]?\d{1,9}(?:\.\d{0,9})?'
-BANNER = re.compile(r'(Grbl|GrblHAL|grblHAL) (\d\S*) \[.*')
+BANNER = re.compile(r'(?i)grbl.*')
+"""Boards greet in their own words; `setup.bears_mark` knows a reset that these do not show."""
 ACKNOWLEDGEMENT = re.compile(r'ok|error:(\d{1,3})')
 ALARM = re.compile(r'ALARM:(\d{1,3})')
 SETTING = re.compile(rf'\$(\d{{1,3}})=({NUMBER})(?: .*)?')
@@ -49,9 +50,9 @@ FEED_UNIT = 100
 
 @dataclass(frozen=True)
 class Banner:
-    """The greeting after a reset of any kind."""
+    """A greeting after a reset of any kind; not every board has one that is known as such."""
 
-    firmware: str
+    greeting: str
 
 
 @dataclass(frozen=True)
@@ -117,8 +118,8 @@ def parse(line: str) -> Message | None:
         return Setting(int(found[1]), float(found[2]))
     if found := ALARM.fullmatch(line):
         return Alarm(int(found[1]))
-    if found := BANNER.fullmatch(line):
-        return Banner(f'{found[1]} {found[2]}')
+    if BANNER.fullmatch(line):
+        return Banner(line)
     if line.startswith('[') and line.endswith(']'):
         return Feedback(line[1:-1])
     return None

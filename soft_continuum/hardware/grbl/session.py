@@ -25,11 +25,15 @@ from soft_continuum.hardware.grbl.link import (
 )
 from soft_continuum.hardware.grbl.motion import add, JogStream, Motors, Steps, subtract
 from soft_continuum.hardware.grbl.setup import (
+    bears_mark,
     Controller,
     explain_alarm,
     explain_error,
+    is_mark,
     mark_reference,
+    MARKED,
     MODES,
+    OFFSETS,
     UNLOCK,
 )
 from soft_continuum.hardware.grbl.states import BUSY, Event, next_state, State
@@ -85,6 +89,8 @@ class GrblSession:
         self._speeds = (0.0,) * len(self.position)  # m/s
         known = found.zero is not None and not found.locked
         self._unreferenced = '' if known else 'the controller was reset'
+        self._marked = known  # whether the controller has the mark of the reference, or must have
+        self._mark_found = False  # in the answer to OFFSETS
         self._jogs.place(self.position)
         self._target: tuple[Steps, float] | None = None  # of the last move, and its arrival (s)
         self._setup_lines = [MODES] if known else []
@@ -236,13 +242,16 @@ class GrblSession:
             self._on_reset()
         elif isinstance(message, Acknowledgement):
             self._on_acknowledgement(message)
+        elif is_mark(message):
+            self._mark_found = True
         elif isinstance(message, Status) and message.position is not None:
             self._on_status(message, self._motors.to_steps(message.position), now)
 
     def _on_reset(self) -> None:
-        self.link.answered()  # no acknowledgement follows any more, or a late one without meaning
+        # No acknowledgement follows any more, or a late one without meaning.
+        doubted = OFFSETS in (self.link.answered(), *self._setup_lines)
         self._setup_lines = []
-        if self._reset_sent_at:  # by the driver, at rest: the position is kept
+        if self._reset_sent_at and not doubted:  # by the driver, at rest: the position is kept
             self._reset_sent_at = 0.0
             if not self._unreferenced:
                 self._mark_reference()
@@ -261,6 +270,10 @@ class GrblSession:
         elif line == HOME:
             self._unanswered_queries = self._idle_reports = 0
             self._fire(Event.HOME_DONE)
+        elif line == OFFSETS:
+            self._end_doubt()
+        elif line == MARKED:
+            self._marked = True
 
     def _on_status(self, status: Status, steps: Steps, now: float) -> None:
         still = steps == self.position
@@ -276,6 +289,8 @@ class GrblSession:
         if self.state is State.JOGGING and (not still or self._jogs.arrived(steps)):
             self._state_watch = Watch(now)
         self._check_path(steps)
+        if self._marked and not self._unreferenced and not bears_mark(status, self._zero):
+            self._doubt()
         if status.state == 'Alarm' and self._motors.homes and self._unreferenced:
             self._fire(Event.LOCKED)
             self._jogs.place(steps)
@@ -303,6 +318,18 @@ class GrblSession:
         if self._stray_reports == CERTAIN_REPORTS:
             self._lose_reference('the position left the planned path, as after a reset of the '
                                  'controller or a damaged command')
+
+    def _doubt(self) -> None:
+        """Rest, and ask for the mark again: the line that shows a reset may be a damaged one."""
+        self._marked = self._mark_found = False
+        self._begin_stop()
+        self._setup_lines = [OFFSETS]
+
+    def _end_doubt(self) -> None:
+        if self._mark_found:
+            self._mark_reference()  # another program may have changed the offset
+        else:
+            self._lose_reference('the controller was reset')
 
     def _check_status(self, status: Status) -> None:
         if status.state == 'Alarm':
@@ -338,7 +365,7 @@ class GrblSession:
             self._aim(now)
         elif status.state == 'Hold' and status.substate == '0':
             if now - self._reset_sent_at > STOP_RETRY_INTERVAL:
-                self._reset_sent_at = now
+                self._reset_sent_at, self._marked = now, False
                 self.link.write(SOFT_RESET)  # at rest: this only drops what is queued
         elif status.state in ('Jog', 'Run') and now - self._hold_sent_at > STOP_RETRY_INTERVAL:
             self._hold_sent_at = now
@@ -383,6 +410,7 @@ class GrblSession:
 
     def _mark_reference(self) -> None:
         self._setup_lines = mark_reference(subtract(self.position, self._zero))
+        self._marked = False
 
     def _describe(self, steps: Steps) -> str:
         pulls = self._motors.to_pulls(subtract(steps, self._zero))

@@ -4,8 +4,10 @@
 Which firmware is behind a serial port, with which settings, and what its position means.
 
 GRBL forgets the work offset (G92) and the tool length offset (G43.1) in every reset, and nothing
-else shows whether its position is still that of the motors.  ``mark_reference`` therefore sets
-both: found again later, they prove that there was no reset since, and where zero is.
+else shows whether its position is still that of the motors: greetings differ, and get lost.
+``mark_reference`` therefore sets both: found again later, they prove that there was no reset
+since, and where zero is.  A status report has their sum now and then (WCO), the first one after a
+reset always: ``bears_mark``.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,10 +35,14 @@ FIND_TIMEOUT = 6.0
 """s for a controller to be found; an Arduino that opening the port has reset takes about two."""
 ANSWER_TIMEOUT = 1.0  # s for the answer to one line
 QUERY_INTERVAL = 0.1  # s
+OFFSET_QUERIES = 60  # at most, for a report that has the work offset: every 10th or 30th has
+OFFSETS = '$#'
+"""Asks for all offsets; for a controller at rest."""
 MODES = 'G21G91'
 """Relative motion in the unit of the settings: what jogs mean; forgotten in every reset."""
 MARK = 61.803
 """Steps of tool length offset that mean: referenced, and not reset since."""
+MARKED = f'G43.1Z{MARK:.3f}'
 MARK_AXIS = 2  # Z, to which the tool length offset belongs
 RATE_MARGIN = 1.5
 """By which $110, $111 may exceed what is needed; no jog, however damaged, is faster than they."""
@@ -110,8 +116,24 @@ def explain_error(line: str, error: int) -> str:
 def mark_reference(offset: Sequence[int]) -> list[str]:
     """Return the lines that make the present position read ``offset`` (steps) from zero pull."""
     # The work offset of Z is counted from a tool length offset, so that must be none before.
-    clear = ['G49'] if len(offset) > MARK_AXIS else []
-    return [*clear, f'{MODES}G92{words(offset)}', f'G43.1Z{MARK:.3f}']
+    offset = [*offset, *(0,) * (MARK_AXIS + 1 - len(offset))]
+    return ['G49', f'{MODES}G92{words(offset)}', MARKED]
+
+
+def bears_mark(status: Status, zero: Sequence[int]) -> bool:
+    """Whether a status report contradicts no ``mark_reference`` with its zero (steps) there."""
+    if status.work_offset is None or status.position is None:
+        return True
+    expected = [*zero, *status.position[len(zero):]]
+    expected[MARK_AXIS] += MARK
+    return all(abs(a - b) < 0.5 for a, b in list(zip(
+        status.work_offset, expected, strict=False))[:max(len(zero), MARK_AXIS + 1)])
+
+
+def is_mark(message: Message) -> bool:
+    """Whether this part of the answer to OFFSETS proves that no reset came after the mark."""
+    return (isinstance(message, Feedback) and message.text.startswith('TLO:')
+            and message.text.rsplit(':', 1)[-1].split(',')[-1] == f'{MARK:.3f}')
 
 
 def invalid_settings(settings: Mapping[int, float], motors: Motors) -> list[str]:
@@ -196,26 +218,33 @@ def _interrogate(link: GrblLink, deadline: float) -> Controller:
         raise HardwareError(f'the firmware is not GRBL 1.1 or grblHAL: {version or "no version"}')
     settings = {m.number: m.value for m in _ask(link, '$$', deadline)
                 if isinstance(m, Setting)}
-    parameters = [m.text for m in _ask(link, '$#', deadline) if isinstance(m, Feedback)]
-    offsets = [text.rsplit(':', 1)[-1].split(',')[-1] for text in parameters
-               if text.startswith('TLO:')]
+    status = _status_with_offset(link, deadline)
+    if status.position is None or status.work_offset is None:  # see the check of $10
+        return Controller(version[0], settings, (0.0, 0.0, 0.0), None)
     # grblHAL may keep its offsets in a reset: there they prove nothing.
     hal = any('grblhal' in text.lower() for text in build)
-    marked = offsets == [f'{MARK:.3f}'] and not hal
-    while link.waited < deadline:
+    marked = any(map(is_mark, _ask(link, OFFSETS, deadline)))
+    zero = tuple(steps - MARK if i == MARK_AXIS else steps
+                 for i, steps in enumerate(status.work_offset))
+    return Controller(version[0], settings, status.position, zero if marked and not hal else None)
+
+
+def _status_with_offset(link: GrblLink, deadline: float) -> Status:
+    """Return a status report with the work offset, which not every one has."""
+    for _ in range(OFFSET_QUERIES):
         link.write(STATUS_QUERY)
-        for message in link.receive(QUERY_INTERVAL):  # the offset comes with every 30th
-            if isinstance(message, Banner):
-                raise ResetSeenError
-            if not isinstance(message, Status):
-                continue
-            if message.position is None or not marked:  # no position: see the check of $10
-                return Controller(version[0], settings, message.position or (0.0, 0.0, 0.0), None)
-            if message.work_offset is not None:
-                zero = tuple(steps - MARK if i == MARK_AXIS else steps
-                             for i, steps in enumerate(message.work_offset))
-                return Controller(version[0], settings, message.position, zero)
-    raise HardwareError('the GRBL controller does not report its position; check the cable')
+        until, answered = min(link.waited + QUERY_INTERVAL, deadline), False
+        while not answered and link.waited < until:  # queries that come too fast get one answer
+            for message in link.receive(until - link.waited):
+                if isinstance(message, Banner):
+                    raise ResetSeenError
+                if isinstance(message, Status):
+                    answered = True
+                    if message.work_offset is not None or message.position is None:
+                        return message
+    raise HardwareError(
+        'the GRBL controller does not report its work offset (WCO), without which a reset of the '
+        'board could not be seen; check the cable, and $10 (grblHAL: $10=511)')
 
 
 def _ask(link: GrblLink, line: str, deadline: float) -> list[Message]:

@@ -26,6 +26,7 @@ from soft_continuum.hardware.protocols import (
     TendonDriver,
     TendonReading,
 )
+from soft_continuum.hardware.real_time import ask_for_real_time
 from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.parameters.parameter import Parameter
 
@@ -157,6 +158,7 @@ class GrblTendons:
 
     def _run(self, session: GrblSession) -> None:
         """Serve the port until it is closed or fails: what its thread does."""
+        ask_for_real_time()
         link = session.link
         close_by = 0.0
         try:

@@ -7,8 +7,10 @@ RTU replies carry no number, so a late reply looks like the answer to a later re
 nothing is sent twice, and a request succeeds only when exactly its reply is received in time:
 unit, function, length, echo and CRC.  After anything else the line is not used until nothing was
 received for a while; ``out_of_step`` then tells the user of the bus that late replies may still be
-on their way.  Frames and CRC are pymodbus's (modbus_frames.py); its client is not used, as it
-accepts a late reply.
+on their way.  Zeros around a reply are none: lines without bias end what is sent with some.  A
+write is acknowledged by its repetition, which an adapter with a local echo gives too, so that one
+goes only over a line that has answered a read.  Frames and CRC are pymodbus's (frames.py); its
+client is not used, as it accepts a late reply.
 """
 
 from collections.abc import Callable
@@ -36,9 +38,12 @@ OPEN_ATTEMPTS = 2
 """A reply to a program that was killed just before may still be on its way to the first one."""
 BITS_PER_CHARACTER = 11  # the longest there is; 8N1 has 10
 EXCEPTION_SIZE = 5
+NOTHING = b'\0'  # no reply begins with it, which is the unit of all
 ECHOED = 5, 6
 """Functions whose reply repeats the request."""
 MAX_DRAINED = 4096  # bytes: more than late replies can be
+ECHO = ('the adapter repeats what is sent (local echo): switch its echo off, or use one that does '
+        'not receive while it sends')
 OVERHEAD = 5  # bytes of a reply besides what was read: unit, function, byte count, CRC
 EXCEPTIONS = {
     1: 'does not know the function',
@@ -82,6 +87,7 @@ class ModbusBus:
         self._pause = 0.0
         self._paused_until = 0.0
         self._error = ''
+        self._sent = b''  # the last request
         self.out_of_step = True
 
     def open(self) -> None:
@@ -130,6 +136,8 @@ class ModbusBus:
 
     def write_coil(self, unit: int, coil: int, on: bool) -> None:
         """Switch one coil (function 05); an acknowledgement does not prove that it moved."""
+        if self.out_of_step:
+            self.read_coils(unit, coil, 1)
         frame = self._frames.write_coil(unit, coil, on)
         self._request(frame, len(frame))
 
@@ -140,6 +148,8 @@ class ModbusBus:
 
     def write_register(self, unit: int, register: int, value: int) -> None:
         """Write one holding register (function 06); an acknowledgement proves no more."""
+        if self.out_of_step:
+            self.read_holding_registers(unit, register, 1)
         frame = self._frames.write_register(unit, register, value)
         self._request(frame, len(frame))
 
@@ -147,6 +157,7 @@ class ModbusBus:
         """Send a request; return its reply of ``size`` bytes, or raise HardwareError."""
         with self._lock:
             line = self._ready_line()
+            self._sent = frame
             try:
                 if os.write(line.fileno(), frame) < len(frame):
                     raise OSError('it takes no more data')
@@ -163,12 +174,11 @@ class ModbusBus:
             raise self._failed(
                 f'{who} does not answer within {self._timeout:g} s; check its power, the wires, '
                 'its unit number and its baud rate')
-        answer = self._decode(frame, reply, size)
+        answer = self._decode(frame, reply.lstrip(NOTHING), size)
         if answer is None:
             raise self._failed(
-                f'{who} sent {reply.hex(" ")}, which does not answer {frame.hex(" ")}; check the '
-                'wires and their termination, the baud rate, modbus.timeout, and that no other '
-                'program or controller uses the bus')
+                f'{who} sent {reply[:80].hex(" ")}, which does not answer {frame.hex(" ")}; '
+                f'{self._cause(reply)}')
         if answer.isError():
             code = answer.exception_code
             raise RefusedError(
@@ -181,18 +191,29 @@ class ModbusBus:
         """Return ``size`` bytes, or what was received within the timeout."""
         deadline = self.clock() + self._timeout
         reply = b''
-        while len(reply) < size and self.clock.wait([line.fileno()], deadline - self.clock()):
-            received = os.read(line.fileno(), size - len(reply))
+        while ((missing := size - len(reply.lstrip(NOTHING)))
+               and self.clock.wait([line.fileno()], deadline - self.clock())):
+            received = os.read(line.fileno(), missing)
             if not received:
                 raise OSError('hung up')
             reply += received
         return reply
 
+    def _cause(self, received: bytes) -> str:
+        """Return why bytes may have come that answer nothing, and what to do."""
+        if received.startswith(self._sent) or self._sent.startswith(received):
+            return ECHO
+        if not received.strip(NOTHING):
+            return 'check the wires (A, B and ground) and the termination and bias of the line'
+        return ('check the wires and their termination, the baud rate, modbus.timeout (a device '
+                'may answer later), and that no other program or controller uses the bus')
+
     def _decode(self, frame: bytes, reply: bytes, size: int) -> 'ModbusPDU | None':
         """Return the reply if it is one to this request and nothing besides."""
         unit, function = frame[:2]
-        if len(reply) == EXCEPTION_SIZE and reply[:2] == bytes([unit, function | 0x80]):
-            expected = True
+        if (reply[:2] == bytes([unit, function | 0x80]) and len(reply) >= EXCEPTION_SIZE
+                and not reply[EXCEPTION_SIZE:].strip(NOTHING)):
+            expected, reply = True, reply[:EXCEPTION_SIZE]
         elif function in ECHOED:
             expected = reply == frame
         else:
@@ -210,11 +231,10 @@ class ModbusBus:
             unrequested = self._drain(line)
         except (OSError, ValueError):
             raise self._lost() from None
-        if unrequested and not self._error:
+        if unrequested.strip(NOTHING) and not self._error:
             raise self._failed(
-                f'{self._port}: {unrequested[:80].hex(" ")} was received without a request; a '
-                'device answers later than modbus.timeout, or another program or controller uses '
-                'the bus')
+                f'{self._port}: {unrequested[:80].hex(" ")} was received without a request; '
+                f'{self._cause(unrequested)}')
         if unrequested:
             self._paused_until = self.clock() + self._pause
         if self.clock() + SHORT_PAUSE < self._paused_until:

@@ -94,6 +94,7 @@ class RosDevice(ABC):
         """Raise HardwareError for all that fails while messages are taken."""
         if self.link is None:
             raise HardwareError(f'the {self.driver} is not open; configure the node')
+        self.link.looks.look()
         try:
             yield self.link
         except HardwareError:

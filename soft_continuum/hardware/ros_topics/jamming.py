@@ -124,8 +124,10 @@ class RosVacuum(RosDevice):
                           lambda: same(self._states.values[segment]), what)
 
     def _confirm(self, send: Callable[[], None], done: Callable[[], bool], what: str) -> None:
-        begin, sent = self._clock(), -REPEAT
-        while (now := self._clock()) < begin + self._timeout:
+        assert self.link is not None
+        looks = self.link.looks
+        begin, sent = looks(), -REPEAT
+        while (now := looks()) < begin + self._timeout:
             if now >= sent + REPEAT:
                 send()
                 sent = now

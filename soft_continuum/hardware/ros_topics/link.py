@@ -23,7 +23,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
-from soft_continuum.hardware.clock import Clock
+from soft_continuum.hardware.clock import Clock, Looks
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.ros_topics.stamps import Stamps
 from soft_continuum.ros.entry import MAX_BYTES
@@ -46,15 +46,17 @@ class Listener:
 
     missed: whether there were others between those that were taken last, or before them.  number:
     of the last, counted by its sender.  lag: s of this computer's time since its stamp.
+    publisher: who sends them, as DDS calls it; empty where that is not known, as after one was
+    restarted.
     """
 
     def __init__(self, link: 'RosLink', kind: Any, parameter: str, topic: str, timeout: float
                  ) -> None:
         """Subscribe; parameter: that names the topic, for messages.  timeout: s."""
-        self.missed, self.number, self.lag = True, 0, 0.0
+        self.missed, self.number, self.lag, self.publisher = True, 0, 0.0, b''
         self.topic, self.parameter, self._kind = link.resolve(parameter, topic), parameter, kind
         self._link, self.timeout = link, timeout
-        self._stamps, self._received = Stamps(timeout), link.clock()
+        self._stamps, self._received = Stamps(timeout), link.looks()
         self._subscription = link.node.create_subscription(
             kind, self.topic, lambda _: None, STATES, raw=True)
 
@@ -74,6 +76,8 @@ class Listener:
         if numbers:
             self.missed = len(newest) < len(taken) or numbers != [
                 *range(self.number + 1, self.number + 1 + len(numbers))]
+            if numbers[0] < self.number:
+                self.publisher = b''
             self.number = numbers[-1]
         return [one for one in newest if one is not None]
 
@@ -82,6 +86,8 @@ class Listener:
             raise HardwareError(f'a message of {len(data)} bytes came on {self.topic}; allowed: '
                                 f'{MAX_BYTES}')
         message, now = deserialize_message(data, self._kind), self._link.clock()
+        if waited := info['received_timestamp'] * 1e-9:  # DDS had it before it was looked at
+            now -= max(0.0, time.time() - waited)
         header = getattr(message, 'header', None)
         stamp = header.stamp.sec + header.stamp.nanosec * 1e-9 if header is not None else 0.0
         stamp = stamp or info['source_timestamp'] * 1e-9
@@ -90,12 +96,12 @@ class Listener:
                 return None
         except HardwareError as error:
             raise HardwareError(f'a message on {self.topic}: {error}') from None
-        self._received, self.lag = now, time.time() - stamp
+        self._received, self.lag = self._link.looks(), time.time() - stamp
         return message, stamp
 
     def check(self) -> None:
         """Raise HardwareError when no newer message came for too long."""
-        age, timeout = self._link.clock() - self._received, self.timeout
+        age, timeout = self._link.looks() - self._received, self.timeout
         if age > timeout:
             raise HardwareError(
                 f'nothing new on {self.topic} ({self.parameter}) for {age:.2f} s; allowed: '
@@ -119,6 +125,7 @@ class Listener:
         if len(found) > 1:
             return (f'{where} is published by {names(found)}; there must be one: end the others, '
                     'or give this device a topic of its own')
+        self.publisher = bytes(found[0].endpoint_gid)
         return _other_type(where, found, self._kind)
 
 
@@ -176,6 +183,7 @@ class RosLink:
     def __init__(self, lender: Any | None, clock: Clock) -> None:
         """Start the node; lender: the node that has the driver, None outside of nodes."""
         self.clock, self._lender = clock, lender
+        self.looks = Looks(clock)
         self._own = None if lender is not None else Context()
         try:
             if self._own is not None:

@@ -129,7 +129,7 @@ class RosTendons(RosDevice):
 
     def _recall(self) -> None:
         """Take up the zeros that were set while the same publisher had the joints here."""
-        self._publisher = bytes(self._states.publishers[0].endpoint_gid)
+        self._publisher = self._states.publisher
         positions = self._watch.positions
         joints, zeros, last, sent = self._known.pop(self._publisher, (None, (), (), ()))
         assert positions is not None
@@ -187,7 +187,7 @@ class RosTendons(RosDevice):
                                     '~/reference')
             check_limits(joints.tendons, pulls, self._watch.pulls, joints.pull_limits)
             if self._setpoint is None or not self._moving():
-                self._near = self._clock()
+                self._near = self._now()
             self._stop_by = self._way = None
             target = joints.positions(pulls, self._watch.zeros)
             if duration <= LONGEST_STEP:
@@ -231,12 +231,12 @@ class RosTendons(RosDevice):
     # Commands.
 
     def _send(self, positions: tuple[float, ...], duration: float) -> None:
-        self._setpoint, self._sent, self._period = positions, self._clock(), duration
+        self._setpoint, self._sent, self._period = positions, self._now(), duration
         self._commands.send(self._message(positions, duration))
 
     def _go_on(self, begin: tuple[float, ...], end: tuple[float, ...], duration: float) -> None:
         """Send the next step of a motion; what comes late is not caught up."""
-        self._passed += min(self._clock() - self._sent, STEP)
+        self._passed += min(self._now() - self._sent, STEP)
         share = min(1.0, self._passed / duration)
         if share == 1.0:
             self._way = None
@@ -261,7 +261,7 @@ class RosTendons(RosDevice):
             self._commands.send(self._message(self._setpoint, self._period))
             return
         assert self._watch.positions is not None
-        self._stop_by = self._clock() + STOP_TIMEOUT
+        self._stop_by = self._now() + STOP_TIMEOUT
         self._send(self._watch.positions, self._period)
 
     # States.
@@ -271,11 +271,21 @@ class RosTendons(RosDevice):
         with self._receiving() as link:
             if self._opened and self._watch.positions is None:
                 raise HardwareError('a joint state could not be believed; open the driver again')
-            for message, stamp in self._states.take():
-                self._watch.take(message, stamp, self._clock(), self._states.missed)
+            taken = self._states.take()
+            if self._opened and self._states.publisher != self._publisher:
+                self._watch.positions = None  # nothing is sent any more, not even a stop
+                raise HardwareError(
+                    f'the publisher of {self._states.topic} was restarted: what it counts its '
+                    'positions from may have changed; open the driver again')
+            for message, stamp in taken:
+                self._watch.take(message, stamp, self._now(), self._states.missed)
             if self._opened:
                 link.check()
                 self._states.check()
+
+    def _now(self) -> float:
+        """Return the time of the last look, s: in what nobody looked at nothing was missed."""
+        return self.link.looks() if self.link is not None else 0.0
 
     def _moving(self) -> bool:
         return not self._watch.rests(self._sent)
@@ -283,7 +293,7 @@ class RosTendons(RosDevice):
     def _follow(self) -> None:
         """Receive, and raise HardwareError when the joints do not do what they were sent."""
         self._receive()
-        watch, now = self._watch, self._clock()
+        watch, now = self._watch, self._now()
         if self._setpoint is None or watch.positions is None:
             return
         if self._stop_by is not None:
@@ -306,8 +316,8 @@ class RosTendons(RosDevice):
 
     def _confirm_stop(self, setpoint: tuple[float, ...], stop_by: float) -> None:
         if not self._moving():
-            self._stop_by, self._near = None, self._clock()
-        elif self._clock() > stop_by:
+            self._stop_by, self._near = None, self._now()
+        elif self._now() > stop_by:
             raise HardwareError(
                 f'a stop was not confirmed within {STOP_TIMEOUT:g} s: the tendons may still move '
                 f'({self._watch.describe()}); cut the power of the motors if they do, then look '

@@ -1,0 +1,86 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whether servos go on as their goals pull them: one that is caught stops the others within 1 mm.
+
+A servo lags behind its goal, by more under load, so that where it is tells little.  How far it
+goes tells more: it is compared with a motor that nothing holds.  What a load or friction changes
+is a part of the way, or comes once; a servo that is caught does not go at all.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+
+from soft_continuum.hardware.dynamixel.registers import RADIANS_PER_PULSE, TICK_RANGE
+from soft_continuum.hardware.dynamixel.setup import FRICTION_SHARE, Servo, Spools
+from soft_continuum.hardware.dynamixel.state import profile_speed, ServoState
+
+SHORT, SHARE = 1.5e-4, 0.15
+"""m by which a servo may be short of its way, and share of the way that is none."""
+MEMORY = 1.0  # s in which the way is looked at
+MOTOR_TIME, MAX_MOTOR_TIME = 0.015, 0.03
+"""s in which a motor follows a voltage, est, and of one with much inertia, by its current."""
+MAX_LATE = 0.005  # s between request and reply after which nobody knows which goal was in force
+CYCLE, STEP = 0.01, 1e-3  # s
+
+
+class Following:
+    """Compares servos with motors that nothing holds; for one thread at a time."""
+
+    def __init__(self, servos: Sequence[Servo], spools: Spools, states: Sequence[ServoState]
+                 ) -> None:
+        """Begin with servos at rest."""
+        self._servos, self._scale = tuple(servos), spools.pull_per_pulse
+        # Friction of the gear turns with the direction.
+        self._short = [SHORT + 1.5 * abs(scale) * FRICTION_SHARE * servo.full_error
+                       * servo.tension_limit * servo.radius / servo.model.stall_torque
+                       for servo, scale in zip(servos, self._scale, strict=True)]
+        self.place(states)
+
+    def place(self, states: Sequence[ServoState]) -> None:
+        """Begin anew with servos at rest."""
+        self._places = [float(state.written.goal) for state in states]  # of the motors, pulses
+        self._most = [  # pulses/s^2 with what its load leaves of the current of a servo
+            max(0, servo.goal_current - abs(state.current)) * servo.tension(1) * servo.radius
+            / servo.model.stall_torque * servo.model.no_load_speed / RADIANS_PER_PULSE
+            / MAX_MOTOR_TIME for servo, state in zip(self._servos, states, strict=True)]
+        self._speeds = [0.0] * len(self._places)  # pulses/s
+        self._behind: list[deque[tuple[float, float]]] = [deque() for _ in self._places]
+        """For each servo, where the motor and where it were, pulses, up to MEMORY ago."""
+
+    def add(self, before: Sequence[ServoState], states: Sequence[ServoState], missed: bool
+            ) -> None:
+        """Take in how servos went on; missed: whether there were states between these."""
+        for i, (old, new) in enumerate(zip(before, states, strict=True)):
+            self._go_on(i, old, 1e-3 * ((new.tick - old.tick) % TICK_RANGE))
+            seen = self._behind[i]
+            if missed or new.time - new.asked > MAX_LATE:
+                seen.clear()
+            seen.append((self._places[i], new.position))
+            if len(seen) > MEMORY / CYCLE:
+                seen.popleft()
+
+    def _go_on(self, i: int, state: ServoState, elapsed: float) -> None:
+        """Let the motor of a servo go on to its goal."""
+        fastest, lag = profile_speed(state.written), self._servos[i].lag_time
+        while elapsed > 0.0:
+            step = min(elapsed, STEP)
+            wanted = (state.written.goal - self._places[i]) / lag
+            wanted = max(-fastest, min(fastest, wanted))
+            faster = (wanted - self._speeds[i]) / MOTOR_TIME
+            self._speeds[i] += max(-self._most[i], min(self._most[i], faster)) * step
+            self._places[i] += self._speeds[i] * step
+            elapsed -= step
+
+    @property
+    def caught(self) -> int | None:
+        """Which servo does not follow; None where all do."""
+        for i, (seen, scale, short) in enumerate(zip(
+                self._behind, self._scale, self._short, strict=True)):
+            place, position = seen[-1] if seen else (0.0, 0.0)
+            for motor, servo in seen:
+                way, gone = abs(place - motor), position - servo
+                gone = gone if place > motor else -gone
+                if abs(scale) * (way - gone) > short and gone < SHARE * way:
+                    return i
+        return None

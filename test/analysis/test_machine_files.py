@@ -1,0 +1,251 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Exports of testing machines, in the habits of many programs, are read right or questions are asked.
+
+The files of the folder ``measurements`` have made-up numbers: three times 0 to 8 mm in steps of
+0.26667 mm and back.  What is expected was taken from them by eye.
+"""
+
+from pathlib import Path
+import re
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from soft_continuum.analysis.curves import read_curves
+from soft_continuum.analysis.delimited import _decimal, _unit, Column, MeasurementError
+
+FILES = Path(__file__).parent / 'measurements'
+BENT = (0.576, 0.0212, 0.0788)  # N at 8, 0.26667 and 1.06667 mm
+STRAIGHT = (0.576, 0.0192, 0.0768)
+READ = {
+    'c01_wavematrix.csv': BENT, 'c01b_wavematrix_linear.csv': BENT, 'c01c_cycle_time.csv': BENT,
+    'c02_us_units.csv': BENT, 'c05_results_first.csv': BENT, 'c05b_results_first_units.csv': BENT,
+    'c06_quoted_decimal_commas.csv': BENT, 'c06b_quoted_decimal_commas_5.csv': BENT,
+    'c06c_force_4_decimals.csv': BENT, 'c07_nbsp.csv': BENT, 'c07b_nbsp_latin1.csv': BENT,
+    'c10_mts_blocks.txt': BENT, 'c10b_stacked_specimens.csv': BENT, 'c11_utf16_nobom.csv': BENT,
+    'c11b_spaces.txt': BENT, 'c11c_thousands.csv': BENT, 'c11d_mixed_thousands.csv': BENT,
+    'c11e_semicolon_intthousands.csv': BENT, 'c13_wrapped_header.csv': STRAIGHT,
+    'c14_footer.csv': STRAIGHT, 'c15_kgf.csv': STRAIGHT, 'c15b_newton_word.csv': STRAIGHT,
+    'c18_partial_last_cycle.csv': STRAIGHT,
+}
+ASKED = {
+    'c08_two_sensors.csv': "'Standardweg [mm]', 'Traversenweg [mm]'; name it with "
+                           '--displacement-column',
+    'c08b_two_sensors_one.csv': "'Displacement [mm]', 'Crosshead [mm]'; name it with "
+                                '--displacement-column',
+    'c12_motive.csv': '`soft_continuum measure` writes points and pulls',
+    'c17_missing_cells.csv': "line 2: Force [N] is '', not a finite number",
+}
+
+
+def test_no_file_is_forgotten():
+    assert {path.name for path in FILES.iterdir()} == {*READ, *ASKED}
+
+
+@pytest.mark.parametrize('name', READ)
+def test_exports_are_read(name):
+    curves = read_curves([FILES / name])
+    assert len(curves) == 3
+    for curve in curves:
+        u, f = curve.loading
+        # Some programs round to a micrometre and a millinewton.
+        for displacement, force in zip((8e-3, 0.26667e-3, 1.06667e-3), READ[name], strict=True):
+            row = np.argmin(np.abs(u - displacement))
+            assert u[row] == pytest.approx(displacement, abs=0.6e-6)
+            assert f[row] == pytest.approx(force, abs=0.6e-3)
+
+
+@pytest.mark.parametrize('name', ASKED)
+def test_what_is_not_said_is_asked(name):
+    with pytest.raises(MeasurementError, match=re.escape(ASKED[name])):
+        read_curves([FILES / name])
+
+
+def test_who_writes_thousands_apart_does_so_in_all_rows(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text('Weg [um];Kraft [N]\n1.234;0\n'
+                    + '\n'.join(f'{12345 + i};{i}' for i in range(20)), encoding='utf-8')
+    assert read_curves([path])[0].displacement[0] == pytest.approx(1.234e-6)
+
+
+def test_a_header_on_every_page_makes_no_repetitions(tmp_path):
+    header, *rows = table('Weg [mm];Kraft [N]', lambda u, f: f'{u:.2f};{f:.2f}').splitlines()
+    path = tmp_path / 'a.csv'
+    path.write_text('\n'.join([header, *rows[:12], 'Page 2', '', header, *rows[12:]]),
+                    encoding='utf-8')
+    curve, = read_curves([path])
+    assert curve.force == pytest.approx(FORCE)
+
+
+def test_the_sensor_that_is_named_is_read():
+    curves = read_curves([FILES / 'c08_two_sensors.csv'],
+                         {'displacement': 'Traversenweg [mm]', 'force': 'Kraft Sensor 2'})
+    assert len(curves) == 3
+    assert curves[0].displacement[1] == pytest.approx(0.29333e-3)
+    assert curves[0].force[1] == pytest.approx(0.03392)
+
+
+UP = 0.27e-3 * np.arange(30)  # m
+FORCE = 0.02 * np.arange(30)  # N
+
+
+def comma(value, decimals=2):
+    return f'{value:.{decimals}f}'.replace('.', ',')
+
+
+def grouped(value, by, decimals=0, mark=','):
+    return f'{value:,.{decimals}f}'.replace('.', '#').replace(',', by).replace('#', mark)
+
+
+def table(header, row, count=30):
+    """Return a file: a header, and rows of displacement in mm and force in N."""
+    return header + '\n' + '\n'.join(row(0.27 * i, 0.02 * i) for i in range(count))
+
+
+SAME = {
+    'no-break blanks, true minus': table(
+        'Weg [\u00b5m];Kraft [N]',
+        lambda u, f: f'{grouped(-1e3 * u, chr(0x2009), 1).replace("-", chr(0x2212))};{comma(-f)}'),
+    'apostrophes': table('Weg [um];Kraft [mN]',
+                         lambda u, f: f"{grouped(1e3 * u, chr(39), 2, '.')};{1e3 * f:.0f}"),
+    'typographic apostrophes': table(
+        'Weg [um];Kraft [mN]', lambda u, f: f'{grouped(1e3 * u, chr(0x2019))};{1e3 * f:.0f}'),
+    'points as thousands': table(
+        'Weg [um];Kraft [mN]', lambda u, f: f'{grouped(1e3 * u, ".")};{1e3 * f:.0f}'),
+    'per cent in a column that nobody needs': table(
+        'Strain [%];Displacement [mm];Force [N]', lambda u, f: f'{u:.1f} %;{u:.2f};{f:.2f}'),
+    'empty columns': table('Displacement [mm],Force [N],,,', lambda u, f: f'{u:.2f},{f:.2f},,,'),
+    'empty columns in the header': table('Displacement [mm],Force [N],,',
+                                         lambda u, f: f'{u:.2f},{f:.2f}'),
+    'a byte order mark and tabs': '\ufeff' + table('Weg [mm]\tKraft [N]',
+                                                   lambda u, f: f'{u:.2f}\t{f:.2f}'),
+    'UTF-16 without a mark': table('Weg [mm];Kraft [N]', lambda u, f: f'{u:.2f};{f:.2f}').encode(
+        'utf-16-be'),
+    'cells of the header over lines': table(
+        '"Displacement\r\n(actual)\r\n[mm]","Force\r\n[N]"', lambda u, f: f'"{u:.2f}","{f:.2f}"'),
+    'a row of units in brackets, an unknown one': table(
+        'Time,Displacement,Force,Slip\n[s],[mm],[N],[furlong]',
+        lambda u, f: f'0,{u:.2f},{f:.2f},x'),
+    'words between header and units': table(
+        'Displacement,Force\nActual,Actual\nmm,N', lambda u, f: f'{u:.2f},{f:.2f}'),
+    'names over two rows': table(
+        'Axial,Axial\nDisplacement,Force\nmm,N', lambda u, f: f'{u:.2f},{f:.2f}'),
+    'a channel in brackets behind the unit': table(
+        'Displacement (mm) (crosshead),Force (N) (filtered 10 Hz)',
+        lambda u, f: f'{u:.2f},{f:.2f}'),
+    'units behind a comma': table('"Displacement, mm","Force, N"',
+                                  lambda u, f: f'{u:.2f},{f:.2f}'),
+    'the time of day': table('Time,Displacement [mm],Force [N]',
+                             lambda u, f: f'12:00:01,{u:.2f},{f:.2f}'),
+    'a line for spreadsheets': 'sep=;\n' + table('Weg [mm];Kraft [N]',
+                                                 lambda u, f: f'{comma(u)};{comma(f)}'),
+    'exponents': table('Weg [mm];Kraft [N]', lambda u, f: f'{u:.3E};{f:.3E}'),
+    'capital units': table('Weg [MM];Kraft [KN]', lambda u, f: f'{u:.2f};{1e-3 * f:.5f}'),
+    'inches and pounds in words': table(
+        'Displacement (Inches),Force (Pound-force)',
+        lambda u, f: f'{u / 25.4:.6f},{f / 4.4482216:.6f}'),
+    'single blanks': table('Displacement_mm Force_N', lambda u, f: f'{u:.2f} {f:.2f}'),
+    'results below': table('Weg [mm];Kraft [N]', lambda u, f: f'{u:.2f};{f:.2f}')
+                     + '\n\nMaximum;8.0\nMean;0.3;;;',
+    'three decimals, and commas as separators': table(
+        'Displacement [mm],Force [N]', lambda u, f: f'{u:.3f},{f:.3f}'),
+    'all above one, but the time has decimal commas': table(
+        'Zeit [s];Weg [um];Kraft [mN]', lambda u, f: f'{comma(u)};{1e3 * u:.0f};{1e3 * f:.0f}'),
+}
+
+
+@pytest.mark.parametrize('habit', SAME)
+def test_habits_of_programs_give_the_same_curve(tmp_path, habit):
+    path = tmp_path / 'a.csv'
+    text = SAME[habit]
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    curve, = read_curves([path])
+    assert curve.displacement == pytest.approx(UP, abs=1e-7)
+    assert curve.force == pytest.approx(FORCE, abs=1e-5)
+
+
+@pytest.mark.parametrize(('text', 'message'), [
+    (table('Weg [mm],Kraft [N]', lambda u, f: f'"{comma(u + 1, 3)}","{comma(f + 1, 3)}"'),
+     r"line 2: Kraft \[N\] is '1,000', which may be 1000 or 1: .* --decimal \. or --decimal ,"),
+    (table('Weg [mm];Kraft [N]', lambda u, f: f'{u + 1.234:.3f};{f + 1:.3f}'),
+     r"line 2: Kraft \[N\] is '1.000', which may be 1 or 1000: .* --decimal"),
+    (table('Weg [mm],Kraft [N],Note,Nr', lambda u, f: f'{comma(u, 3)},{comma(f, 3)}'),
+     r"line 2: Kraft \[N\] is '000', the end of another number; decimal commas need semicolons"),
+    (table('Weg [mm];Kraft [N]', lambda u, f: f'1.23.4;{comma(f)}'),
+     r"line 2: Weg \[mm\] is '1.23.4', not a finite number with a decimal comma"),
+    (table('Weg [mm];Kraft [N]', lambda u, f: f'1 2;{comma(f)}'), "line 2: .* is '1 2', not a"),
+    (table('Weg [mm];Kraft [N]', lambda u, f: f'{u:.2f};{f:.2f}') + '\n7.9', "line 32: .* is ''"),
+    (table('Weg [mm];Kraft [N]', lambda u, f: f'{u:.2f};{f:.2f}') + '\nNaN;NaN', 'line 32: .*N'),
+    (table('Weg [mm],Kraft [N],Note', lambda u, f: f'{u:.2f},{f:.2f},"x' if u in (0.27, 0.54)
+           else f'{u:.2f},{f:.2f},'), 'line 3: a quoted cell goes on in the next line'),
+    (table('Weg 1 [mm];Kraft 1 [N];Weg 2 [mm];Kraft 2 [N]',
+           lambda u, f: f'{u:.2f};{f:.2f};{u:.2f};{f:.2f}'), '2 columns may be the displacement'),
+    (table('Load (N),Load cell 2 (N),Extension (mm)', lambda u, f: f'{f:.2f},{f:.2f},{u:.2f}'),
+     "2 columns may be the force: 'Load .N.', 'Load cell 2 .N.'; name it with --force-column"),
+    (table('Weg;Kraft\nmm;N', lambda u, f: f'{u:.2f};{f:.2f}') + '\n\n'
+     + table('Weg;Kraft\nmm;kN', lambda u, f: f'{u:.2f};{f:.2f}'), 'lines 34 and 1: two tables'),
+    (table('Displacement [mm],Force [%]', lambda u, f: f'{u:.2f},{f:.2f}'), "'%' is not a unit"),
+    (table('Extension ("),Load (lbf)', lambda u, f: f'{u:.2f},{f:.2f}'), 'line 1: .* not a unit'),
+    (table('Displacement (link),Force (N)', lambda u, f: f'{u:.2f},{f:.2f}'), "'link' is not a"),
+    (table('Time  Displacement_mm  Force_N', lambda u, f: f'0  {u:.2f}  {f or "":.3}'),
+     'line 2: 2 cells separated by blanks, but the header has 3'),
+])
+def test_what_may_be_read_in_two_ways_is_refused(tmp_path, text, message):
+    path = tmp_path / 'a.csv'
+    path.write_text(text, encoding='utf-8')
+    with pytest.raises(MeasurementError, match=message):
+        read_curves([path])
+
+
+def test_the_decimal_mark_can_be_given(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text(table('Weg [mm];Kraft [N]', lambda u, f: f'{u + 1.234:.3f};{f + 1:.3f}'),
+                    encoding='utf-8')
+    assert read_curves([path], decimal='.')[0].force == pytest.approx(FORCE + 1.0)
+    assert read_curves([path], decimal=',')[0].force == pytest.approx(1e3 * (FORCE + 1.0))
+
+
+@given(values=st.lists(st.integers(0, 10_000_000), min_size=2, max_size=20),
+       decimals=st.integers(0, 4), mark=st.sampled_from('.,'),
+       by=st.sampled_from(('', 'other', ' ', '\u202f', '\u00a0', "'")), quoted=st.booleans())
+def test_no_number_is_read_a_thousand_times_too_large(values, decimals, mark, by, quoted):
+    """However a column was written: it is read as it was meant, or the mark is asked for."""
+    other = {'.': ',', ',': '.'}[mark]
+    numbers = [value / 10**decimals for value in values]
+    cells = tuple(grouped(number, other if by == 'other' else by, decimals, mark)
+                  for number in numbers)
+    column = Column(Path('a.csv'), 'u', 1.0, cells, tuple(range(len(cells))), '.')
+    # Programs that separate columns by commas write points, unless they quote.
+    if not quoted and (mark == ',' or by == 'other'):
+        quoted = True
+    try:
+        decimal = _decimal([column], ',' if not quoted else ';', [cells])
+    except MeasurementError as error:
+        assert '--decimal' in str(error)
+        return
+    read = Column(Path('a.csv'), 'u', 1.0, cells, tuple(range(len(cells))), decimal).numbers()
+    assert read == pytest.approx(np.array(numbers))
+
+
+@pytest.mark.parametrize(('unit', 'factor', 'of'), [
+    ('in', 0.0254, 'm'), ('inches', 0.0254, 'm'), ('ft', 0.3048, 'm'), ('mm', 1e-3, 'm'),
+    ('\u00b5m', 1e-6, 'm'), ('\u03bcm', 1e-6, 'm'), ('Millimeters', 1e-3, 'm'),
+    ('lbf', 4.4482216152605, 'N'), ('kgf', 9.80665, 'N'), ('gf', 9.80665e-3, 'N'),
+    ('kN', 1e3, 'N'), ('mN', 1e-3, 'N'), ('daN', 10.0, 'N'), ('Newtons', 1.0, 'N'),
+    ('deg', np.pi / 180, 'rad'), ('\u00b0', np.pi / 180, 'rad'), ('g', 1e-3, 'kg'),
+])
+def test_units_are_those_of_the_tables_of_nist(unit, factor, of):
+    found = _unit(unit)
+    assert found is not None
+    assert found[0] == pytest.approx(factor)
+    assert found[1] == _unit(of)[1]
+
+
+@pytest.mark.parametrize('word', ['', 'link', 'rod', 'hand', 'Grad', '%', 'MN', '9**9', 'actual',
+                                  'N/mm', 'stone', 'x'])
+def test_other_words_are_no_units(word):
+    assert _unit(word) is None
