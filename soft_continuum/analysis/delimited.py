@@ -21,6 +21,7 @@ import unicodedata
 import numpy as np
 from numpy.typing import NDArray
 
+from soft_continuum.extras import needed
 from soft_continuum.text import MAX_NAME, printable, read_bytes
 
 Array = NDArray[np.float64]  # not that of mechanics, for which numba would be imported
