@@ -39,7 +39,10 @@ distribution = setup(
         # On the path after sourcing the workspace.
         ('bin', ['bin/soft_continuum']),
         (f'{SHARE}/launch', files('launch/*.launch.py')),
-        (f'{SHARE}/msg_docs', files('msg_docs/*.md')),
+        # Messages name pages.
+        *((f'{SHARE}/{folder}', files(f'{folder}/*.md'))
+          for folder in sorted({os.path.dirname(page) for page in files(
+              'msg_docs/*.md', 'docs/*.md', 'docs/*/*.md')})),
         (f'{SHARE}/data/simulated_specimen', files('data/simulated_specimen/*')),
     ],
     entry_points={

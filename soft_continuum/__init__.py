@@ -3,10 +3,28 @@
 """Model, actuate and sequence variable-stiffness continuum arms, in a plane or in space."""
 
 
+from functools import cache
+
+
+@cache
 def version() -> str:
-    """Return the version that is installed."""
+    """
+    Return the version and, behind the +, a digest of the sources, such as 0.1.0+1a2b3c4d.
+
+    The same code has the same digest wherever it is, in a clone or installed.
+    """
+    from hashlib import sha256
     from importlib.metadata import PackageNotFoundError, version
+    from os import path, walk
+    root = path.dirname(__file__)
+    digest = sha256()
+    for source in sorted(path.join(folder, name) for folder, _, names in walk(root)
+                         for name in names if name.endswith(('.py', '.html'))):
+        with open(source, 'rb') as file:
+            content = file.read()
+        digest.update(f'{path.relpath(source, root)} {len(content)} '.encode() + content)
     try:
-        return version('soft_continuum')
+        number = version('soft_continuum')
     except PackageNotFoundError:
-        return '(not installed, so of unknown version)'
+        number = 'unknown'
+    return f'{number}+{digest.hexdigest()[:8]}'

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the files of a user are, by the XDG Base Directory Specification."""
+"""Where files are: those of a user by the XDG Base Directory Specification, and the pages."""
 
 import os
 from pathlib import Path
@@ -24,6 +24,13 @@ def dynamixel_zeros() -> Path:
 def config_home() -> Path:
     """Return where this user's programs have what they are configured with."""
     return _home('XDG_CONFIG_HOME', '.config')
+
+
+def pages() -> Path:
+    """Return the folder with docs/ and msg_docs/: the sources, or what is installed of them."""
+    above = Path(__file__).resolve().parents
+    return next((folder for parent in above for folder in (parent, parent / 'share/soft_continuum')
+                 if (folder / 'msg_docs').is_dir()), above[1])
 
 
 def _folder(variable: str, default: str) -> Path:

@@ -11,8 +11,10 @@ import sys
 
 import pytest
 
+from soft_continuum import version
+
 ROOT = Path(__file__).resolve().parent.parent
-SOURCES = ('bin', 'config', 'data', 'launch', 'msg_docs', 'resource', 'soft_continuum')
+SOURCES = ('bin', 'config', 'data', 'docs', 'launch', 'msg_docs', 'resource', 'soft_continuum')
 
 SOLVE = """
 from importlib.util import find_spec
@@ -22,9 +24,11 @@ import sys
 
 import numba
 
+from soft_continuum import version
 from soft_continuum.analysis.workspace import reach
 from soft_continuum.mechanics import Arm, Disc, Segment, set_shape, Statics
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.user_files import pages
 
 arm = Arm((Segment(length=0.1, bending_stiffness=0.01, guide_offsets=(0.02, 0.02)),),
           (Disc(0.01), Disc(0.01)), bodies_per_segment=1)
@@ -35,6 +39,8 @@ print(json.dumps({
     'bending_angle': float(statics.chain.bending_angles(bent.joint_angles)[0]),
     'tips': len(reach(arm, [0], 3).tips),
     'segments': len(paper.segments),
+    'version': version(),
+    'pages': (pages() / 'docs/how_to/install.md').is_file(),
     'present': [name for name in ('matplotlib', 'rclpy', 'serial', 'viser') if find_spec(name)],
 }))
 """
@@ -79,3 +85,5 @@ def test_an_installed_package_solves_and_analyses_without_ros(python: Path) -> N
     assert result['tips'] == 3
     assert result['segments'] == 3
     assert result['present'] == []
+    assert result['version'] == version()
+    assert result['pages']

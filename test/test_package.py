@@ -8,19 +8,26 @@ from importlib import import_module
 from pathlib import Path
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 from typing import Any
 from xml.etree import ElementTree
 
+from catkin_pkg.changelog import get_changelog_from_path
+from catkin_pkg.packages import find_packages
 import pytest
 import setuptools
+import yaml
+
+from soft_continuum import version
 
 ROOT = Path(__file__).resolve().parent.parent
 # Where the name of an import is not that of the distribution.
 IMPORTED_AS = {'cv2': 'opencv-python-headless', 'dynamixel_sdk': 'dynamixel-sdk',
                'mcap_ros2': 'mcap-ros2-support',
                'mpl_toolkits': 'matplotlib', 'serial': 'pyserial', 'yaml': 'pyyaml'}
+TEXTS = ('', '.py', '.html', '.yaml', '.msg', '.srv', '.action')
 MANIFESTS = ('package.xml', 'soft_continuum_interfaces/package.xml')
 
 
@@ -38,10 +45,107 @@ def setup_arguments(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize('path', MANIFESTS)
-def test_a_package_has_the_version_of_setup_py(
+def test_a_package_has_the_version_and_the_maintainer_of_setup_py(
     path: str, setup_arguments: dict[str, Any]
 ) -> None:
-    assert manifest(path).findtext('version') == setup_arguments['version']
+    found = manifest(path)
+    assert found.findtext('version') == setup_arguments['version']
+    assert found.findtext('maintainer') == setup_arguments['maintainer']
+    maintainer = found.find('maintainer')
+    assert maintainer is not None
+    assert maintainer.get('email') == setup_arguments['maintainer_email']
+
+
+def test_both_packages_have_the_same_addresses() -> None:
+    ours, theirs = ({url.get('type'): url.text for url in manifest(path).iter('url')}
+                    for path in MANIFESTS)
+    assert ours == theirs
+
+
+def test_the_citation_has_the_version_of_setup_py(setup_arguments: dict[str, Any]) -> None:
+    found = yaml.safe_load((ROOT / 'CITATION.cff').read_text(encoding='utf-8'))
+    assert found['version'] == setup_arguments['version']
+
+
+def test_both_packages_have_the_license_and_a_changelog_of_the_same_releases() -> None:
+    folders = [(ROOT / path).parent for path in MANIFESTS]
+    licenses = {(folder / 'LICENSE').read_bytes() for folder in folders}
+    assert len(licenses) == 1
+    releases = [[(version, date) for version, date, _ in get_changelog_from_path(
+        str(folder)).foreach_version()] for folder in folders]
+    assert releases[0] == releases[1]
+    assert releases[0]
+
+
+def test_the_build_farm_finds_both_packages_in_a_release_tree(tmp_path: Path) -> None:
+    if not (ROOT / '.git').exists():
+        pytest.skip('no clone of git')
+    assert {one.name for one in find_packages(str(ROOT)).values()} == {'soft_continuum'}
+    subprocess.run([ROOT / 'run', 'release', 'tree'], cwd=tmp_path, check=True)
+    found = find_packages(str(tmp_path / 'tree'))
+    assert {folder: package.name for folder, package in found.items()} == {
+        name: name for name in ('soft_continuum', 'soft_continuum_interfaces')}
+    assert len({package.version for package in found.values()}) == 1
+    for package in found.values():
+        package.validate()
+        assert {'CHANGELOG.rst', 'LICENSE'} <= {path.name for path in Path(
+            package.filename).parent.iterdir()}
+    written = {str(path.relative_to(tmp_path / 'tree')) for path in (tmp_path / 'tree').rglob('*')
+               if not path.is_dir()}
+    listed = subprocess.run(['git', 'ls-tree', '-r', '-z', '--name-only', 'HEAD'], cwd=ROOT,
+                            check=True, capture_output=True, text=True).stdout.split('\0')[:-1]
+    inner = 'soft_continuum_interfaces/'
+    assert written == {name if name.startswith(inner) else f'soft_continuum/{name}'
+                       for name in listed}
+
+
+def test_a_release_tree_takes_the_place_of_nothing(tmp_path: Path) -> None:
+    (tmp_path / 'mine').touch()
+    done = subprocess.run([ROOT / 'run', 'release', tmp_path], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert 'a directory that is new or empty' in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ['mine']
+
+
+def test_pages_that_the_product_names_exist_and_are_installed(
+    setup_arguments: dict[str, Any],
+) -> None:
+    named = {page for folder in ('soft_continuum', 'soft_continuum_interfaces', 'config', 'launch',
+                                 'bin')
+             for path in (ROOT / folder).rglob('*') if path.is_file() and path.suffix in TEXTS
+             for page in re.findall(r'(?<![\w/.])(?:msg_)?docs/[\w/]+\.md',
+                                    path.read_text(encoding='utf-8'))}
+    assert {'docs/how_to/secure_the_network.md', 'msg_docs/parameters.md'} < named
+    installed = {f'{folder.removeprefix("share/soft_continuum/")}/{Path(file).name}'
+                 for folder, files in setup_arguments['data_files'] for file in files}
+    assert not {page for page in named if not (ROOT / page).is_file()}
+    assert not named - installed
+
+
+def test_a_version_differs_where_the_sources_do_and_nowhere_else(tmp_path: Path) -> None:
+    ignored = shutil.ignore_patterns('__pycache__')
+    shutil.copytree(ROOT / 'soft_continuum', tmp_path / 'a', ignore=ignored)
+    assert version_in(tmp_path / 'a') == version()
+    assert re.fullmatch(r'\d+\.\d+\.\d+\+[0-9a-f]{8}', version())
+    (tmp_path / 'a' / '__pycache__').mkdir()
+    (tmp_path / 'a' / '__pycache__' / 'text.pyc').write_bytes(b'compiled')
+    (tmp_path / 'a' / 'mechanics' / 'kernel.so').write_bytes(b'compiled')
+    assert version_in(tmp_path / 'a') == version()
+    (tmp_path / 'linked').symlink_to(tmp_path / 'a')
+    assert version_in(tmp_path / 'linked') == version()
+    found = {version()}
+    for change in (lambda: (tmp_path / 'a' / 'text.py').open('a').write('#'),
+                   lambda: (tmp_path / 'a' / 'text.py').rename(tmp_path / 'a' / 'texts.py'),
+                   lambda: (tmp_path / 'a' / 'browser' / 'page.html').open('a').write(' '),
+                   lambda: (tmp_path / 'a' / 'new.py').touch()):
+        change()
+        found.add(version_in(tmp_path / 'a'))
+    assert len(found) == 5
+
+
+def version_in(folder: Path) -> str:
+    """Return what the package in a folder says."""
+    return str(runpy.run_path(str(folder / '__init__.py'))['version']())
 
 
 @pytest.mark.parametrize('path', MANIFESTS)

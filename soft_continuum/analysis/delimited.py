@@ -21,6 +21,7 @@ import unicodedata
 import numpy as np
 from numpy.typing import NDArray
 
+from soft_continuum.extras import needed
 from soft_continuum.text import MAX_NAME, printable, read_bytes
 
 Array = NDArray[np.float64]  # not that of mechanics, for which numba would be imported
@@ -388,10 +389,8 @@ def _head(cell: str) -> str:
 
 @cache
 def _registry() -> Any:
-    try:
+    with needed(MeasurementError):
         import pint
-    except ImportError:
-        raise MeasurementError('units need pint: pip install pint') from None
     return pint.UnitRegistry()
 
 

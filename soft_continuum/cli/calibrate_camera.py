@@ -11,7 +11,6 @@ from time import monotonic
 from soft_continuum.analysis.results import reserve_outputs
 from soft_continuum.arguments import FOR_ANALYSIS, Parser
 from soft_continuum.cli.common import run_verb
-from soft_continuum.sensing.opencv import require_opencv
 from soft_continuum.sensing.pictures import Picture
 from soft_continuum.sensing.sources import is_device, pictures
 
@@ -29,11 +28,10 @@ def main(argv: Sequence[str] | None = None) -> int:
                     *FOR_ANALYSIS)
     parser.add_argument('source', help='a folder of pictures, a video file, or a device such as '
                         '/dev/video0, which is looked at for 30 s')
-    return run_verb(parser, _run, argv)
+    return run_verb(parser, _run, argv, 'cv2')
 
 
 def _run(options: argparse.Namespace) -> None:
-    require_opencv()
     from soft_continuum.sensing.lens_calibration import calibrate
     path, = reserve_outputs(options.output, [FILE], options.force)
     if is_device(options.source):

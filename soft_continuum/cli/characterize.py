@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in UNITS:
         parser.add_argument(f'--{name}-unit', metavar='UNIT',
                             help=f'unit of {name}, in place of what the header says')
-    return run_verb(parser, _run, argv)
+    return run_verb(parser, _run, argv, 'matplotlib')
 
 
 def _run(options: argparse.Namespace) -> None:

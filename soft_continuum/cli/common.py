@@ -13,6 +13,7 @@ from soft_continuum.analysis.recording import Recording
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.analysis.unknowns import IdentificationError
 from soft_continuum.arguments import DONE, FOR_ANALYSIS, INTERRUPTED, Parser, WRONG_USAGE
+from soft_continuum.extras import require
 from soft_continuum.mechanics.arm import ArmError
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.laws import LawError
@@ -22,7 +23,6 @@ from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.sensing.lens import LensError
-from soft_continuum.sensing.opencv import OpenCVError
 from soft_continuum.sensing.sources import SourceError
 from soft_continuum.sequencing.planner import PlanError
 
@@ -72,13 +72,17 @@ def any_described_arm(options: argparse.Namespace) -> tuple[dict[str, Value], An
 
 
 def run_verb(parser: Parser, run: Callable[[argparse.Namespace], int | None],
-             argv: Sequence[str] | None) -> int:
-    """Run a verb with its options; return its exit status, with an error as one line."""
+             argv: Sequence[str] | None, *needs: str) -> int:
+    """
+    Run a verb with its options; return its exit status, with an error as one line.
+
+    needs: modules that it imports late; raises ImportError at once for one that is missing.
+    """
     options = parser.parse_args(argv)
+    for module in needs:
+        require(module)
     try:
         return run(options) or DONE
-    except OpenCVError as error:
-        return parser.fail(error)
     except BAD_INPUT as error:
         return parser.fail(error, WRONG_USAGE)
     except BrokenPipeError:

@@ -23,11 +23,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                     '~/.bashrc: source <(soft_continuum completion bash)')
     parser.add_argument('shell', choices=('bash', 'zsh', 'fish'))
     shell = parser.parse_args(argv).shell
-    try:
-        from argcomplete.shell_integration import shellcode
-    except ModuleNotFoundError:
-        return parser.fail('needs argcomplete; install python3-argcomplete (apt) or argcomplete '
-                           '(pip)')
+    from argcomplete.shell_integration import shellcode
     print(shellcode(['soft_continuum'], shell='bash' if shell == 'zsh' else shell))
     return DONE
 

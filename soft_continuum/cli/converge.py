@@ -32,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         f'{USUAL_SPANS} in each of their spans if that is more)')
     parser.add_argument('--gravity', action='store_true',
                         help='with the weight of the arm (default: without, as in the paper)')
-    return run_verb(parser, _run, argv)
+    return run_verb(parser, _run, argv, 'matplotlib')
 
 
 def _run(options: argparse.Namespace) -> None:

@@ -18,6 +18,7 @@ from soft_continuum.arguments import (
     number_in,
     Parser,
 )
+from soft_continuum.extras import missing, remedy, requirements, USES
 from soft_continuum.hardware.checks import (
     Check,
     check_jamming,
@@ -83,8 +84,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _sensor_checks(namespace: str, duration: float) -> Iterator[Check]:
     try:
         from soft_continuum.cli.doctor_sensors import sensor_checks
-    except ModuleNotFoundError as error:
-        yield Check('sensors', FAIL, f'{error.name} is not there; source ROS 2 and the workspace')
+    except ImportError as error:
+        yield Check('sensors', FAIL, remedy(error) or str(error))
         return
     yield from sensor_checks(namespace, duration)
 
@@ -92,14 +93,15 @@ def _sensor_checks(namespace: str, duration: float) -> Iterator[Check]:
 def _network_checks(namespace: str) -> Iterator[Check]:
     try:
         from soft_continuum.cli.doctor_network import network_checks
-    except ModuleNotFoundError as error:
-        yield Check('network', FAIL, f'{error.name} is not there; source ROS 2 and the workspace')
+    except ImportError as error:
+        yield Check('network', FAIL, remedy(error) or str(error))
         return
     yield from network_checks(namespace)
 
 
 def checks(paths: Sequence[Path]) -> Iterator[Check]:
     """Yield what each step finds; steps that need one that failed are left out."""
+    yield from _check_packages()
     model = _check_model()
     yield model
     if model.status == FAIL:  # the parameter files describe a model
@@ -118,6 +120,15 @@ def checks(paths: Sequence[Path]) -> Iterator[Check]:
     yield from check_tendons(values)
     if values['arm.jamming']:
         yield from check_jamming(values)
+
+
+def _check_packages() -> Iterator[Check]:
+    if not any(requirements().values()):
+        yield Check('packages', WARN, 'cannot be checked, since soft_continuum is not installed')
+        return
+    found = [Check(f'packages for {extra}', WARN, text)
+             for extra in USES if (text := missing(extra))]
+    yield from found or [Check('packages', OK, 'all that a verb can need are installed')]
 
 
 def _check_model() -> Check:

@@ -17,8 +17,9 @@ from soft_continuum.analysis.recording import (
     tables,
     write_tables,
 )
-from soft_continuum.analysis.results import reserve_outputs, ResultError
+from soft_continuum.analysis.results import reserve_outputs
 from soft_continuum.cli.common import given_recording, recording_parser, run_verb
+from soft_continuum.extras import require
 
 FORMATS = ('csv', 'mat', 'parquet')
 
@@ -34,6 +35,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
+    if options.format == 'parquet':
+        require('pyarrow')
     recording, folder = given_recording(options, 'is exported')
     names = {'csv': FILES, 'mat': ('recording.mat',),
              'parquet': tuple(f'{name}.parquet' for name in TABLES)}[options.format]
@@ -70,12 +73,8 @@ def _column(values: Sequence[object]) -> np.ndarray:
 
 
 def _write_parquet(recording: Recording, paths: Sequence[Path]) -> None:
-    try:
-        import pyarrow as arrow
-        from pyarrow import parquet
-    except ImportError:
-        raise ResultError('Parquet files need pyarrow; install it with: pip install '
-                          "'soft_continuum[parquet]'") from None
+    import pyarrow as arrow
+    from pyarrow import parquet
     for path, (header, rows) in zip(paths, tables(recording).values(), strict=True):
         columns = {column: [row[k] for row in rows] for k, column in enumerate(header)}
         parquet.write_table(arrow.table(columns), path)

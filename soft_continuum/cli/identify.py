@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--hold-out', nargs='+', default=[], metavar='SHAPE',
                         help='shapes to leave out of the fit (default: fit all, then leave out '
                              'each in turn)')
-    return run_verb(parser, _run, argv)
+    return run_verb(parser, _run, argv, 'matplotlib')
 
 
 @dataclass(frozen=True)

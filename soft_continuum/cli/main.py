@@ -13,6 +13,7 @@ from soft_continuum import version
 from soft_continuum.arguments import DONE, FOR_NODES, INTERRUPTED, Parser
 from soft_continuum.cli.registry import GROUPS, Verb, VERBS
 from soft_continuum.parameters.parameter import name_hint
+from soft_continuum.user_files import pages
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -44,10 +45,15 @@ def call(verb: Verb, options: Sequence[str]) -> int:
     """Import the function of a verb and call it; return the exit status."""
     sys.argv[1:] = options
     module, _, name = verb.target.partition(':')
-    function: Callable[..., int] = getattr(import_module(f'soft_continuum.{module}'), name)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
+        function: Callable[..., int] = getattr(import_module(f'soft_continuum.{module}'), name)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         return function(*verb.arguments)
+    except ImportError as error:
+        from soft_continuum.extras import remedy
+        if not (text := remedy(error)):
+            raise
+        return Parser(verb.name, '').fail(text)
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:  # such as into head: what was printed so far was enough
@@ -61,7 +67,8 @@ def _parser() -> Parser:
         for group, verbs in GROUPS.items())
     parser = Parser(
         '', 'Tendon-driven continuum arms with jamming segments: operate them, analyse them, '
-        f'set them up.\nVERB --help shows the options of a verb.\n\n{listing}',
+        'set them up.\nVERB --help shows the options of a verb. Pages that messages name, such as '
+        f'docs/index.md, are in {pages()}\n\n{listing}',
         *FOR_NODES, usage='%(prog)s VERB [OPTION]...',
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--version', action='store_true', help='print the version and end')

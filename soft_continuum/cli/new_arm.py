@@ -53,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.add_argument(question.option, type=_reader(question), help=question.text,
                             metavar=_metavar(question))
     try:
-        return run_verb(parser, _run, argv)
+        return run_verb(parser, _run, argv, 'matplotlib')
     except DeclinedError as error:
         return parser.fail(error)
     except AnswerError as error:

@@ -74,8 +74,9 @@ def run_action(verb: str, action: Action, argv: Sequence[str] | None = None) -> 
     try:
         from soft_continuum.client.arm import Arm
         from soft_continuum.client.errors import ClientError, NodesMissingError
-    except ModuleNotFoundError as error:
-        return output.fail(f'ROS 2 is not set up ({error}); source it, or start with ./run')
+    except ImportError as error:
+        from soft_continuum.extras import remedy
+        return output.fail(remedy(error) or error)
     try:
         with Arm(options.namespace, timeout=options.timeout) as arm:
             return action.run(arm, options, output)

@@ -21,6 +21,7 @@ from soft_continuum.cli.operate import bendings
 from soft_continuum.cli.plan_picture import plan_figure, SUFFIXES
 from soft_continuum.cli.tip_options import add_tip, given_tip, tip_problem, UNITS
 from soft_continuum.cli.tip_path import read_tip_path
+from soft_continuum.extras import require
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.obstacles.files import load_obstacles
@@ -70,6 +71,7 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
     if options.position and (problem := tip_problem(options)):
         parser.error(problem)
     if options.picture:
+        require('matplotlib')
         if options.picture.suffix not in SUFFIXES:
             parser.error(f'-o {options.picture}: allowed: names that end in '
                          f'{", ".join(SUFFIXES)}')

@@ -9,6 +9,7 @@ from pathlib import Path
 from soft_continuum.analysis.recording import BAG
 from soft_continuum.analysis.results import reserve_outputs, ResultError
 from soft_continuum.arguments import number_in, Parser, WRONG_USAGE
+from soft_continuum.extras import require
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -24,6 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='record the pictures of cameras too: tens of MB per second')
     parser.set_defaults(output=Path('recording'))
     options = parser.parse_args(argv)
+    require('mcap')
     try:
         path, = reserve_outputs(options.output, [BAG], options.force)
     except ResultError as error:

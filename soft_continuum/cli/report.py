@@ -18,7 +18,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
     parser = recording_parser('report', 'Write a page with the figures and tables of a recording.')
     parser.add_argument('--title', default='', help='title of the page')
-    return run_verb(parser, _run, argv)
+    return run_verb(parser, _run, argv, 'matplotlib')
 
 
 def description_in(text: str, recording: Path) -> dict[str, Value]:

@@ -42,7 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--yes', action='store_true',
                         help='do not ask before a study of more than an hour')
     parser.set_defaults(output=Path(NAME))
-    return run_verb(parser, lambda options: _run(parser, options), argv)
+    return run_verb(parser, lambda options: _run(parser, options), argv,
+                    'distributed', 'pyarrow', 'matplotlib')
 
 
 def _run(parser: Parser, options: argparse.Namespace) -> int:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from soft_continuum.analysis.results import reserve_outputs
 from soft_continuum.arguments import FOR_ANALYSIS, Parser
 from soft_continuum.cli.common import run_verb
-from soft_continuum.sensing.opencv import require_opencv
 
 NAME = 'tags'
 
@@ -20,11 +19,10 @@ def main(argv: Sequence[str] | None = None) -> int:
                     'behind it, a drawing of where they go, and rulers. '
                     'Their sizes and places are the parameters tags.* of the node camera.',
                     *FOR_ANALYSIS)
-    return run_verb(parser, _run, argv)
+    return run_verb(parser, _run, argv, 'cv2', 'matplotlib')
 
 
 def _run(options: argparse.Namespace) -> None:
-    require_opencv()
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
     from soft_continuum.sensing.any_camera import layout_of

@@ -70,11 +70,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                            'with: up --teleop', WRONG_USAGE)
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, _interrupt)
-    try:
-        from soft_continuum.client.connection import Connection
-        from soft_continuum.client.errors import ClientError, NodesMissingError
-    except ModuleNotFoundError as error:
-        return parser.fail(f'ROS 2 is not set up ({error}); source it, or start with ./run')
+    from soft_continuum.client.connection import Connection
+    from soft_continuum.client.errors import ClientError, NodesMissingError
     try:
         connection = Connection(f'keyboard_{os.getpid()}', options.namespace, options.timeout)
     except ClientError as error:

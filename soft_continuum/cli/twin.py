@@ -5,7 +5,6 @@
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from importlib import import_module
 from pathlib import Path
 import threading
 
@@ -82,11 +81,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--regulators', action='store_true',
                         help='vacuum regulators on an output board, in place of pump and valves')
     options = parser.parse_args(argv)
-    try:
-        import_module('mujoco')
-    except ImportError:
-        return parser.fail("MuJoCo is not installed; install it with: pip install "
-                           "'soft_continuum[twin]'")
     from soft_continuum.nodes.up import description_file
     from soft_continuum.parameters.arm import any_arm_from_parameters
     from soft_continuum.parameters.files import load_description

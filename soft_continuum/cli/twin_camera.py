@@ -10,8 +10,8 @@ import re
 
 from soft_continuum.arguments import number_in, Parser
 from soft_continuum.cli.twin import add_preset_options, chosen_differences, serve
+from soft_continuum.extras import require
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.sensing.opencv import OpenCVError, require_opencv
 
 RATE = 10.0  # Hz
 DIRECTION = 165.0  # degrees, from where every disc of the shipped shapes is seen best
@@ -34,10 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='from where it looks at a spatial arm: angle about z from x; it '
                         f'has to see fixed tags (default: {DIRECTION:g})')
     options = parser.parse_args(argv)
-    try:
-        require_opencv()
-    except OpenCVError as error:
-        return parser.fail(error)
+    require('cv2')
     from soft_continuum.nodes.up import description_file
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA

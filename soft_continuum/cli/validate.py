@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--corrected', type=Path, action='append', default=[], metavar='FILE',
                         help='parameters that correct the arm, such as characterize.yaml: one '
                              'more series; may be repeated')
-    return run_verb(parser, _run, argv)
+    return run_verb(parser, _run, argv, 'matplotlib')
 
 
 def _run(options: argparse.Namespace) -> None:

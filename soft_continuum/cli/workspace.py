@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--directions', type=whole_number_in(3, 72), metavar='N',
                         help='of an arm in space: directions in which each segment is bent '
                         f'(default: {USUAL_DIRECTIONS})')
-    return run_verb(parser, _run, argv)
+    return run_verb(parser, _run, argv, 'matplotlib')
 
 
 def _run(options: argparse.Namespace) -> None:

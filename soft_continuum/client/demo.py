@@ -25,6 +25,7 @@ from soft_continuum.client.sequence import RunningSequence
 from soft_continuum.client.state import ArmState, Progress
 from soft_continuum.client.state_text import angles_text
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
+from soft_continuum.extras import require
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm as PlanarArm
 from soft_continuum.mechanics.chain import RigidChain
@@ -68,6 +69,7 @@ def main() -> int:
         parser.error('--tendon-driver needs --twin here')
     if options.camera and not options.twin:
         parser.error('--camera needs --twin here: nothing else can be seen')
+    require('matplotlib')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     rig = f'the twin, preset {options.twin}' if options.twin else 'a simulated rig'
     options.params_file = [description_file(options.arm)]

@@ -17,6 +17,7 @@ from functools import cache
 from importlib.metadata import entry_points, EntryPoint
 from typing import Any
 
+from soft_continuum.extras import remedy
 from soft_continuum.hardware.dynamixel.parameters import PARAMETERS as OF_DYNAMIXEL
 from soft_continuum.hardware.grbl.parameters import PARAMETERS as OF_GRBL
 from soft_continuum.hardware.modbus.parameters import PARAMETERS as OF_MODBUS
@@ -108,5 +109,6 @@ def _load(group: str, name: str) -> Any:
         return entry.load()
     except Exception as error:  # whatever goes wrong in somebody's package
         raise HardwareError(
-            f'the driver {name} ({entry.value}) cannot be loaded: '
+            isinstance(error, ImportError) and remedy(error)
+            or f'the driver {name} ({entry.value}) cannot be loaded: '
             f'{type(error).__name__}: {error}; check the package it comes with') from error

@@ -102,8 +102,8 @@ class Jam:
     is the paper's rigid segment.  law: the whole stiff segment's moment over its curvature away
     from the held shape, measured, in place of a ratio.  yield_moment: N m that the jam bears at
     full vacuum before its held shape creeps.  stiffness_exponent: the jam's stiffness grows with
-    vacuum to this power; its yield moment grows with vacuum itself (HARDWARE.md: 0.5 to 1, and
-    about proportional).
+    vacuum to this power; its yield moment grows with vacuum itself (usually 0.5 to 1, and about
+    proportional).
     """
 
     ratio: float = inf

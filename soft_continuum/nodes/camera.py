@@ -17,6 +17,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
+from soft_continuum.extras import require
 from soft_continuum.nodes.about import About
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
@@ -37,7 +38,6 @@ from soft_continuum.ros.pictures import grey_picture, MAX_PICTURE_BYTES
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.sensing.any_camera import AnyCamera, camera_of, layout_of
 from soft_continuum.sensing.lens import Lens, LensError
-from soft_continuum.sensing.opencv import OpenCVError, require_opencv
 from soft_continuum.sensing.pictures import is_black
 from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.sensing.sources import is_device, pictures, SourceError
@@ -75,12 +75,9 @@ class Camera(Node):
     """
 
     def __init__(self, **options: Any) -> None:
-        """Declare parameters and topics; raises ParameterError."""
+        """Declare parameters and topics; raises ParameterError, ImportError without OpenCV."""
+        require('cv2')
         super().__init__(CAMERA, **options)
-        try:
-            require_opencv()
-        except OpenCVError as error:
-            raise ParameterError(str(error)) from None
         from soft_continuum.sensing.overlay import overlay
         self.parameters = NodeParameters(self, NODE_PARAMETERS[CAMERA])
         self.status = Status(self, 'camera and printed tags')

@@ -16,6 +16,7 @@ from typing import Self
 import rclpy
 from rclpy.context import Context
 
+from soft_continuum.extras import remedy
 from soft_continuum.nodes.runtime import check_parameter_files, run
 from soft_continuum.ros.enclaves import CLIENT, with_enclave
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
@@ -136,6 +137,11 @@ def child() -> None:
             status = import_module(f'soft_continuum.cli.{name}').main(arguments)
         else:
             status = run(name, [name, *arguments])
+    except ImportError as error:
+        if not (text := remedy(error)):
+            raise
+        print(f'{name}: {text}', file=sys.stderr)
+        status = 1
     except KeyboardInterrupt:  # before the node takes over the signals
         status = 130
     sys.exit(status)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from soft_continuum.extras import needed
 from soft_continuum.mechanics._checks import finite
 from soft_continuum.obstacles.mesh import joined, Mesh
 from soft_continuum.obstacles.obstacle import Obstacle, Shape, turned_by
@@ -88,11 +89,8 @@ def load_mesh(path: str | Path, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> Mes
     if kind not in MESH_FILES:
         raise ObstacleError(f'the mesh {path} ends in {kind or "nothing"!r}; allowed: '
                             f'{", ".join(MESH_FILES)}')
-    try:
+    with needed(ObstacleError):
         import trimesh
-    except ImportError:
-        raise ObstacleError('meshes need trimesh; install it with: pip install '
-                            "'soft_continuum[obstacles]'") from None
     try:
         data = read_bytes(path, MAX_MESH_SIZE)
     except (OSError, ValueError) as error:

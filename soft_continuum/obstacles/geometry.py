@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from soft_continuum.extras import needed
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.obstacles.mesh import Mesh
 from soft_continuum.obstacles.obstacle import Obstacle, Shape
@@ -39,7 +40,8 @@ class Placed:
 
 def placed(obstacle: Obstacle) -> Placed:
     """Return an obstacle as coal has it; raises ObstacleError without coal."""
-    coal = _coal()
+    with needed(ObstacleError):
+        import coal
     geometry, hull = _geometry(coal, obstacle.shape)
     return Placed(geometry, hull, coal.Transform3s(
         obstacle.rotation, np.array(obstacle.position, dtype=float)))
@@ -53,7 +55,7 @@ def distance(centre: Array, axis: Array, length: float, radius: float, other: Pl
     centre: (3,), m.  axis: unit vector (3,).  A distance above ``most`` may be stated too small,
     but not below ``most``.
     """
-    coal = _coal()
+    import coal
     cylinder = coal.Cylinder(radius, length)
     pose = coal.Transform3s(_frame(axis), centre)
     request = coal.DistanceRequest()
@@ -83,7 +85,7 @@ def _geometry(coal: Any, shape: Shape) -> tuple[Any, Any]:
 @lru_cache(maxsize=MAX_KEPT)
 def _of_mesh(mesh: Mesh) -> tuple[Any, Any]:
     """Return the same of a mesh, which is kept: to make it may take a second."""
-    coal = _coal()
+    import coal
     hull, is_convex = _hull(coal, mesh)
     if is_convex:
         return hull, None
@@ -116,12 +118,3 @@ def _frame(axis: Array) -> Array:
     return np.array([[1.0 - a * x * x, -a * x * y, x],
                      [-a * x * y, 1.0 - a * y * y, y],
                      [-x, -y, z]])
-
-
-def _coal() -> Any:
-    try:
-        import coal
-    except ImportError:
-        raise ObstacleError('distances to obstacles need coal; install it with: pip install '
-                            "'soft_continuum[obstacles]'") from None
-    return coal

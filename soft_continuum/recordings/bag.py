@@ -10,6 +10,7 @@ import re
 import struct
 from typing import Any, BinaryIO, NamedTuple, Self
 
+from soft_continuum.extras import needed
 from soft_continuum.text import MAX_NAME, printable
 
 ABOUT = 'soft_continuum'  # name of the metadata
@@ -19,8 +20,6 @@ MAX_DECODED = 1_000_000  # bytes of a message that is decoded
 MAX_DEFINITION = 100_000  # characters
 MAX_ARRAY = 100_000  # elements of the arrays of fixed size in a definition, multiplied
 FIXED_SIZE = re.compile(r'\[(\d+)\]')
-INSTALL = ("recordings need the Python packages mcap and mcap-ros2-support; install them with: "
-           "pip install 'soft_continuum[record]'")
 
 
 class BagError(ValueError):
@@ -45,10 +44,8 @@ class BagWriter:
 
     def __init__(self, path: Path, about: Mapping[str, str]) -> None:
         """Begin a file that is not there; raises OSError, and BagError without the packages."""
-        try:
+        with needed(BagError):
             from mcap.writer import Writer
-        except ImportError:
-            raise BagError(INSTALL) from None
         self._file: BinaryIO = path.open('xb')
         # Chunks end when they are flushed: some are more than a tool likes to have in one.
         self._writer: Any = Writer(self._file, chunk_size=4_000_000)
@@ -115,11 +112,9 @@ class BagReader:
 
     def __init__(self, path: Path) -> None:
         """Open the file; raises BagError."""
-        try:
+        with needed(BagError):
             from mcap.stream_reader import StreamReader
             from mcap_ros2.decoder import DecoderFactory
-        except ImportError:
-            raise BagError(INSTALL) from None
         self._path = path
         self.about: dict[str, str] = {}
         self.attachments: dict[str, str] = {}

@@ -10,8 +10,9 @@ nodes; the policies of SROS 2 are made of them.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 import re
+
+from soft_continuum.user_files import pages
 
 TITLES = {'Topics': 'topic', 'Services': 'service', 'Actions': 'action'}
 SERVED = 'serves'  # what a table without directions is about
@@ -63,18 +64,9 @@ OF_LIFECYCLE_NODES = (
 """The same of a node whose page has a section Lifecycle."""
 
 
-def pages() -> Path:
-    """Return the folder of the pages: that beside the sources, else the installed one."""
-    beside = Path(__file__).resolve().parents[2] / 'msg_docs'
-    if beside.is_dir():
-        return beside
-    from ament_index_python.packages import get_package_share_directory
-    return Path(get_package_share_directory('soft_continuum'), 'msg_docs')
-
-
 def documented_nodes() -> tuple[str, ...]:
     """Return the names of the nodes, and of the programs of a user, that have a page."""
-    return tuple(sorted(path.stem for path in pages().glob('*.md')
+    return tuple(sorted(path.stem for path in (pages() / 'msg_docs').glob('*.md')
                         if path.stem not in ('README', 'parameters')))
 
 
@@ -92,7 +84,7 @@ def is_lifecycle_node(node: str) -> bool:
 
 
 def _page(node: str) -> str:
-    return (pages() / f'{node}.md').read_text(encoding='utf-8')
+    return (pages() / 'msg_docs' / f'{node}.md').read_text(encoding='utf-8')
 
 
 def _rows(node: str, text: str, title: str, kind: str) -> Iterator[Interface]:

@@ -9,7 +9,6 @@ is interrupted goes on where it was, and a worker that dies costs the unit that 
 
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from importlib import import_module
 from itertools import islice
 import json
 import logging
@@ -17,6 +16,7 @@ from pathlib import Path
 import signal
 from typing import Any
 
+from soft_continuum import version
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.study.design import Study
 from soft_continuum.study.work import compute, QUERIES, SHAPES, Unit, units
@@ -25,8 +25,6 @@ from soft_continuum.text import write_whole, written_whole
 PARTS, ABOUT = 'parts', 'study.json'
 WINDOW = 4  # units that each worker has waiting
 CONNECT_TIMEOUT = 10.0  # s
-COMPUTING = 'mechanics', 'obstacles', 'sequencing', 'study'
-"""Parts of the package that the numbers depend on."""
 MAX_LOST = 100  # times that a unit is given to another worker after one that had it died
 WORKERS_TIMEOUT = 60.0  # s for the first worker to be there
 
@@ -36,11 +34,8 @@ class StudyError(RuntimeError):
 
 
 def _dask() -> Any:
-    try:
-        return import_module('distributed')
-    except ImportError as error:
-        raise StudyError(f'{error.name} is not there; studies need: '
-                         "pip install 'soft_continuum[study]'") from None
+    import distributed
+    return distributed
 
 
 class Results:
@@ -171,28 +166,15 @@ def _deaf_to_interrupts() -> Any:
 
 
 def _check_workers(client: Any) -> None:
-    mine = source_fingerprint()
     try:
-        theirs = client.run(source_fingerprint)
+        theirs = client.run(version)
     except ImportError as error:
         raise StudyError(f'the workers have no {error.name}; install soft_continuum[study] where '
                          'they run') from None
-    other = sorted(worker for worker, found in theirs.items() if found != mine)
+    other = sorted(worker for worker, found in theirs.items() if found != version())
     if other:
         raise StudyError(f'another version of soft_continuum runs on {", ".join(other)}; install '
                          'the same everywhere: else the numbers depend on who computes them')
-
-
-def source_fingerprint() -> str:
-    """Return a text that differs where mechanics or sampling differ."""
-    import hashlib
-
-    import soft_continuum
-    root = Path(soft_continuum.__file__).parent
-    found = hashlib.sha256()
-    for path in sorted([path for part in COMPUTING for path in root.glob(f'{part}/**/*.py')]):
-        found.update(path.read_bytes())
-    return found.hexdigest()
 
 
 def workers_of(client: Any) -> int:

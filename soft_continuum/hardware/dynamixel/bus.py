@@ -14,6 +14,7 @@ from pathlib import Path
 import termios
 from typing import Any, Self
 
+from soft_continuum.extras import needed
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.dynamixel.registers import Register
 from soft_continuum.hardware.protocols import HardwareError
@@ -63,12 +64,8 @@ class DynamixelBus:
 
     def __init__(self, port: str, baud_rate: int, clock: Clock = STEADY) -> None:
         """Open a port that no other program may open until it is closed."""
-        try:
+        with needed(HardwareError):
             from soft_continuum.hardware.dynamixel.packets import Packets, Port
-        except ModuleNotFoundError as error:
-            raise HardwareError(
-                f'{error.name} is not installed, which Dynamixel servos need: '
-                'pip install dynamixel-sdk==4.1.0, or rosdep install dynamixel_sdk') from None
         self.name, self.clock = port, clock
         self._port = Port(open_serial(port, baud_rate), clock)
         self._packets = Packets()

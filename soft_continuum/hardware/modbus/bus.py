@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 import serial
 
+from soft_continuum.extras import needed, require
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import discard_output, open_serial
@@ -68,12 +69,9 @@ class ModbusBus:
 
     def __init__(self, port: str, baud_rate: int, timeout: float, clock: Clock = STEADY) -> None:
         """Use ``port``, 8N1, once it is opened; timeout: s from a request to its whole reply."""
-        try:
+        with needed(HardwareError):
+            require('pymodbus')  # every minor release has another interface
             from soft_continuum.hardware.modbus.frames import Frames
-        except ModuleNotFoundError as error:
-            raise HardwareError(
-                f'{error.name} is not installed, which Modbus boards need: '
-                'pip install pymodbus==3.16.1') from None
         self.clock = clock
         self._lock = threading.Lock()  # of all that follows, during a request
         self._port = port

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import threading
 from typing import Any, TYPE_CHECKING
 
+from soft_continuum.extras import needed
 from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.protocols import HardwareError
 
@@ -51,11 +52,8 @@ class RosDevice(ABC):
     def open(self) -> None:
         """Find the topics and read the present state; raises HardwareError.  Nothing is sent."""
         self._closing.clear()
-        try:
+        with needed(HardwareError):
             from soft_continuum.hardware.ros_topics.link import RosLink
-        except ImportError as error:
-            raise HardwareError(f'{error.name} is not there; source ROS 2 and the workspace'
-                                ) from error
         try:
             with self._lock:
                 link = self.link = RosLink(self.node, self._clock)
