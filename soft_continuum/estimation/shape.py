@@ -71,7 +71,7 @@ class ArmShape:
         self._failures = self._far_off = 0
         self._measured: float | None = None  # when it last was, s
         self.lost_bent = ''
-        """How the arm was bent when its shape was lost, for people; empty: straight as far as known."""
+        """How the arm was bent when its shape was lost, for people; empty if it was not."""
 
     @property
     def measurable(self) -> bool:

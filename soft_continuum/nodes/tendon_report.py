@@ -14,8 +14,9 @@ class Report:
     State after a cycle or a request.
 
     ended, refused: why the last motion was, for people; empty when a later one was accepted.
-    unmeasured: which load cell tells nothing.  reading: the last one, None without one;
-    its pulls mean nothing unless it is referenced.  time, start: of it and of the accepted trajectory, s (steady).
+    unmeasured: which load cell tells nothing.  reading: the last one, None without one; its pulls
+    mean nothing unless it is referenced.  time, start: of it and of the accepted trajectory, s
+    (steady).
     """
 
     state: TendonActuationState
