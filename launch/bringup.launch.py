@@ -13,16 +13,16 @@ from launch import LaunchDescription
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
 from soft_continuum.nodes.up import (
     ALL,
+    asked_file,
     check_start,
     COMPUTER_HELP,
     COMPUTERS,
-    default_frame,
     nodes_of,
     nodes_on,
     STEERING,
 )
 from soft_continuum.parameters.arm import any_arm_from_parameters
-from soft_continuum.parameters.files import load_description, read_parameter_file
+from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import KINEMATICS, TELEOP
 from soft_continuum.ros.network import SAID
@@ -67,25 +67,26 @@ def start(context):
     """Return the nodes for the arguments given, when all of them can be started."""
     given = context.launch_configurations
     namespace, with_rviz = given['namespace'].strip('/'), given['rviz'] == 'true'
-    files = [given['params_file'], *filter(None, [given['more_params_file']])]
+    files = [str(Path(path).expanduser())
+             for path in (given['params_file'], given['more_params_file']) if path]
     try:
         check_start(namespace, files, ('robot_state_publisher', 'rviz2') if with_rviz else ())
+        names = nodes_on(given['computer'], (
+            *nodes_of(files, namespace), *STEERING * (given['teleop'] == 'true')))
     except ParameterError as error:
         raise RuntimeError(f'nothing was started: {error}') from None
-    first = {'frame_id': default_frame(namespace)}  # what stands in a file wins
-    drivers = {name: given[name] for name in DRIVERS if given[name] != FROM_FILE}
+    asked = {name: given[name] for name in DRIVERS if given[name] != FROM_FILE}
+    # Not a dict: launch_ros puts it into a section with the name of the node, which may not win.
+    last = [str(asked_file(files, asked))] if asked else []
     nodes = [
         Node(package='soft_continuum', executable=EXECUTABLES.get(name, name), name=name,
-             output='screen', namespace=namespace,
-             parameters=[first, *files, *filter(None, [drivers])],
+             output='screen', namespace=namespace, parameters=[*files, *last],
              additional_env={SAID: 'yes'} if others else {})
-        for others, name in enumerate(nodes_on(
-            given['computer'], (*nodes_of(files), *STEERING * (given['teleop'] == 'true'))))
+        for others, name in enumerate(names)
     ]
     if with_rviz:
-        arm = any_arm_from_parameters(load_description(*files, node=KINEMATICS))
-        frame = {**first, **{key: value for path in files for key, value
-                             in read_parameter_file(path, KINEMATICS).items()}}['frame_id']
+        values = load_description(*files, node=KINEMATICS, namespace=namespace)
+        arm, frame = any_arm_from_parameters(values), values['frame_id']
         nodes += [
             Node(package='robot_state_publisher', executable='robot_state_publisher',
                  namespace=namespace,

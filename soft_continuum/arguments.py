@@ -81,13 +81,18 @@ def whole_number_in(low: int, high: int) -> Callable[[str], int]:
     return read
 
 
+def given_path(text: str) -> Path:
+    """Return a path; ~ is the home, also in --option=~/file, which the shell leaves as it is."""
+    return Path(os.path.expanduser(text))
+
+
 COMMON_OPTIONS: dict[str, dict[str, Any]] = {
     '--params-file': {
-        'type': Path, 'action': 'append', 'default': [], 'metavar': 'FILE',
+        'type': given_path, 'action': 'append', 'default': [], 'metavar': 'FILE',
         'help': 'parameter file as the nodes take it; may be repeated, later ones win '
                 "(default: the paper's arm, simulated)"},
     '--output': {
-        'type': Path, 'default': Path(), 'metavar': 'DIR',
+        'type': given_path, 'default': Path(), 'metavar': 'DIR',
         'help': 'directory that results are written to (default: %(default)s)'},
     '--force': {'action': 'store_true', 'help': 'overwrite results that exist'},
     '--namespace': {
@@ -113,6 +118,8 @@ class Parser(argparse.ArgumentParser):
         """verb: empty for the command line as a whole.  common: names in COMMON_OPTIONS."""
         super().__init__(prog=command_name(verb), description=description, epilog=EXIT_CODES,
                          allow_abbrev=False, **settings)
+        if '--params-file' in common:  # which may have sections for several arms
+            common = tuple(dict.fromkeys((*common, '--namespace')))
         for name in common:
             self.add_argument(name, **COMMON_OPTIONS[name])
         # Values such as -10,20 are no options.

@@ -372,7 +372,7 @@ def test_a_shape_that_is_given_but_not_listed_is_refused(changed):
     refusal(changed({'shapes.bow': [0.1, 0.1, 0.1]}), 'shapes.bow', 'shape_names')
 
 
-@pytest.mark.parametrize('angles', [[], [0.1], [0.1, 0.1], [0.1] * 4], ids=len)
+@pytest.mark.parametrize('angles', [[0.1], [0.1, 0.1], [0.1] * 4], ids=len)
 def test_a_shape_with_the_wrong_number_of_angles_is_refused(changed, angles):
     refusal(changed({'shapes.c_form': angles}), 'shapes.c_form',
             f'{len(angles)} bending angles given, the arm has 3 segments')

@@ -57,6 +57,12 @@ def read_recording(path: Path, namespace: str = '') -> Recording:
 
 def bag_in(path: Path) -> Path:
     """Return the MCAP file in a directory, or what is no directory with one as it is."""
+    if path.suffix == '.db3' or (path.is_dir() and any(path.glob('*.db3*'))):
+        folder = path if path.is_dir() else path.parent
+        raise MeasurementError(
+            f'{path}: is a bag in the format of SQLite (db3); MCAP is read. Write a file '
+            'mcap.yaml with the line `output_bags: [{uri: converted, storage_id: mcap, '
+            f'all_topics: true}}]`, and type `ros2 bag convert -i {folder} -o mcap.yaml`')
     if not path.is_dir():
         return path
     bags = [path / BAG] if (path / BAG).exists() else sorted(path.glob('*.mcap'))

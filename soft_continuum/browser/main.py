@@ -7,7 +7,7 @@ Nodes and view are processes of their own: what the view does takes no time from
 """
 
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from functools import partial
 import re
@@ -31,14 +31,14 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import argument_error, limit_memory, ROS_ARGUMENT_ERRORS
-from soft_continuum.nodes.up import chosen_nodes, ros_arguments, start_parser, twin_of
-from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.nodes.up import asked_of, chosen_nodes, ros_arguments, start_parser, with_asked
+from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.names import RECORDER
 
 if TYPE_CHECKING:  # only a replay needs it
     from soft_continuum.recordings.playback import Playback
 
-NO_RIG = nullcontext[Sequence[str]](())
+NO_RIG = nullcontext[Mapping[str, Value]]({})
 PORT = 8080
 SCENE_PERIOD = 0.04  # s
 PANEL_PERIOD = 0.2  # s
@@ -140,7 +140,7 @@ def ui() -> int:
             *chosen_nodes(options), RECORDER)
     except ParameterError as error:
         return parser.fail(error, WRONG_USAGE)
-    return run(parser, nodes, ros_arguments(options), options, twin_of(options))
+    return run(parser, nodes, ros_arguments(options), options, asked_of(options))
 
 
 def browser() -> int:
@@ -152,16 +152,16 @@ def browser() -> int:
 
 
 def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options: Namespace,
-        rig: AbstractContextManager[Sequence[str]] = NO_RIG) -> int:
+        rig: AbstractContextManager[Mapping[str, Value]] = NO_RIG) -> int:
     """
     Run nodes and the view, with ROS arguments, until SIGINT or SIGTERM; return the status.
 
-    rig: runs while the nodes do, and gives them further arguments.
+    rig: runs while the nodes do, and gives them parameters that win over those of the files.
     """
     signal.signal(signal.SIGTERM, interrupt)
     try:
-        with (ExitStack() as running, rig as driving,
-              NodeProcesses(nodes, [*arguments, *driving])):
+        with (ExitStack() as running, rig as asked,
+              NodeProcesses(nodes, with_asked(options, asked) if asked else arguments)):
             serve(running, options, 'The arm', arguments=arguments,
                   discovery_timeout=DISCOVERY_TIMEOUT)
     except (AccessError, ClientError, ParameterError) as error:

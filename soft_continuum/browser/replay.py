@@ -4,13 +4,12 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from pathlib import Path
 import signal
 import sys
 
 from soft_continuum.analysis.bag_tables import bag_in
 from soft_continuum.analysis.delimited import MeasurementError
-from soft_continuum.arguments import DONE, Parser, WRONG_USAGE
+from soft_continuum.arguments import DONE, given_path, Parser, WRONG_USAGE
 from soft_continuum.browser.access import AccessError
 from soft_continuum.browser.main import add_view_options, interrupt, serve
 from soft_continuum.recordings.bag import BagError
@@ -21,7 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Show a recording until Ctrl-C; return the exit status."""
     parser = Parser('replay', 'A recording in a browser, with a time slider. No arm moves.',
                     '--namespace')
-    parser.add_argument('recording', type=Path, metavar='RECORDING',
+    parser.add_argument('recording', type=given_path, metavar='RECORDING',
                         help='directory that record wrote, or an MCAP file')
     add_view_options(parser)
     options = parser.parse_args(argv)

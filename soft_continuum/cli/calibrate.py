@@ -51,7 +51,7 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
 from soft_continuum.parameters.files import load_rig, write_parameters
 from soft_continuum.parameters.nodes import jamming_settings
-from soft_continuum.parameters.parameter import as_yaml
+from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.names import CAMERA, LOAD_CELLS
 
 NAME = 'calibrate'
@@ -114,7 +114,7 @@ def _run(options: argparse.Namespace) -> None:
             raise CalibrationError(
                 f'--{option.replace("_", "-")} is for {NAME} {what} and {NAME} all, not for '
                 f'{NAME} {options.what}')
-    values = load_rig(options.params_file)
+    values = load_rig(options.params_file, options.namespace)
     name = f'calibration_{options.what}.yaml' if options.what != 'all' else 'calibration.yaml'
     path = Path(options.output, name)
     job = Job(options, values)

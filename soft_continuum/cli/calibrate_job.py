@@ -9,7 +9,7 @@ from typing import Any
 from soft_continuum.hardware.calibration import CalibrationError
 from soft_continuum.hardware.drives import Drive, DRIVES
 from soft_continuum.parameters.arm import any_arm_from_parameters
-from soft_continuum.parameters.parameter import as_yaml
+from soft_continuum.parameters.scalars import as_yaml
 
 MM = 1e3  # per m
 PER_TENDON = 'measured', 'seen', 'take_up'

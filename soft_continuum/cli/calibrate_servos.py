@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    values = load_rig(options.params_file)
+    values = load_rig(options.params_file, options.namespace)
     if values['tendon_driver'] != 'dynamixel':
         raise ParameterError(f'tendon_driver is {values["tendon_driver"]}; {NAME} is for '
                              'dynamixel: give its file with --params-file')

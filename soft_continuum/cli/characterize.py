@@ -24,7 +24,7 @@ from soft_continuum.analysis.curves import read_curves
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.result_figures import MeasuredState, stiffness_figure
 from soft_continuum.analysis.results import reserve_outputs, text_table
-from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser
+from soft_continuum.arguments import FOR_ANALYSIS, given_path, number_in, Parser
 from soft_continuum.cli.common import any_described_arm, run_verb
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.either import AnyArm
@@ -45,12 +45,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
     parser = Parser(NAME, 'Bending stiffness E I of a segment, soft and stiff, from '
                     'force-displacement curves of a testing machine.', *FOR_ANALYSIS, '--decimal')
-    parser.add_argument('soft', type=Path, nargs='*', metavar='FILE',
+    parser.add_argument('soft', type=given_path, nargs='*', metavar='FILE',
                         help='CSV files of the soft segment, one repetition or more in each')
-    parser.add_argument('--lateral', type=Path, nargs='+', default=[], metavar='FILE',
+    parser.add_argument('--lateral', type=given_path, nargs='+', default=[], metavar='FILE',
                         help='CSV files of the soft segment of a spatial arm, pushed along y of '
                         'its lower disc; the others are of one that is pushed along x')
-    parser.add_argument('--stiff', type=Path, nargs='+', default=[], metavar='FILE',
+    parser.add_argument('--stiff', type=given_path, nargs='+', default=[], metavar='FILE',
                         help='CSV files of the stiff segment')
     parser.add_argument('--segment', type=int, required=True, metavar='N',
                         help='which segment was measured, 1 is the lowest')

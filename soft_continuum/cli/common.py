@@ -12,7 +12,14 @@ from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.recording import Recording
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.analysis.unknowns import IdentificationError
-from soft_continuum.arguments import DONE, FOR_ANALYSIS, INTERRUPTED, Parser, WRONG_USAGE
+from soft_continuum.arguments import (
+    DONE,
+    FOR_ANALYSIS,
+    given_path,
+    INTERRUPTED,
+    Parser,
+    WRONG_USAGE,
+)
 from soft_continuum.extras import require
 from soft_continuum.mechanics.arm import ArmError
 from soft_continuum.mechanics.either import AnyArm
@@ -35,8 +42,9 @@ BAD_INPUT = (MeasurementError, IdentificationError, ResultError, ParameterError,
 def shapes_parser(name: str, description: str, known: str) -> Parser:
     """Return the parser of a verb on measured shapes; known: columns that pulls may have."""
     parser = Parser(name, description, *FOR_ANALYSIS, '--decimal')
-    parser.add_argument('points', type=Path, help='CSV file: shape, point, x, z; in space also y')
-    parser.add_argument('pulls', type=Path,
+    parser.add_argument('points', type=given_path,
+                        help='CSV file: shape, point, x, z; in space also y')
+    parser.add_argument('pulls', type=given_path,
                         help=f'CSV file: shape, segment, right, left and, if known, {known}; '
                         'in space the tendons by name, and no segment without jamming')
     return parser
@@ -45,7 +53,7 @@ def shapes_parser(name: str, description: str, known: str) -> Parser:
 def recording_parser(name: str, description: str) -> Parser:
     """Return the parser of a verb on a recording, which writes beside that by default."""
     parser = Parser(name, description, '--namespace', '--output', '--force')
-    parser.add_argument('recording', type=Path, metavar='RECORDING',
+    parser.add_argument('recording', type=given_path, metavar='RECORDING',
                         help='directory that record wrote, or an MCAP file')
     parser.set_defaults(output=BESIDE)
     return parser
@@ -67,7 +75,7 @@ def given_recording(options: argparse.Namespace, done: str) -> tuple[Recording, 
 
 def any_described_arm(options: argparse.Namespace) -> tuple[dict[str, Value], AnyArm]:
     """Return the parameters and the arm of ``--params-file``; raises ParameterError."""
-    values = load_description(*options.params_file)
+    values = load_description(*options.params_file, namespace=options.namespace)
     return values, any_arm_from_parameters(values)
 
 

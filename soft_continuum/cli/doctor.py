@@ -55,15 +55,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     if running and options.params_file:
         parser.error('--params-file is for a rig whose nodes do not run, not for --sensors or '
                      '--network')
-    if options.namespace and not running:
-        parser.error('--namespace needs --sensors or --network')
     if options.duration is not None and not options.sensors:
         parser.error('--duration needs --sensors')
     found: list[Check] = []
     try:
         for check in (_sensor_checks(options.namespace, options.duration or LISTENING)
                       if options.sensors else _network_checks(options.namespace)
-                      if options.network else checks(options.params_file)):
+                      if options.network else checks(options.params_file, options.namespace)):
             found.append(check)
             if not options.json:
                 message = printable(in_verbs(check.message))
@@ -99,7 +97,7 @@ def _network_checks(namespace: str) -> Iterator[Check]:
     yield from network_checks(namespace)
 
 
-def checks(paths: Sequence[Path]) -> Iterator[Check]:
+def checks(paths: Sequence[Path], namespace: str = '') -> Iterator[Check]:
     """Yield what each step finds; steps that need one that failed are left out."""
     yield from _check_packages()
     model = _check_model()
@@ -110,7 +108,7 @@ def checks(paths: Sequence[Path]) -> Iterator[Check]:
 
     where = ', '.join(str(path) for path in paths) or "none given: the paper's arm, simulated"
     try:
-        values = load_rig(paths)
+        values = load_rig(paths, namespace)
     except ParameterError as error:
         yield Check('parameters', FAIL, str(error))
         return

@@ -75,14 +75,13 @@ def _install(options: argparse.Namespace) -> None:
     options.params_file = [Path(path).resolve() for path in description_files(options)]
     namespace = (options.namespace or '').strip('/')
     check_start(namespace, options.params_file)
-    nodes = [node for node in nodes_of(options.params_file)
+    nodes = [node for node in nodes_of(options.params_file, namespace)
              if options.nodes == 'all' or node in HARDWARE]
-    options.tendon_driver = options.jamming_driver = None  # those of the parameter files
     command = [sys.executable, '-m', 'soft_continuum', '%i', *ros_arguments(options)[1:],
                '--disable-external-lib-logs']  # systemd keeps the log, within bounds
     files = {_folder() / name: text for name, text in units(
         namespace, nodes, command, _environment(options.domain)).items()}
-    ports = ports_of(load_rig(options.params_file))
+    ports = ports_of(load_rig(options.params_file, namespace))
     boards = boards_of(ports, comports())
     rules = config_home() / 'soft_continuum' / RULES
     if boards:

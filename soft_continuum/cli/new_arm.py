@@ -32,7 +32,8 @@ from soft_continuum.new_arm.description import (
 from soft_continuum.new_arm.drawings import DRAWINGS
 from soft_continuum.new_arm.questions import QUESTIONS
 from soft_continuum.parameters.files import write_parameters
-from soft_continuum.parameters.parameter import as_yaml, name_hint, ParameterError
+from soft_continuum.parameters.parameter import name_hint, ParameterError
+from soft_continuum.parameters.scalars import as_yaml
 
 NAME = 'new-arm'
 FILE_NAME = re.compile(r'\w[\w.-]{0,99}', re.ASCII)

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from math import isfinite, radians
 import os
-from pathlib import Path
 import signal
 import sys
 from time import sleep
@@ -19,6 +18,7 @@ from soft_continuum.arguments import (
     DONE,
     FAILED,
     FOR_NODES,
+    given_path,
     INTERRUPTED,
     NO_NODES,
     number_in,
@@ -317,7 +317,7 @@ def _jog(arm: 'Arm', options: Namespace, output: Output) -> int:
 
 
 def _obstacles_options(parser: Parser) -> None:
-    parser.add_argument('file', nargs='?', type=Path, metavar='FILE',
+    parser.add_argument('file', nargs='?', type=given_path, metavar='FILE',
                         help='YAML file with obstacles to add, as config/obstacles_example.yaml')
     parser.add_argument('--remove', action='append', default=[], metavar='NAME',
                         help='obstacle to remove; may be repeated')

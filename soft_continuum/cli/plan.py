@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import json
 from math import isfinite
 import os
-from pathlib import Path
 import sys
 from typing import Any
 
@@ -15,7 +14,7 @@ import numpy as np
 import scipy
 
 from soft_continuum.analysis.results import ResultError, text_table
-from soft_continuum.arguments import DONE, FAILED, number_in, Parser, whole_number_in
+from soft_continuum.arguments import DONE, FAILED, given_path, number_in, Parser, whole_number_in
 from soft_continuum.cli.common import any_described_arm, run_verb
 from soft_continuum.cli.operate import bendings
 from soft_continuum.cli.plan_picture import plan_figure, SUFFIXES
@@ -41,13 +40,13 @@ def main(argv: Sequence[str] | None = None) -> int:
                     'distance from obstacles. Needs neither a rig nor nodes.',
                     '--params-file', '--json', '--force', '--decimal')
     add_tip(parser, needed=False)
-    parser.add_argument('--path', type=Path, metavar='FILE',
+    parser.add_argument('--path', type=given_path, metavar='FILE',
                         help='instead of a position, a path: a CSV file with the columns x and z, '
                         'or x, y and z, and, if wanted, angle')
     parser.add_argument('--from', dest='start', type=bendings, metavar='A,B,C',
                         help='bending angle of each segment at the start, base first, degrees '
                         '(default: straight). Of a spatial arm A@D bends towards the direction D')
-    parser.add_argument('--obstacles', type=Path, metavar='FILE',
+    parser.add_argument('--obstacles', type=given_path, metavar='FILE',
                         help='YAML file of obstacles')
     parser.add_argument('--margin', type=number_in(0.0, 1000.0, 'mm'), metavar='MM',
                         help='distance to keep from obstacles (default: as obstacles.margin says)')
@@ -59,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         '(default: as reach.states says)')
     parser.add_argument('--seed', type=whole_number_in(0, 1_000_000), metavar='N',
                         help='of what is drawn at random (default: as reach.seed says)')
-    parser.add_argument('-o', '--picture', type=Path, metavar='FILE',
+    parser.add_argument('-o', '--picture', type=given_path, metavar='FILE',
                         help='write a picture of every step (.png, .svg or .pdf) or a moving '
                         'picture (.gif)')
     return run_verb(parser, lambda options: _run(parser, options), argv)

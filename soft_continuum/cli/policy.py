@@ -10,7 +10,8 @@ from soft_continuum.analysis.results import reserve_outputs
 from soft_continuum.arguments import Parser
 from soft_continuum.cli.common import run_verb
 from soft_continuum.parameters.files import load_rig
-from soft_continuum.ros.enclaves import CLIENT, enclave, INPUTS, VIEWER
+from soft_continuum.parameters.overrides import full_name
+from soft_continuum.ros.enclaves import CLIENT, INPUTS, VIEWER
 from soft_continuum.ros.security_policy import policy
 from soft_continuum.text import write_whole
 
@@ -27,15 +28,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> None:
     namespace = options.namespace
-    text = policy(load_rig(options.params_file), namespace)
+    text = policy(load_rig(options.params_file, namespace), namespace)
     path, = reserve_outputs(options.output, [FILE], options.force)
     write_whole(path, text)
     print(f'Written: {path}\n'
-          f'  {enclave(namespace, "NODE")}: one for each node, which takes it by itself\n'
-          f'  {enclave(namespace, CLIENT)}: whoever commands: soft_continuum, the Python client, '
-          'the browser\n'
-          f'  {enclave(namespace, VIEWER)}: whoever only looks, such as RViz\n'
-          f'  {enclave(namespace, INPUTS)}: drivers of sensors, an emergency stop\n'
+          f'  {full_name("NODE", namespace)}: one for each node, which takes it by itself\n'
+          f'  {full_name(CLIENT, namespace)}: whoever commands: soft_continuum, the Python '
+          'client, the browser\n'
+          f'  {full_name(VIEWER, namespace)}: whoever only looks, such as RViz\n'
+          f'  {full_name(INPUTS, namespace)}: drivers of sensors, an emergency stop\n'
           'Make the keys, with ROS 2 from apt:\n'
           '  ros2 security create_keystore keystore\n'
           f'  ros2 security generate_artifacts -k keystore -p {shlex.quote(str(path))}\n'

@@ -3,10 +3,9 @@
 """The verbs that bring the tip of a running arm somewhere, ``reach`` and ``follow``."""
 
 from argparse import Namespace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from soft_continuum.arguments import COMMON_OPTIONS, Parser, WRONG_USAGE
+from soft_continuum.arguments import COMMON_OPTIONS, given_path, Parser, WRONG_USAGE
 from soft_continuum.cli.operate import Action, add_hold, add_vacuums, run_action, watch_sequence
 from soft_continuum.cli.output import Output
 from soft_continuum.cli.tip_options import (
@@ -41,8 +40,9 @@ def _reach(arm: 'Arm', options: Namespace, output: Output) -> int:
 
 
 def _follow_options(parser: Parser) -> None:
-    parser.add_argument('file', type=Path, metavar='FILE', help='CSV file with the columns x and '
-                        'z or x, y and z, and, if wanted, angle')
+    parser.add_argument('file', type=given_path, metavar='FILE',
+                        help='CSV file with the columns x and z or x, y and z, and, if wanted, '
+                        'angle')
     parser.add_argument('--decimal', **COMMON_OPTIONS['--decimal'])
     add_unit(parser, 'of lengths where the header does not tell, and of the tolerance')
     add_tolerance(parser)

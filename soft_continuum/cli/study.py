@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.analysis.results import progress, text_table
-from soft_continuum.arguments import FAILED, Parser, whole_number_in
+from soft_continuum.arguments import FAILED, given_path, Parser, whole_number_in
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, DeclinedError, one_of
 from soft_continuum.study.design import read_study
@@ -33,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser(NAME, 'Vary a description and tabulate what each arm reaches, how dexterous '
                     'it is there, what tensions and how many softenings that takes. Goes on '
                     'where it was interrupted.', '--output')
-    parser.add_argument('study', type=Path, metavar='STUDY.yaml',
+    parser.add_argument('study', type=given_path, metavar='STUDY.yaml',
                         help='what is varied: docs/how_to/compare_designs.md')
     parser.add_argument('--processes', type=whole_number_in(1, MAX_PROCESSES), default=1,
                         metavar='N', help='processes of this machine (default: 1)')

@@ -27,7 +27,8 @@ def _run(options: argparse.Namespace) -> None:
     from soft_continuum.ros.names import CAMERA
     from soft_continuum.sensing.any_camera import layout_of
     from soft_continuum.sensing.ring_layout import RingLayout
-    layout = layout_of(load_description(*options.params_file, node=CAMERA))
+    layout = layout_of(load_description(
+        *options.params_file, node=CAMERA, namespace=options.namespace))
     path, = reserve_outputs(options.output, [f'{NAME}.pdf'], options.force)
     from soft_continuum.sensing.printing import write_tags
     write_tags(path, layout)

@@ -17,7 +17,8 @@ from typing import Any, NoReturn, TYPE_CHECKING
 from soft_continuum.arguments import DONE, FAILED, NO_NODES, Parser, WRONG_USAGE
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.parameter import EXACT, ParameterError
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.scalars import EXACT
 from soft_continuum.ros.names import KINEMATICS, SERVO, SHAPE_SEQUENCER, TELEOP
 from soft_continuum.teleop.dead_man import MOVE, RELEASE
 from soft_continuum.teleop.keyboard import Keyboard

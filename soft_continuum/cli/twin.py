@@ -5,10 +5,9 @@
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from pathlib import Path
 import threading
 
-from soft_continuum.arguments import DONE, Parser, WRONG_USAGE
+from soft_continuum.arguments import DONE, given_path, Parser, WRONG_USAGE
 from soft_continuum.emulators.driving import parameter_lines
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.parameters.parameter import ParameterError
@@ -35,7 +34,7 @@ def add_preset_options(parser: Parser) -> None:
                         help='in what it differs from the description: '
                         f'{", ".join(PRESETS)}, or another one of the file '
                         f'(default: {DEFAULT_PRESET})')
-    parser.add_argument('--file', type=Path, metavar='FILE',
+    parser.add_argument('--file', type=given_path, metavar='FILE',
                         help='where the presets are (default: config/twin.yaml)')
 
 
@@ -73,10 +72,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--tendon-driver', choices=TENDON_MOTORS, default='grbl',
                         help='what pulls the tendons: grbl, steppers on boards, or dynamixel, '
                         'servos, which feel the tensions (default: grbl)')
-    parser.add_argument('--tendon-link', '--grbl-link', type=Path, metavar='PATH',
+    parser.add_argument('--tendon-link', '--grbl-link', type=given_path, metavar='PATH',
                         help='a symbolic link to make to the port of the tendons; PATH_2, '
                         'PATH_3, ... for the boards of an arm with more tendons than three')
-    parser.add_argument('--modbus-link', type=Path, metavar='PATH',
+    parser.add_argument('--modbus-link', type=given_path, metavar='PATH',
                         help='the same for valves and sensors')
     parser.add_argument('--regulators', action='store_true',
                         help='vacuum regulators on an output board, in place of pump and valves')
@@ -89,7 +88,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     from soft_continuum.twin.truth import Truth
 
     def begin(running: ExitStack) -> None:
-        values = load_description(*options.params_file or [description_file()])
+        values = load_description(*options.params_file or [description_file()],
+                                  namespace=options.namespace)
         arm = any_arm_from_parameters(values)
         rig = running.enter_context(TwinRig(
             arm, chosen_differences(options), options.tendon_link or '',

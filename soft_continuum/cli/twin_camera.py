@@ -46,7 +46,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def begin(running: ExitStack) -> None:
         layout = layout_of(load_description(
-            *options.params_file or [description_file()], node=CAMERA))
+            *options.params_file or [description_file()], node=CAMERA,
+            namespace=options.namespace))
         differences = chosen_differences(options)
         camera: AnyTwinCamera
         if isinstance(layout, RingLayout):

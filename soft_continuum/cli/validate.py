@@ -13,6 +13,7 @@ from soft_continuum.analysis.measured_shapes import read_shapes
 from soft_continuum.analysis.result_figures import validation_figure
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.analysis.validation import predict, Prediction
+from soft_continuum.arguments import given_path
 from soft_continuum.cli.common import any_described_arm, run_verb, shapes_parser
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.either import AnyArm
@@ -26,7 +27,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
     parser = shapes_parser(NAME, 'Position error of constant curvature and of the chain, without '
                            'and with gravity, against measured points.', 'angle, payload')
-    parser.add_argument('--corrected', type=Path, action='append', default=[], metavar='FILE',
+    parser.add_argument('--corrected', type=given_path, action='append', default=[],
+                        metavar='FILE',
                         help='parameters that correct the arm, such as characterize.yaml: one '
                              'more series; may be repeated')
     return run_verb(parser, _run, argv, 'matplotlib')
@@ -37,7 +39,8 @@ def _run(options: argparse.Namespace) -> None:
     corrected = None
     if options.corrected:
         corrected = any_arm_from_parameters(
-            load_description(*options.params_file, *options.corrected))
+            load_description(*options.params_file, *options.corrected,
+                             namespace=options.namespace))
         sizes = [([s.length for s in a.segments], [d.height for d in a.discs])
                  for a in (arm, corrected)]
         if sizes[0] != sizes[1]:

@@ -16,8 +16,10 @@ from rclpy.signals import SignalHandlerOptions
 
 from soft_continuum.client.errors import ClientError, NoAnswerError
 from soft_continuum.client.requests import Requests
+from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.enclaves import CLIENT, with_enclave
 from soft_continuum.ros.executor import BestExecutor
+from soft_continuum.ros.logs import require_log_folder
 from soft_continuum.ros.network import choose_own_network, security_problem, wait_until_up
 
 CLOSE_TIMEOUT = 10.0  # s in which a callback that runs has to return
@@ -38,19 +40,22 @@ class Connection:
 
         timeout, discovery_timeout: as for Requests, s.  arguments: ROS arguments of the process.
 
-        Raises ClientError for a namespace that ROS does not take, and without the keys that SROS 2
-        asks for.
+        Raises ClientError for a namespace that ROS does not take, where it cannot write its logs,
+        and without the keys that SROS 2 asks for.
         """
         choose_own_network()
         wait_until_up()
         self._open = True
         self._context = Context()
         try:
+            require_log_folder(os.environ)
             rclpy.init(args=with_enclave(arguments, CLIENT, namespace), context=self._context,
                        signal_handler_options=SignalHandlerOptions.NO)
             # Without rosout and parameter services it starts in half the time.
             self.node = Node(name, namespace='/' + namespace.strip('/'), context=self._context,
                              enable_rosout=False, start_parameter_services=False)
+        except ParameterError as error:
+            raise ClientError(str(error)) from None
         except NameValidationException as error:
             self._context.try_shutdown()
             raise ClientError(f'namespace {namespace!r} is not one that ROS takes: '

@@ -17,7 +17,7 @@ from time import sleep
 import numpy as np
 
 from soft_continuum.analysis.figures import shapes_figure, spatial_shapes_figure
-from soft_continuum.arguments import Parser, WRONG_USAGE
+from soft_continuum.arguments import given_path, Parser, WRONG_USAGE
 from soft_continuum.client.arm import Arm
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.measured import MeasuredDisc
@@ -35,7 +35,7 @@ from soft_continuum.mechanics.spatial.chain import SpatialChain
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.twin_process import add_twin_options, twin_process
-from soft_continuum.nodes.up import chosen_nodes, description_file
+from soft_continuum.nodes.up import chosen_nodes, description_file, with_asked
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.sequencing.progress import Phase
@@ -54,7 +54,7 @@ def main() -> int:
     parser.add_argument('--arm', choices=ARMS, default=ARMS[0],
                         help='one of the descriptions in config/ (default: %(default)s, the arm '
                         'of the paper)')
-    parser.add_argument('--picture', type=Path, default=Path('demo_shapes.png'),
+    parser.add_argument('--picture', type=given_path, default=Path('demo_shapes.png'),
                         help='where to write the picture (default: %(default)s)')
     parser.add_argument('--tendon-driver', choices=TENDON_MOTORS,
                         help='what pulls the tendons of the '
@@ -74,15 +74,13 @@ def main() -> int:
     rig = f'the twin, preset {options.twin}' if options.twin else 'a simulated rig'
     options.params_file = [description_file(options.arm)]
     # A namespace of its own keeps it apart from an arm that may be running.
-    namespace = f'demo_{os.getpid()}'
-    arguments = ['demo', '--ros-args', '-r', f'__ns:=/{namespace}',
-                 '--params-file', str(options.params_file[0]), '--log-level', 'error']
+    namespace = options.namespace = f'demo_{os.getpid()}'
     try:
         nodes = chosen_nodes(options)
         print(f'Starting the nodes on {rig} ...', flush=True)
         with (twin_process(options.twin, options.params_file, namespace, camera=options.camera,
                            tendon_driver=options.tendon_driver) as driving,
-              NodeProcesses(nodes, arguments + driving),
+              NodeProcesses(nodes, [*with_asked(options, driving), '--log-level', 'error']),
               Arm(namespace, timeout=STARTING_TIMEOUT) as arm):
             if driving:
                 _take_as_straight(arm, jamming=JAMMING_VALVES in nodes)

@@ -42,7 +42,8 @@ from soft_continuum.client.own_shapes import (
     Step,
 )
 from soft_continuum.client.sequence import Bending, bendings
-from soft_continuum.parameters.files import MAX_SIZE, read_yaml
+from soft_continuum.parameters.files import read_yaml
+from soft_continuum.parameters.overrides import MAX_SIZE
 from soft_continuum.parameters.parameter import name_hint, ParameterError
 from soft_continuum.text import MAX_NAME, printable, write_whole
 from soft_continuum.user_files import saved_shapes

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from soft_continuum.emulators.dynamixel_models import MODELS
 from soft_continuum.emulators.grbl import STEPS_PER_MM
-from soft_continuum.parameters.parameter import as_yaml, Value
+from soft_continuum.parameters.scalars import as_yaml, Value
 
 AXES = 3
 """Of an emulated board; arms with more tendons have several, which share them evenly."""

@@ -3,6 +3,7 @@
 """The command line of emulated Dynamixel servos: faults are typed while they run."""
 
 from collections.abc import Callable, Sequence
+import os
 import random
 
 from soft_continuum.arguments import Parser
@@ -146,7 +147,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         'current-based position control)')
     parser.add_argument('--protocol-1', action='store_true',
                         help='servos that speak the old Protocol 1.0 (XM and XL430 can)')
-    parser.add_argument('--link', metavar='PATH',
+    parser.add_argument('--link', type=os.path.expanduser, metavar='PATH',
                         help='a symbolic link to make, as a port name that stays the same')
     parser.add_argument('--time-factor', type=float, default=1.0, metavar='FACTOR',
                         help='emulated seconds per second (default: 1)')

@@ -3,6 +3,7 @@
 """The command line of the emulated GRBL board: faults are typed while it runs."""
 
 from collections.abc import Sequence
+import os
 
 from soft_continuum.arguments import Parser
 from soft_continuum.emulators import console
@@ -68,7 +69,7 @@ def execute_command(emulator: GrblEmulator, line: str) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve an emulated board until ``quit`` or Ctrl-C; faults are typed on standard input."""
     parser = Parser('emulate grbl', 'A GRBL 1.1 stepper controller on a pseudo-terminal.')
-    parser.add_argument('--link', metavar='PATH', default='',
+    parser.add_argument('--link', type=os.path.expanduser, metavar='PATH', default='',
                         help='a symbolic link to make, as a port name that stays the same')
     parser.add_argument('--time-factor', type=float, default=1.0, metavar='FACTOR',
                         help='emulated seconds per second (default: 1)')

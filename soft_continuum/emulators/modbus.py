@@ -3,6 +3,7 @@
 """The command line of the emulated Modbus rig: faults are typed while it runs."""
 
 from collections.abc import Sequence
+import os
 import random
 
 from soft_continuum.arguments import Parser
@@ -103,7 +104,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser('emulate modbus', 'A jamming rig on an emulated Modbus RTU line.')
     parser.add_argument('--segments', type=int, default=3, choices=range(1, 65), metavar='N',
                         help='number of segments, 1 to 64 (default: 3)')
-    parser.add_argument('--link', metavar='PATH',
+    parser.add_argument('--link', type=os.path.expanduser, metavar='PATH',
                         help='a symbolic link to make, as a port name that stays the same')
     parser.add_argument('--stiff', action='store_true',
                         help='start with the pump on and every segment evacuated')

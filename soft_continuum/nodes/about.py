@@ -13,7 +13,7 @@ from std_msgs.msg import String
 from soft_continuum import version
 from soft_continuum.nodes.entries import guarded, repeat
 from soft_continuum.parameters.arm import description_digest
-from soft_continuum.parameters.parameter import ROS_NUMBER
+from soft_continuum.parameters.scalars import NUMBER
 from soft_continuum.ros.names import ABOUT, INSTANCE
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.text import plain
@@ -56,7 +56,7 @@ class Instance:
         process, of_program, description, host, time, conflict = (
             message.data.split('\n', 6) + [''] * 6)[:6]
         return cls(plain(process), plain(of_program), plain(description), plain(host),
-                   float(time[:30]) if ROS_NUMBER.fullmatch(time[:30]) else None,
+                   float(time[:30]) if NUMBER.fullmatch(time[:30]) else None,
                    plain(conflict, MAX_CONFLICT))
 
 

@@ -4,6 +4,8 @@
 
 from array import array
 from collections.abc import Mapping
+import os
+from pathlib import Path
 import threading
 from time import monotonic
 from typing import Any, TYPE_CHECKING
@@ -25,7 +27,8 @@ from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.parameter import as_yaml, ParameterError
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import (
     measured_pose_to_ros,
@@ -92,10 +95,10 @@ class Camera(Node):
         self._camera: AnyCamera | None = None
         if path := self.parameters['camera.calibration']:
             try:
-                self._camera = self._camera_of(Lens.read(path))
+                self._camera = self._camera_of(Lens.read(Path(path).expanduser()))
             except (OSError, ValueError) as error:
                 raise ParameterError(f'parameter camera.calibration: {error}') from None
-        self._source: str = self.parameters['camera.source']
+        self._source = os.path.expanduser(self.parameters['camera.source'])
         if self._source and self._camera is None:
             raise ParameterError('parameter camera.calibration is needed beside camera.source; '
                                  'soft_continuum calibrate camera writes that file')

@@ -21,7 +21,7 @@ from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.parameter import as_yaml
+from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import (
     measured_pose_to_ros,

@@ -15,6 +15,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
+from soft_continuum.parameters.nodes import default_frame, FRAME
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 from soft_continuum.ros.text import plain
 
@@ -33,18 +34,28 @@ class NodeParameters(Mapping[str, Any]):
         node.add_post_set_parameters_callback(self._after_set)
 
     def declare_numbers(self, parameter: Parameter) -> None:
-        """Declare one more parameter, a list of numbers, which has no value unless it is given."""
-        name = parameter.name
+        """
+        Declare one more parameter, a list of numbers: empty unless it is given.
+
+        Without any value it would empty the answer of GetParameters, also for all others.
+        """
+        name, kind = parameter.name, RosParameter.Type.DOUBLE_ARRAY
+        descriptor = _descriptor(parameter)
+        descriptor.type = kind.value
         try:
             value = self._node.declare_parameter(
-                name, RosParameter.Type.DOUBLE_ARRAY, _descriptor(parameter)).value
+                name, kind, ParameterDescriptor(read_only=False)).value
         except InvalidParameterTypeException as error:
             raise ParameterError(f'parameter {name}: {error}') from None
-        if value is not None:
+        if value is None:
+            self._node.set_parameters([RosParameter(name, kind, [])])
+        else:
             self._values[name] = parameter.check(value)
+        self._node.set_descriptor(name, descriptor)
 
     def _declare(self, parameter: Parameter) -> None:
-        default: Any = parameter.default
+        default: Any = (default_frame(self._node.get_namespace()) if parameter == FRAME
+                        else parameter.default)
         default = list(default) if isinstance(default, tuple) else default
         try:
             value = self._node.declare_parameter(

@@ -4,6 +4,7 @@
 """The obstacles that a node plans with: of its file, and as the topic changes them."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from time import monotonic
 from typing import Any
 
@@ -59,7 +60,8 @@ class KnownObstacles:
         self._refusal = ''
         try:
             if path := parameters['obstacles.file']:
-                self._known = {(one.name, 0): one for one in load_obstacles(path)}
+                self._known = {(one.name, 0): one
+                               for one in load_obstacles(Path(path).expanduser())}
             self._surroundings = self._around(self._known)
         except ObstacleError as error:
             raise ParameterError(f'parameter obstacles.file: {error}') from None

@@ -19,6 +19,7 @@ from rclpy.context import Context
 from soft_continuum.extras import remedy
 from soft_continuum.nodes.runtime import check_parameter_files, run
 from soft_continuum.ros.enclaves import CLIENT, with_enclave
+from soft_continuum.ros.logs import require_log_folder
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
 from soft_continuum.ros.network import SAID
 
@@ -47,6 +48,7 @@ class NodeProcesses:
         parameter file, one of runtime.ROS_ARGUMENT_ERRORS for arguments that ROS does not take.
         """
         check_parameter_files(arguments, names)
+        require_log_folder(os.environ)
         context = Context()
         rclpy.init(args=with_enclave(arguments, (*names, CLIENT)[0]), context=context)
         context.shutdown()

@@ -23,12 +23,14 @@ from rclpy.executors import Executor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
-from soft_continuum.parameters.files import load_description, read_parameter_file
+from soft_continuum.parameters.files import described
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
-from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.parameters.overrides import full_name_of, Overrides
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX, VACUUM_PREFIX
 from soft_continuum.ros.enclaves import with_enclave
 from soft_continuum.ros.executor import BestExecutor
-from soft_continuum.ros.logs import discard_old_logs
+from soft_continuum.ros.logs import discard_old_logs, require_log_folder
 from soft_continuum.ros.network import (
     reachable_addresses,
     SAID,
@@ -39,6 +41,8 @@ from soft_continuum.ros.network import (
 
 MEMORY = 2**30  # bytes that a node may use beyond those of its start; it needs a third of them
 
+DEFAULTS = {p.name: p.default for p in ALL_PARAMETERS}
+SHAPES = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX)
 ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
 
 
@@ -99,6 +103,7 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
     nodes: list[Any] = []
     try:
         check_parameter_files(arguments, [name])
+        require_log_folder(os.environ)
         discard_old_logs(os.environ)
         wait_until_up()
         rclpy.init(args=with_enclave(arguments, name),
@@ -162,31 +167,30 @@ def end(executor: Executor | None, nodes: Sequence[Any]) -> None:
     rclpy.try_shutdown()
 
 
-def check_parameter_files(arguments: Sequence[str], nodes: Sequence[str]) -> None:
+def check_parameter_files(arguments: Sequence[str], nodes: Sequence[str]) -> Overrides:
     """
-    Read every ``--params-file`` in the arguments as the nodes will, before rclpy does.
+    Read the parameters in ROS arguments as rcl will; return what they set.
 
-    Raises ParameterError naming the file and the key; rclpy would only abort.
+    Raises ParameterError naming the file and the key of what these nodes would not take; rclpy
+    would only abort.
     """
-    paths = [path for before, path in zip(arguments, arguments[1:], strict=False)
-             if before == '--params-file']
-    table = {p.name: p for p in ALL_PARAMETERS}
+    overrides = Overrides.of_arguments(arguments)
     for name in nodes:
-        if paths:
-            load_description(*paths, node=name)
-        for path in paths:
-            for key, value in read_parameter_file(path, name).items():
-                _refuse_whole_numbers(path, key, value, table)
+        full_name = full_name_of(arguments, name)
+        described(overrides, full_name)
+        for key, (value, where) in overrides.of(full_name).items():
+            _refuse_whole_numbers(where, key, value)
+    return overrides
 
 
-def _refuse_whole_numbers(path: str, key: str, value: Any, table: dict[str, Parameter]) -> None:
+def _refuse_whole_numbers(where: str, key: str, value: Any) -> None:
     """Refuse integers where ROS, other than the library, insists on a decimal point."""
-    default = table[key].default if key in table else (0.0,) if key.startswith('shapes.') else 0
+    default = DEFAULTS.get(key, (0.0,) if key.startswith(SHAPES) else 0)
     items = value if isinstance(value, list) else [value]
     measure = isinstance(default, float) or (
         isinstance(default, tuple) and not (default and isinstance(default[0], int)))
     whole = [item for item in items if isinstance(item, int) and not isinstance(item, bool)]
     if measure and whole:
         raise ParameterError(
-            f'{path}: parameter {key} is {value}; ROS wants a decimal point: '
+            f'{where}: parameter {key} is {value}; ROS wants a decimal point: '
             f'write {float(whole[0])} rather than {whole[0]}')

@@ -14,13 +14,13 @@ from soft_continuum.emulators.driving import board_links, driving_parameters
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.nodes.processes import Child, end
 from soft_continuum.parameters.files import load_any_arm
-from soft_continuum.parameters.parameter import as_yaml, ParameterError
+from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
 from soft_continuum.twin.differences import DEFAULT_PRESET, load_cell_parameters, PRESETS
 
 PERIOD = 0.05  # s between two looks at whether it is ready
 START_TIMEOUT = 120.0  # s: it imports MuJoCo, and makes the model of the arm
-NO_OTHER_CAMERA = {'camera.source': "''", 'camera.calibration': "''"}
+NO_OTHER_CAMERA: dict[str, Value] = {'camera.source': '', 'camera.calibration': ''}
 RATE = 5  # Hz of the pictures: to draw one and to measure in it takes 0.1 s of a core
 
 
@@ -36,19 +36,20 @@ def add_twin_options(parser: Parser) -> None:
 @contextmanager
 def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespace: str = '',
                  *, camera: bool = False, tendon_driver: str | None = None
-                 ) -> Iterator[list[str]]:
+                 ) -> Iterator[dict[str, Value]]:
     """
-    Run the twin of the described arm; yield the ROS arguments of nodes that drive it.
+    Run the twin of the described arm; yield the parameters of nodes that drive it.
 
     camera: with one before it.  tendon_driver: one of TENDON_MOTORS, grbl if None.  Without a
     preset nothing is started and nothing yielded.  Raises ParameterError for a twin that does not
     start; it has said why by then.
     """
     if preset is None:
-        yield []
+        yield {}
         return
     from soft_continuum.nodes.up import description_file  # which needs this module itself
-    tendons = len(load_any_arm(*params_files or [description_file()]).tendon_names)
+    tendons = len(load_any_arm(
+        *params_files or [description_file()], namespace=namespace).tendon_names)
     with TemporaryDirectory(prefix='soft_continuum_') as directory:
         driver = tendon_driver or 'grbl'
         if driver not in TENDON_MOTORS:
@@ -78,7 +79,6 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
                 children.append(Child(TWIN_CAMERA, [*arguments, f'--rate={RATE}'],
                                       'there are no pictures any more', subprocess.DEVNULL))
                 parameters |= NO_OTHER_CAMERA
-            yield [word for name, value in parameters.items()
-                   for word in ('-p', f'{name}:={as_yaml(value)}')]
+            yield parameters
         finally:
             end(children)

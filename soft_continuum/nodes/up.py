@@ -8,9 +8,11 @@ It takes the arguments of launch/bringup.launch.py.
 """
 
 from argparse import Namespace
-from collections.abc import Iterable, Iterator, Sequence
+import atexit
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from time import sleep
 
 from ament_index_python.packages import get_package_share_directory, get_packages_with_prefixes
@@ -29,9 +31,11 @@ from soft_continuum.nodes.runtime import (
 )
 from soft_continuum.nodes.twin_process import add_twin_options, twin_process
 from soft_continuum.parameters.arm import any_arm_from_parameters
-from soft_continuum.parameters.files import load_description
-from soft_continuum.parameters.nodes import ALL_PARAMETERS, FRAME
-from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.files import load_description, parameters_text
+from soft_continuum.parameters.nodes import ALL_PARAMETERS
+from soft_continuum.parameters.overrides import Overrides
+from soft_continuum.parameters.parameter import ParameterError, Value
+from soft_continuum.parameters.scalars import EXACT
 from soft_continuum.ros.names import (
     CAMERA,
     HARDWARE,
@@ -77,11 +81,6 @@ def description_files(options: Namespace) -> list[str | Path]:
     return list(vars(options).get('params_file') or [description_file()])
 
 
-def default_frame(namespace: str) -> str:
-    """Return the frame_id of an arm: with its namespace, two arms share one TF tree."""
-    return f'{namespace}/{FRAME.default}' if namespace else str(FRAME.default)
-
-
 def check_start(namespace: str, files: Sequence[str | Path], packages: Sequence[str] = ()) -> None:
     """
     Check what a launch file starts, before it starts anything.
@@ -94,7 +93,7 @@ def check_start(namespace: str, files: Sequence[str | Path], packages: Sequence[
     except InvalidNamespaceException as error:
         raise ParameterError(f'namespace {namespace!r} is not one that ROS takes: '
                              f'{str(error).splitlines()[0]}') from None
-    check_parameter_files([word for path in files for word in ('--params-file', str(path))], NODES)
+    check_parameter_files(start_arguments(namespace, files), NODES)
     for package in packages:
         if package not in get_packages_with_prefixes():
             raise ParameterError(
@@ -102,23 +101,46 @@ def check_start(namespace: str, files: Sequence[str | Path], packages: Sequence[
                 f'sudo apt install ros-jazzy-{package.replace("_", "-")}')
 
 
+def start_arguments(namespace: str, files: Sequence[str | Path]) -> list[str]:
+    """Return the arguments of nodes of a namespace with parameter files."""
+    return ['--ros-args', *['-r', f'__ns:=/{namespace}'] * bool(namespace),
+            *(word for path in files for word in ('--params-file', str(path)))]
+
+
 def ros_arguments(options: Namespace) -> list[str]:
-    """Return the options of start_parser as ROS arguments."""
-    arguments = ['up', '--ros-args']
-    namespace = (options.namespace or '').strip('/')
-    if namespace:  # what stands in a file comes later and wins
-        arguments += ['-r', f'__ns:=/{namespace}', '-p', f'frame_id:={default_frame(namespace)}']
-    for path in description_files(options):
-        arguments += ['--params-file', str(path)]
-    for name in DRIVERS:
-        if getattr(options, name):
-            arguments += ['-p', f'{name}:={getattr(options, name)}']
-    return arguments
+    """Return the options of start_parser as ROS arguments; what wins over files is left out."""
+    return ['up', *start_arguments(_namespace(options), description_files(options))]
 
 
-def nodes_of(files: Sequence[str | Path]) -> tuple[str, ...]:
+def _namespace(options: Namespace) -> str:
+    return (vars(options).get('namespace') or '').strip('/')  # demo has no such option
+
+
+def asked_file(files: Sequence[str | Path], asked: Mapping[str, Value]) -> Path:
+    """
+    Write parameters that win over those of all ``files``, for every node, to a file after them.
+
+    It is there until this process ends.  An argument ``-p`` would not win over the section of a
+    node, nor would a section for it win over ``/**``: see parameters.overrides.
+    """
+    section = Overrides(*files).fresh_section()
+    with NamedTemporaryFile('w', prefix='soft_continuum_', suffix='.yaml', encoding='utf-8',
+                            delete=False) as file:
+        file.write(parameters_text(asked, ['What was asked for at the start; it wins.'],
+                                   digits=EXACT, section=section))
+    atexit.register(Path(file.name).unlink, missing_ok=True)
+    return Path(file.name)
+
+
+def with_asked(options: Namespace, asked: Mapping[str, Value]) -> list[str]:
+    """Return ros_arguments with parameters that win over those of the files."""
+    files = [asked_file(description_files(options), asked)] if asked else []
+    return [*ros_arguments(options), *start_arguments('', files)]
+
+
+def nodes_of(files: Sequence[str | Path], namespace: str = '') -> tuple[str, ...]:
     """Return the nodes that drive the described arm; raises ParameterError."""
-    values = load_description(*files, node=KINEMATICS)
+    values = load_description(*files, node=KINEMATICS, namespace=namespace)
     return nodes_for(any_arm_from_parameters(values), bool(values['arm.jamming']))
 
 
@@ -135,7 +157,7 @@ def nodes_for(arm: AnyArm, jamming: bool) -> tuple[str, ...]:
 
 def chosen_nodes(options: Namespace) -> tuple[str, ...]:
     """Return the nodes that the options of start_parser ask for, as nodes_of."""
-    nodes = nodes_of(description_files(options))
+    nodes = nodes_of(description_files(options), _namespace(options))
     given = {'computer': ALL, 'teleop': False, **vars(options)}  # demo has no such options
     return nodes_on(given['computer'], (
         *nodes, *[CAMERA] * options.camera, *STEERING * given['teleop']))
@@ -148,17 +170,20 @@ def nodes_on(computer: str, nodes: Iterable[str]) -> tuple[str, ...]:
 
 
 @contextmanager
-def twin_of(options: Namespace) -> Iterator[list[str]]:
-    """Run the twin if the options of start_parser ask for one, as twin_process does."""
+def asked_of(options: Namespace) -> Iterator[dict[str, Value]]:
+    """
+    Yield the parameters that the options of start_parser ask for, whatever the files say.
+
+    Meanwhile the twin runs if they ask for one, as twin_process does.
+    """
     if options.twin and options.jamming_driver:
         raise ParameterError('--twin brings its own boards; leave out --jamming-driver')
     if options.twin and options.computer == WORKSTATION:
         raise ParameterError('--twin brings the boards of a rig; start it on that computer, with '
                              '--computer rig')
-    namespace = (options.namespace or '').strip('/')
-    with twin_process(options.twin, options.params_file, namespace, camera=options.camera,
-                      tendon_driver=options.tendon_driver) as driving:
-        yield driving
+    with twin_process(options.twin, options.params_file, _namespace(options),
+                      camera=options.camera, tendon_driver=options.tendon_driver) as driving:
+        yield {name: value for name in DRIVERS if (value := getattr(options, name))} | driving
 
 
 def main() -> int:
@@ -168,8 +193,8 @@ def main() -> int:
     options = parser.parse_args()
     arguments = ros_arguments(options)
     try:
-        with (twin_of(options) as driving,
-              NodeProcesses(chosen_nodes(options), arguments + driving) as nodes):
+        with (asked_of(options) as asked,
+              NodeProcesses(chosen_nodes(options), with_asked(options, asked)) as nodes):
             signals.starting = False
             while not signals.received and nodes.running:
                 sleep(PERIOD)

@@ -16,12 +16,7 @@ from soft_continuum.obstacles.mesh import joined, Mesh
 from soft_continuum.obstacles.obstacle import Obstacle, Shape, turned_by
 from soft_continuum.obstacles.shapes import Box, Capsule, Cylinder, ObstacleError, Sphere
 from soft_continuum.parameters.files import read_yaml
-from soft_continuum.parameters.parameter import (
-    degrees_hint,
-    name_hint,
-    ParameterError,
-    ROS_NUMBER,
-)
+from soft_continuum.parameters.parameter import degrees_hint, name_hint, ParameterError
 from soft_continuum.text import MAX_NAME, printable, read_bytes
 
 MAX_OBSTACLES = 100
@@ -170,8 +165,6 @@ def _numbers(name: str, given: Any) -> tuple[float, float, float]:
 
 
 def _number(name: str, given: Any) -> float:
-    if isinstance(given, str) and ROS_NUMBER.fullmatch(given):  # YAML 1.1 takes 1e-3 as text
-        given = float(given)
     if not finite(given):
         raise ObstacleError(f'{name} is {printable(repr(given), MAX_NAME)}; give finite numbers')
     return float(given)

@@ -17,7 +17,7 @@ from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.estimation import ESTIMATION_PARAMETERS
 from soft_continuum.parameters.loop import LOOP_PARAMETERS
-from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.parameters.parameter import FRAME_NAME, Parameter, ParameterError
 from soft_continuum.parameters.reach import REACH_PARAMETERS
 from soft_continuum.parameters.shapes import SHAPE_NAMES
 from soft_continuum.ros.names import (
@@ -36,7 +36,8 @@ from soft_continuum.teleop.pad import PAD_PARAMETERS
 AUTOSTART = Parameter('autostart', True, 'configure and activate the node when it starts')
 FRAME = Parameter(
     'frame_id', 'base_link', 'frame of the bottom centre of the base disc, z along the arm; '
-    'left/base_link: every frame of the arm begins with left/')
+    'left/base_link: every frame of the arm begins with left/, as it does in the namespace left '
+    'where no other is given', form=FRAME_NAME)
 AMBIENT = Parameter(
     'ambient_pressure', 101325.0, 'absolute ambient pressure', 1e4, 2e5, unit='Pa')
 STALE_AFTER = Parameter(
@@ -163,7 +164,8 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         *ARM_PARAMETERS, FRAME,
         Parameter('disc_sensors.rate', 50.0, 'measured poses that are published per second, at '
                   'most, of each disc and sensor', 1.0, 1000.0, unit='Hz'),
-        Parameter('tracker.frame_id', '', 'frame in which the tracker measures; empty: frame_id'),
+        Parameter('tracker.frame_id', '', 'frame in which the tracker measures; empty: frame_id',
+                  form=FRAME_NAME),
         Parameter('tracker.base_pose', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
                   'where base_link is in that frame: x, y, z (m), quaternion x, y, z, w',
                   -1000.0, 1000.0),
@@ -260,6 +262,11 @@ DESCRIBED = tuple(name for name, table in NODE_PARAMETERS.items()
                   if set(ARM_PARAMETERS) <= set(table))
 """The nodes that are given the description of the arm."""
 ALL_PARAMETERS = tuple({p.name: p for table in NODE_PARAMETERS.values() for p in table}.values())
+
+
+def default_frame(namespace: str) -> str:
+    """Return the frame_id of an arm: with its namespace, two arms share one TF tree."""
+    return '/'.join(filter(None, [namespace.strip('/'), str(FRAME.default)]))
 
 
 def jamming_settings(values: Mapping[str, Any]) -> JammingSettings:

@@ -9,14 +9,18 @@ from math import degrees, inf, pi, radians
 import re
 from typing import Any
 
+from soft_continuum.parameters.scalars import Value as Value
 from soft_continuum.text import printable
 
-ROS_NUMBER = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?')
-"""What ROS reads as a number; YAML 1.1 takes some of it, such as 2e2, as text."""
 MAX_NUMBER = 1e308
 MAX_SHOWN = 200  # characters of a value in an error message
 
-Value = bool | int | float | str | tuple[int, ...] | tuple[float, ...] | tuple[str, ...]
+FRAME_NAME, TOPIC_NAME = 'frame', 'topic'
+FORMS = {FRAME_NAME: re.compile(r'[^\s/]+(/[^\s/]+)*'),  # tf2 takes none that begins with /
+         TOPIC_NAME: re.compile(r'(~?/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)}
+FORMS_IN_WORDS = {
+    FRAME_NAME: 'a frame without blanks and without / at its ends, such as left/base_link',
+    TOPIC_NAME: 'a topic of letters, digits, _ and /, such as joint_states or /rig/joint_states'}
 TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string'}
 
 
@@ -46,7 +50,8 @@ class Parameter:
 
     low, high: bounds of a number, or of every number of a list.  choices: the allowed texts.
     read_only: cannot change while the node runs.  is_range: two numbers, the smaller first.
-    unit: of the number or numbers; empty where there is none.  A default of () is a list of
+    unit: of the number or numbers; empty where there is none.  form: FRAME_NAME or TOPIC_NAME of
+    a text that is one; it may be empty where its default is.  A default of () is a list of
     numbers that has to be given.
     """
 
@@ -59,6 +64,7 @@ class Parameter:
     read_only: bool = True
     is_range: bool = False
     unit: str = ''
+    form: str = ''
 
     @property
     def description(self) -> str:
@@ -76,6 +82,8 @@ class Parameter:
         """The values that are allowed, or that every item of a list may have."""
         if self.choices:
             return ' or '.join(self.choices)
+        if self.form:
+            return FORMS_IN_WORDS[self.form]
         if self._item_type in (bool, str):
             return 'true or false' if self._item_type is bool else 'text'
         return f'{self.low:g} to {self.high:g}'
@@ -106,9 +114,10 @@ class Parameter:
             if not isinstance(item, kind) or (self.choices and item not in self.choices):
                 raise self._error(
                     given, 'a list of texts' if isinstance(self.default, tuple) else self.allowed)
+            if self.form and isinstance(item, str) and not (item == self.default or (
+                    item.isprintable() and FORMS[self.form].fullmatch(item))):
+                raise self._error(given, self.allowed)
             return item
-        if isinstance(item, str) and kind is float and ROS_NUMBER.fullmatch(item):
-            item = float(item)
         if kind is int and (isinstance(item, bool) or not isinstance(item, int)):
             raise self._error(given, 'a whole number')
         if isinstance(item, bool) or not isinstance(item, int | float) or not (
@@ -148,18 +157,3 @@ def name_hint(name: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(name, sorted(known), n=1)
     return f'; did you mean {close[0]}?' if close else ''
 
-
-EXACT = 17
-"""Digits that tell every float from all others."""
-
-
-def as_yaml(value: Value, digits: int = 8) -> str:
-    """Return a value as a parameter file has it: numbers with a decimal point, as ROS wants."""
-    if isinstance(value, list | tuple):
-        return f'[{", ".join(as_yaml(item, digits) for item in value)}]'
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        mantissa, e, exponent = f'{value:.{digits}g}'.partition('e')
-        return (mantissa if '.' in mantissa else f'{mantissa}.0') + e + exponent
-    return str(value) or "''"

@@ -13,7 +13,8 @@ import re
 
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.parameter import as_yaml, Parameter
+from soft_continuum.parameters.parameter import Parameter
+from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.parameters.shapes import (
     direction_parameter,
     shape_parameter,

@@ -35,14 +35,14 @@ def shape_parameter(name: str) -> Parameter:
     return Parameter(
         f'{SHAPE_PREFIX}{name}', PAPER_SHAPES.get(name, ()),
         f'bending angles of the shape {name}, base first, within arm.bending_angle_limits; '
-        "the paper's shapes have a default", unit='rad')
+        'empty: as in the paper, for its shapes', unit='rad')
 
 
 def direction_parameter(name: str) -> Parameter:
     """Return the parameter that has the bending directions of a shape."""
     return Parameter(
         f'{DIRECTION_PREFIX}{name}', (), f'directions towards which the shape {name} bends, base '
-        'first, about z from x of the disc below each segment; not given: 0 for all, the only one '
+        'first, about z from x of the disc below each segment; empty: 0 for all, the only one '
         'of a planar arm', unit='rad')
 
 
@@ -50,7 +50,7 @@ def vacuum_parameter(name: str) -> Parameter:
     """Return the parameter that has the vacuums of a shape."""
     return Parameter(
         f'{VACUUM_PREFIX}{name}', (), f'vacuum below ambient of each segment while the shape '
-        f'{name} is held, where regulators hold it, base first; not given: every segment stiff',
+        f'{name} is held, where regulators hold it, base first; empty: every segment stiff',
         0.0, 101e3, unit='Pa')
 
 
@@ -69,8 +69,7 @@ def shapes_from_parameters(values: Mapping[str, Any], arm: AnyArm
         values.get(SHAPE_NAMES.name, SHAPE_NAMES.default))
     if len(set(names)) < len(names):
         raise ParameterError(f'shape_names lists a shape twice: {list(names)}')
-    given = {key.removeprefix(SHAPE_PREFIX): value for key, value in values.items()
-             if key.startswith(SHAPE_PREFIX)}
+    given = _given(values, SHAPE_PREFIX)
     directions = directions_from_parameters(values)
     library: dict[str, tuple[float, ...]] = {}
     for name in names:
@@ -118,9 +117,15 @@ def vacuums_from_parameters(values: Mapping[str, Any]) -> dict[str, tuple[float,
 
 def _by_name(values: Mapping[str, Any], prefix: str, parameter: Callable[[str], Parameter]
              ) -> dict[str, tuple[float, ...]]:
-    names = (key.removeprefix(prefix) for key in values if key.startswith(prefix))
-    return {name: parameter(name).check(  # type: ignore[misc]
-        values[f'{prefix}{name}']) for name in names}
+    return {name: parameter(name).check(value)  # type: ignore[misc]
+            for name, value in _given(values, prefix).items()}
+
+
+def _given(values: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    """Return those parameters by the names of shapes; an empty list is not given, as in ROS."""
+    return {key.removeprefix(prefix): value for key, value in values.items()
+            if key.startswith(prefix) and (isinstance(value, str) or not hasattr(value, '__len__')
+                                           or len(value))}
 
 
 def vacuums_problem(vacuums: Sequence[float], arm: AnyArm, full_vacuum: float,

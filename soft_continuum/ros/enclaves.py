@@ -10,16 +10,12 @@ arguments, before it has a node.
 from collections.abc import Sequence
 import re
 
+from soft_continuum.parameters.overrides import full_name_of
+
 ENCLAVE = '--enclave', '-e'
 NAME = re.compile(r'(/\w+)+', re.ASCII)
 CLIENT, VIEWER, INPUTS = 'client', 'viewer', 'inputs'
 """Those of programs that are no node of the suite: who commands, who looks, who feeds it."""
-
-
-def enclave(namespace: str, name: str) -> str:
-    """Return the path of an enclave: the name of a node, or of a kind of program, in its arm's."""
-    space = namespace.strip('/')
-    return f'/{space}/{name}' if space else f'/{name}'
 
 
 def with_enclave(arguments: Sequence[str], name: str, namespace: str = '') -> list[str]:
@@ -30,13 +26,7 @@ def with_enclave(arguments: Sequence[str], name: str, namespace: str = '') -> li
     """
     words = list(arguments)
     if not {*ENCLAVE} & {*words}:
-        for word in words:
-            rule, _, value = word.partition(':=')
-            if rule == '__ns':
-                namespace = value
-            elif rule in ('__node', '__name'):
-                name = value
-        path = enclave(namespace, name)
+        path = full_name_of(words, name, namespace)
         if NAME.fullmatch(path):  # else ROS says what is wrong with the namespace
             words += ['--ros-args', ENCLAVE[0], path]
     return words

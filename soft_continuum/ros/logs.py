@@ -8,7 +8,11 @@ ROS makes a file for every process that starts and deletes none.
 
 from collections.abc import Mapping, MutableMapping
 from contextlib import suppress
+from errno import EACCES
+import os
 from pathlib import Path
+
+from soft_continuum.parameters.parameter import ParameterError
 
 FOLDER = 'ROS_LOG_DIR'
 MAX_BYTES, MAX_FILES = 50_000_000, 500  # that are kept of what processes that ended have written
@@ -18,6 +22,20 @@ def choose_log_folder(environment: MutableMapping[str, str]) -> None:
     """Have ROS write into a folder of this suite, before it is initialised; the user's stays."""
     if not environment.get(FOLDER):
         environment[FOLDER] = str(_own_folder(environment))
+
+
+def require_log_folder(environment: Mapping[str, str]) -> None:
+    """Raise ParameterError where ROS could not write logs: without them it does not start."""
+    folder = Path(environment.get(FOLDER) or _ros_home(environment) / 'log')
+    reason = os.strerror(EACCES)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK | os.X_OK):
+            return
+    except OSError as error:
+        reason = error.strerror or str(error)
+    raise ParameterError(f'ROS cannot write its logs to {folder}: {reason}; set {FOLDER} to a '
+                         'folder that can be written')
 
 
 def discard_old_logs(environment: Mapping[str, str], max_bytes: int = MAX_BYTES,
@@ -45,4 +63,8 @@ def discard_old_logs(environment: Mapping[str, str], max_bytes: int = MAX_BYTES,
 
 
 def _own_folder(environment: Mapping[str, str]) -> Path:
-    return Path(environment.get('ROS_HOME') or Path.home() / '.ros', 'log', 'soft_continuum')
+    return _ros_home(environment) / 'log' / 'soft_continuum'
+
+
+def _ros_home(environment: Mapping[str, str]) -> Path:
+    return Path(environment.get('ROS_HOME') or Path.home() / '.ros')

@@ -16,8 +16,9 @@ from xml.etree import ElementTree
 from soft_continuum.hardware.drivers import driver_topics
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.nodes import DESCRIBED
+from soft_continuum.parameters.overrides import full_name
 from soft_continuum.parameters.parameter import ParameterError, Value
-from soft_continuum.ros.enclaves import CLIENT, enclave, INPUTS, VIEWER
+from soft_continuum.ros.enclaves import CLIENT, INPUTS, VIEWER
 from soft_continuum.ros.interface_tables import (
     documented_nodes,
     EVERYTHING,
@@ -58,7 +59,7 @@ def policy(values: Mapping[str, Value], namespace: str = '') -> str:
     enclaves = ElementTree.SubElement(root, 'enclaves')
     for name, allowed in profiles(values).items():
         profile = ElementTree.SubElement(ElementTree.SubElement(ElementTree.SubElement(
-            enclaves, 'enclave', path=enclave(namespace, name)), 'profiles'),
+            enclaves, 'enclave', path=full_name(name, namespace)), 'profiles'),
             'profile', ns=f'/{namespace.strip("/")}', node=name)
         for (kind, role), qualifier in QUALIFIERS.items():
             names = sorted({one.name for one in allowed if (one.kind, one.role) == (kind, role)})

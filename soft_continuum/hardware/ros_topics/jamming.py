@@ -19,7 +19,7 @@ from soft_continuum.hardware.ros_topics.numbers import (
     PREFIX,
     PRESSURE,
 )
-from soft_continuum.parameters.parameter import Parameter, ParameterError, spread
+from soft_continuum.parameters.parameter import Parameter, ParameterError, spread, TOPIC_NAME
 
 if TYPE_CHECKING:
     from soft_continuum.hardware.ros_topics.link import RosLink
@@ -150,7 +150,8 @@ class RosJamming(RosVacuum):
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter(f'{PREFIX}pressure_topics',
                   tuple(f'segment_{n}/vacuum_sensor' for n in (1, 2, 3)),
-                  'topic with the pressure of each segment, or one with all of them'),
+                  'topic with the pressure of each segment, or one with all of them',
+                  form=TOPIC_NAME),
         Parameter(f'{PREFIX}pressure_type', PRESSURE, 'what is published there',
                   choices=(PRESSURE, NUMBER, ARRAY)),
         Parameter(f'{PREFIX}pressure_scales', (1.0,), 'pressure per unit of the message, Pa; '
@@ -164,12 +165,12 @@ class RosJamming(RosVacuum):
                   'a set-point, in place of a valve'),
         Parameter(f'{PREFIX}command_topics', tuple(f'segment_{n}/valve' for n in (1, 2, 3)),
                   'topic of the commands for the valve or the regulator of each segment, or one '
-                  'for all of them'),
+                  'for all of them', form=TOPIC_NAME),
         Parameter(f'{PREFIX}command_type', BOOL, 'what is published there; of valves true, or 1, '
                   'evacuates', choices=(BOOL, NUMBER, ARRAY)),
         Parameter(f'{PREFIX}state_topics', tuple(f'segment_{n}/valve_state' for n in (1, 2, 3)),
                   'topic on which the valve or the regulator of each segment reports what it was '
-                  'set to, or one for all of them'),
+                  'set to, or one for all of them', form=TOPIC_NAME),
         Parameter(f'{PREFIX}state_type', BOOL, 'what is published there',
                   choices=(BOOL, NUMBER, ARRAY)),
         Parameter(f'{PREFIX}vacuum_scale', 1.0, 'vacuum per unit of the set-point of a regulator, '
@@ -177,9 +178,9 @@ class RosJamming(RosVacuum):
         Parameter(f'{PREFIX}max_vacuum', 90e3, 'largest set-point of a regulator, as vacuum below '
                   'ambient', 1e3, 101e3, unit='Pa'),
         Parameter(f'{PREFIX}pump_topic', '', 'topic that switches the pump (std_msgs/Bool); '
-                  'empty: it runs by itself'),
+                  'empty: it runs by itself', form=TOPIC_NAME),
         Parameter(f'{PREFIX}pump_state_topic', '', 'topic on which the pump reports whether it '
-                  'runs (std_msgs/Bool)'),
+                  'runs (std_msgs/Bool)', form=TOPIC_NAME),
         Parameter(f'{PREFIX}timeout', 0.3, 'age at which a pressure or a state is stale, and wait '
                   'for a state to follow its command', 0.05, 1.0, unit='s'),
     )

@@ -21,7 +21,7 @@ from soft_continuum.hardware.protocols import (
 )
 from soft_continuum.hardware.ros_topics.device import POLL_INTERVAL, RosDevice
 from soft_continuum.hardware.ros_topics.joint_states import Joints, JointWatch, PREFIX
-from soft_continuum.parameters.parameter import Parameter
+from soft_continuum.parameters.parameter import Parameter, TOPIC_NAME
 
 if TYPE_CHECKING:
     from soft_continuum.hardware.ros_topics.link import Listener, RosLink, Speaker
@@ -44,9 +44,10 @@ class RosTendons(RosDevice):
     reference_moves = False
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter(f'{PREFIX}state_topic', 'joint_state_broadcaster/joint_states',
-                  'topic of the joint states (sensor_msgs/JointState), of one publisher'),
+                  'topic of the joint states (sensor_msgs/JointState), of one publisher',
+                  form=TOPIC_NAME),
         Parameter(f'{PREFIX}command_topic', 'position_controller/commands',
-                  'topic of the commands, with no other publisher'),
+                  'topic of the commands, with no other publisher', form=TOPIC_NAME),
         Parameter(f'{PREFIX}command_type', POSITIONS, 'what is published there: positions '
                   '(std_msgs/Float64MultiArray, in the order of ros_tendons.joints) or trajectory '
                   '(trajectory_msgs/JointTrajectory)', choices=(POSITIONS, TRAJECTORY)),
