@@ -233,7 +233,7 @@ def test_one_length_in_another_unit_among_others_is_refused(changed, name):
 
 
 @pytest.mark.parametrize(('name', 'value', 'degrees', 'meant'), [
-    ('arm.bending_angle_limits', [60, 60.0, 60.0], 60, '1.047'),
+    ('arm.bending_angle_limits', [60.0, 60.0, 60.0], 60, '1.047'),
     ('arm.mounting_angle', 180.0, 180, '3.142'), ('angle_step', 2.0, 2, '0.03491'),
     ('shapes.c_form', [36.0, 36.0, 36.0], 36, '0.6283'),
     ('shapes.c_form', [0.1, -22.5, 0.1], -22.5, '-0.3927')])

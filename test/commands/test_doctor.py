@@ -53,8 +53,8 @@ def test_a_sound_rig_passes_every_check(rig, ask):
             break
     assert status == 0
     assert list(found) == [
-        'model', 'parameters', 'control threads', 'serial ports', 'tendon port', 'tendon firmware',
-        'tendon settings', 'tendon reference', 'jamming port', 'relay board', 'analog board',
+        'packages', 'model', 'parameters', 'control threads', 'serial ports', 'tendon port',
+        'tendon firmware', 'tendon settings', 'tendon reference', 'jamming port', 'relay board', 'analog board',
         'modbus round trip', 'pump and valves', 'segment 1', 'segment 2', 'segment 3']
     assert {step: s for step, (s, _) in found.items() if s != 'OK'} == {}
 
@@ -86,7 +86,7 @@ def test_there_is_one_line_per_step_and_a_summary(rig, capsys):
     *lines, empty, summary = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines].count('FAIL') == 1
     assert sum(line.startswith('FAIL  segment 2: no pressure') for line in lines) == 1
-    assert (empty, summary) == ('', '16 checks: 1 failed, 1 to be looked at')
+    assert (empty, summary) == ('', '17 checks: 1 failed, 1 to be looked at')
 
 
 def test_an_unknown_option_is_a_usage_error(capsys):

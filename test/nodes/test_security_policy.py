@@ -152,7 +152,7 @@ def test_topics_that_parameters_name_are_allowed_to_the_node_that_has_the_driver
     without = allowed(policy(load_rig([description_file()]), 'left'), '/left/tendon_actuation')
     assert not any('motors' in name for names in without.values() for name in names)
     rig.write_text(RIG % '"commands</topic><topic>*"', encoding='utf-8')
-    with pytest.raises(ParameterError, match='tendon_driver'):
+    with pytest.raises(ParameterError, match='ros_tendons.command_topic'):
         policy(load_rig([description_file(), rig]), 'left')
 
 
