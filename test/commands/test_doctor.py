@@ -54,7 +54,8 @@ def test_a_sound_rig_passes_every_check(rig, ask):
     assert status == 0
     assert list(found) == [
         'packages', 'model', 'parameters', 'control threads', 'serial ports', 'tendon port',
-        'tendon firmware', 'tendon settings', 'tendon reference', 'jamming port', 'relay board', 'analog board',
+        'tendon firmware', 'tendon settings', 'tendon reference', 'jamming port', 'relay board',
+        'analog board',
         'modbus round trip', 'pump and valves', 'segment 1', 'segment 2', 'segment 3']
     assert {step: s for step, (s, _) in found.items() if s != 'OK'} == {}
 

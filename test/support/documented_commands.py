@@ -38,7 +38,8 @@ NOT_OURS = {'. install/setup.bash', 'colcon build', 'ls -l /dev/serial/by-id',
 """Lines that start no program of this project."""
 OTHER_PROGRAMS = ('rosdep install ', 'ros2 run joy ', 'dask ', 'colcon build --base-paths ',
                   '~/soft_continuum_venv/bin/pip ', 'export PYTHONPATH=', 'ros2 security ',
-                  'export ROS_', 'ROS_SECURITY_ENCLAVE_OVERRIDE=', "./run exec sh -c 'catkin_tag_changelog ",
+                  'export ROS_', 'ROS_SECURITY_ENCLAVE_OVERRIDE=',
+                  "./run exec sh -c 'catkin_tag_changelog ",
                   "./run exec sh -c 'cd soft_continuum_interfaces; ")
 OF_THE_READER = {'my_arm.yaml', 'my_rig.yaml', 'my_shapes.yaml', 'left_arm.yaml',
                  'right_arm.yaml', 'calibration.yaml', 'my_study.yaml'}
