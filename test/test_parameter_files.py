@@ -16,8 +16,10 @@ from soft_continuum.hardware.drivers import (
     TENDON_DRIVERS,
 )
 from soft_continuum.parameters.arm import ARM_PARAMETERS
-from soft_continuum.parameters.files import given_parameters, load_description
+from soft_continuum.parameters import files
+from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import ALL_PARAMETERS, NODE_PARAMETERS
+from soft_continuum.parameters.overrides import full_name, Overrides
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 from soft_continuum.parameters.reference import (
     COMMAND,
@@ -54,6 +56,11 @@ def section(text, node='/**'):
     """YAML of one node's parameters, each line a key."""
     lines = ''.join(f'    {line}\n' for line in text.splitlines())
     return f'{node}:\n  ros__parameters:\n{lines}'
+
+
+def given_parameters(path, known, node='', prefixes=()):
+    """What a file gives a node, checked by a table."""
+    return files.given_parameters(Overrides(path), known, full_name(node), prefixes)
 
 
 def refusal(path, **options):
@@ -101,11 +108,13 @@ def test_a_number_is_written_in_every_way_that_ros_reads(parameter_file, text, v
     assert given_parameters(parameter_file(section(f'rate: {text}')), TABLE)['rate'] == value
 
 
-@pytest.mark.parametrize('section_name', ['/**', '/*', 'valves', '/left/valves', 'left/valves'])
+@pytest.mark.parametrize(('section_name', 'applies'), [
+    ('/**', True), ('/*', True), ('valves', True), ('/valves', True), ('/**/valves', True),
+    ('/left/valves', False), ('left/valves', False), ('/*/valves', False)])
 def test_a_section_for_all_nodes_or_by_the_name_of_the_node_is_read(
-        parameter_file, section_name):
+        parameter_file, section_name, applies):
     path = parameter_file(section('rate: 10.0', section_name))
-    assert given_parameters(path, TABLE, node='valves')['rate'] == 10.0
+    assert ('rate' in given_parameters(path, TABLE, node='valves')) == applies
 
 
 def test_a_section_of_another_node_is_left_alone(parameter_file):
@@ -114,8 +123,9 @@ def test_a_section_of_another_node_is_left_alone(parameter_file):
 
 
 def test_a_file_none_of_whose_sections_is_for_all_nodes_is_not_read_as_nothing(parameter_file):
-    path = parameter_file(section('rate: 10.0', 'my_arm'))
-    assert 'my_arm' in refusal(path)
+    path = parameter_file(section('tendon_rate: 10.0', 'my_arm'))
+    with pytest.raises(ParameterError, match='has no section for all nodes .*my_arm'):
+        load_description(path)
 
 
 def test_a_later_section_wins(parameter_file):

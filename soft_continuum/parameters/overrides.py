@@ -20,7 +20,7 @@ from typing import Any, Self
 
 import yaml
 
-from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.parameter import MAX_SHOWN, ParameterError
 from soft_continuum.parameters.scalars import read_scalar, Scalar
 from soft_continuum.text import printable, read_bytes
 
@@ -244,13 +244,10 @@ def _set_value(where: str, entry: _Entry, node: yaml.Node) -> None:
         if '\0' in item.value:
             raise ParameterError(f'{where}: key {key}: a text ends where it has \\0')
         items.append(read_scalar(item.value, quoted or item.tag == TEXT_TAG))
-    if len({type(item) for item in items}) > 1:
-        raise ParameterError(
-            f'{where}: key {key} is {printable(str(items), 200)}; ROS wants values of one type in '
-            'a list, and a decimal point in every number of this one: write 0.0 rather than 0'
-            if {type(item) for item in items} == {int, float} else
-            f'{where}: key {key} is {printable(str(items), 200)}; ROS wants values of one type '
-            'in a list')
+    if len(types := {type(item) for item in items}) > 1:
+        decimal = '; write 0.0 rather than 0' if types == {int, float} else ''
+        raise ParameterError(f'{where}: parameter {key} is {printable(str(items), MAX_SHOWN)}; '
+                             f'allowed: a list of values of one type{decimal}')
     if items:
         entry.values[listed, KINDS.index(type(items[0]))] = items if listed else items[0]
     entry.where = where

@@ -155,7 +155,7 @@ def test_a_bad_description_is_refused_at_the_start_naming_file_and_key(
     assert_refused(start(node, *arguments), node, arguments[1], *reasons)
 
 
-@pytest.mark.parametrize('section', ['kinematics', '/arm/kinematics', '/**/kinematics'])
+@pytest.mark.parametrize('section', ['/arm/*', '/arm/kinematics', '/**/kinematics'])
 @pytest.mark.parametrize(('line', 'reason'), [
     ('straight_tolerence: 0.001', 'straight_tolerence'),
     ('straight_tolerance: 1.0', 'straight_tolerance'),
