@@ -15,8 +15,8 @@ from soft_continuum.hardware.drivers import (
     JAMMING_DRIVERS,
     TENDON_DRIVERS,
 )
-from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters import files
+from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import ALL_PARAMETERS, NODE_PARAMETERS
 from soft_continuum.parameters.overrides import full_name, Overrides

@@ -125,7 +125,8 @@ CASES = {
         '010', '08', '0x10', '0X1f', '-0x8', '+7', '0b11', '0o17', '1_000', '1:30', '1e3', '1.',
         '.5', '-.5e-2', '1e400', '1e-320', '4.9e-324', '0e-999', '.inf', '-.INF', '+.Inf', '.nan',
         '.NaN', '.Nan', 'nan', 'inf', '-infinity', 'nan(x)', '0x1p3', '0x1.8', '0x.8p1', '0x',
-        '9223372036854775807', '9223372036854775808', '-9223372036854775808', '0777777777777777777777',
+        '9223372036854775807', '9223372036854775808', '-9223372036854775808',
+        '0777777777777777777777',
         '01777777777777777777777', '1e', '--1', '1.5.2', '00', '-0', '1 2')))),
     'truth': section('/**', *(f'n{k}: {text}' for k, text in enumerate((
         'y', 'Y', 'n', 'N', 'yes', 'Yes', 'YES', 'yEs', 'on', 'Off', 'OFF', 'true', 'TRUE',
@@ -245,8 +246,8 @@ def test_each_of_two_arms_in_one_file_is_that_of_its_namespace(tmp_path: Path) -
 
 
 def test_sections_for_others_do_not_concern_a_node(tmp_path: Path) -> None:
-    path = write(tmp_path / 'file.yaml', section('/right/**', 'spede_limit: 1', 'arm: {payload: x}')
-                 + section('/**', 'speed_limit: 0.01'))
+    path = write(tmp_path / 'file.yaml', section(
+        '/right/**', 'spede_limit: 1', 'arm: {payload: x}') + section('/**', 'speed_limit: 0.01'))
     left = given_as(path, more=['-r', '__ns:=/left'])
     check_parameter_files(left, ['tendon_actuation'])
     with pytest.raises(ParameterError, match='spede_limit'):
