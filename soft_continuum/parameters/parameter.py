@@ -114,8 +114,9 @@ class Parameter:
             if not isinstance(item, kind) or (self.choices and item not in self.choices):
                 raise self._error(
                     given, 'a list of texts' if isinstance(self.default, tuple) else self.allowed)
-            if self.form and isinstance(item, str) and not (item == self.default or (
-                    item.isprintable() and FORMS[self.form].fullmatch(item))):
+            text = str(item)
+            if self.form and text != self.default and not (
+                    text.isprintable() and FORMS[self.form].fullmatch(text)):
                 raise self._error(given, self.allowed)
             return item
         if kind is int and (isinstance(item, bool) or not isinstance(item, int)):

@@ -65,6 +65,16 @@ def read(path):
         return [bag.decoded(message).data for message in bag.messages()], bag
 
 
+@pytest.mark.parametrize('given', ['.', 'rosbag2_0.db3'])
+@pytest.mark.parametrize('name', ['rosbag2_0.db3', 'rosbag2_0.db3.zstd'])
+def test_a_bag_of_sqlite_is_refused_with_the_way_to_convert_it(tmp_path, given, name):
+    (tmp_path / 'metadata.yaml').write_text('rosbag2_bagfile_information: {}\n', encoding='utf-8')
+    (tmp_path / name).write_bytes(b'SQLite format 3\0')
+    with pytest.raises(MeasurementError, match=r'SQLite \(db3\).*ros2 bag convert -i '
+                       + re.escape(str(tmp_path)) + ' -o mcap.yaml'):
+        read_recording(tmp_path / given)
+
+
 def test_what_was_written_is_read(tmp_path):
     write(tmp_path / 'a.mcap')
     said, bag = read(tmp_path / 'a.mcap')

@@ -12,7 +12,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from soft_continuum.cli import calibrate, calibrate_load_cells
-from soft_continuum.parameters.files import read_parameter_file
+from soft_continuum.parameters.files import load_description
 from support.ros_rig import Rig, STREAM
 
 NAMES = ('right_tendon', 'left_tendon')
@@ -65,7 +65,7 @@ def test_a_known_mass_on_each_tendon_gives_newtons(
 
     status, said = run(hung, '--mass', str(MASS))
     assert (status, said) == (0, ''), said
-    found = read_parameter_file(tmp_path / calibrate_load_cells.FILE, 'tendon_actuation')
+    found = load_description(tmp_path / calibrate_load_cells.FILE, node='tendon_actuation')
     assert found['load_cells.used'] is True
     assert found['load_cells.zeros'] == pytest.approx(ZEROS, abs=0.5)
     assert found['load_cells.scales'] == pytest.approx(SCALES, rel=1e-3)

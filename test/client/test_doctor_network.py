@@ -90,7 +90,7 @@ def test_a_node_that_runs_twice_or_not_at_all_is_named() -> None:
 
 @pytest.mark.parametrize('options', [
     ['--network', '--sensors'], ['--network', '--params-file', 'my.yaml'],
-    ['--network', '--duration', '5'], ['--namespace', 'left']])
+    ['--network', '--duration', '5']])
 def test_options_that_do_not_go_together_are_refused(
         options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:

@@ -184,7 +184,7 @@ def test_an_imu_that_is_remapped_is_listened_to(
 
 
 @pytest.mark.parametrize('arguments', [
-    ['--namespace', 'left'], ['--duration', '2'], ['--sensors', '--params-file', 'my_rig.yaml'],
+    ['--duration', '2'], ['--sensors', '--params-file', 'my_rig.yaml'],
     ['--sensors', '--duration', '0']])
 def test_options_that_do_not_belong_together_are_a_usage_error(arguments: list[str]) -> None:
     with pytest.raises(SystemExit) as ended:

@@ -15,9 +15,9 @@ from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import (
     load_any_arm,
     load_arm,
-    read_parameter_file,
     write_parameters,
 )
+from soft_continuum.parameters.overrides import Overrides
 from soft_continuum.ros.estimates import model_from_ros, parameter_names
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
 from support.estimated_arm import ARM, EstimatedArm, learned
@@ -65,7 +65,7 @@ def test_what_is_determined_becomes_a_description_that_nodes_read(
         text.replace('#   ', '# '))
     assert 'As described: stiffness factor, segment 2: not determined' in text
     assert 'SIMULATED' not in text
-    assert set(read_parameter_file(tmp_path / FILE)) == {
+    assert set(Overrides(tmp_path / FILE).of('/kinematics')) == {
         'arm.bending_stiffnesses', 'arm.stiffness_ratios', 'arm.payload'}
     assert 'left_tendon is pulled in by -1.20 +- 0.1 mm beyond what its motor says' in output
     assert 'stiffness factor, segment 2: not determined' in output

@@ -20,7 +20,7 @@ from soft_continuum.cli import install_service
 from soft_continuum.cli.main import main
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.logs import choose_log_folder, discard_old_logs
+from soft_continuum.ros.logs import choose_log_folder, discard_old_logs, require_log_folder
 from soft_continuum.ros.names import NODES
 from soft_continuum.service import Board, boards_of, ports_of, udev_rules, units
 
@@ -184,6 +184,17 @@ def test_boards_get_names_by_what_they_are_and_by_their_socket_without_a_number(
     evil = Board('grbl', 1, 2, 'x", RUN+="/bin/sh\n*[', '')
     line = udev_rules([evil]).splitlines()[1:]
     assert len(line) == 1 and 'RUN' in line[0] and line[0].count('"') == 16 and '*' not in line[0]
+
+
+@pytest.mark.parametrize('blocked', ['a file', 'a folder in /proc'])
+def test_a_folder_for_logs_that_cannot_be_written_is_named(tmp_path: Path, blocked: str) -> None:
+    (tmp_path / 'file').write_text('')
+    folder = tmp_path / 'file' / 'log' if blocked == 'a file' else Path('/proc/none')
+    with pytest.raises(ParameterError, match=f'logs to {folder}: .*; set ROS_LOG_DIR to a folder'):
+        require_log_folder({'ROS_LOG_DIR': str(folder)})
+    with pytest.raises(ParameterError, match=f'logs to {folder}/log: .*ROS_LOG_DIR'):
+        require_log_folder({'ROS_HOME': str(folder)})
+    require_log_folder({'ROS_LOG_DIR': str(tmp_path / 'new' / 'log')})
 
 
 def test_old_logs_are_discarded_and_those_of_others_are_not(

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import pytest
 
 from soft_continuum.nodes.up import (
+    asked_of,
     check_start,
     chosen_nodes,
     description_file,
     start_parser,
-    twin_of,
 )
 from soft_continuum.parameters.parameter import ParameterError
 
@@ -43,5 +43,5 @@ def test_each_of_two_computers_has_its_nodes(options: Sequence[str], nodes: set[
 
 def test_the_boards_of_the_twin_are_not_on_the_workstation() -> None:
     options = start_parser('up', '').parse_args(['--twin', '--computer', 'workstation'])
-    with pytest.raises(ParameterError, match='with --computer rig'), twin_of(options):
+    with pytest.raises(ParameterError, match='with --computer rig'), asked_of(options):
         pass

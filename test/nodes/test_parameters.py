@@ -17,15 +17,24 @@ from rclpy.parameter import parameter_value_to_python
 
 from soft_continuum.nodes.runtime import run
 from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.parameter import Parameter
+from soft_continuum.parameters.parameter import (
+    FRAME_NAME,
+    Parameter,
+    ParameterError,
+    TOPIC_NAME,
+)
 from soft_continuum.parameters.shapes import (
     direction_parameter,
     DIRECTION_PREFIX,
     PAPER_SHAPES,
     shape_parameter,
     SHAPE_PREFIX,
+    shapes_from_parameters,
     vacuum_parameter,
+    VACUUM_PREFIX,
 )
 from support.processes import module_command, Processes
 from support.ros_rig import ALL, Rig
@@ -306,6 +315,60 @@ def test_the_parameters_of_a_node_are_those_of_its_table(rig: Rig, node: str) ->
             assert 'read-only' in result.reason or 'read only' in result.reason
         else:
             assert started.parameters[parameter.name] == changed(parameter)
+
+
+@pytest.mark.parametrize('node', NODE_PARAMETERS)
+def test_all_parameters_of_a_node_are_answered_at_once(rig: Rig, node: str) -> None:
+    """Claim what `ros2 param dump` needs: one without a value empties the whole answer."""
+    rig.start(node, ready=node in ALL)
+    names = rig.call(ListParameters, f'{node}/list_parameters').result.names
+    values = rig.call(GetParameters, f'{node}/get_parameters', names=names).values
+    assert len(values) == len(names) >= len(NODE_PARAMETERS[node])
+    assert ParameterType.PARAMETER_NOT_SET not in {value.type for value in values}
+
+
+def test_a_shape_without_angles_of_its_own_has_an_empty_list_and_that_is_read_again(
+        rig: Rig, start: Any, tmp_path: Path) -> None:
+    rig.start('shape_sequencer')
+    names = [f'{prefix}c_form' for prefix in (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX)]
+    described = shape_parameter('c_form').default
+    angles, *others = present_values(rig, 'shape_sequencer', names)
+    assert list(angles) in ([], list(described)) and [list(one) for one in others] == [[], []]
+    path = tmp_path / 'dump.yaml'
+    path.write_text(''.join(
+        ['/**:\n  ros__parameters:\n', *(f'    {name}: []\n' for name in names)]))
+    values = load_description(description_file(), path)
+    assert shapes_from_parameters(values, any_arm_from_parameters(values))['c_form'] == described
+
+
+@pytest.mark.parametrize(('node', 'name', 'good', 'bad'), [
+    ('kinematics', 'frame_id', ['base_link', 'left/base_link', 'arm-1.base'],
+     ['/base_link', '/base link', 'base link', 'left//base_link', 'left/', '', 'a\tb']),
+    ('disc_sensors', 'tracker.frame_id', ['', 'world'], ['/world', 'the world']),
+    *(('tendon_actuation', f'ros_tendons.{name}_topic',
+       ['/joint_states', 'rig/joint_states', '~/a'],
+       ['joint states', '/', '//a', 'a/', '1a', 'a-b', '']) for name in ('state', 'command')),
+    *(('jamming_valves', f'ros_jamming.{name}_topics', [['a', '/b/c', '~/d']],
+       [['a', 'b c', 'd'], [''], ['a', '/b/', 'c']]) for name in ('pressure', 'command', 'state')),
+    *(('jamming_valves', f'ros_jamming.{name}_topic', ['', '/pump'], ['/the pump', 'pump/'])
+      for name in ('pump', 'pump_state'))])
+def test_a_name_of_a_frame_or_a_topic_is_one_that_ros_takes(
+        node: str, name: str, good: list[Any], bad: list[Any]) -> None:
+    parameter = next(p for p in NODE_PARAMETERS[node] if p.name == name)
+    for value in good:
+        assert parameter.check(value) in (value, tuple(value))
+    for value in bad:
+        with pytest.raises(ParameterError, match=f'^parameter {name} is .*allowed: a '):
+            parameter.check(value)
+
+
+def test_every_parameter_that_is_a_frame_or_a_topic_is_checked_as_one() -> None:
+    for table in NODE_PARAMETERS.values():
+        for parameter in table:
+            words = parameter.name.replace('.', '_').split('_')
+            expected = (FRAME_NAME if parameter.name.endswith('frame_id') else
+                        TOPIC_NAME if words[-1] in ('topic', 'topics') else '')
+            assert parameter.form == expected, parameter.name
 
 
 def assert_described(parameter: Parameter, descriptor: ParameterDescriptor) -> None:

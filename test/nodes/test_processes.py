@@ -145,6 +145,16 @@ def test_arguments_of_up_that_cannot_be_are_named(
     assert all(word in output for word in named), output
 
 
+@pytest.mark.parametrize('verb', ['kinematics', 'up', 'status', 'browser'])
+def test_a_folder_for_logs_that_cannot_be_written_is_the_reason_that_is_said(
+        processes: Processes, verb: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('ROS_LOG_DIR', '/proc/none')
+    process = processes.start(module_command(verb))
+    assert process.wait() in (1, 2)
+    assert 'ROS cannot write its logs to /proc/none: ' in process.output
+    assert len(process.output.splitlines()) == 1, process.output
+
+
 @pytest.mark.parametrize('arguments', [
     ('--ros-args', '-r', '__ns:=/a b'),
     ('--ros-args', '--no-such-flag'),

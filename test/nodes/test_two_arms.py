@@ -10,7 +10,7 @@ import signal
 import numpy as np
 import pytest
 
-from soft_continuum.nodes.up import description_file, ros_arguments, start_parser
+from soft_continuum.nodes.up import description_file
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum_interfaces.action import RunShapeSequence
 from support.processes import assert_ended_in_peace, module_command, Processes
@@ -76,9 +76,3 @@ def test_the_four_nodes_come_up_under_a_namespace(
     assert rig.segment_poses.last.header.frame_id == 'lab/left/base_link'
     up.send(signal.SIGTERM)  # in test_twin.py it is SIGINT
     assert_ended_in_peace(up)
-
-
-def test_a_frame_in_a_file_wins_over_that_of_the_namespace() -> None:
-    options = start_parser('up', '').parse_args(['--namespace', 'left', '--params-file', 'x'])
-    arguments = ros_arguments(options)
-    assert arguments.index('frame_id:=left/base_link') < arguments.index('x')

@@ -1,0 +1,198 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a person asks for at the start is what the nodes run with, by ``ros2 launch`` and by ``up``.
+
+Each claim is made by a node that is started with the command line, and asked for its values.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.context import Context
+
+from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
+from soft_continuum.nodes import up
+from soft_continuum.nodes.runtime import check_parameter_files, node_class
+from support.launch_stand_in import DeclareLaunchArgument, description, launched
+
+Ask = Callable[..., dict[str, Any]]
+BOARDS = ['grbl.port: /dev/a_port', 'modbus.port: /dev/b_port']
+NAMES = ['/**', '/*', '/*/*', '/**/**', '{node}', '/{node}', '/**/{node}', '{space}{node}',
+         '{space}*', '{space}**']
+"""Names of sections, of which some apply in the namespace and some do not."""
+
+
+def section(name: str, *lines: str) -> str:
+    """Return a section of a parameter file."""
+    return f'{name}:\n  ros__parameters:\n' + ''.join(f'    {line}\n' for line in lines)
+
+
+def by_launch(node: str, files: Sequence[Path], **asked: str) -> list[str]:
+    """Return the arguments of a node that ros2 launch starts."""
+    given = dict(zip(('params_file', 'more_params_file'), map(str, files), strict=False))
+    found, = (one.command for one in launched(**given, **asked) if one.name == node)
+    return found
+
+
+def by_up(node: str, files: Sequence[Path], **asked: str) -> list[str]:
+    """Return the arguments of a node that up starts."""
+    del node
+    options = up.start_parser('up', '').parse_args([
+        *(f'--params-file={path}' for path in files),
+        *(f'--{name.replace("_", "-")}={value}' for name, value in asked.items())])
+    with up.asked_of(options) as parameters:
+        return up.with_asked(options, parameters)
+
+
+@pytest.fixture
+def ask(domain: int) -> Iterator[Ask]:
+    """Return a function that starts a node and asks it for parameters."""
+    contexts = []
+
+    def start(node: str, arguments: Sequence[str], *names: str) -> dict[str, Any]:
+        check_parameter_files(arguments, [node])  # as run does
+        contexts.append(Context())
+        rclpy.init(args=list(arguments), context=contexts[-1], domain_id=domain)
+        started = node_class(node)(context=contexts[-1])
+        found = {name: started.get_parameter(name).value for name in names}
+        found['name'] = started.get_fully_qualified_name()
+        started.destroy_node()
+        contexts[-1].shutdown()
+        return found
+
+    yield start
+    for context in contexts:
+        context.try_shutdown()
+
+
+@pytest.mark.parametrize('starter', [by_launch, by_up])
+@pytest.mark.parametrize('namespace', ['', 'left', 'lab/left'])
+@pytest.mark.parametrize('order', [1, -1])
+def test_a_driver_that_is_asked_for_wins_over_every_section(
+        ask: Ask, tmp_path: Path, starter: Any, namespace: str, order: int) -> None:
+    node, space = 'tendon_actuation', f'/{namespace}/' if namespace else '/'
+    forms = [form.format(node=node, space=space) for form in NAMES][::order]
+    first, second = tmp_path / 'first.yaml', tmp_path / 'second.yaml'
+    first.write_text(section('/**', *BOARDS) + ''.join(
+        section(form, 'tendon_driver: simulated', f'tendon_rate: {20 + k}.0')
+        for k, form in enumerate(forms)), encoding='utf-8')
+    second.write_text(section(f'{space}{node}', 'tendon_driver: simulated', 'speed_limit: 0.02'),
+                      encoding='utf-8')
+    arguments = starter(node, [first, second], namespace=namespace, tendon_driver='grbl')
+    values = ask(node, arguments, 'tendon_driver', 'grbl.port', 'speed_limit', 'tendon_rate')
+    assert values['name'] == f'{space}{node}'
+    assert values['tendon_driver'] == 'grbl'
+    # All else is as the files say.
+    assert (values['grbl.port'], values['speed_limit']) == ('/dev/a_port', 0.02)
+    plain = ask(node, starter(node, [first, second], namespace=namespace),
+                'tendon_driver', 'tendon_rate')
+    assert plain['tendon_driver'] == 'simulated'
+    assert values['tendon_rate'] == plain['tendon_rate'] > 20.0
+
+
+@pytest.mark.parametrize('starter', [by_launch, by_up])
+@pytest.mark.parametrize('form', NAMES)
+@pytest.mark.parametrize('namespace', ['', 'left'])
+def test_a_driver_that_is_asked_for_wins_over_a_section_of_each_form(
+        ask: Ask, tmp_path: Path, starter: Any, namespace: str, form: str) -> None:
+    node = 'jamming_valves'
+    name = form.format(node=node, space=f'/{namespace}/' if namespace else '/')
+    path = tmp_path / 'rig.yaml'
+    path.write_text(section(name, 'jamming_driver: simulated') + section('/**', *BOARDS),
+                    encoding='utf-8')
+    arguments = starter(node, [path], namespace=namespace, jamming_driver='modbus')
+    assert ask(node, arguments, 'jamming_driver', 'modbus.port') == {
+        'jamming_driver': 'modbus', 'modbus.port': '/dev/b_port',
+        'name': f'{"/left" if namespace else ""}/{node}'}
+
+
+@pytest.mark.parametrize('starter', [by_launch, by_up])
+@pytest.mark.parametrize(('node', 'parameter', 'drivers'), [
+    ('tendon_actuation', 'tendon_driver', driver_names(TENDON_DRIVERS)),
+    ('jamming_valves', 'jamming_driver', driver_names(JAMMING_DRIVERS))])
+def test_every_driver_can_be_asked_for(tmp_path: Path, starter: Any, node: str, parameter: str,
+                                       drivers: Sequence[str]) -> None:
+    for driver in drivers:
+        path = tmp_path / 'rig.yaml'
+        path.write_text(section('/**', f'{parameter}: {drivers[0]}'), encoding='utf-8')
+        arguments = starter(node, [path], **{parameter: driver})
+        values = check_parameter_files(arguments, []).of(f'/{node}')
+        assert values[parameter][0] == driver
+
+
+@pytest.mark.parametrize('starter', [by_launch, by_up])
+@pytest.mark.parametrize(('namespace', 'text', 'frame'), [
+    ('', section('/**', 'arm: {payload: 0.1}'), 'base_link'),
+    ('left', section('/**', 'arm: {payload: 0.1}'), 'left/base_link'),
+    ('lab/left', section('kinematics', 'frame_id: other'), 'lab/left/base_link'),
+    ('left', section('/**', 'frame_id: world'), 'world'),
+    ('left', section('/left/kinematics', 'frame_id: a') + section('/**', 'frame_id: b'), 'b'),
+    ('left', section('/**', 'frame_id: b') + section('/left/kinematics', 'frame_id: a'), 'a')])
+def test_the_frame_is_that_of_the_files_or_of_the_namespace(
+        ask: Ask, tmp_path: Path, starter: Any, namespace: str, text: str, frame: str) -> None:
+    path = tmp_path / 'arm.yaml'
+    path.write_text(text, encoding='utf-8')
+    arguments = starter('kinematics', [path], namespace=namespace)
+    assert ask('kinematics', arguments, 'frame_id')['frame_id'] == frame
+
+
+def test_a_second_file_wins_over_the_first(ask: Ask, tmp_path: Path) -> None:
+    files = [tmp_path / 'first.yaml', tmp_path / 'second.yaml']
+    for number, path in enumerate(files, 1):
+        path.write_text(section('/**', f'tension_limit: {number}0.0'), encoding='utf-8')
+    arguments = by_launch('kinematics', files)
+    assert ask('kinematics', arguments, 'tension_limit')['tension_limit'] == 20.0
+
+
+def test_a_mistake_in_a_section_for_another_namespace_keeps_nothing_from_starting(
+        ask: Ask, tmp_path: Path) -> None:
+    path = tmp_path / 'arms.yaml'
+    path.write_text(section('/right/**', 'spede_limit: fast', 'arm: {payload: heavy}')
+                    + section('/left/**', 'arm: {payload: 0.2}'), encoding='utf-8')
+    arguments = by_launch('kinematics', [path], namespace='left')
+    assert ask('kinematics', arguments, 'arm.payload')['arm.payload'] == 0.2
+    with pytest.raises(RuntimeError, match='nothing was started: .*spede_limit'):
+        by_launch('kinematics', [path], namespace='right')
+
+
+@pytest.mark.parametrize(('asked', 'nodes'), [
+    ({}, {'tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer'}),
+    ({'computer': 'rig'}, {'tendon_actuation', 'jamming_valves'}),
+    ({'computer': 'workstation', 'teleop': 'true'},
+     {'kinematics', 'shape_sequencer', 'servo', 'teleop'}),
+    ({'teleop': 'true'}, {'tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer',
+                          'servo', 'teleop'})])
+def test_the_nodes_are_those_that_are_asked_for(asked: dict[str, str], nodes: set[str]) -> None:
+    assert {node.name for node in launched(**asked)} == nodes
+
+
+def test_rviz_shows_the_arm_in_its_frame(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match='ros-jazzy-robot-state-publisher'):
+        launched(rviz='true')
+    monkeypatch.setattr(up, 'get_packages_with_prefixes',
+                        lambda: {'robot_state_publisher': '', 'rviz2': ''})
+    nodes = {node.executable: node for node in launched(rviz='true', namespace='left')}
+    assert nodes['rviz2'].arguments[-2:] == ['-f', 'left/base_link']
+    robot, = nodes['robot_state_publisher'].parameters
+    assert 'left/base_link' in robot['robot_description']
+
+
+def test_the_home_may_be_written_as_a_tilde(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+                                            ) -> None:
+    monkeypatch.setenv('HOME', str(tmp_path))
+    (tmp_path / 'arm.yaml').write_text(section('/**', 'arm: {payload: 0.3}'), encoding='utf-8')
+    for starter in (by_launch, by_up):
+        arguments = starter('kinematics', [Path('~/arm.yaml')])
+        assert check_parameter_files(arguments, ['kinematics']).of('/kinematics')[
+            'arm.payload'] == (0.3, str(tmp_path / 'arm.yaml'))
+
+
+def test_every_argument_is_described_and_claimed_here() -> None:
+    arguments = {a.name: a for a in description() if isinstance(a, DeclareLaunchArgument)}
+    assert arguments.keys() == {'namespace', 'params_file', 'more_params_file', 'tendon_driver',
+                                'jamming_driver', 'computer', 'rviz', 'teleop'}
+    assert all(a.description for a in arguments.values())
