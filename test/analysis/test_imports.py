@@ -14,8 +14,8 @@ MODULES = sorted([BAG, *(path for room in ('mechanics', 'analysis')
                          for path in (PACKAGE / room).rglob('*.py'))])
 ALLOWED = {*sys.stdlib_module_names, 'numpy', 'scipy', 'numba', 'tqdm',
            'soft_continuum.mechanics', 'soft_continuum.analysis', 'soft_continuum.parameters',
-           'soft_continuum.obstacles', 'soft_continuum.colours', 'soft_continuum.lazy',
-           'soft_continuum.text', 'soft_continuum'}
+           'soft_continuum.obstacles', 'soft_continuum.colours', 'soft_continuum.extras',
+           'soft_continuum.lazy', 'soft_continuum.text', 'soft_continuum'}
 
 
 def imported(path):
