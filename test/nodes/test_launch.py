@@ -49,14 +49,14 @@ def by_up(node: str, files: Sequence[Path], **asked: str) -> list[str]:
 
 
 @pytest.fixture
-def ask(domain: int) -> Iterator[Ask]:
+def ask(module_domain: int) -> Iterator[Ask]:
     """Return a function that starts a node and asks it for parameters."""
     contexts = []
 
     def start(node: str, arguments: Sequence[str], *names: str) -> dict[str, Any]:
         check_parameter_files(arguments, [node])  # as run does
         contexts.append(Context())
-        rclpy.init(args=list(arguments), context=contexts[-1], domain_id=domain)
+        rclpy.init(args=list(arguments), context=contexts[-1], domain_id=module_domain)
         started = node_class(node)(context=contexts[-1])
         found = {name: started.get_parameter(name).value for name in names}
         found['name'] = started.get_fully_qualified_name()
