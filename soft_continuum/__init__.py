@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Model, actuate and sequence variable-stiffness continuum arms, in a plane or in space."""
 
-
 from functools import cache
 
 
@@ -22,7 +21,8 @@ def version() -> str:
                          for name in names if name.endswith(('.py', '.html'))):
         with open(source, 'rb') as file:
             content = file.read()
-        digest.update(f'{path.relpath(source, root)} {len(content)} '.encode() + content)
+        digest.update(f'{source[len(root):]} {len(content)} '.encode())
+        digest.update(content)
     try:
         number = version('soft_continuum')
     except PackageNotFoundError:

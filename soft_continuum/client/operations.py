@@ -278,8 +278,8 @@ class Operations(Tasks):
             observed.pulls() or not state.referenced), 'tendon_states', TENDON_ACTUATION)
         names, pulls = observed.tendons, observed.pulls()
         if pulls is None:
-            raise RefusedError(f'{TENDON_ACTUATION}: the position of the tendons is not '
-                               'referenced; straighten the arm and call ~/reference')
+            from soft_continuum.nodes.reported_arm import NOT_REFERENCED
+            raise RefusedError(f'{TENDON_ACTUATION}: {NOT_REFERENCED}')
         now = dict(zip(names, pulls, strict=True))
         steps = {name if name in now else f'{name}_tendon': m for name, m in changes.items()}
         unknown = [name for name in changes if not {name, f'{name}_tendon'} & now.keys()]

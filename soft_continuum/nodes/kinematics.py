@@ -56,8 +56,8 @@ from soft_continuum.ros.conversions import (
     tracked_pose_to_ros,
 )
 from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
-from soft_continuum.ros.names import JAMMING_VALVES
-from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
+from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
+from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR, STREAM
 from soft_continuum.urdf import arm_urdf, joint_names
 from soft_continuum_interfaces.msg import (
     EstimatedParameter,
@@ -72,6 +72,7 @@ MIN_PERIOD = 0.005  # s between two shapes at least
 CHECK_PERIOD = 0.02  # s after which what came sooner than that is followed
 COVARIANCE_PERIOD = 0.1  # s between two covariances, which cost more than the shape
 REFUSAL_PERIOD = 1.0  # s for which it is shown why a pose is none that can be used
+ACCURACY_PERIOD = 3.0  # s for which it is shown that what a device tells of itself is not used
 UNUSED_PERIOD = 3.0  # s after the last measurement for which it is shown that most are not used
 ESTIMATION = ('scipy.linalg', 'scipy.special')  # what the first measurement needs: 0.4 s
 FRESH = 3.0  # s: an older measurement is not the shape's any more
@@ -137,12 +138,14 @@ class Kinematics(Node):
         self._uncertainties: tuple[float, Array, list[EstimatedParameter]] = (
             -inf, np.zeros((0, 3, 3)), [])
         self._measured_tensions = MeasuredTensions(self._tendons, self.parameters)
-        self._measured_tensions.listen(self, self._on_tendon_actuation)
+        self._measured_tensions.expect_accuracy()
         self._refused_poses, self._refused_tensions = Refusals('poses'), Refusals('tensions')
         self._follows = False  # whether the state is that of the last pulls
         self._unknown = ''  # why nobody knows how far the tendons are pulled
         self._question = Question()
         self._states = self.create_publisher(KinematicsState, '~/state', STREAM)
+        subscribe(self, TendonActuationState, f'{TENDON_ACTUATION}/state',
+                  self._on_tendon_actuation, EVERY_STATE)
         subscribe(self, JointState, 'tendon_states', self._on_tendons, SENSOR)
         if jamming:
             subscribe(self, JammingValvesState, f'{JAMMING_VALVES}/state',
@@ -198,6 +201,10 @@ class Kinematics(Node):
             self._unknown = ('tendon_actuation has no device, so nobody knows whether the arm '
                              'still has the shape that it had')
             self.status.set(WARN, self._unknown)
+        try:
+            self._measured_tensions.hear(state)
+        except ValueError as error:
+            self.status.alarm('accuracy', str(error), ACCURACY_PERIOD)
 
     def _lose_shape(self) -> None:
         """Forget it: the position of the tendons is lost, or counts from another zero."""
@@ -421,6 +428,7 @@ class Kinematics(Node):
                 for name, value in zip(self._tendons, values, strict=True)}
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._follow_now()  # the answer is about what has come
         if self._unknown:
             response.message = self._unknown
         elif self._pulls is None:

@@ -2,17 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measured tensions of the tendons as they arrive, and those of them that the estimate uses."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import hypot, inf, isfinite
 from typing import Any
 
 from soft_continuum.estimation.measuring import TensionMeasurement
 from soft_continuum.hardware.protocols import Accuracy
-from soft_continuum.nodes.entries import subscribe
 from soft_continuum.nodes.tension_check import TensionCheck
 from soft_continuum.ros.conversions import accuracy_from_ros
-from soft_continuum.ros.names import TENDON_ACTUATION
-from soft_continuum.ros.qos import EVERY_STATE
 from soft_continuum_interfaces.msg import TendonActuationState
 
 PERIOD = 0.1
@@ -20,7 +17,6 @@ PERIOD = 0.1
 UNTOLD_TIME = 2.0
 """s for which the first tensions wait for how well they are known; it is told once a second."""
 SURE = 3.0  # deviations, beyond which a difference is not what the device does not know
-REFUSAL_PERIOD = 3.0  # s for which it is shown that what a device told is not used
 
 
 class MeasuredTensions:
@@ -40,22 +36,9 @@ class MeasuredTensions:
         self._waiting: tuple[float, list[TensionMeasurement]] | None = None
         self._taken = -inf
 
-    def listen(self, node: Any, also: Callable[[TendonActuationState], None] = lambda _: None
-               ) -> None:
-        """
-        Subscribe for ``node`` to what the device tells; its status says what is not used.
-
-        also: is called first, with every state.
-        """
-        def on_state(state: TendonActuationState) -> None:
-            also(state)
-            try:
-                self.hear(state)
-            except ValueError as error:
-                node.status.alarm('accuracy', str(error), REFUSAL_PERIOD)
-
+    def expect_accuracy(self) -> None:
+        """Let the first tensions wait for how well they are known: ``hear`` will be told."""
         self._untold_time = UNTOLD_TIME
-        subscribe(node, TendonActuationState, f'{TENDON_ACTUATION}/state', on_state, EVERY_STATE)
 
     def hear(self, state: TendonActuationState) -> None:
         """Note how well the device knows tensions; raises ValueError, and keeps what it told."""

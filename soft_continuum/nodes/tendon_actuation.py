@@ -352,4 +352,6 @@ class TendonActuation(ManagedNode):
             state = copy(self._report.state)
             state.referenced = False
             self._state_publisher.publish(state)
+            # Pulls from the new zero go out before the answer: who has that may ask for a shape.
+            self._publish(self._loop.call(self._control.snapshot))
         return response

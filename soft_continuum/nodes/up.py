@@ -113,7 +113,7 @@ def ros_arguments(options: Namespace) -> list[str]:
 
 
 def _namespace(options: Namespace) -> str:
-    return (vars(options).get('namespace') or '').strip('/')  # demo has no such option
+    return (options.namespace or '').strip('/')
 
 
 def asked_file(files: Sequence[str | Path], asked: Mapping[str, Value]) -> Path:

@@ -129,16 +129,19 @@ def parameters_text(values: Mapping[str, Value], comments: Sequence[str],
     """
     Return a parameter file, for all nodes unless ``section`` names others.
 
-    values: by dotted names, those of a group one after the other.  comments: lines at the top.
-    notes: of parameters, by their names, which become comments above them.  digits: of numbers.
+    values: by dotted names; those of a group come where its first one does: a key that is there
+    twice is none that can be read.  comments: lines at the top.  notes: of parameters, by their
+    names, which become comments above them.  digits: of numbers.
     """
     lines = [f'# {" ".join(comment.splitlines())}'.rstrip() for comment in comments]
     lines += [f'{section}:', '  ros__parameters:']
     group = ''
-    for name, value in values.items():
-        section, _, key = name.rpartition('.')
-        if section != group:
-            group = section
+    groups = list(dict.fromkeys(name.rpartition('.')[0] for name in values))
+    for name, value in sorted(
+            values.items(), key=lambda item: groups.index(item[0].rpartition('.')[0])):
+        above, _, key = name.rpartition('.')
+        if above != group:
+            group = above
             lines += [f'    {group}:'] if group else ['']
         indent = 6 * ' ' if group else 4 * ' '
         lines += wrap((notes or {}).get(name, ''), WIDTH, initial_indent=f'{indent}# ',

@@ -27,10 +27,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 from soft_continuum.analysis.bag_tables import read_recording
 from soft_continuum.nodes.up import description_file
 from soft_continuum.obstacles import Box, Capsule, Obstacle, Sphere
-from soft_continuum.parameters.files import given_parameters, UNCHECKED
-from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.ros.obstacles import obstacle_to_ros
 from soft_continuum.ros.qos import LATCHED, OBSTACLES, STREAM
+from support.descriptions import given_in
 from support.page import (
     address_of,
     dark,
@@ -312,9 +311,7 @@ def test_when_the_nodes_end_it_says_how_to_start_them_and_continues_when_they_ru
 def test_another_arm_is_followed_into_space_where_a_bending_has_a_direction(
         page: Page, rig: Rig) -> None:
     rig.end(rig._groups[0].nodes[0])
-    rig.start_arm(**given_parameters(
-        description_file().with_name('spatial_jamming.yaml'), ALL_PARAMETERS,
-        prefixes=UNCHECKED), **SLOW)
+    rig.start_arm(**given_in(description_file().with_name('spatial_jamming.yaml')), **SLOW)
     page.wait_for_text('tendon_3')
     expect(page.button('three-quarter')).to_be_visible()
     page.wait_for_pixels(dark, 180, MANY, 'dark, as stiff skins are')

@@ -4,7 +4,6 @@
 
 from dataclasses import replace
 from math import inf, pi
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -193,7 +192,7 @@ def test_a_tension_is_trusted_as_far_as_its_device_knows_it():
 def test_tensions_wait_for_how_well_they_are_known_but_not_for_long():
     told_at, never = (MeasuredTensions(NAMES, PARAMETERS) for _ in range(2))
     for each in (told_at, never):
-        each.listen(Mock())
+        each.expect_accuracy()
         each.put(100.0, {NAMES[0]: 20.0})
         assert each.take() == []
     told_at.hear(told(tension_deviations=[8.2, 8.2]))

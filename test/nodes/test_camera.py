@@ -19,14 +19,13 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
 from soft_continuum.nodes import camera
-from soft_continuum.parameters.files import given_parameters, UNCHECKED
-from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import measured_pose_from_ros, pose_from_ros
 from soft_continuum.ros.pictures import CHANNELS, grey_message, grey_picture
 from soft_continuum.ros.qos import LATCHED, SENSOR
 from soft_continuum.twin.spatial_camera import FRONT
 from support import space_views, views
+from support.descriptions import given_in
 from support.ros_rig import Rig, STREAM
 
 TRUTH = views.discs(0.3, -0.2, 0.4)
@@ -167,7 +166,7 @@ def test_a_folder_of_pictures_is_measured(rig: Rig, drawn: Any, picture: Any, tm
 
 
 def test_the_mounts_of_a_planar_arm_are_refused_of_one_in_space(rig: Rig) -> None:
-    given = given_parameters(space_views.PATH, ALL_PARAMETERS, 'camera', UNCHECKED)
+    given = given_in(space_views.PATH, 'camera')
     with pytest.raises(ParameterError, match='keep tags.straight'):
         rig.start('camera', ready=False, **given, **{'tags.mounts': [0.001] * 12})
 
@@ -178,7 +177,7 @@ def test_two_cameras_of_an_arm_in_space(rig: Rig) -> None:
     drawn = {'camera': space_views.camera(),
              'camera_2': space_views.camera(direction=FRONT - pi / 3)}
     pictures = [one.picture(truth) for one in drawn.values()]
-    given = given_parameters(space_views.PATH, ALL_PARAMETERS, 'camera', UNCHECKED)
+    given = given_in(space_views.PATH, 'camera')
     drivers = [Driver(rig, one, name=name, **given) for name, one in drawn.items()]
     for driver, picture in zip(drivers, pictures, strict=True):
         tip = driver.poses[2]

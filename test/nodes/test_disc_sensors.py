@@ -18,11 +18,10 @@ import yaml
 
 from soft_continuum.nodes.disc_sensors import _Feed, MAX_COUNT
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import given_parameters, UNCHECKED
-from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_from_ros
 from soft_continuum.ros.qos import LATCHED
+from support.descriptions import given_in
 from support.ros_rig import pairs, Rig, STREAM
 
 GRAVITY = 9.80665
@@ -132,7 +131,7 @@ def test_a_tracker_of_all_discs_in_its_own_frame_is_turned_into_the_base(rig: Ri
 
 def test_a_tracker_and_an_imu_measure_discs_in_space(rig: Rig) -> None:
     """One disc is turned by 90 degrees about x: far out of any plane."""
-    given = given_parameters(SPATIAL, ALL_PARAMETERS, 'disc_sensors', UNCHECKED)
+    given = given_in(SPATIAL, 'disc_sensors')
     sensors, message = Sensors(rig, **given), PoseStamped()
     row = (0.02, -0.15, 0.1, sin(pi / 4), 0.0, 0.0, cos(pi / 4))
 

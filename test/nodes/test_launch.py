@@ -49,17 +49,18 @@ def by_up(node: str, files: Sequence[Path], **asked: str) -> list[str]:
 
 
 @pytest.fixture
-def ask(module_domain: int) -> Iterator[Ask]:
+def ask(domain: int) -> Iterator[Ask]:
     """Return a function that starts a node and asks it for parameters."""
     contexts = []
 
     def start(node: str, arguments: Sequence[str], *names: str) -> dict[str, Any]:
         check_parameter_files(arguments, [node])  # as run does
         contexts.append(Context())
-        rclpy.init(args=list(arguments), context=contexts[-1], domain_id=module_domain)
+        rclpy.init(args=list(arguments), context=contexts[-1], domain_id=domain)
         started = node_class(node)(context=contexts[-1])
         found = {name: started.get_parameter(name).value for name in names}
         found['name'] = started.get_fully_qualified_name()
+        started.quit()  # its threads would keep it, and its ROS domain, for ever
         started.destroy_node()
         contexts[-1].shutdown()
         return found

@@ -14,6 +14,7 @@ from soft_continuum.nodes.about import Instance
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import ARM_PARAMETERS, description_digest
 from soft_continuum.parameters.files import load_description
+from soft_continuum.parameters.scalars import read_scalar
 from soft_continuum.ros.names import DISC_SENSORS, KINEMATICS, SERVO, TENDON_ACTUATION
 from soft_continuum_interfaces.srv import About
 from support.ros_rig import ALL, Rig, trajectory
@@ -25,8 +26,8 @@ OF_FILE = description_digest(load_description(description_file()))
 def test_a_digest_is_of_the_arm_alone_however_it_is_written() -> None:
     # By sha256sum, of {"arm.jamming": true, "arm.payload": 0.5, "arm.tendon_names": ["a", "b"]}.
     assert description_digest({
-        'arm.tendon_names': ['a', 'b'], 'tension_limit': 7.0, 'arm.payload': '5e-1',
-        'arm.jamming': True}) == '9c46f7a4206757ba'
+        'arm.tendon_names': ['a', 'b'], 'tension_limit': 7.0,
+        'arm.payload': read_scalar('5e-1'), 'arm.jamming': True}) == '9c46f7a4206757ba'
     assert description_digest({'recorder.pictures': True}) == ''
 
 

@@ -15,11 +15,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.emulators.driving import board_links, driving_parameters
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import given_parameters, UNCHECKED
-from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.ros.conversions import planar_poses, poses_from_ros
 from soft_continuum.ros.names import NODES
 from soft_continuum.twin.differences import load_cell_parameters
+from support.descriptions import given_in
 from support.processes import module_command, NodeProcess, Processes
 from support.ros_rig import Rig, STREAM, trajectory
 
@@ -84,7 +83,7 @@ def test_nine_tendons_of_an_arm_in_space_move_the_twin_through_three_boards(
     tendons = rig.record(JointState, 'twin/tendon_states', STREAM)
     cells = rig.record(JointState, 'load_cells', STREAM)
     given = {name.replace('.', '__'): value for name, value in (
-        given_parameters(file, ALL_PARAMETERS, prefixes=UNCHECKED) | driving_parameters(
+        given_in(file) | driving_parameters(
             ' '.join(board_links(tmp_path / 'grbl', 9)), '', 9) | load_cell_parameters(9)).items()}
     given |= {'speed_limit': 0.03, 'acceleration_limit': 0.3}
     rig.start('kinematics', 'tendon_actuation', **given)

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from soft_continuum.parameters.files import given_parameters, UNCHECKED
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
+from soft_continuum.parameters.overrides import full_name, Overrides
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 PLANAR, TENDON_ARM, JAMMING = (
@@ -51,7 +52,11 @@ def check_urdf(text, positions, poses):
             Rotation.from_quat(pose[3:]).as_matrix(), abs=1e-9)
 
 
+def given_in(path: Path, node: str = '') -> dict[str, Any]:
+    """Return what a description gives a node, or all of them, by dotted names."""
+    return given_parameters(Overrides(path), ALL_PARAMETERS, full_name(node), UNCHECKED)
+
+
 def given(path: Path, **changes: Any) -> Mapping[str, Any]:
     """Return what a description gives, and changes, as Rig.start takes them."""
-    values = given_parameters(path, ALL_PARAMETERS, prefixes=UNCHECKED)
-    return {name.replace('.', '__'): value for name, value in values.items()} | changes
+    return {name.replace('.', '__'): value for name, value in given_in(path).items()} | changes

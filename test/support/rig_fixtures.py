@@ -80,14 +80,6 @@ def domains() -> Iterator[Callable[[], int]]:
     locks = []
 
     def take() -> int:
-        if (domain := find()) is None:
-            gc.collect()  # nodes of this process that have ended sit in reference cycles
-            domain = find()
-        if domain is None:
-            pytest.fail(f'every ROS domain of {own} is in use on this machine')
-        return domain
-
-    def find() -> int | None:
         for _ in own:
             domain = own[next(_turn) % len(own)]
             path = Path(tempfile.gettempdir()) / f'soft_continuum_domain_{domain}.lock'
@@ -104,7 +96,7 @@ def domains() -> Iterator[Callable[[], int]]:
                 locks.append(lock)
                 return domain
             lock.close()
-        return None
+        pytest.fail(f'every ROS domain of {own} is in use on this machine')
 
     yield take
     for lock in locks:

@@ -656,8 +656,9 @@ class Rig:
                 rests_at = None
             elif all(stiff):
                 assert not any(message.velocity), 'a tendon moved while every segment was stiff'
-                assert rests_at in (None, tuple(message.position)), 'a stiff arm was pulled'
-                rests_at = tuple(message.position)
+                pulls = tuple(message.position) or None  # None while they are not referenced
+                assert None in (pulls, rests_at) or pulls == rests_at, 'a stiff arm was pulled'
+                rests_at = pulls
                 checked += 1
         assert checked, 'the arm was never heard to be stiff'
 
