@@ -65,12 +65,17 @@ def _float(text: str) -> float | None:
 
 
 def as_yaml(value: Value, digits: int = 8) -> str:
-    """Return a value as a parameter file has it: numbers with a decimal point, as ROS wants."""
+    """
+    Return a value as a parameter file has it: numbers with a decimal point, as ROS wants.
+
+    Numbers that are too small to be read again (subnormal) become 0.0.
+    """
     if isinstance(value, list | tuple):
         return f'[{", ".join(as_yaml(item, digits) for item in value)}]'
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
+        value = 0.0 if abs(value) < sys.float_info.min else value
         mantissa, e, exponent = f'{value:.{digits}g}'.partition('e')
         return (mantissa if '.' in mantissa else f'{mantissa}.0') + e + exponent
     if isinstance(value, int) or (

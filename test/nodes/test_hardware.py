@@ -397,7 +397,7 @@ def test_homing_ends_when_it_is_stopped_or_the_arm_becomes_soft(homing: Bench, h
         assert rig.trigger('tendon_actuation/stop').success
     else:
         rig.set_stiff(2, False)
-    rig.wait_for(lambda: not homing.grbl.moving, 'rest')
+    rig.wait_for(lambda: not homing.grbl.moving and not any(rig.tendons.last.velocity), 'rest')
     where = homing.grbl.motors
     rig.assert_rests()
     assert homing.grbl.motors == where

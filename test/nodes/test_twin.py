@@ -88,8 +88,9 @@ def test_nine_tendons_of_an_arm_in_space_move_the_twin_through_three_boards(
     given |= {'speed_limit': 0.03, 'acceleration_limit': 0.3}
     rig.start('kinematics', 'tendon_actuation', **given)
     publisher = rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory')
-    rig.wait_for(lambda: len(rig.segment_poses), 'poses')
+    rig.wait_for(lambda: len(rig.tendons), 'tendons')
     assert rig.trigger('tendon_actuation/reference').success
+    rig.wait_for(lambda: len(rig.segment_poses), 'poses')
     rig.wait_for_more(cells, 20)  # without them it refuses to move
     names = given['arm__tendon_names']
     pulls = dict(zip(names, [0.0] * 6 + [0.004, -0.002, -0.002], strict=True))
