@@ -23,6 +23,7 @@ from soft_continuum.ros.conversions import (
     tracked_pose_from_ros,
 )
 
+FIRST_TIMEOUT = 2.0  # s for the first measured pose
 MIN_SAMPLES = 3
 MAX_SAMPLES = 10_000  # of one disc
 Sample = tuple[Array, Array]
@@ -89,8 +90,9 @@ class MeasuredArm:
 
     async def measure(self, duration: float) -> dict[int, MeasuredDisc]:
         """
-        Return the discs that are measured in the next ``duration`` s, at least three times.
+        Return the discs that are measured in ``duration`` s, at least three times.
 
+        The time begins with the first measured pose: those that publish have to be found first.
         Poses have to be in the frame of disc_poses, if that is known.  Raises ClientError when
         there is none.
         """
@@ -98,6 +100,7 @@ class MeasuredArm:
         self._frame = model.header.frame_id if model is not None else ''
         self._begin, self._refused = seconds(self._clock.now().to_msg()), ''
         self._samples.clear()
+        await until(lambda: any(self._samples.values()) or self._refused, FIRST_TIMEOUT)
         await until(lambda: False, duration)
         self._begin = inf
         means = {n: mean_of(self._samples[topic], self._dimensions)

@@ -74,7 +74,7 @@ class DiscSensors(Node):
         self._sources: list[str] = [''] * count  # topic of the pose of each disc
         self._followed = [Window[Any]() for _ in range(count)]
         self._tared: list[str] = []
-        self._publishers = [self.create_publisher(
+        self._measured_poses = [self.create_publisher(
             PoseWithCovarianceStamped, MEASURED_POSE.format(n), STREAM) for n in range(count)]
         self._feeds: dict[str, _Feed] = {}
         self._all_poses = self._feed(ALL_POSES)
@@ -166,7 +166,7 @@ class DiscSensors(Node):
         feed.good.refresh()
         if feed.is_due():
             message.header.stamp, message.header.frame_id = stamp, self.parameters['frame_id']
-            self._publishers[n].publish(message)
+            self._measured_poses[n].publish(message)
 
     # Taring.
 

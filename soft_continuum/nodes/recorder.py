@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node that records: a service begins and ends files with everything that an arm publishes."""
 
+from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 from time import strftime
 from typing import Any
@@ -11,11 +13,11 @@ from std_srvs.srv import SetBool
 
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.about import About
-from soft_continuum.nodes.entries import repeat, serve
+from soft_continuum.nodes.entries import repeat, serve_later
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, StatePublisher, Status, WARN
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.recordings.about import about, attach_parameters
+from soft_continuum.recordings.about import about, attach_parameters, end_recording
 from soft_continuum.recordings.bag import BagError
 from soft_continuum.recordings.topics import TopicRecorder
 from soft_continuum.ros.names import RECORDER
@@ -41,9 +43,10 @@ class Recorder(Node):
         self._about = About(self, self.parameters)
         self._states = StatePublisher(self, RecorderState)
         self._recording: TopicRecorder | None = None  # that runs, or ran last
+        self._attaching: Future[None] = Future()
         self._file = ''
         self._requests = Requests(self, ANSWER_TIMEOUT)
-        serve(self, SetBool, '~/record', self._on_record)
+        serve_later(self, SetBool, '~/record', self._on_record)
         repeat(self, REPORT_PERIOD, self._report)
 
     def callback_failed(self, error: Exception) -> None:
@@ -72,22 +75,26 @@ class Recorder(Node):
         return (f'{self._file}: cannot be written any more: {self._recording.failure}; what was '
                 'recorded before is kept')
 
-    def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        recording = self._recording
+    def _on_record(self, request: SetBool.Request,
+                   answer: Callable[[SetBool.Response], None]) -> None:
+        recording, response = self._recording, SetBool.Response(success=True)
         if request.data == self._runs:
-            response.success = True
             response.message = (f'already recording into {self._file}' if request.data else
                                 'nothing is being recorded')
-            return response
-        if request.data:
+        elif request.data:
             response.success, response.message = self._begin()
         elif recording is not None:
-            recording.close()
-            response.success = not self._problem
-            response.message = (self._problem
-                                or f'{recording.counts.total()} messages in {self._file}')
+            self._requests.start(self._end(recording, answer))
+            return
         self._report()
-        return response
+        answer(response)
+
+    async def _end(self, recording: TopicRecorder,
+                   answer: Callable[[SetBool.Response], None]) -> None:
+        await end_recording(recording, self._attaching, self._requests)
+        self._report()
+        answer(SetBool.Response(success=not self._problem, message=self._problem or (
+            f'{recording.counts.total()} messages in {self._file}')))
 
     def _begin(self) -> tuple[bool, str]:
         directory = Path(self.parameters['recorder.directory']).expanduser()
@@ -107,7 +114,7 @@ class Recorder(Node):
                            'recorder.directory')
         except BagError as error:
             return False, str(error)
-        self._requests.start(attach_parameters(self._requests, recording.attach))
+        self._attaching = self._requests.start(attach_parameters(self._requests, recording))
         self._recording, self._file = recording, str(path.absolute())
         return True, f'recording into {self._file}'
 

@@ -14,7 +14,7 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import SEQUENCER_STATE
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
-from soft_continuum.recordings.about import about, attach_parameters
+from soft_continuum.recordings.about import about, attach_parameters, end_recording
 from soft_continuum.recordings.bag import BagError
 from soft_continuum.recordings.topics import TopicRecorder
 from soft_continuum.ros.names import NODES
@@ -60,10 +60,9 @@ class Recording:
         self.topics = topics = TopicRecorder(node, self._path, about(node),
                                              pictures=self._pictures)
         try:
-            attaching = requests.start(attach_parameters(requests, topics.attach))
+            attaching = requests.start(attach_parameters(requests, topics))
             await until(self._ended, duration)
-            if not topics.failure:
-                await until(attaching.done, 1.0)
+            await end_recording(topics, attaching, requests)
         finally:
             topics.close()
 

@@ -52,7 +52,8 @@ class TopicRecorder:
     topics are left out, and so is the truth of the twin, which no part of the suite looks at.
 
     counts: messages by topic.  lost: of those, how many were too large or came faster than the
-    disk took them.  failure: why nothing more can be written, such as a full disk.
+    disk took them.  failure: why nothing more can be written, such as a full disk.  ending: true
+    while its end only waits for attachments.
     """
 
     def __init__(self, node: Node, path: Path, about: Mapping[str, str], *,
@@ -61,6 +62,7 @@ class TopicRecorder:
         self.counts: Counter[str] = Counter()
         self.lost = 0
         self.failure = ''
+        self.ending = False
         self._node, self._pictures = node, pictures
         self._epoch = time_ns() - monotonic_ns()  # a clock that is set changes nothing
         self._subscriptions: dict[str, Any] = {}

@@ -16,8 +16,9 @@ from rclpy.context import Context
 
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
 from soft_continuum.nodes import up
-from soft_continuum.nodes.runtime import check_parameter_files, node_class
+from soft_continuum.nodes.runtime import check_parameter_files
 from support.launch_stand_in import DeclareLaunchArgument, description, launched
+from support.ros_rig import destroy, make
 
 Ask = Callable[..., dict[str, Any]]
 BOARDS = ['grbl.port: /dev/a_port', 'modbus.port: /dev/b_port']
@@ -57,11 +58,11 @@ def ask(domain: int) -> Iterator[Ask]:
         check_parameter_files(arguments, [node])  # as run does
         contexts.append(Context())
         rclpy.init(args=list(arguments), context=contexts[-1], domain_id=domain)
-        started = node_class(node)(context=contexts[-1])
+        started = make(node, context=contexts[-1])
         found = {name: started.get_parameter(name).value for name in names}
         found['name'] = started.get_fully_qualified_name()
         started.quit()  # its threads would keep it, and its ROS domain, for ever
-        started.destroy_node()
+        destroy(started)
         contexts[-1].shutdown()
         return found
 

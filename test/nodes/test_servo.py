@@ -194,8 +194,7 @@ def test_when_it_ends_the_arm_stops(follower: Follower, killed: bool) -> None:
     else:
         follower.end()
     ended = time.time_ns()
-    rig.wait_for(lambda: rig.at_rest, 'rest')
-    rig.assert_rests()
+    rig.wait_until_rests()  # what was sent before may come late
     assert len(follower.sent_after(ended)) <= 1  # that was on its way
     assert abs(follower.angle) < 25.0
 

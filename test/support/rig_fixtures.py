@@ -10,6 +10,7 @@ import itertools
 import os
 from pathlib import Path
 import tempfile
+import time
 
 import pytest
 
@@ -26,6 +27,7 @@ from support.processes import Processes  # noqa: E402
 from support.ros_rig import Rig  # noqa: E402
 
 DOMAINS = range(1, 102)  # ROS 2: above these, ports overlap with those that Linux gives away
+LEAVE = 20.0  # s for the last process in a domain to end on a busy machine
 _turn = itertools.count()
 
 
@@ -71,13 +73,24 @@ def _is_silent(domain: int) -> bool:
     return _used_ports().isdisjoint(range(first, first + 250))
 
 
+def _is_left(domain: int) -> bool:
+    """Whether no participant is left in a domain; waits for processes that are ending."""
+    begin = time.monotonic()
+    while not _is_silent(domain):
+        if time.monotonic() - begin > LEAVE:
+            return False
+        time.sleep(0.1)
+        gc.collect()  # of a program that ran in this process, what sits in cycles
+    return True
+
+
 @contextmanager
 def domains() -> Iterator[Callable[[], int]]:
     """Take ROS domains: not those of the other workers, of other runs, or of leftover nodes."""
     worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
     workers = int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))
     own = DOMAINS[worker::workers]
-    locks = []
+    locks = {}
 
     def take() -> int:
         for _ in own:
@@ -93,14 +106,17 @@ def domains() -> Iterator[Callable[[], int]]:
                 lock.close()
                 continue
             if _is_silent(domain):
-                locks.append(lock)
+                locks[domain] = lock
                 return domain
             lock.close()
         pytest.fail(f'every ROS domain of {own} is in use on this machine')
 
     yield take
-    for lock in locks:
+    left = [domain for domain in locks if not _is_left(domain)]
+    for lock in locks.values():
         lock.close()
+    if left:  # soon no test would find a domain
+        pytest.fail(f'a node, or a socket of one, was left in the ROS domains {left}')
 
 
 @pytest.fixture

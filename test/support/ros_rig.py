@@ -9,10 +9,9 @@ observer.  A test waits for what it is told, with a deadline, and never for time
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, ExitStack
 from dataclasses import dataclass, field
 from functools import cache
-import gc
 import threading
 import time
 import traceback
@@ -148,6 +147,25 @@ class Recording:
         return self.heard[-1].message if self.heard else None
 
 
+def make(name: str, **options: Any) -> Any:
+    """Return a node under test; one that refuses its parameters leaves nothing behind."""
+    kind: Any = node_class(name)
+    node = kind.__new__(kind)
+    try:
+        node.__init__(**options)
+    except BaseException:
+        Node.destroy_node(node)  # its own may take down what is not there yet
+        vars(node).pop('_state_machine', None)
+        raise
+    return node
+
+
+def destroy(node: Any) -> None:
+    """Take a node down, with all that rclpy keeps of it."""
+    node.destroy_node()
+    vars(node).pop('_state_machine', None)  # of a lifecycle node: rclpy leaves it
+
+
 class Spinner:
     """An executor on a thread of its own; keeps what a callback raised."""
 
@@ -186,7 +204,7 @@ class Spinner:
             node.quit()
         self._executor.shutdown()
         for node in self.nodes:
-            node.destroy_node()
+            destroy(node)
 
 
 class Observer(Node):
@@ -199,8 +217,9 @@ class Observer(Node):
             self, RunShapeSequence, 'run_shape_sequence', feedback_sub_qos_profile=RELIABLE)
 
     def quit(self) -> None:
-        """Take down the action client before the node, as rclpy needs it."""
-        self.action.destroy()
+        """Take down action clients before the node, as rclpy needs it."""
+        for each in [each for each in self.waitables if isinstance(each, ActionClient)]:
+            each.destroy()
 
 
 class Goal:
@@ -314,8 +333,8 @@ class Rig:
         """Start nodes in this process, on one thread, and wait until they are heard."""
         rules = ['--ros-args', '-r', ':='.join(remapped)] if remapped[0] else None
         nodes = [
-            node_class(name)(context=self.context, namespace=self.namespace, cli_args=rules,
-                             parameter_overrides=parameter_values(name, **parameters))
+            make(name, context=self.context, namespace=self.namespace, cli_args=rules,
+                 parameter_overrides=parameter_values(name, **parameters))
             for name in names]
         group = Spinner(BestExecutor(context=self.context), nodes, self.context)
         self._groups.append(group)
@@ -365,13 +384,11 @@ class Rig:
 
     def close(self) -> None:
         """Take everything down; fails if a node raised anything."""
-        try:
-            for group in [*self._groups, self._observing]:
-                group.end()
-        finally:
-            self.context.try_shutdown()
-            gc.collect()  # lifecycle nodes and action servers sit in reference cycles
-        self.check()
+        with ExitStack() as ends:  # each, whatever becomes of the others
+            ends.callback(self.check)
+            ends.callback(self.context.try_shutdown)
+            for group in [self._observing, *self._groups]:
+                ends.callback(group.end)
 
     def check(self) -> None:
         """Fail if a node, or the observer, raised anything."""
@@ -617,6 +634,12 @@ class Rig:
         states = self.wait_for_more(self.tendons, count)
         assert not any(any(s.velocity) for s in states), 'a tendon moves'
         assert len({tuple(s.position) for s in states}) == 1, 'a tendon changes its pull'
+
+    def wait_until_rests(self, count: int = 10) -> None:
+        """Wait until the tendons stand for some messages in a row, and not only for a moment."""
+        self.wait_for(lambda: len(self.tendons) >= count and len({
+            (*m.position, any(m.velocity)) for m in [*self.tendons][-count:]}) == 1
+            and self.at_rest, 'rest that lasts')
 
     def assert_rests_stiff(self, goal: Goal | None = None) -> None:
         """Claim that the arm rests with every segment stiff, at the latest when a goal ended."""
