@@ -3,6 +3,7 @@
 
 """Start the nodes of one arm, and RViz with its TF frames if asked for."""
 
+import os
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -25,7 +26,7 @@ from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import KINEMATICS, TELEOP
-from soft_continuum.ros.network import SAID
+from soft_continuum.ros.network import PARENT, SAID
 from soft_continuum.urdf import arm_urdf
 
 DRIVERS = {'tendon_driver': ('driver of the tendon motors', TENDON_DRIVERS),
@@ -81,7 +82,7 @@ def start(context):
     nodes = [
         Node(package='soft_continuum', executable=EXECUTABLES.get(name, name), name=name,
              output='screen', namespace=namespace, parameters=[*files, *last],
-             additional_env={SAID: 'yes'} if others else {})
+             additional_env={PARENT: str(os.getpid()), **({SAID: 'yes'} if others else {})})
         for others, name in enumerate(names)
     ]
     if with_rviz:

@@ -245,7 +245,7 @@ class Watch:
             self._instead.loosen(rows * sensor_scales(dimensions))
             self._instead.measured, self._instead.updated = estimator.measured, estimator.updated
         self.active += (_anomaly(time, cause, one.number, found.size, estimator.arm.tendon_names[
-            one.number] if one.step else ''),)
+            one.number] if one.step else '', len(np.unique(point.discs)) == 1),)
         self.forget()
 
 
@@ -347,8 +347,9 @@ def _unknown(time: float, verdicts: Sequence[Verdict], moved: bool) -> Anomaly:
                    + ' or '.join(causes)) if causes else found
 
 
-def _anomaly(time: float, cause: Cause, number: int, size: float, tendon: str) -> Anomaly:
-    """Say it; size of a tendon: m longer."""
+def _anomaly(time: float, cause: Cause, number: int, size: float, tendon: str,
+             alone: bool = False) -> Anomaly:
+    """Say it; size of a tendon: m longer.  alone: whether one disc alone is measured."""
     segment = number if cause in (Cause.NOT_STIFF, Cause.NOT_SOFT) else 0
     disc = number if cause in (Cause.LOAD, Cause.SENSOR_MOVED) else 0
     length, way = f'{abs(size) * 1e3:.1f} mm', 'longer' if size > 0.0 else 'shorter'
@@ -366,7 +367,9 @@ def _anomaly(time: float, cause: Cause, number: int, size: float, tendon: str) -
         Cause.LOAD: f'a force of about {size:.1f} N, near disc {disc}, acts on the arm that is '
                     'not in its description; look for contact, or describe the payload',
         Cause.SENSOR_MOVED: f'the sensor of disc {disc} has moved on it by {length}; fix it, and '
-                            'calibrate where it is',
+                            'calibrate where it is' + (
+                                '. No other disc is measured: it may be what measures this one '
+                                'that has moved' if alone else ''),
         Cause.CAMERA_MOVED: f'all discs are seen displaced alike, at the base by {length}: the '
                             'camera or what it is referred to has moved; fix it, and calibrate '
                             'it again',

@@ -188,9 +188,10 @@ def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion
         free = (point.discs == disc)[:, None] * point.parts
         found.append(Hypothesis(dimensions, Cause.SENSOR_MOVED, disc, point, nothing,
                                 free * scales, covariance, SHIFT, blur=0.0))
-    moved = point.measured(dimensions.camera_moved(dimensions.poses(state)))
-    found.append(Hypothesis(dimensions, Cause.CAMERA_MOVED, 0, point, nothing, moved * scales,
-                            covariance, SHIFT, blur=0.0))
+    if len(np.unique(point.discs)) > 1:  # of one alone nobody can tell
+        moved = point.measured(dimensions.camera_moved(dimensions.poses(state)))
+        found.append(Hypothesis(dimensions, Cause.CAMERA_MOVED, 0, point, nothing, moved * scales,
+                                covariance, SHIFT, blur=0.0))
     return found
 
 

@@ -62,7 +62,7 @@ SIGNATURES = {
         f'{ROUTING}, i8)',
     'spatial_follow':
         f'Tuple((f8, i8, f8, b1))(Tuple(({TENSOR}, {VECTOR}, {VECTOR})), '
-        f'Tuple(({VECTOR}, {MATRIX}, {MATRIX}, {ROUTING}, {VECTOR})), '
+        f'Tuple(({VECTOR}, {MATRIX}, {MATRIX}, {ROUTING}, {VECTOR}, {VECTOR})), '
         f'Tuple(({INDICES}, {BLOCKS}, {BLOCKS}, {LIST})), '
         f'Tuple((f8[:, :, :, ::1], {TABLE}, b1[:, ::1], {BLOCKS})), '
         f'Tuple(({NUMBERS}, {LIST}, {TABLE}, {BLOCKS}, f8)), b1, b1)',

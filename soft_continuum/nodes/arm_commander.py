@@ -31,7 +31,7 @@ CODES = {
     MotionRequest.STOPPED: Code.STOPPED,
     MotionRequest.TENSION: Code.MODEL_FAILURE,
     MotionRequest.LATE: Code.TIMEOUT,
-    MotionRequest.CLOCK: Code.TIMEOUT,
+    MotionRequest.CLOCK: Code.CLOCK_JUMPED,
 }
 """What a refused or ended motion ends a sequence with; other reasons: HARDWARE_FAULT."""
 

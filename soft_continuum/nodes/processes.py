@@ -3,7 +3,6 @@
 """Nodes as processes of their own, so that none can delay another; for machines without launch."""
 
 from collections.abc import Sequence
-import ctypes
 from importlib import import_module
 import os
 import signal
@@ -17,7 +16,7 @@ import rclpy
 from rclpy.context import Context
 
 from soft_continuum.extras import remedy
-from soft_continuum.nodes.runtime import check_parameter_files, run
+from soft_continuum.nodes.runtime import check_parameter_files, end_with, run
 from soft_continuum.ros.enclaves import CLIENT, with_enclave
 from soft_continuum.ros.logs import require_log_folder
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
@@ -25,7 +24,6 @@ from soft_continuum.ros.network import SAID
 
 END_TIMEOUT = 20.0
 """s that nodes are given to hold and end: a fraction of one is enough, but on a busy computer."""
-SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 CHILD = ('import signal; signal.signal(signal.SIGINT, signal.SIG_DFL); '  # while it imports
          'from soft_continuum.nodes.processes import child; child()')
 
@@ -131,9 +129,7 @@ def end(children: Sequence[Child]) -> None:
 def child() -> None:
     """Run what a Child started."""
     parent, name, *arguments = sys.argv[1:]
-    ctypes.CDLL(None).prctl(SET_PARENT_DEATH_SIGNAL, signal.SIGTERM)
-    if os.getppid() != int(parent):  # it died before
-        os._exit(1)
+    end_with(int(parent))
     try:
         if name in (TWIN, TWIN_CAMERA):
             status = import_module(f'soft_continuum.cli.{name}').main(arguments)

@@ -5,6 +5,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+import ctypes
 import gc
 from importlib import import_module
 import os
@@ -32,6 +33,7 @@ from soft_continuum.ros.enclaves import with_enclave
 from soft_continuum.ros.executor import BestExecutor
 from soft_continuum.ros.logs import discard_old_logs, require_log_folder
 from soft_continuum.ros.network import (
+    PARENT,
     reachable_addresses,
     SAID,
     security_problem,
@@ -39,6 +41,7 @@ from soft_continuum.ros.network import (
     who_commands,
 )
 
+SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 MEMORY = 2**30  # bytes that a node may use beyond those of its start; it needs a third of them
 
 DEFAULTS = {p.name: p.default for p in ALL_PARAMETERS}
@@ -90,6 +93,17 @@ def make_executor() -> Executor:
     return BestExecutor()
 
 
+def end_with(parent: int) -> None:
+    """
+    End as by SIGTERM, holding the tendons, when the process that started this one ends.
+
+    parent: its id; if that has ended already, this process ends at once.
+    """
+    ctypes.CDLL(None).prctl(SET_PARENT_DEATH_SIGNAL, signal.SIGTERM)
+    if os.getppid() != parent and not Path('/proc', str(parent)).exists():
+        os._exit(1)
+
+
 def run(name: str, args: Sequence[str] | None = None) -> int:
     """
     Run one node until SIGINT or SIGTERM; return the exit status.
@@ -102,6 +116,8 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
     executor: Executor | None = None
     nodes: list[Any] = []
     try:
+        if parent := os.environ.pop(PARENT, ''):
+            end_with(int(parent))
         check_parameter_files(arguments, [name])
         require_log_folder(os.environ)
         discard_old_logs(os.environ)
@@ -113,7 +129,7 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
         executor.add_node(nodes[0])
         limit_memory()
         if not os.environ.get(SAID):
-            addresses, log = reachable_addresses(), get_logger(name)
+            addresses, log = reachable_addresses(), nodes[0].get_logger()
             (log.warning if addresses else log.info)(who_commands(os.environ, addresses))
         nodes[0].start()
         gc.freeze()  # to look through all that was imported takes 0.1 s, in which nothing runs

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a node reports of itself: a status for people, a typed state for other nodes."""
 
-from copy import deepcopy
+from copy import copy, deepcopy
 from math import inf
 import re
 import time
@@ -98,7 +98,7 @@ class StatePublisher:
     """
     Publishes a typed state latched on ``~/state``, whenever more than its stamp changes.
 
-    It is repeated when it is given again a second later: somebody may believe a wrong one.
+    It is repeated each second: somebody may believe a wrong one.
     """
 
     def __init__(self, node: Node, message_type: Any) -> None:
@@ -107,16 +107,17 @@ class StatePublisher:
         self._publisher = node.create_publisher(message_type, '~/state', LATCHED)
         self._last: Any = None
         self._changed = Time()
-        self._published = 0.0  # when, s (steady)
+        repeat(node, REPEAT_PERIOD, self._send)
 
     def publish(self, message: Any) -> None:
-        """Publish ``message``, whose stamp is still zero, if that is called for."""
-        now = time.monotonic()
+        """Publish ``message``, whose stamp is still zero, if it is another one."""
         if message != self._last:
             self._last = deepcopy(message)
             self._changed = self._node.get_clock().now().to_msg()
-        elif now - self._published < REPEAT_PERIOD:
-            return
-        self._published = now
-        message.stamp = self._changed
-        self._publisher.publish(message)
+            self._send()
+
+    def _send(self) -> None:
+        if self._last is not None:
+            message = copy(self._last)
+            message.stamp = self._changed
+            self._publisher.publish(message)

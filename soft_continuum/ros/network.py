@@ -21,6 +21,8 @@ OPEN, CLOSED = 'fastdds_network.xml', 'fastdds.xml'  # our own profiles
 KEYSTORE = 'ROS_SECURITY_KEYSTORE'
 SAID = 'SOFT_CONTINUUM_NETWORK_SAID'
 """Environment variable of a node that is started with others: one of them says who commands."""
+PARENT = 'SOFT_CONTINUUM_PARENT'
+"""Environment variable of a node that is to end with the process of that id, which started it."""
 LISTENING = '0A'  # state of a TCP socket
 NOT_UP = ('127.0.0.1 is not there: waiting for the interface lo; where nothing else brings it up, '
           '`ip link set lo up` does')

@@ -33,6 +33,7 @@ class Code(IntEnum):
     HARDWARE_FAULT = -5
     MODEL_FAILURE = -6
     OBSTRUCTED = -7
+    CLOCK_JUMPED = -8
 
 
 @dataclass(frozen=True)

@@ -187,6 +187,19 @@ def test_a_camera_that_was_knocked_is_named_and_then_taken_to_be_where_it_is(rig
         assert np.hypot(*away) < 4e-3  # what the camera shows is 8 mm off
 
 
+@pytest.mark.parametrize('disc', [1, 2, 3])
+def test_of_one_measured_disc_nobody_says_that_all_are_displaced_alike(rig, disc):
+    rig.discs = [disc]
+    rig.bend()
+    rig.seen = lambda poses: poses + PLANE.camera_moved(poses) @ [12e-3, 4e-3, 0.1]
+    rig.run(8.0)
+    assert rig.causes
+    assert Cause.CAMERA_MOVED not in rig.causes
+    assert not any('all discs' in one.message or 'CAMERA' in one.message for one in rig.named)
+    assert all('No other disc is measured' in one.message for one in rig.named
+               if one.cause is Cause.SENSOR_MOVED)
+
+
 def test_what_looks_like_two_causes_is_unknown_and_the_message_lists_them(rig):
     rig.discs = range(2, 4)  # what is seen of a camera that moved, a weak first segment does too
     rig.bend()

@@ -32,6 +32,7 @@ from soft_continuum.mechanics.spatial import (
 )
 from soft_continuum.parameters.files import load_any_arm
 from support import paper_arm as paper
+from support.spatial_arms import mirrored, near_its_limit, turned
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 BODIES = 4
@@ -109,6 +110,29 @@ def test_an_arm_that_is_mirrored_is_mirrored():
     one = solved(arm(gravity=(2.0, 1.0, -9.0)), (0.006, 0.002, -0.006))
     other = solved(arm(gravity=(2.0, -1.0, -9.0)), (0.006, -0.006, 0.002))
     assert other.points == pytest.approx(one.points * [1.0, -1.0, 1.0], abs=1e-10)
+
+
+def end_of(an_arm, pulls, soft):
+    """Return whether an arm jumps and where its tip goes, or what kind of error there is."""
+    try:
+        state = solved(an_arm, pulls, soft)
+    except StaticsError as error:
+        return type(error), np.zeros(3)
+    return state.jumped, state.tip
+
+
+# The arms of 700 which once had several answers, and some that had one.
+@pytest.mark.parametrize('seed', [2, 23, 108, 146, 189, 220, 420, 476, 533, 598, *range(10, 20)])
+def test_a_problem_has_one_answer_in_every_frame(seed):
+    an_arm, pulls, soft = near_its_limit(seed)
+    kind, tip = end_of(an_arm, pulls, soft)
+    for angle in np.arange(1, 9) * 2.0 * pi / 9.0 + 0.1:
+        there, end = end_of(turned(an_arm, angle), pulls, soft)
+        assert there == kind
+        assert Rotation.from_euler('z', -angle).apply(end) == pytest.approx(tip, abs=1e-7)
+    there, end = end_of(mirrored(an_arm), pulls, soft)
+    assert there == kind
+    assert end * [1.0, -1.0, 1.0] == pytest.approx(tip, abs=1e-7)
 
 
 @pytest.mark.parametrize('twist', [20.0, -20.0])

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from trajectory_msgs.msg import JointTrajectory
 
+from soft_continuum.ros.ros_time import RosTime
 from soft_continuum.sequencing.runner import Runner
 from soft_continuum_interfaces.action import RunShapeSequence
 from support.ros_rig import Rig, trajectory
@@ -286,6 +287,18 @@ def test_a_disturbance_in_mid_motion_ends_the_goal_with_its_name(
         rig.assert_rests_stiff(goal)  # as after every end but a stop
     if disturb is not deactivate_tendons:
         rig.assert_rests()
+
+
+def test_a_jump_of_the_clock_ends_the_goal_with_a_code_of_its_own(
+        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    slow_arm(rig, 'moving')
+    goal, now = rig.goal(BEND), RosTime._now
+    wait_for_pull(rig)
+    monkeypatch.setattr(RosTime, '_now', lambda self: now(self) + 5.0)
+    status, result = goal.result()
+    assert (status, result.error_code) == ('ABORTED', Result.CLOCK_JUMPED)
+    assert 'jumped by 5.0' in result.error_string
+    rig.assert_rests_stiff(goal)
 
 
 def test_segments_that_are_found_soft_are_stiffened_before_the_goal_is_run(rig: Rig) -> None:

@@ -85,6 +85,7 @@ def test_goals_of_follow_joint_trajectory_are_followed_refused_canceled_and_repl
         'nan': (aborted, -1),
         'far': (aborted, -1),
         'old': (aborted, -3),
+        'long': (aborted, -1),
         'path': (aborted, -4),
         'final': (aborted, -5),
         'canceled': (GoalStatus.STATUS_CANCELED, -4),
@@ -99,6 +100,7 @@ def test_goals_of_follow_joint_trajectory_are_followed_refused_canceled_and_repl
         [a - b for a, b in zip(done['desired'], done['actual'], strict=True)])
     for name, text in (('joints', 'middle_tendon'), ('empty', 'without points'),
                        ('nan', 'finite numbers'), ('far', 'pull_limits'),
-                       ('old', 'header.stamp'), ('path', 'tolerance: 1e-06 m'),
+                       ('old', 'header.stamp'), ('long', 'send it in parts'),
+                       ('path', 'tolerance: 1e-06 m'),
                        ('final', 'tolerance: 1e-09 m'), ('replaced', 'took its place')):
         assert text in goals[name]['text'], goals[name]

@@ -49,7 +49,8 @@ def test_a_node_listens_to_its_own_computer_only_and_its_memory_is_limited(
                  if line.startswith('Max data size'))
     assert 2**30 < int(limit.split()[3]) < 2**32
     assert 'DDS listens' not in process.output
-    assert 'every user of this computer can command this arm' in process.output
+    name = f'[{rig.namespace.strip("/")}.{NODE}]: '  # as of its other lines
+    assert f'{name}every user of this computer can command this arm' in process.output
 
 
 def test_a_node_that_other_computers_reach_says_so(rig: Rig, processes: Processes) -> None:

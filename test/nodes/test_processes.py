@@ -17,6 +17,7 @@ import pytest
 
 from soft_continuum.cli.main import main
 from soft_continuum.nodes.up import description_file
+from soft_continuum.ros.network import PARENT
 from support.documented_commands import kept_signal_handlers
 from support.processes import assert_ended_in_peace, module_command, NodeProcess, Processes
 from support.ros_rig import ALL, DEADLINE, Rig
@@ -70,6 +71,22 @@ def test_a_node_that_is_killed_is_reported_and_the_others_go_on_until_all_are_ki
     for end in ends:
         assert select.select([end], [], [], DEADLINE)[0]
         os.close(end)
+
+
+@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGKILL])
+def test_a_node_ends_with_the_process_that_the_launch_file_names(
+        rig: Rig, processes: Processes, number: signal.Signals) -> None:
+    start = ('import os, subprocess, sys\n'
+             f'subprocess.run(sys.argv[1:], env={{**os.environ, "{PARENT}": str(os.getpid())}})')
+    launch = processes.start([sys.executable, '-c', start, *module_command('kinematics'),
+                              '--ros-args', '-r', f'__ns:={rig.namespace}'])
+    rig.wait_for(lambda: len(rig.statuses['kinematics']), 'words of the node')
+    node, = Path(f'/proc/{launch.process.pid}/task/{launch.process.pid}/children').read_text(
+        encoding='ascii').split()
+    end = os.pidfd_open(int(node))
+    launch.send(number)
+    assert select.select([end], [], [], DEADLINE)[0]
+    os.close(end)
 
 
 @pytest.mark.parametrize(('name', 'number'), [

@@ -9,7 +9,9 @@ import pytest
 
 from soft_continuum.nodes import status as module
 from soft_continuum.nodes.status import ERROR, OK, Status, WARN
-from support.ros_rig import Rig
+from soft_continuum.ros.names import RECORDER, TELEOP
+from soft_continuum_interfaces.msg import RecorderState, TeleopState
+from support.ros_rig import LATCHED, Recording, Rig
 
 
 @pytest.fixture
@@ -23,6 +25,19 @@ def logged(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(rig.observer, 'get_logger', Logger)
     return lines
+
+
+def test_the_state_of_a_node_that_rests_is_repeated_with_the_time_of_its_change(rig: Rig) -> None:
+    states = {name: rig.record(kind, f'{name}/state', LATCHED) for name, kind in (
+        (RECORDER, RecorderState), (TELEOP, TeleopState))} | rig.states
+    rig.start_arm()
+    rig.start(RECORDER, TELEOP, ready=False)
+
+    def repeated(recording: Recording) -> bool:
+        """Whether the last three messages are the same, stamp and all."""
+        return len(recording) > 3 and all(one == recording.last for one in list(recording)[-3:])
+
+    rig.wait_for(lambda: all(map(repeated, states.values())), 'three of each', within=20.0)
 
 
 def test_what_changes_fast_is_logged_once_it_lasts(

@@ -38,6 +38,15 @@ def goal(*positions, seconds=1, names=NAMES, sec=0, path=0.0, final=0.0):
         goal_tolerance=[JointTolerance(name=NAMES[0], position=final)])
 
 
+def long_goal():
+    """Return a goal of more than 64 kB, within the number of points that is allowed."""
+    request = goal()
+    request.trajectory.points += [JointTrajectoryPoint(
+        positions=[0.001, -0.0015], velocities=[0.0, 0.0], accelerations=[0.0, 0.0],
+        effort=[0.0, 0.0], time_from_start=Duration(sec=n)) for n in range(1, 901)]
+    return request
+
+
 class Client:
     """Sends goals one after the other."""
 
@@ -86,6 +95,7 @@ class Client:
                 ('nan', goal(nan, 0.0)),
                 ('far', goal(0.5, -0.5, seconds=100)),
                 ('old', goal(0.0, 0.0, sec=1)),
+                ('long', long_goal()),
                 ('path', goal(0.003, -0.0035, path=1e-6)),
                 ('final', goal(0.0005013, -0.001, final=1e-9)),
         ):

@@ -46,6 +46,57 @@ def random_arm(seed, tendons=4, jam=None):
         tuple(draw.uniform(-6.0, 6.0, 3)))
 
 
+def near_its_limit(seed):
+    """
+    Return a round arm, pulls that its tendons hardly allow, or not, and what of it is soft.
+
+    Round: of every segment both bending stiffnesses are equal, so no direction is special.
+    """
+    draw = np.random.default_rng(seed)
+    count, tendons = int(draw.integers(1, 4)), int(draw.integers(2, 6))
+    stiffness = draw.uniform(0.01, 0.05, count)
+    segments = tuple(SpatialSegment(
+        draw.uniform(0.05, 0.1), k, k, k * draw.uniform(0.5, 1.0), draw.uniform(0.0, 0.05))
+        for k in stiffness)
+    routed = tuple(SpatialTendon(
+        f't{i}', 2.0 * pi * i / tendons + draw.uniform(-0.3, 0.3), draw.uniform(0.015, 0.025),
+        int(draw.integers(1, count + 1)) if i else count,
+        draw.choice([0.0, draw.uniform(-8.0, 8.0)]), draw.choice([0.0, 1e-4]))
+        for i in range(tendons))
+    wrench = Wrench(count, tuple(draw.uniform(-0.2, 0.2, 3)), tuple(draw.uniform(-0.01, 0.01, 3)))
+    gravity = draw.uniform(-9.0, 9.0, 3) * (
+        (1.0, 1.0, 1.0) if draw.uniform() < 0.7 else (0.0, 0.0, 1.0))
+    arm = SpatialArm(
+        segments, (SpatialDisc(0.02, 0.02),) * (count + 1), routed, 4, int(draw.choice([0, 1])),
+        str(draw.choice(['paper', 'second_order'])), float(draw.choice([0.0, 0.02, 0.2])),
+        (wrench,) if draw.uniform() < 0.5 else (), tuple(gravity))
+    pulls = draw.uniform(-0.01, 0.03, tendons) * draw.uniform(0.3, 1.5)
+    soft = draw.uniform(size=count) < 0.8
+    soft[0] |= not soft.any()
+    return arm, pulls, soft.tolist()
+
+
+def turned(arm, angle):
+    """Return a round arm with all tendons and loads turned about z, rad."""
+    turn = Rotation.from_euler('z', angle).apply
+    return replace(
+        arm, tendons=tuple(replace(t, angle=t.angle + angle) for t in arm.tendons),
+        wrenches=tuple(replace(w, force=tuple(turn(w.force)), moment=tuple(turn(w.moment)))
+                       for w in arm.wrenches), gravity=tuple(turn(arm.gravity)))
+
+
+def mirrored(arm):
+    """Return an arm with all tendons and loads mirrored, y to -y."""
+    def across(v):
+        return v[0], -v[1], v[2]
+
+    return replace(
+        arm, tendons=tuple(replace(t, angle=-t.angle, twist=-t.twist) for t in arm.tendons),
+        wrenches=tuple(replace(w, force=across(w.force),
+                               moment=(-w.moment[0], w.moment[1], -w.moment[2]))
+                       for w in arm.wrenches), gravity=across(arm.gravity))
+
+
 def random_state(seed, **changes):
     """Return the statics of a random arm, a state, and whether each segment is soft there."""
     arm, draw = random_arm(seed, **changes), np.random.default_rng(1000 + seed)

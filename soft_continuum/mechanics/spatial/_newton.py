@@ -16,6 +16,8 @@ drive: (kind, target, compliance, bias, damping)
     is left unbalanced, N m.  damping: N m of every link, which shortens steps.
 """
 
+from math import sqrt
+
 from soft_continuum.mechanics._compile import borrowing, inlined
 from soft_continuum.mechanics._linear_algebra import (
     back_substitute,
@@ -44,6 +46,12 @@ def least_stiffness(joints, k):  # type: ignore[no-untyped-def]
     return min(joints[k, STIFFNESS, 0], joints[k, STIFFNESS, 1], joints[k, STIFFNESS, 2])
 
 
+@inlined
+def size_of(values, first):  # type: ignore[no-untyped-def]
+    """Return the length of three numbers of a list, which no turn of their frame changes."""
+    return sqrt(values[first]**2 + values[first + 1]**2 + values[first + 2]**2)
+
+
 @borrowing
 def out_of_balance(tension, system, drive, work):  # type: ignore[no-untyped-def]
     """
@@ -58,7 +66,7 @@ def out_of_balance(tension, system, drive, work):  # type: ignore[no-untyped-def
         for i in range(3):
             work.gradient[3 * k + i] -= bias[k, i]
             work.band[3 * k + i, 0] += stiffness
-            residual = max(residual, abs(work.gradient[3 * k + i]))
+        residual = max(residual, size_of(work.gradient, 3 * k))
     for t in range(len(tension)):
         if work.chosen[t]:
             gap = max(gap, abs(target[t] + compliance[t] * tension[t] - work.paths[t]))
@@ -109,8 +117,8 @@ def step(rotations, tension, system, drive, used, limit, work):  # type: ignore[
             columns[row, last] -= columns[row, a if a < chosen else a + shift] * right[a]
     back_substitute(work.band, columns, last)
     largest = 0.0
-    for row in range(len(columns)):
-        largest = max(largest, abs(columns[row, last]))
+    for k in range(len(rotations)):
+        largest = max(largest, size_of(columns[:, last], 3 * k))
     if not largest < 1e6:  # nan too
         return False, largest, negatives
     scale = min(1.0, limit / max(largest, 1e-300))

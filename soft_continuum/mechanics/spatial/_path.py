@@ -16,7 +16,13 @@ from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._compile import borrowing, compiled
 from soft_continuum.mechanics.spatial._arrays import System, workspace
 from soft_continuum.mechanics.spatial._assembly import assemble, span_lengths
-from soft_continuum.mechanics.spatial._newton import CONVERGED, least_stiffness, LENGTH, newton
+from soft_continuum.mechanics.spatial._newton import (
+    CONVERGED,
+    least_stiffness,
+    LENGTH,
+    newton,
+    size_of,
+)
 from soft_continuum.mechanics.spatial._rotations import (
     apply,
     matrix_at,
@@ -36,7 +42,7 @@ DIRECT_ITERATIONS = 12  # of Newton's method, straight to the target
 DIRECT_TURN = 3.0  # rad of all joints together: beyond, it may be another equilibrium
 OIL, OIL_STEPS = 5e-3, 800  # of the stiffness of a joint, at first; steps until it rests
 OIL_TRIED, OIL_ITERATIONS = 10, 20  # steps after which it is tried without: near its rest a few do
-NUDGE = 1e-5  # rad
+NUDGE = 1e-5  # rad along a nudge
 UNTURNED = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
 
 
@@ -170,17 +176,18 @@ def in_steps(  # type: ignore[no-untyped-def]
 
 
 @borrowing
-def relax(rotations, tension, taut, system, drive, work):  # type: ignore[no-untyped-def]
+def relax(rotations, tension, taut, system, drive, nudge, work):  # type: ignore[no-untyped-def]
     """
     Let an arm come to rest that has lost its equilibrium, as if in thick oil.
 
-    The oil is thinned as long as each step goes downhill.  Returns whether it rests in the end;
-    iterations, and residual in N m.
+    nudge: (2,), about x and y of every link, which takes it off an unstable balance.  The oil is
+    thinned as long as each step goes downhill.  Returns whether it rests in the end; iterations,
+    and residual in N m.
     """
     kind, compliance, targets, bias, _ = drive
     damping, total, residual = 0.0, 0, 0.0
     for k in range(len(system.joints)):
-        rotate(rotations[0, k], NUDGE, NUDGE, 0.0)  # off an unstable balance
+        rotate(rotations[0, k], NUDGE * nudge[0], NUDGE * nudge[1], 0.0)
         damping += OIL * least_stiffness(system.joints, k) / len(system.joints)
         for i in range(3):
             bias[0, k, i] = 0.0
@@ -215,7 +222,7 @@ def follow(start, arm, links, room, drive, direct, held):  # type: ignore[no-unt
     Lead an arm from a state to pulls, m, or tensions, N.
 
     start: (rotations (bodies, 3, 3), pulls, slack (tendons,)).
-    arm: (lengths, forces, torques, routing, straight paths), as of ``lay_out``.
+    arm: (lengths, forces, torques, routing, straight paths), as of ``lay_out``, and the nudge.
     links: (link of each body, joints, tables, ratios of all spans).
     room: (rotations (2, links, 3, 3), tension (2, tendons), taut (2, tendons), found).  First
     what was reached, then where Newton's method ended last; the first tension and taut are those
@@ -230,7 +237,7 @@ def follow(start, arm, links, room, drive, direct, held):  # type: ignore[no-unt
     residual in N m; and whether the arm is at rest, at the end of the way or having jumped there.
     """
     begin, pulls, slack = start
-    lengths, forces, torques, routing, straight = arm
+    lengths, forces, torques, routing, straight, nudge = arm
     link, joints, tables, ratios = links
     rotations, tension, taut, found = room
     kind, compliance, targets, bias, _ = drive
@@ -247,7 +254,7 @@ def follow(start, arm, links, room, drive, direct, held):  # type: ignore[no-unt
     for k in range(bias.shape[1]):
         for i in range(3):
             bias[0, k, i] = work.gradient[3 * k + i]
-            out = max(out, abs(bias[0, k, i]))
+        out = max(out, size_of(work.gradient, 3 * k))
     if out > AT_REST and not held:
         return -1.0, 0, out, False
     way = 0.0
@@ -271,7 +278,7 @@ def follow(start, arm, links, room, drive, direct, held):  # type: ignore[no-unt
                                         min(1.0, STEP / max(way, STEP)), work)
         total += used
     if done < 1.0:
-        rests, used, residual = relax(rotations, tension, taut, system, drive, work)
+        rests, used, residual = relax(rotations, tension, taut, system, drive, nudge, work)
         total += used
     span_lengths(rotations[0], system, work.units, work.lengths, targets[3])
     for t in range(len(kind)):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial._rotations import rotate
-from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.spatial.arm import place_of, SpatialArm
 from soft_continuum.mechanics.spatial.directions import bending_directions
 from soft_continuum.mechanics.spatial.joints import SpatialLaws
 from soft_continuum.mechanics.spatial.orientations import (
@@ -28,6 +28,7 @@ from soft_continuum.mechanics.spatial.orientations import (
     turned_about_axes,
 )
 
+ONE_LINE = 1e-6  # rad: ways this close to each other are the same, or opposite
 Integers = NDArray[np.int64]
 System = tuple[Any, ...]
 """The arrays of _newton."""
@@ -163,7 +164,8 @@ class SpatialChain:
         self.guides = [self._guides(t) for t in range(len(arm.tendons))]
         self._spans()
         self.straight_paths = self.paths(np.tile(np.eye(3), (self.bodies, 1, 1)))
-        self.layout = (self.lengths, self.forces, self.moments, self._routing, self.straight_paths)
+        self.layout = (self.lengths, self.forces, self.moments, self._routing,
+                       self.straight_paths, self._nudge())
         """As _path.follow takes it."""
 
     def _loads(self) -> tuple[Array, Array]:
@@ -228,6 +230,25 @@ class SpatialChain:
             self.span_fixed, self.span_tendons,
             np.searchsorted(self.entry_spans, np.arange(len(tendons) + 1)).astype(np.int64),
             self.entry_bodies, self.entry_vectors)  # as _path has it
+
+    def _nudge(self) -> Array:
+        """
+        Return what turns a body off an unstable balance, about x and y, (2,), of length root 2.
+
+        It goes with the arm: towards the first tendon or load beside the axis, and across that,
+        to the side of the next one, so that an arm that is turned or mirrored falls alike.
+        """
+        arm = self.arm
+        beside = [np.array(place) for place in (
+            *(place_of(arm, tendon, 0, 0.0) for tendon in arm.tendons),
+            *(wrench.force[:2] for wrench in arm.wrenches),
+            *((wrench.moment[1], -wrench.moment[0]) for wrench in arm.wrenches),
+            arm.gravity[:2])]
+        ways = [way / np.linalg.norm(way) for way in beside if np.linalg.norm(way) > 0.0]
+        x, y = ways[0] if ways else (1.0, 0.0)
+        sides = [side for way in ways if abs(side := x * way[1] - y * way[0]) > ONE_LINE]
+        side = np.copysign(1.0, sides[0]) if sides else -1.0
+        return np.array([-y - side * x, x - side * y])
 
     def straight(self) -> SpatialEquilibrium:
         """Return the straight arm with all tendons just taut, nothing pulled."""
