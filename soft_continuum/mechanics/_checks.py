@@ -31,13 +31,48 @@ def vacuum_parts(vacuum: Sequence[float] | None, segments: int) -> tuple[float, 
     return tuple(float(v) for v in given)
 
 
-def sliding_signs(sliding: Sequence[int]) -> tuple[int, int]:
+def sliding_signs(sliding: Sequence[int], tendons: int = 2) -> tuple[int, ...]:
     """Return the direction in which each tendon slides; raise ValueError for anything else."""
     given = listed(sliding)
-    if len(given) != 2 or any(s not in (-1, 0, 1) for s in given):
-        raise ValueError('sliding must be 1, 0 or -1 for each of the two tendons; '
+    if len(given) != tendons or any(s not in (-1, 0, 1) for s in given):
+        raise ValueError(f'sliding must be 1, 0 or -1 for each of the {tendons} tendons; '
                          f'given: {sliding!r}')
-    return given[0], given[1]
+    return tuple(given)
+
+
+def of_tendons(values: ArrayLike, tendons: int, what: str) -> NDArray[np.float64]:
+    """Return a real number of each tendon, nan and -inf too; else raise ValueError."""
+    wanted = f'{what}, one for each of the {tendons} tendons'
+    given = real_array(values, wanted)
+    if given.shape != (tendons,) or not np.all((given < np.inf) | np.isnan(given)):
+        raise ValueError(f'{wanted}; given: {values!r}')
+    return given
+
+
+def pulls_of(pulls: ArrayLike, tendons: int) -> NDArray[np.float64]:
+    """Return a pull of each tendon, m or SLACK; else raise ValueError."""
+    what = 'pulls must be finite numbers (m), or SLACK'
+    given = of_tendons(pulls, tendons, what)
+    if np.isnan(given).any():
+        raise ValueError(f'{what}; given: {pulls!r}')
+    return given
+
+
+def tensions_of(tensions: ArrayLike, tendons: int, optional: bool = False
+                ) -> NDArray[np.float64]:
+    """Return a tension of each tendon, N, or nan where ``optional``; else raise ValueError."""
+    what = 'tensions must be finite numbers of 0 N and more' + (', or nan' if optional else '')
+    given = of_tendons(tensions, tendons, what)
+    if np.any(given < 0.0) or not optional and np.isnan(given).any():
+        raise ValueError(f'{what}; given: {tensions!r}')
+    return given
+
+
+def check_start(start: object, kind: type) -> None:
+    """Raise ValueError for a start that is no state of this kind of arm."""
+    if not isinstance(start, kind):
+        raise ValueError(f'the start must be one of {kind.__name__}, such as '
+                         f'statics.chain.straight(); given: {start!r}')
 
 
 def segment_order(order: Sequence[int] | None, segments: int) -> list[int]:

@@ -15,10 +15,16 @@ from numpy.typing import ArrayLike, NDArray
 from soft_continuum.mechanics import _kernel, _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._batches import common_count, Masks, rows_of, Solutions
-from soft_continuum.mechanics._checks import listed, real_array, refuse_friction, sliding_signs
+from soft_continuum.mechanics._checks import (
+    check_start,
+    listed,
+    real_array,
+    refuse_friction,
+    sliding_signs,
+)
 from soft_continuum.mechanics._problem import Point, Problem, TURN_LIMIT_BOTH_TAUT
 from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.statics import check_start, Statics, StaticsError
+from soft_continuum.mechanics.statics import Statics, StaticsError
 
 SMALLEST_PART = 50  # problems that a thread takes at a time
 
@@ -83,7 +89,7 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
     models = [arms] if isinstance(arms, Statics) else listed(arms)
     starts = [start] if isinstance(start, Equilibrium) else listed(start)
     for one in starts or [start]:
-        check_start(one)
+        check_start(one, Equilibrium)
     if not (models and all(isinstance(m, Statics) for m in models)):
         raise ValueError(f'arms must be a Statics, or one for each problem; given: {arms!r}')
     wanted, masks = _pairs(pulls), rows_of(soft)

@@ -18,6 +18,7 @@ import scipy
 
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics._checks import (
+    check_start,
     finite,
     real_array,
     refuse_friction,
@@ -27,10 +28,15 @@ from soft_continuum.mechanics._checks import (
 )
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.mechanics.statics import check_start, SLACK, Statics, StaticsError
+from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
 
 METRES_PER_RADIAN = 0.1  # what a tangent that is wanted as well counts
 SAME_ANGLE = 1e-9  # rad: a segment this close has its angle
+GUESSES = 8  # to either side, of all segments: the best of them that are fitted
+MAX_EVALUATIONS = 40  # of a fit by constant curvature
+NEAR = 0.05  # m: tips by constant curvature this close may be reached by the statics
+EXACT, OUT_OF_REACH = 1e-14, 1e-8  # relative tolerances of fits by the statics
+MAX_FITS = 60  # evaluations of such a fit
 MAX_PASSES = 100  # over all segments, before elastic ones are taken not to fit together
 Fit = TypeVar('Fit')
 
@@ -63,7 +69,7 @@ def pulls_for_angles(statics: Statics, start: Equilibrium, bending_angles: Array
     ``start``; raises StaticsError where no equilibrium exists.
     """
     refuse_friction(statics.chain.arm.tendon.friction, 'pulls_for_angles')
-    check_start(start)
+    check_start(start, Equilibrium)
     wanted = real_array(bending_angles, 'bending_angles must be numbers (rad), or nan')
     soft = soft_flags(soft, statics.chain.segments)
     chosen = np.flatnonzero(np.isfinite(wanted) & soft) if wanted.shape == (len(soft),) else None
@@ -181,7 +187,7 @@ def _begin(statics: Statics, start: Equilibrium | None) -> Equilibrium:
     """Return where to begin: by default at the straight arm."""
     if start is None:
         return statics.chain.straight()
-    check_start(start)
+    check_start(start, Equilibrium)
     return start
 
 
@@ -214,8 +220,8 @@ def angles_for_tip(statics: Statics, x: float, z: float, tangent: float | None =
 
     tangent: angle of the tip wanted as well, rad; it counts as 0.1 m per rad where both cannot be
     had.  start: the present shape (default: straight); segments that keep their angle need not be
-    softened.  Out of reach, the nearest tip is returned with its distance; since every choice of
-    segments is tried first, that takes seconds for four segments and half a minute for six.
+    softened.  Out of reach, a tip is returned that no small change brings nearer, with its
+    distance: that of the segments which come nearest by constant curvature.
     """
     refuse_friction(statics.chain.arm.tendon.friction, 'angles_for_tip')
     given = (x, z, 0.0 if tangent is None else tangent)
@@ -223,15 +229,27 @@ def angles_for_tip(statics: Statics, x: float, z: float, tangent: float | None =
         raise ValueError(f'the tip wanted must be finite numbers; given: {x}, {z}, {tangent}')
     begin = _begin(statics, start)
     present = begin.bending_angles
+    wanted = (x, z, tangent)
     best: TipFit | None = None
+    far: list[tuple[float, tuple[int, ...], Array]] = []
     for count in range(statics.chain.segments + 1):
         for segments in combinations(range(statics.chain.segments), count):
-            fit = _fit_tip(statics, begin, present, segments, (x, z, tangent))
+            near = _by_arcs(statics, present, segments, wanted)
+            if near is None:
+                continue
+            if near[0] > NEAR:
+                far.append((near[0], segments, near[1]))
+                continue
+            fit = _fit_tip(statics, begin, present, segments, wanted, near[1])
             if fit is not None and (best is None or _tip_error(fit, tangent)
                                     < _tip_error(best, tangent) - REACHED):
                 best = fit
         if best is not None and best.reached and _turned(best, tangent) < 1e-4:
             break
+    if best is None:
+        far.sort(key=lambda one: round(one[0] / REACHED))  # of equal ones the fewest
+        best = next((fit for _, segments, some in far if (fit := _fit_tip(
+            statics, begin, present, segments, wanted, some, OUT_OF_REACH)) is not None), None)
     if best is None:
         raise StaticsError('no tendon holds the segments on the way to that tip', begin)
     return best
@@ -245,47 +263,64 @@ def _turned(fit: TipFit, tangent: float | None) -> float:
     return 0.0 if tangent is None else abs(float(fit.tip[2]) - tangent)
 
 
-def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tuple[int, ...],
-             wanted: tuple[float, float, float | None]) -> TipFit | None:
-    """Fit the angles of some segments, by constant curvature first, then by the model."""
+Goal = tuple[float, float, float | None]
+"""Of a tip: x, z, m, and its tangent, rad, if that is wanted too."""
+
+
+def _missed(tip: Array, wanted: Goal) -> Array:
+    """Return by how much a tip misses a goal, (2 or 3,), m."""
+    away = [tip[0] - wanted[0], tip[1] - wanted[1]]
+    if wanted[2] is not None:
+        away.append(METRES_PER_RADIAN * (tip[2] - wanted[2]))
+    return np.array(away)
+
+
+def _by_arcs(statics: Statics, present: Array, segments: tuple[int, ...], wanted: Goal
+             ) -> tuple[float, Array] | None:
+    """Fit the angles of some segments by constant curvature; return the error, m, and them."""
     all_limits = np.array([s.bending_angle_limit for s in statics.chain.arm.segments])
     beyond = np.abs(present) > all_limits + SAME_ANGLE
     if beyond[[s not in segments for s in range(len(present))]].any():
         return None
     limits = all_limits[list(segments)]
 
-    def all_angles(some: Array) -> Array:
+    def missed(some: Array) -> Array:
         angles = present.copy()
         angles[list(segments)] = some
-        return angles
+        return _missed(constant_curvature.poses(statics.chain.arm, angles.tolist())[-1], wanted)
 
-    def miss(tip: Array) -> Array:
-        away = [tip[0] - wanted[0], tip[1] - wanted[1]]
-        if wanted[2] is not None:
-            away.append(METRES_PER_RADIAN * (tip[2] - wanted[2]))
-        return np.array(away)
+    if not segments:
+        return float(np.linalg.norm(missed(np.zeros(0)))), np.zeros(0)
+    side = -0.6 if (wanted[0], wanted[2] or 0.0) < (0.0, 0.0) else 0.6
+    guesses = np.array(np.meshgrid(*[[side, -side]] * len(segments))).reshape(
+        len(segments), -1).T * limits
+    if len(guesses) > GUESSES:
+        errors = [np.linalg.norm(missed(guess)) for guess in guesses]
+        guesses = guesses[np.argsort(errors, kind='stable')[:GUESSES]]
+    arcs = [scipy.optimize.least_squares(
+        missed, guess, bounds=(-limits, limits), max_nfev=MAX_EVALUATIONS) for guess in guesses]
+    arc = _best(arcs, lambda fit: float(fit.cost))
+    return float(np.linalg.norm(missed(arc.x))), np.clip(arc.x, -0.999 * limits, 0.999 * limits)
 
-    def arc_miss(some: Array) -> Array:
-        tip: Array = constant_curvature.poses(statics.chain.arm, all_angles(some).tolist())[-1]
-        return miss(tip)
 
-    def chain_miss(some: Array) -> Array:
-        state = set_shape(statics, all_angles(some).tolist(), begin, segments)
-        return miss(state.tip)
+def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tuple[int, ...],
+             wanted: Goal, some: Array, tolerance: float = EXACT) -> TipFit | None:
+    """Fit the angles of some segments by the model, from those by constant curvature on."""
+    all_limits = np.array([s.bending_angle_limit for s in statics.chain.arm.segments])
+    limits = all_limits[list(segments)]
 
-    some = np.zeros(0)
+    def shape(values: Array) -> Equilibrium:
+        angles = present.copy()
+        angles[list(segments)] = values
+        return set_shape(statics, angles.tolist(), begin, segments)
+
     try:
         if segments:
-            side = -0.6 if (wanted[0], wanted[2] or 0.0) < (0.0, 0.0) else 0.6
-            guesses = np.array(np.meshgrid(*[[side, -side]] * len(segments))).reshape(
-                len(segments), -1).T * limits
-            arcs = [scipy.optimize.least_squares(arc_miss, g, bounds=(-limits, limits))
-                    for g in guesses]
-            arc = _best(arcs, lambda fit: float(fit.cost))
             some = scipy.optimize.least_squares(
-                chain_miss, np.clip(arc.x, -0.999 * limits, 0.999 * limits),
-                bounds=(-limits, limits), xtol=1e-12, ftol=1e-14, gtol=1e-14, diff_step=1e-5).x
-        state = set_shape(statics, all_angles(some).tolist(), begin, segments)
+                lambda values: _missed(shape(values).tip, wanted), some, bounds=(-limits, limits),
+                xtol=100.0 * tolerance, ftol=tolerance, gtol=tolerance, diff_step=1e-5,
+                max_nfev=MAX_FITS).x
+        state = shape(some)
     except StaticsError:
         return None
     tip = state.tip

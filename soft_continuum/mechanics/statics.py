@@ -12,7 +12,6 @@ Equilibria depend on the path, so every solve starts from the state before it.
 
 from collections.abc import Sequence
 from functools import cache
-from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,10 +20,12 @@ from soft_continuum.mechanics import _kernel, _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._arrays import ANGLE, BOTH_LENGTHS, Drive, Indices, System, TENSION
 from soft_continuum.mechanics._checks import (
+    check_start,
     finite,
-    real_array,
+    pulls_of,
     sliding_signs,
     soft_flags,
+    tensions_of,
     vacuum_parts,
     whole,
 )
@@ -79,10 +80,7 @@ class Statics:
         Raises OverconstrainedError when no shape has tendons that short, StaticsError when no
         equilibrium was found, ValueError for input of the wrong size or nan.
         """
-        wanted = 'pulls must be two numbers in m (right, left)'
-        target = real_array(pulls, wanted)
-        if target.shape != (2,) or not (target[RIGHT] < inf and target[LEFT] < inf):
-            raise ValueError(f'{wanted}; given: {pulls!r}')
+        target = pulls_of(pulls, 2)
         problem = self.problem(start, soft, self.chain.straight_length - target, vacuum)
         if problem.groups == 0:
             return self._locked(start, problem.drive.target, problem.stiff)
@@ -96,10 +94,7 @@ class Statics:
 
         The other arguments and errors are those of ``solve``.
         """
-        wanted = 'tensions must be two numbers in N, not negative (right, left)'
-        target = real_array(tensions, wanted)
-        if target.shape != (2,) or not np.all(np.isfinite(target)) or np.any(target < 0.0):
-            raise ValueError(f'{wanted}; given: {tensions!r}')
+        target = tensions_of(tensions, 2)
         problem = self.problem(start, soft, target, vacuum, np.full(2, TENSION))
         if problem.groups == 0:
             return self._unmoved(start, target, np.zeros(2), problem.stiff)
@@ -117,7 +112,7 @@ class Statics:
         otherwise.  vacuum: as in ``solve``, but by default that of ``start``.  sliding: as in
         ``solve``.  Raises StaticsError when no tendon holds the arm there in a stable way.
         """
-        check_start(start)
+        check_start(start, Equilibrium)
         mask = soft_flags([i == segment for i in range(self.chain.segments)]
                           if soft is None else soft, self.chain.segments)
         if not (whole(segment) and 0 <= segment < self.chain.segments and mask[segment]):
@@ -190,7 +185,7 @@ class Statics:
         lengths, m.  The other arguments are those of ``solve``.
         Raises ValueError for input that is not of this arm.
         """
-        check_start(start)
+        check_start(start, Equilibrium)
         segments = self.chain.segments
         try:
             stiff = self._stiff(tuple(soft))
@@ -260,13 +255,6 @@ class Statics:
                  ) -> Equilibrium:
         return Equilibrium(start.joint_angles, tensions, start.pulls, slack, 0.0, 0, stiff,
                            start.joint_angles, chain=self.chain)
-
-
-def check_start(start: object) -> None:
-    """Raise ValueError for what is not an Equilibrium."""
-    if not isinstance(start, Equilibrium):
-        raise ValueError('the start must be an Equilibrium, such as statics.chain.straight(); '
-                         f'given: {start!r}')
 
 
 def warm_up() -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics, StaticsError
+from soft_continuum.mechanics import inverse, LEFT, RIGHT, SLACK, Statics, StaticsError
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.inverse import (
     angles_for_tip,
@@ -282,6 +282,16 @@ def test_straight_above_the_nearest_tip_is_that_of_the_straight_arm():
     fit = angles_for_tip(statics, 0.0, 1.0)
     assert fit.distance == pytest.approx(1.0 - statics.chain.arm.length, abs=1e-6)
     assert fit.bending_angles == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_tip_far_out_of_reach_is_soon_given_up(monkeypatch):
+    # It took 43 s with elastic jams: each choice of segments was fitted by the statics.
+    statics, calls, shape = Statics(paper_like(3, Jam(8.0), bodies=3)), [], inverse.set_shape
+    monkeypatch.setattr(inverse, 'set_shape', lambda *given: calls.append(0) or shape(*given))
+    fit = angles_for_tip(statics, 5.0, 5.0)
+    assert not fit.reached
+    assert fit.distance < np.hypot(5.0, 5.0) - 0.9 * statics.chain.arm.length
+    assert len(calls) < 100
 
 
 def test_the_angles_for_a_tip_are_those_of_the_state_also_where_segments_give_way():

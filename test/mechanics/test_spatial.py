@@ -430,10 +430,11 @@ def test_a_jam_holds_the_shape_in_which_it_was_stiffened():
     assert 0.0 < sprung.max() < 0.1 * np.linalg.norm(bent.bending, axis=1).max()
 
 
-@pytest.mark.parametrize(('name', 'pulls'), [
-    ('spatial_jamming', (0.03, 0.03, 0.03)), ('tendon_arm', (0.1, 0.0, 0.0) * 3)])
+@pytest.mark.parametrize(('name', 'pulls', 'words'), [
+    ('spatial_jamming', (0.03, 0.03, 0.03), 'no shape .* has tendons as short as'),
+    ('tendon_arm', (0.1, 0.0, 0.0) * 3, 'loses its equilibrium after')])
 def test_an_arm_that_is_pulled_beyond_every_equilibrium_is_soon_given_up(
-        name, pulls, monkeypatch):
+        name, pulls, words, monkeypatch):
     functions, iterations = _kernel.functions(), []
 
     def follow(*arguments):
@@ -444,7 +445,7 @@ def test_an_arm_that_is_pulled_beyond_every_equilibrium_is_soon_given_up(
     counting = functions._replace(spatial_follow=follow)
     monkeypatch.setattr(_kernel, 'functions', lambda: counting)
     statics = SpatialStatics(load_any_arm(CONFIG / f'{name}.yaml'))
-    with pytest.raises(StaticsError, match='loses its equilibrium after .* pay out a tendon'):
+    with pytest.raises(StaticsError, match=f'{words} .* pay out a tendon'):
         statics.solve(statics.chain.straight(), pulls, (True,) * 3)
     assert sum(iterations) < 4000  # hence less than a second
 
@@ -480,15 +481,48 @@ def test_what_is_no_arm_is_refused(make, words):
         make()
 
 
-@pytest.mark.parametrize(('pulls', 'more', 'words'), [
-    ((0.0, 0.0), {}, '3 finite numbers'),
-    ((0.0, 0.0, np.nan), {}, '3 finite numbers'),
-    (PULLS, {'soft': (True,)}, '1 flags; needed: 3'),
-    (PULLS, {'tensions': (1.0, -1.0, 0.0)}, '0 N and more'),
-])
-def test_what_is_no_command_is_refused(pulls, more, words):
+PLANE = Statics(paper.build())
+SPACE = SpatialStatics(arm())
+
+
+@pytest.mark.parametrize('statics', [PLANE, SPACE], ids=['plane', 'space'])
+@pytest.mark.parametrize(('given', 'words'), [
+    *(({'pulls': pulls}, 'pulls must be finite numbers .m., or SLACK') for pulls in (
+        (0.0, np.nan, 0.0), (0.0, np.inf, 0.0), (), None, 'abc', (True, True, True),
+        (1j, 0.0, 0.0), ((0.0,), 0.0, 0.0), 0.0)),
+    *(({'soft': soft}, 'soft must have a true or false for each of the 3 segments') for soft in (
+        'abc', (0.5, np.nan, 'x'), (True,), (True,) * 4, None, 1, (None,) * 3)),
+    *(({'start': start}, 'the start must be one of .*Equilibrium') for start in (None, 0, 'a')),
+    *(({'vacuum': vacuum}, 'vacuum must be one number from 0 to 1') for vacuum in (
+        (0.5,), (2.0, 0.0, 0.0), 'abc', (True,) * 3)),
+    *(({'sliding': sliding}, 'sliding must be 1, 0 or -1') for sliding in (
+        (2, 0, 0), (1,), ('a', 0, 0))),
+    *(({'tensions': tensions}, 'tensions must be finite numbers of 0 N and more') for tensions in (
+        (1.0, -1.0, 0.0), (np.inf, 0.0, 0.0), (True,) * 3, 'abc', (1j, 0.0, 0.0), (1.0,)))])
+def test_what_is_no_command_is_refused_alike_in_plane_and_space(statics, given, words):
+    tendons = len(statics.chain.arm.tendon_names)
+
+    def fit(values):
+        """As many as there are tendons, of three."""
+        return values[:tendons] if isinstance(values, tuple) and len(values) == 3 else values
+
+    given = {name: fit(value) if name in ('pulls', 'sliding', 'tensions') else value
+             for name, value in given.items()}
+    call = statics.solve
+    if 'tensions' in given and statics is PLANE:
+        call = statics.solve_tensions
+    else:
+        given = {'pulls': (0.0,) * tendons} | given
     with pytest.raises(ValueError, match=words):
-        solved(arm(), pulls, **more)
+        call(**{'start': statics.chain.straight(), 'soft': (True,) * 3} | given)
+
+
+@pytest.mark.parametrize('statics', [PLANE, SPACE], ids=['plane', 'space'])
+def test_a_tendon_that_is_pulled_by_more_than_its_path_fits_no_shape(statics):
+    others = (0.0,) * (len(statics.chain.arm.tendon_names) - 1)
+    for pulls in ((1.0, *others), (*others, 1.0)):
+        with pytest.raises(OverconstrainedError, match='no shape .* has tendons as short as'):
+            statics.solve(statics.chain.straight(), pulls, (True,) * 3)
 
 
 def test_bending_is_that_of_the_rotation_between_two_discs():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.mechanics import angles_for_tip, Statics
+from soft_continuum.mechanics import angles_for_tip, Jam, Statics
 from soft_continuum.mechanics.spatial import (
     bending_for_tip,
     set_shape,
@@ -16,6 +16,7 @@ from soft_continuum.mechanics.spatial import (
     SpatialStatics,
     workspace,
 )
+from soft_continuum.mechanics.spatial import tip as tip_search
 from support import paper_arm as paper
 from support.spatial_arms import three_segments
 
@@ -140,6 +141,18 @@ def test_hinges_stay_in_their_plane():
 def test_what_is_no_tip_is_refused(goal, turn, words):
     with pytest.raises(ValueError, match=words):
         bending_for_tip(hanging(1), goal, turn)
+
+
+def test_a_tip_far_out_of_reach_is_soon_given_up(monkeypatch):
+    # It took 22 s with elastic jams.
+    arm, calls, shape = hanging().chain.arm, [], tip_search.set_shape
+    monkeypatch.setattr(tip_search, 'set_shape', lambda *given: calls.append(0) or shape(*given))
+    statics = SpatialStatics(replace(arm, segments=tuple(
+        replace(segment, jam=Jam(8.0)) for segment in arm.segments)))
+    fit = bending_for_tip(statics, (5.0, 0.0, 0.0))
+    assert not fit.reached
+    assert fit.distance < 5.0  # it leans there
+    assert len(calls) < 10
 
 
 @pytest.mark.parametrize('counts', [(0, 6), (2, 0), (2.5, 6)])

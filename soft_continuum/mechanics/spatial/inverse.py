@@ -16,7 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 import scipy
 
-from soft_continuum.mechanics._checks import finite, real_array, segment_order, soft_flags
+from soft_continuum.mechanics._checks import (
+    check_start,
+    finite,
+    real_array,
+    segment_order,
+    soft_flags,
+)
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial.arm import place_of
@@ -67,6 +73,7 @@ def pulls_for_bending(statics: SpatialStatics, start: SpatialEquilibrium, bendin
     Raises StaticsError that names what cannot be held: a segment that no tendon passes, a
     direction to which none bends it, more bendings than tendons; ValueError for other sizes.
     """
+    check_start(start, SpatialEquilibrium)
     wanted, chosen = _wanted(statics, bending, soft)
     if not (finite(pretension) and pretension >= 0.0):
         raise ValueError(f'the pretension must be a number of 0 N and more; given: {pretension!r}')
@@ -116,6 +123,7 @@ def set_shape(statics: SpatialStatics, bending: ArrayLike,
         raise ValueError('bending must be two finite numbers in rad, about x and y, for each of '
                          f'the {segments} segments; given: {bending!r}')
     goal, begin = wanted.copy(), statics.chain.straight() if start is None else start
+    check_start(begin, SpatialEquilibrium)
     left = np.inf
     for _ in range(MAX_PASSES):
         state = begin

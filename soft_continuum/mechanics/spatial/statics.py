@@ -16,7 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics import _kernel
-from soft_continuum.mechanics._checks import vacuum_parts
+from soft_continuum.mechanics._checks import (
+    check_start,
+    pulls_of,
+    sliding_signs,
+    soft_flags,
+    tensions_of,
+    vacuum_parts,
+)
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.joints import outweigh
@@ -33,6 +40,8 @@ from soft_continuum.mechanics.spatial.friction import carried
 Booleans = NDArray[np.bool_]
 MAX_FRICTION_ITERATIONS = 100
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
+DEGENERATE = 0.05  # of the slopes of the tendons' lengths, relative: taken as zero
+TURN = 1e-6  # rad, for slopes
 
 
 class Locks(NamedTuple):
@@ -147,33 +156,23 @@ class SpatialStatics:
         OverconstrainedError when tendons are too short for a locked arm, StaticsError when no
         equilibrium is found.
         """
-        tendons, segments = len(self.chain.arm.tendons), self.chain.segments
-        wanted = np.array(pulls, dtype=float)
-        if wanted.shape != (tendons,) or not np.all(wanted < np.inf):
-            raise ValueError(f'pulls must be {tendons} finite numbers (m), one for each tendon, '
-                             'or SLACK')
-        given, by_force = wanted, self._by_lengths
+        tendons, segments = len(self.compliance), self.chain.segments
+        check_start(start, SpatialEquilibrium)
+        if start.chain is not self.chain and start.chain.arm != self.chain.arm:
+            raise ValueError('the start is a state of another arm; begin with '
+                             'statics.chain.straight()')
+        given = wanted = pulls_of(pulls, tendons)
+        by_force = self._by_lengths
         if tensions is not None:
-            given = np.array(tensions, dtype=float)
-            if given.shape != (tendons,) or np.any(np.isinf(given)) or np.any(given < 0.0):
-                raise ValueError(f'tensions must be {tendons} numbers of 0 N and more, or nan')
+            given = tensions_of(tensions, tendons, optional=True)
             by_force = ~np.isnan(given)
         never = wanted == SLACK
         if never.any():
             given = np.where(never & ~by_force, 0.0, given)
             wanted = np.where(never, start.pulls, wanted)
             by_force = by_force | never
-        mask = tuple(bool(one) for one in soft)
-        if len(mask) != segments:
-            raise ValueError(f'soft has {len(mask)} flags; needed: {segments}')
-        if start.chain is not self.chain and start.chain.arm != self.chain.arm:
-            raise ValueError('the start is a state of another arm; begin with '
-                             'statics.chain.straight()')
-        parts = vacuum_parts(vacuum, segments)
-        ways = [int(way) for way in sliding] if any(sliding) else []
-        if ways and (len(ways) != tendons or not set(sliding) <= {-1, 0, 1}):
-            raise ValueError(f'sliding must be 1, 0 or -1 for each of the {tendons} tendons; '
-                             f'given: {sliding!r}')
+        mask, parts = soft_flags(soft, segments), vacuum_parts(vacuum, segments)
+        ways = sliding_signs(sliding, tendons) if len(sliding) else ()
         stiff = tuple(not one for one in mask)
         if parts:  # without any vacuum there is no jam
             stiff = tuple(one and part > 0.0 for one, part in zip(stiff, parts, strict=True))
@@ -262,6 +261,10 @@ class SpatialStatics:
             links.hold(by_force | (start.slack > 0.0))
             done, total, residual, rests = links.follow(target, True)
         if not rests:
+            if self._too_short(links, by_force, target, done):
+                raise OverconstrainedError(
+                    'no shape of the soft segments near the present one has tendons as short as '
+                    'these pulls ask for; pay out a tendon', start)
             raise StaticsError(
                 f'the arm loses its equilibrium after {100.0 * done:.0f} % of the way to '
                 'these pulls and loads, and no other was found near it; pay out a tendon, '
@@ -275,6 +278,39 @@ class SpatialStatics:
             held[locks.free] = links.joints[:, HELD]
         return SpatialEquilibrium(links.bodies, tensions, pulls, slack, residual, total,
                                   start.stiff, held, done < 1.0, start.vacuum, chain=self.chain)
+
+    def _too_short(self, links: _Links, by_force: Booleans, target: Array, done: float) -> bool:
+        """
+        Return whether the tendons cannot be as short as they are wanted, as in the plane.
+
+        So it is where the spans along locked segments alone are longer, or where no turn of the
+        links shortens all tendons that are too long: then their slopes, some weighted, cancel
+        (Gordan 1873).
+        """
+        from scipy.optimize import nnls
+        from scipy.spatial.transform import Rotation
+        chain, link = self.chain, links.locks.link
+        bodies = links.bodies if done > 0.0 else links.start.rotations
+        rigid = ~by_force & (self.compliance == 0.0)
+        wanted = chain.straight_paths - target
+        _, unchanged = chain.system(links.start.rotations, link, links.joints, links.ratios)
+        if np.any(rigid & (wanted <= unchanged)):
+            return True
+        long = np.flatnonzero(rigid & (chain.paths(bodies) > wanted - LOCKED_TOLERANCE))
+        slopes = np.zeros((3 * len(links.locks.joints), len(long)))
+        for row, turned in enumerate(slopes):
+            k, axis = divmod(row, 3)
+            turn = Rotation.from_rotvec(TURN * np.eye(3)[axis]).as_matrix()
+            moved = [np.where((link == k)[:, None, None], each @ bodies, bodies)
+                     for each in (turn, turn.T)]
+            turned[:] = (chain.paths(moved[0]) - chain.paths(moved[1]))[long] / (2.0 * TURN)
+        sizes = np.linalg.norm(slopes, axis=0)
+        offset = max(np.max(tendon.offset) for tendon in chain.arm.tendons)
+        if not len(long) or np.any(sizes < DEGENERATE * offset):
+            return bool(len(long))
+        # The weights add up to one, as nearly as it can be had.
+        rows = np.vstack([slopes / sizes, np.full(len(long), 1e3)])
+        return bool(nnls(rows, np.append(np.zeros(len(slopes)), 1e3))[1] < DEGENERATE)
 
     def _locked(self, start: SpatialEquilibrium, by_force: Booleans, target: Array
                 ) -> SpatialEquilibrium:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.mechanics._checks import real_array
+from soft_continuum.mechanics._checks import check_start, real_array
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial import constant_curvature
@@ -35,6 +35,7 @@ GUESSES, REFINED = 1000, 4  # shapes drawn, and the best of them that are fitted
 MAX_EVALUATIONS = 60
 FITTED = 1e-4  # m: a tip by constant curvature this close is as good as reached
 NEAR = 0.02  # m: tips by constant curvature this close may be reached by the statics
+FAR = 0.1  # m: so far out of reach the nearest tip need not be known to a millimetre
 MAX_ROUNDS, MAX_FITS = 20, 8
 ROUGH, EXACT = 1e-6, 1e-13  # relative tolerances of fits by constant curvature
 DIFFERENCE = 1e-5  # rad, of bending
@@ -88,6 +89,7 @@ def bending_for_tip(statics: SpatialStatics, position: ArrayLike,
         raise ValueError('the orientation wanted must be a (3, 3) rotation matrix; given: '
                          f'{orientation!r}')
     begin = statics.chain.straight() if start is None else start
+    check_start(begin, SpatialEquilibrium)
     best: SpatialTipFit | None = None
     far: list[tuple[float, _Fit]] = []
     for count in range(statics.chain.segments + 1):
@@ -254,7 +256,7 @@ class _Fit:
             return np.column_stack([(left(values + step) - here) / DIFFERENCE
                                     for step in DIFFERENCE * np.eye(len(values))])
 
-        if not self.segments or (best.reached and best.turn < TURNED):
+        if not self.segments or (best.reached and best.turn < TURNED) or _error(best) > FAR:
             return best
         with suppress(StaticsError):  # what was found before that stays
             least_squares(left, near.bending[self.free], slopes, xtol=1e-9, ftol=1e-9,
