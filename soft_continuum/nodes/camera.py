@@ -237,9 +237,11 @@ class Camera(Node):
         camera, sight = self._camera, None
         if camera is None:
             self._reports.put((ERROR, self._info_problem, {}))
-        elif live and self._is_frozen(picture) and not is_black(picture):
-            self._reports.put((ERROR, 'the camera has sent the same picture for '
-                               f'{FROZEN_AFTER:g} s: it is frozen; restart its driver', {}))
+        elif live and self._is_repeated(picture) and not is_black(picture):
+            # No camera sees twice the same: it shows the arm as it was.
+            if monotonic() - self._changed > FROZEN_AFTER:
+                self._reports.put((ERROR, 'the camera has sent the same picture for '
+                                   f'{FROZEN_AFTER:g} s: it is frozen; restart its driver', {}))
         else:
             sight = camera.measure(picture)
             self._publish(stamp, sight)
@@ -322,11 +324,12 @@ class Camera(Node):
         self._camera, self._rings = camera_of(self._layout, camera.lens, seen), seen
         return discs, f'straight: {as_yaml(as_numbers(seen), 7)}'
 
-    def _is_frozen(self, picture: Any) -> bool:
-        checksum, now = zlib.crc32(picture), monotonic()
-        if checksum != self._last:
-            self._last, self._changed = checksum, now
-        return now - self._changed > FROZEN_AFTER
+    def _is_repeated(self, picture: Any) -> bool:
+        """Whether it is the picture before, bit by bit."""
+        before, self._last = self._last, zlib.crc32(picture)
+        if self._last != before:
+            self._changed = monotonic()
+        return self._last == before
 
     def _report(self, report: tuple[bytes, str, dict[str, str]]) -> None:
         level, text, values = report

@@ -88,8 +88,10 @@ class ClosedLoopRunner(Runner):
     def _set_as_predicted(self, index: int, shape: Shape) -> Iterator[None]:
         self.aim = None
         self.progress = replace(self.progress, error=None, correction=0)
+        lost = self.warning
         yield from self._all_stiff()
         yield from super()._set(index, shape)
+        self.warning = '; '.join(filter(None, (lost, self.warning)))
 
     def _set_to_relax(self, index: int, shape: Shape) -> Iterator[None]:
         """Set a shape with vacuums to what it is to give way from, as it is planned."""
@@ -237,13 +239,16 @@ class ClosedLoopRunner(Runner):
         self._report(index, 1.0, Phase.HOLDING, segment=0)
 
     def _lost(self) -> None:
-        """Go on as predicted when measurements have stopped, or end the run."""
+        """End the run when measurements have stopped, or go on as predicted, and say so."""
         self._measured, self.aim = False, None
+        measured = self._observed.measured
+        since = self._now if measured is None else self._now - measured
+        lost = f'the arm has not been measured for {since:.1f} s'
         if self.loop_settings.abort_when_lost:
             raise EndError(
-                Code.HARDWARE_FAULT, 'the arm has not been measured for '
-                f'{self.loop_settings.sensor_timeout:g} s; what do the camera and the '
-                'other sensors report?')
+                Code.HARDWARE_FAULT, f'{lost}; what do the camera and the other sensors report? '
+                'With loop.abort_when_lost false it would go on as predicted')
+        self.warning = f'{lost}: the shape is predicted'
 
     def _tolerance(self, aim: Aim) -> float:
         settings = self.loop_settings

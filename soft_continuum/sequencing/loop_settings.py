@@ -29,7 +29,7 @@ class LoopSettings:
     sensor_timeout: float = 3.0
     max_corrections: int = 3
     max_passes: int = 2
-    abort_when_lost: bool = False
+    abort_when_lost: bool = True
     on_anomaly: str = GO_ON
     tip_tolerance: float = 2e-3
     angle_tolerance: float = 0.02

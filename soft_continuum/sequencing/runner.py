@@ -111,7 +111,7 @@ class Runner:
     def _finish(self) -> None:
         if self._end is None:
             self.progress = replace(self.progress, fraction=1.0)
-            self.outcome = self._outcome(Code.SUCCESSFUL, '')
+            self.outcome = self._outcome(Code.SUCCESSFUL, self.warning)
         else:
             self.outcome = self._outcome(self._end.code, str(self._end))
 

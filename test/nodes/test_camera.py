@@ -15,6 +15,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 import numpy as np
 import pytest
 from rclpy.qos import QoSProfile
+from rclpy.time import Time
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
@@ -145,7 +146,12 @@ def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
                       np.zeros_like(picture))
     assert bytes(seen.last.data).startswith(b'\xff\xd8')
     assert cv2.imdecode(np.frombuffer(seen.last.data, np.uint8), cv2.IMREAD_GRAYSCALE).max() < 9
+    driver.send_until(lambda: 'all discs' in driver.status, 'what it sees', picture)
+    begin = rig.observer.get_clock().now().nanoseconds
     rig.wait_for(lambda: driver.send(picture) or 'frozen' in driver.status, 'frozen')
+    measured = [pose for pose in driver.poses[1]
+                if Time.from_msg(pose.header.stamp).nanoseconds >= begin]
+    assert len(measured) <= 1  # the same picture again shows the arm as it was
     driver.send_until(lambda: 'all discs' in driver.status, 'it goes on', picture)
     assert all(len(p) for p in driver.poses)
 

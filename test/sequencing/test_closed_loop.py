@@ -3,6 +3,7 @@
 """Shapes set by measurements on an arm that is not the model's, and what happens without them."""
 
 from dataclasses import replace
+import re
 
 import numpy as np
 import pytest
@@ -23,6 +24,8 @@ from support.virtual_rig import (
     STEP,
     TICK_STEPS,
 )
+
+GO_ON = replace(LOOP, abort_when_lost=False)
 
 
 def measuring(segment=1, **changes):
@@ -203,17 +206,18 @@ def test_without_measurements_it_does_just_what_an_open_loop_does():
 
 @pytest.mark.parametrize('lost_after', [1.0, 3.5, 6.0])
 def test_when_measurements_stop_it_goes_on_as_predicted(lost_after):
-    rig = MeasuredRig((SHAPE,), lost_after=lost_after)
+    rig = MeasuredRig((SHAPE,), lost_after=lost_after, loop=GO_ON)
     outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
     assert (outcome.code, outcome.shapes_completed) == (Code.SUCCESSFUL, 1)
     assert not outcome.measured
+    assert re.search(r'not been measured for 2\.\d s: the shape is predicted', rig.runner.warning)
     assert rig.runner.aim is None
     at_rest_and_stiff(rig)
 
 
 @pytest.mark.parametrize('lost_after', [1.0, 3.5, 6.0])
-def test_when_measurements_stop_it_can_end_with_every_segment_stiff(lost_after):
-    rig = MeasuredRig((SHAPE,), lost_after=lost_after, loop=replace(LOOP, abort_when_lost=True))
+def test_when_measurements_stop_it_ends_with_every_segment_stiff(lost_after):
+    rig = MeasuredRig((SHAPE,), lost_after=lost_after)
     outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
     assert (outcome.code, outcome.shapes_completed) == (Code.HARDWARE_FAULT, 0)
     assert 'measured' in outcome.message

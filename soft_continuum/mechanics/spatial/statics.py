@@ -172,7 +172,7 @@ class SpatialStatics:
             wanted = np.where(never, start.pulls, wanted)
             by_force = by_force | never
         mask, parts = soft_flags(soft, segments), vacuum_parts(vacuum, segments)
-        ways = sliding_signs(sliding, tendons) if len(sliding) else ()
+        ways = sliding_signs(sliding, tendons) if any(sliding) else ()
         stiff = tuple(not one for one in mask)
         if parts:  # without any vacuum there is no jam
             stiff = tuple(one and part > 0.0 for one, part in zip(stiff, parts, strict=True))
