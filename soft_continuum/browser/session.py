@@ -278,9 +278,9 @@ class Session:
         hold: s, of all or of each.  rounds: how often, 0: until somebody cancels or stops it.
         """
         def done(result: SequenceResult) -> None:
-            self.notify('Sequence done', f'shapes reached: {result.shapes_completed}'
-                        if result.reached is None else
-                        reached_text(result.reached).replace('+-', '±'))
+            text = (f'shapes reached: {result.shapes_completed}' if result.reached is None else
+                    reached_text(result.reached).replace('+-', '±'))
+            self.notify('Sequence done', '; '.join(filter(None, (result.message, text))))
 
         self._sequences += 1
         number = self._sequences

@@ -195,7 +195,8 @@ def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
             sequence.cancel()
         result = sequence.result(CANCEL_TIMEOUT)
         reached = f'\n{reached_text(result.reached)}' if result.reached else ''
-        output.print(f'done{reached}', result='done', **asdict(result))
+        lacks = f', but {result.message}' if result.message else ''
+        output.print(f'done{lacks}{reached}', result='done', **asdict(result))
         return INTERRUPTED if interrupted else DONE  # by a Ctrl-C that came too late
     except SequenceError as error:
         if output.as_json:

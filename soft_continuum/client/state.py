@@ -219,8 +219,8 @@ class SequenceResult:
     How a sequence ended.
 
     outcome: name of the error_code, SUCCESSFUL or another one of msg_docs/shape_sequencer.md.
-    message: what went wrong, empty on success.  reached: where the last shape ended, None where
-    that was not reported.
+    message: what went wrong; on success what the last shape lacks, or empty.  reached: where the
+    last shape ended, None where that was not reported.
     """
 
     outcome: str
