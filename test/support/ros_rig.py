@@ -629,13 +629,13 @@ class Rig:
         """Return the segments (from 1) that were last said not to be stiff."""
         return [n for n, r in enumerate(self.stiff, start=1) if not r.last.data]
 
-    def assert_rests(self, count: int = 10) -> None:
+    def assert_rests(self, count: int = 4) -> None:
         """Claim that neither tendon moves, over some more messages."""
         states = self.wait_for_more(self.tendons, count)
         assert not any(any(s.velocity) for s in states), 'a tendon moves'
         assert len({tuple(s.position) for s in states}) == 1, 'a tendon changes its pull'
 
-    def wait_until_rests(self, count: int = 10) -> None:
+    def wait_until_rests(self, count: int = 5) -> None:
         """Wait until the tendons stand for some messages in a row, and not only for a moment."""
         self.wait_for(lambda: len(self.tendons) >= count and len({
             (*m.position, any(m.velocity)) for m in [*self.tendons][-count:]}) == 1
