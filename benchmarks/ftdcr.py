@@ -16,8 +16,8 @@ from benchmarks.measured import (
     Recording,
     repeats,
     rms,
-    SINGLE,
     SINGLES,
+    V4,
 )
 from benchmarks.tables import DOCUMENTS, machine, number, Section, table
 from soft_continuum.mechanics import _kernel
@@ -33,7 +33,7 @@ def run(quick: bool) -> Section:
     """Measure; the section is of the page about the measured arm."""
     _kernel.functions()  # loaded before anything is timed
     train, val = (read(name).part(0, QUICK if quick else None) for name in ('train', 'val'))
-    single, pairs = train.part(0, SINGLE), train if quick else train.part(SINGLE)
+    single, pairs = train.part(0, V4.single), train if quick else train.part(V4.single)
     process, wall = time.process_time(), time.perf_counter()
     known = IDENTIFIED.deviations(train)
     process, wall = time.process_time() - process, time.perf_counter() - wall

@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A real arm, FTDCR v4: what was recorded of it, the model of it, and how that is identified."""
+"""Real arms, FTDCR v4 and v6: what was recorded of them, their model, and how it is identified."""
 
 import csv
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import pi
 from pathlib import Path
 
@@ -22,17 +22,39 @@ from soft_continuum.mechanics.spatial import (
     SpatialTendon,
 )
 
-DATA = Path(__file__).parents[1] / 'data' / 'ftdcr'
-SINGLE = 717
-"""Poses of train.csv in which one tendon or one segment moves; in the others, two segments do."""
-LENGTHS = (0.06, 0.0625, 0.064)  # m
-BENDING_STIFFNESS = 50e9 * pi / 4.0 * 0.0005**4  # N m^2: a rod of 1 mm, E as its makers have it
+DATA = Path(__file__).parents[1] / 'data'
 POISSON = 0.3
-BODIES, SPACERS = 6, 2  # per segment
+BODIES = 6  # per segment
 PRESLIDING = 0.7  # 1/m
 TENDONS = 3  # of each segment
 WITHIN, APART = 1e-4, 15.0  # m, s: the same pulls, at two times
 PAID_OUT = 0.003  # m: a tendon is slack
+
+
+def of_rod(youngs_modulus: float) -> float:
+    """Return the bending stiffness of a rod of 1 mm, N m^2."""
+    return youngs_modulus * pi / 4.0 * 0.0005**4
+
+
+@dataclass(frozen=True)
+class Design:
+    """
+    What is known of an arm, and where its recordings are.
+
+    lengths: of the segments, m.  bending_stiffness: N m^2, by E as its makers have it.  spacers:
+    guides inside each segment.  single: poses of train.csv in which one tendon or one segment
+    moves; in the others, two segments do.
+    """
+
+    folder: str
+    lengths: tuple[float, ...]
+    bending_stiffness: float
+    spacers: int
+    single: int
+
+
+V4 = Design('ftdcr', (0.06, 0.0625, 0.064), of_rod(50e9), 2, 717)
+V6 = Design('ftdcr_v6', (0.1, 0.1, 0.022), of_rod(10e9), 2, 529)
 
 
 @dataclass(frozen=True)
@@ -56,9 +78,9 @@ class Recording:
                          self.tips[chosen])
 
 
-def read(name: str) -> Recording:
+def read(name: str, design: Design = V4) -> Recording:
     """Return the recording ``train`` or ``val``."""
-    with open(DATA / f'{name}.csv', newline='', encoding='ascii') as file:
+    with open(DATA / design.folder / f'{name}.csv', newline='', encoding='ascii') as file:
         rows = list(csv.reader(file))[1:]
     values = np.array([row[:1] + row[2:] for row in rows], dtype=float)
     return Recording(values[:, 0], tuple(row[1] for row in rows), 1e-3 * values[:, 1:10],
@@ -75,7 +97,7 @@ class MeasuredArm:
     the axis in each segment above.  pull_2, pull_3: by how much the tendons of segments 2 and 3
     are pulled at zero, m.  marker: how far beside the axis the tip is measured, along y of the
     tip, m.  delay: of the motion capture behind the servos, s.  mass: of the arm, kg; it stands
-    upright.  friction: N m.
+    upright.  friction: N m.  design: what was known of it before.
     """
 
     offset: float = 0.0045
@@ -88,19 +110,22 @@ class MeasuredArm:
     delay: float = 0.0
     mass: float = 0.02
     friction: float = 1e-3
+    design: Design = V4
 
     def arm(self) -> SpatialArm:
         """Return it as an arm."""
-        share = self.mass / sum(LENGTHS)
+        lengths, stiffness = self.design.lengths, self.design.bending_stiffness
+        share = self.mass / sum(lengths)
         segments = tuple(SpatialSegment(
-            length, BENDING_STIFFNESS, BENDING_STIFFNESS, BENDING_STIFFNESS / (1.0 + POISSON),
-            share * length, friction=self.friction, presliding=PRESLIDING) for length in LENGTHS)
+            length, stiffness, stiffness, stiffness / (1.0 + POISSON), share * length,
+            friction=self.friction, presliding=PRESLIDING) for length in lengths)
         tendons = tuple(SpatialTendon(
             f'segment_{s + 1}_{i + 1}', self.angle + s * self.turn + 2.0 * pi * i / TENDONS,
             self.offset, s + 1, compliance=self.compliance)
-            for s in range(len(LENGTHS)) for i in range(TENDONS))
-        return SpatialArm(segments, (SpatialDisc(),) * 4, tendons, BODIES, SPACERS, SECOND_ORDER,
-                          gravity=(0.0, 0.0, -STANDARD_GRAVITY))
+            for s in range(len(lengths)) for i in range(TENDONS))
+        return SpatialArm(
+            segments, (SpatialDisc(),) * 4, tendons, BODIES, self.design.spacers, SECOND_ORDER,
+            gravity=(0.0, 0.0, -STANDARD_GRAVITY))
 
     def tips(self, recording: Recording) -> Array:
         """Return where the tip is measured (n, 3), m, with the pulls set in turn from straight."""
@@ -109,7 +134,8 @@ class MeasuredArm:
         pulls = np.column_stack([np.interp(then, recording.times, each)
                                  for each in recording.pulls.T])
         pulls += np.repeat([0.0, self.pull_2, self.pull_3], TENDONS)
-        path = solve_path(statics, statics.chain.straight(), pulls, [True] * len(LENGTHS))
+        soft = [True] * len(self.design.lengths)
+        path = solve_path(statics, statics.chain.straight(), pulls, soft)
         found: Array = path.tips + self.marker * path.rotations[:, -1, :, 1]
         return found
 
@@ -154,7 +180,8 @@ def identify(recording: Recording, begin: MeasuredArm, steps: int = 5) -> Measur
 
     Without friction in ``begin`` there is none in the result.
     """
-    names = [name for name, value in asdict(begin).items() if name != 'friction' or value > 0.0]
+    names = [field.name for field in fields(begin) if field.name != 'design' and (
+        field.name != 'friction' or begin.friction > 0.0)]
     scales = np.array([getattr(SCALES, name) for name in names])
     first = np.array([getattr(begin, name) for name in names])
 
@@ -187,4 +214,4 @@ MEMORYLESS = MeasuredArm(
 SINGLES = MeasuredArm(
     0.00445506, 1.718e-4, -3.02532, 0.483441, 1.34197e-4, 3.89117e-4, 0.00581278, 0.056848,
     0.0205745, 0.00114639)
-"""On its first part, SINGLE."""
+"""On its first part, V4.single."""

@@ -5,6 +5,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray
 import numpy as np
@@ -160,8 +161,8 @@ class EstimatedArm:
         joints, points = joint_angles(self.angles), CHAIN.points(joint_angles(self.angles))
         state = self.state
         state.stamp = stamp
-        if self.age is not None:
-            state.measured = (now - Duration(seconds=self.age)).to_msg()
+        state.measured = Time() if self.age is None else (
+            now - Duration(seconds=self.age)).to_msg()
         state.joint_angles = state.held_angles = joints.tolist()
         state.stiff, state.vacuum = [True] * 3, [1.0] * 3
         poses = full_poses(points)
