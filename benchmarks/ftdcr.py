@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A model against a real arm: where the tip of FTDCR v4 was measured, and where it is computed."""
+"""A model against real arms: where the tips of FTDCR v4 and v6 were measured, and computed."""
 
 from pathlib import Path
 import time
@@ -11,13 +11,16 @@ import numpy as np
 from benchmarks.measured import (
     aligned,
     IDENTIFIED,
+    IDENTIFIED_V6,
     MEMORYLESS,
     read,
     Recording,
     repeats,
     rms,
     SINGLES,
+    SINGLES_V6,
     V4,
+    V6,
 )
 from benchmarks.tables import DOCUMENTS, machine, number, Section, table
 from soft_continuum.mechanics import _kernel
@@ -42,7 +45,7 @@ def run(quick: bool) -> Section:
     rows = [_row('one segment moves', 'two segments move', SINGLES.deviations(single),
                  SINGLES.deviations(pairs)), _row('`train.csv`', '`val.csv`', known, test),
             _row('`train.csv`, without friction', '`val.csv`', without,
-                 MEMORYLESS.deviations(val))]
+                 MEMORYLESS.deviations(val)), *_second(quick)]
     head = ('identified on', 'tested on', 'poses', 'RMSE where identified, mm',
             '**RMSE of the test, mm**', 'mean', 'median', 'worst', 'RMSE, frame as identified')
     if not quick:
@@ -56,6 +59,19 @@ def run(quick: bool) -> Section:
         _repeatability(train, {'of measured tips': train.tips,
                                'of their errors, without friction': without,
                                'of their errors, with friction': known}), cost]))
+
+
+def _second(quick: bool) -> list[tuple[str, ...]]:
+    """Return the rows of FTDCR v6, and draw its test."""
+    train, val = (read(name, V6).part(0, QUICK if quick else None) for name in ('train', 'val'))
+    pairs = train if quick else train.part(V6.single)
+    test = IDENTIFIED_V6.deviations(val)
+    if not quick:
+        _draw(val, test, IMAGES / 'measured_arm_v6.svg')
+    return [
+        _row('v6, one segment moves', 'two segments move',
+             SINGLES_V6.deviations(train.part(0, V6.single)), SINGLES_V6.deviations(pairs)),
+        _row('v6, `train.csv`', 'v6, `val.csv`', IDENTIFIED_V6.deviations(train), test)]
 
 
 def _row(known: str, other: str, at: Array, test: Array) -> tuple[str, ...]:
