@@ -374,8 +374,8 @@ def test_homing_waits_for_a_stiff_arm_and_ends_with_a_known_straight_one(homing:
     assert not refused.success
     assert 'stiffen' in refused.message
     assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
-    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
-    assert rig.trigger('tendon_actuation/reference').success
+    # The servo hears of it by a message of its own.
+    rig.wait_for(lambda: rig.trigger('tendon_actuation/reference').success, 'a stiff arm')
     statuses = rig.statuses['tendon_actuation']
     rig.wait_for(lambda: any(s.message == 'homing' for s in statuses), 'a motion')
     rig.wait_for(lambda: statuses.last.message == 'holding', 'its end')
@@ -390,8 +390,8 @@ def test_homing_waits_for_a_stiff_arm_and_ends_with_a_known_straight_one(homing:
 def test_homing_ends_when_it_is_stopped_or_the_arm_becomes_soft(homing: Bench, how: str) -> None:
     rig = homing.rig
     rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True)
-    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
-    assert rig.trigger('tendon_actuation/reference').success
+    # The servo hears of it by a message of its own.
+    rig.wait_for(lambda: rig.trigger('tendon_actuation/reference').success, 'a stiff arm')
     rig.wait_for(lambda: homing.grbl.moving, 'a motion')
     if how == 'stop':
         assert rig.trigger('tendon_actuation/stop').success
