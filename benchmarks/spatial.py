@@ -18,6 +18,7 @@ from soft_continuum.mechanics.spatial import (
     bending_for_tip,
     pulls_for_bending,
     set_shape,
+    solve_batch,
     solve_path,
     spatial,
     SpatialArm,
@@ -32,6 +33,7 @@ from soft_continuum.parameters.files import load_arm
 
 BODIES = (12, 24, 50, 100)
 PULLS = 0.004, -0.006  # m
+PULL = 0.006  # m
 REPEATS = 300
 
 
@@ -44,7 +46,7 @@ def run(quick: bool) -> Section:
     return Section('space.md', 'spatial', '\n\n'.join([
         f'{machine()}', table(head, rows), _beside_rods(),
         _beside_the_plane(20 if quick else REPEATS),
-        _questions(3 if quick else 30)]))
+        _questions(3 if quick else 30), _batches(300 if quick else 3000)]))
 
 
 def _row(rod: Rod, bodies: int, most: int | None) -> tuple[str, ...]:
@@ -116,6 +118,31 @@ def _questions(repeats: int) -> str:
         'bending for a tip pose': lambda: bending_for_tip(
             statics, there.tip, there.orientations[-1])}
     return _times('three segments, three tendons, 12 bodies a segment', asked, repeats)
+
+
+def _batches(count: int) -> str:
+    """Return how many solves a batch makes, in wall time and in processor time of all threads."""
+    random = np.random.default_rng(1)
+    statics = SpatialStatics(three_tendons())
+    arms = [SpatialStatics(replace(three_tendons(), payload=float(payload)))
+            for payload in random.uniform(0.0, 0.02, count)]
+    pulls = random.uniform(-PULL, PULL, (count, 3))
+    pulls[:, 0] = -pulls[:, 1:].sum(axis=1)
+    rows = []
+    for name, of, soft in (('one arm, all segments soft', [statics], [True] * 3),
+                           ('one arm, segment 1 soft', [statics], [True, False, False]),
+                           ('as many arms, segment 1 soft', arms, [True, False, False])):
+        starts = [each.chain.straight() for each in of]
+        solve_batch(of[:1], starts[:1], pulls[:8], soft)
+        wall, used = time.perf_counter(), time.process_time()
+        batch = solve_batch(of, starts, pulls, soft)
+        wall, used = time.perf_counter() - wall, time.process_time() - used
+        alone = [of[i % len(of)].solve(starts[i % len(of)], pulls[i], soft).tip
+                 for i in range(0, count, count // 50)]
+        off = np.abs(batch.tips[::count // 50] - alone).max()
+        rows.append((name, number(count / wall), number(count / used), f'{off:.0e}'))
+    return table((f'{count:,} pulls up to {1e3 * PULL:g} mm in one batch', 'solves/s', 'per core',
+                  'off, m'), rows)
 
 
 def _times(title: str, asked: dict[str, Callable[[], object]], repeats: int) -> str:

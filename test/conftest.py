@@ -8,6 +8,7 @@ busy (``--busy N``), with every Python that starts being late (``--slow-start S`
 (``--one-core``), in random order (``--random``).
 """
 
+from collections import Counter
 from contextlib import suppress
 import gc
 import os
@@ -46,6 +47,8 @@ SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation
 Tests below these start nodes, devices, programs or other solvers, draw many pictures, or run
 whole analyses and whole sequences with measurements.
 """
+WAITING = ('browser', 'client', 'commands', 'nodes')
+"""Tests in these mostly wait for nodes and programs; the others compute."""
 COMPUTE = """
 import os
 parent = os.getppid()
@@ -120,3 +123,10 @@ def pytest_collection_modifyitems(config, items):
         random = Random(config.option.seed)
         modules = {item.path: random.random() for item in items}
         items.sort(key=lambda item: (modules[item.path], random.random()))
+        return
+    # Tests that wait run beside tests that compute; modules of many tests come first.
+    kinds = [[], []]
+    for path, _ in Counter(item.path for item in items).most_common():
+        kinds[path.parent.name in WAITING].append(path)
+    order = {path: (i + 0.5) / len(kind) for kind in kinds for i, path in enumerate(kind)}
+    items.sort(key=lambda item: order[item.path])

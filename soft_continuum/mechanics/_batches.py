@@ -3,12 +3,16 @@
 """What batches of planar and of spatial arms have in common."""
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+import os
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.mechanics._checks import listed
+
+SMALLEST_PART = 50  # problems that a thread takes at a time
 
 Masks = Sequence[bool] | Sequence[Sequence[bool]] | NDArray[np.bool_]
 
@@ -46,3 +50,12 @@ def common_count(sizes: Mapping[str, int]) -> int:
         raise ValueError(' and '.join(f'{n} {name}' for name, n in sizes.items() if n != 1)
                          + ' do not go together')
     return count
+
+
+def in_parts(solve_part: Callable[[int, int], object], count: int) -> None:
+    """Call a compiled function for parts of ``count`` problems (first, last), on all cores."""
+    workers = len(os.sched_getaffinity(0))
+    parts = min(4 * workers, 1 + count // SMALLEST_PART)
+    bounds = np.linspace(0, count, parts + 1).astype(int).tolist()
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(solve_part, bounds[:-1], bounds[1:]))

@@ -66,6 +66,14 @@ SIGNATURES = {
         f'Tuple(({INDICES}, {BLOCKS}, {BLOCKS}, {LIST})), '
         f'Tuple((f8[:, :, :, ::1], {TABLE}, b1[:, ::1], {BLOCKS})), '
         f'Tuple(({NUMBERS}, {LIST}, {TABLE}, {BLOCKS}, f8)), b1, b1)',
+    'spatial_follow_batch':
+        f'void(Tuple((f8[:, :, :, :], {MATRIX}, {MATRIX})), '
+        f'Tuple(({MATRIX}, {TENSOR}, {TENSOR}, '
+        f'Tuple(({TENSOR}, {INDICES}, {INDICES}, {INDICES}, {TENSOR})), {MATRIX}, {MATRIX})), '
+        f'Tuple(({INDICES}, f8[:, :, :, ::1], {BLOCKS}, {LIST})), '
+        f'Tuple(({BLOCKS}, b1[:, :, ::1], f8[:, :, :, ::1])), '
+        f'Tuple((i8[:, ::1], {TABLE}, {BLOCKS})), b1[::1], '
+        f'Tuple(({LIST}, {NUMBERS}, {LIST}, b1[::1])), i8, i8)',
     'spatial_balance': f'f8[::1]({BLOCKS}, {LIST}, {LINKS})',
     'spatial_linearise':
         f'Tuple(({TABLE}, {TABLE}, {LIST}, {TABLE}))({BLOCKS}, {LIST}, {LINKS})',
@@ -96,6 +104,7 @@ class Functions(NamedTuple):
     dense_system: Function
     spatial_lay_out: Function
     spatial_follow: Function
+    spatial_follow_batch: Function
     spatial_balance: Function
     spatial_linearise: Function
     runs_in: str
@@ -103,8 +112,8 @@ class Functions(NamedTuple):
 
 SOURCE = Functions(
     _newton.newton, _newton.equilibrium, _newton.newton_batch, _assembly.moment_balance,
-    _assembly.dense_system, _path.lay_out, _path.follow, _spatial_assembly.balance,
-    _spatial_assembly.linearise, 'python')
+    _assembly.dense_system, _path.lay_out, _path.follow, _path.follow_batch,
+    _spatial_assembly.balance, _spatial_assembly.linearise, 'python')
 """The functions as they are written."""
 
 

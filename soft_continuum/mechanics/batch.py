@@ -3,10 +3,8 @@
 """Many equilibria in one call: independent ones on all cores, or one after the other on a path."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
-import os
 from typing import TypeVar
 
 import numpy as np
@@ -14,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics import _kernel, _newton
 from soft_continuum.mechanics._active_set import NO_TENSION
-from soft_continuum.mechanics._batches import common_count, Masks, rows_of, Solutions
+from soft_continuum.mechanics._batches import common_count, in_parts, Masks, rows_of, Solutions
 from soft_continuum.mechanics._checks import (
     check_start,
     listed,
@@ -25,8 +23,6 @@ from soft_continuum.mechanics._checks import (
 from soft_continuum.mechanics._problem import Point, Problem, TURN_LIMIT_BOTH_TAUT
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics, StaticsError
-
-SMALLEST_PART = 50  # problems that a thread takes at a time
 
 Kind = TypeVar('Kind')
 Parts = Sequence[float] | Sequence[Sequence[float]] | Array
@@ -218,12 +214,7 @@ def _full_steps(models: Sequence[Statics], problems: Sequence[Problem], theta: A
         (problems[0].drive.mode, target, np.array([m.compliance for m in models]),
          problems[0].drive.segment),
         np.array([p.tolerance for p in problems]), status, residual, turned)
-    workers = len(os.sched_getaffinity(0))
-    parts = min(4 * workers, 1 + count // SMALLEST_PART)
-    bounds = np.linspace(0, count, parts + 1).astype(int).tolist()
-    solve_part = partial(_kernel.functions().newton_batch, *arguments)
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(solve_part, bounds[:-1], bounds[1:]))
+    in_parts(partial(_kernel.functions().newton_batch, *arguments), count)
     limit = np.where((tension > NO_TENSION).all(axis=1), TURN_LIMIT_BOTH_TAUT,
                      [p.turn_limit for p in problems])
     return (theta, tension, lengths, residual,

@@ -24,6 +24,7 @@ from soft_continuum.mechanics import (
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.sensitivity import Linearisation
+from soft_continuum.mechanics.spatial import solve_batch as spatial_batch
 from soft_continuum.mechanics.spatial import spatial, SpatialLinearisation, SpatialStatics
 from support import paper_arm as paper
 
@@ -251,5 +252,6 @@ def test_the_extension_is_given_arrays_of_the_types_that_it_is_built_for(monkeyp
     bent = solid.solve(solid.chain.straight(), [0, -1], [1, 1, 0], tensions=[np.nan, 0])
     bent = solid.solve(bent, bent.pulls - 0.001, (False, True, False))
     SpatialLinearisation(solid, bent).stiffness_factors()
+    spatial_batch(solid, bent, [[0, -1], [0.001, SLACK]], (False, True, False))
     assert len(states) == 6 and called == set(_kernel.SIGNATURES)
     assert not wrong

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import OverconstrainedError, Statics
+from soft_continuum.mechanics import Jam, OverconstrainedError, SLACK, Statics, StaticsError
 from soft_continuum.mechanics import solve_path as planar_path
 from soft_continuum.mechanics.spatial import (
     solve_batch,
@@ -44,6 +44,36 @@ def test_one_arm_under_many_pulls_and_given_tensions():
     for row, state in zip(PULLS, batch, strict=True):
         assert state.tip == pytest.approx(
             statics.solve(start, row, SOFT, tensions=given).tip, abs=1e-12)
+
+
+def test_any_mixture_of_arms_starts_masks_and_drives_is_as_one_by_one():
+    random = np.random.default_rng(3)
+    hanging = three_segments(gravity=(3.0, 0.0, 9.0))
+    elastic = tuple(replace(tendon, compliance=2e-5) for tendon in hanging.tendons)
+    arms = [three_segments(payload=0.02), replace(hanging, tendons=elastic),
+            three_segments(jam=Jam(4.0))]
+    models = [SpatialStatics(arms[i % 3]) for i in range(60)]
+    starts = [m.solve(m.chain.straight(), random.uniform(-0.004, 0.002, 3), (True,) * 3)
+              for m in models]
+    masks = random.integers(0, 2, (60, 3)).astype(bool)
+    pulls = np.array([s.pulls for s in starts]) + random.uniform(-0.006, 0.002, (60, 3))
+    pulls[::7, 1] = SLACK
+    forces = np.full((60, 3), np.nan)
+    forces[::5, 2] = random.uniform(0.0, 2.0, 12)
+    batch = solve_batch(models, starts, pulls, masks, tensions=forces)
+    assert 40 < batch.found.sum() < 60  # stiff arms cannot follow
+    for i, model in enumerate(models):
+        try:
+            alone = model.solve(starts[i], pulls[i], masks[i], tensions=forces[i])
+        except StaticsError:
+            assert not batch.found[i]
+            continue
+        for name in ('rotations', 'tensions', 'pulls', 'slack', 'held', 'tip', 'bending'):
+            assert getattr(batch[i], name) == pytest.approx(
+                getattr(alone, name), abs=1e-12, nan_ok=True)
+        assert (batch[i].stiff, batch[i].jumped) == (alone.stiff, alone.jumped)
+        assert batch.tips[i] == pytest.approx(alone.tip, abs=1e-12)
+        assert batch.bending[i] == pytest.approx(alone.bending, abs=1e-12)
 
 
 def test_rows_without_an_equilibrium_are_nan():

@@ -309,3 +309,35 @@ def carry(rotations, begin, link, found):  # type: ignore[no-untyped-def]
         write(multiply(m, (1.5 - 0.5 * s[0], -0.5 * s[1], -0.5 * s[2],
                            -0.5 * s[3], 1.5 - 0.5 * s[4], -0.5 * s[5],
                            -0.5 * s[6], -0.5 * s[7], 1.5 - 0.5 * s[8])), found, k)
+
+
+@compiled
+def follow_batch(  # type: ignore[no-untyped-def]
+        starts, arms, links, rooms, drives, direct, outcome, first, last):
+    """
+    Lead arms to their pulls or tensions, problems ``first`` to ``last``, as ``follow``.
+
+    Arrays have one axis more than there, in front: the problem in those of rooms, in targets and
+    in outcome; in all others too, or shared by all problems when it is of length one.  Only the
+    numbers of routing, link, tables and ratios are as there.
+    rooms: (tension (m, 2, tendons), taut (m, 2, tendons), found (m, bodies, 3, 3)).
+    drives: (kind, compliance, targets).
+    outcome: (m,) each: part of the way, iterations, residual, whether at rest.
+    """
+    begin, pulls, slack = starts
+    lengths, forces, torques, (fixed, tendons, begins, of_entry, along), straight, nudge = arms
+    link, joints, tables, ratios = links
+    tension, taut, found = rooms
+    kind, compliance, targets = drives
+    done, total, residual, rests = outcome
+    rotations, bias = np.empty((2, joints.shape[1], 3, 3)), np.empty((2, joints.shape[1], 3))
+    for i in range(first, last):
+        s, a, j, t = (i % begin.shape[0], i % lengths.shape[0], i % joints.shape[0],
+                      i % kind.shape[0])
+        done[i], total[i], residual[i], rests[i] = follow(
+            (begin[s], pulls[s], slack[s]),
+            (lengths[a], forces[a], torques[a], (fixed[a], tendons, begins, of_entry, along[a]),
+             straight[a], nudge[a]),
+            (link, joints[j], tables, ratios), (rotations, tension[i], taut[i], found[i]),
+            (kind[t], compliance[i % compliance.shape[0]], targets[i], bias, 0.0),
+            direct[i % direct.shape[0]], False)

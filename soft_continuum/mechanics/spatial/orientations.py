@@ -8,11 +8,12 @@ from soft_continuum.mechanics.chain import Array
 
 
 def bending_between(orientations: Array) -> Array:
-    """Return how far each of (k, 3, 3) bends about x and y of the one before, (k - 1, 2), rad."""
-    axes = np.einsum('sji,sj->si', orientations[:-1], orientations[1:, :, 2])  # in the one before
-    across = np.linalg.norm(axes[:, :2], axis=1)
-    factor = np.arctan2(across, axes[:, 2]) / np.maximum(across, 1e-300)
-    bending: Array = np.column_stack([-axes[:, 1], axes[:, 0]]) * factor[:, None]
+    """Return how far each of (…, k, 3, 3) bends about x and y of the one before, (…, k - 1, 2)."""
+    axes = np.einsum('...ji,...j->...i', orientations[..., :-1, :, :],
+                     orientations[..., 1:, :, 2])  # in the one before
+    across = np.linalg.norm(axes[..., :2], axis=-1)
+    factor = np.arctan2(across, axes[..., 2]) / np.maximum(across, 1e-300)
+    bending: Array = np.stack([-axes[..., 1], axes[..., 0]], axis=-1) * factor[..., None]
     return bending
 
 

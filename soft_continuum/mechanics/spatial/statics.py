@@ -156,11 +156,8 @@ class SpatialStatics:
         OverconstrainedError when tendons are too short for a locked arm, StaticsError when no
         equilibrium is found.
         """
-        tendons, segments = len(self.compliance), self.chain.segments
-        check_start(start, SpatialEquilibrium)
-        if start.chain is not self.chain and start.chain.arm != self.chain.arm:
-            raise ValueError('the start is a state of another arm; begin with '
-                             'statics.chain.straight()')
+        tendons = len(self.compliance)
+        begin, locks = self.begin(start, soft, vacuum)
         given = wanted = pulls_of(pulls, tendons)
         by_force = self._by_lengths
         if tensions is not None:
@@ -171,13 +168,26 @@ class SpatialStatics:
             given = np.where(never & ~by_force, 0.0, given)
             wanted = np.where(never, start.pulls, wanted)
             by_force = by_force | never
-        mask, parts = soft_flags(soft, segments), vacuum_parts(vacuum, segments)
         ways = sliding_signs(sliding, tendons) if any(sliding) else ()
+        return self._follow(begin, locks, by_force, np.where(by_force, given, wanted), ways)
+
+    def begin(self, start: SpatialEquilibrium, soft: Sequence[bool],
+              vacuum: Sequence[float] | None = None) -> tuple[SpatialEquilibrium, Locks]:
+        """
+        Return the start with the segments that are stiff from now on, and what they lock.
+
+        All are as of ``solve``.  Raises ValueError for other shapes or numbers.
+        """
+        segments = self.chain.segments
+        check_start(start, SpatialEquilibrium)
+        if start.chain is not self.chain and start.chain.arm != self.chain.arm:
+            raise ValueError('the start is a state of another arm; begin with '
+                             'statics.chain.straight()')
+        mask, parts = soft_flags(soft, segments), vacuum_parts(vacuum, segments)
         stiff = tuple(not one for one in mask)
         if parts:  # without any vacuum there is no jam
             stiff = tuple(one and part > 0.0 for one, part in zip(stiff, parts, strict=True))
-        return self._follow(self._holding(start, stiff, parts), by_force,
-                            np.where(by_force, given, wanted), ways)
+        return self._holding(start, stiff, parts), self._locks(stiff, parts)
 
     def commanded_pulls(self, state: SpatialEquilibrium, sliding: Sequence[int] = ()) -> Array:
         """Return the pulls (tendons,) m at the motors that give a state: paths and stretch."""
@@ -229,10 +239,9 @@ class SpatialStatics:
             sums(link[link >= 0], loads[link >= 0], len(joints)))
         return Locks(link, free, joints, still, yields, direct)
 
-    def _follow(self, start: SpatialEquilibrium, by_force: Booleans, target: Array,
-                sliding: Sequence[int]) -> SpatialEquilibrium:
+    def _follow(self, start: SpatialEquilibrium, locks: Locks, by_force: Booleans,
+                target: Array, sliding: Sequence[int]) -> SpatialEquilibrium:
         """Return the equilibrium for pulls (m), or tensions (N) of those by force."""
-        locks = self._locks(start.stiff, start.vacuum)
         if not locks.free.any():
             return self._locked(start, by_force, target)
         state = self._led(start, locks, by_force, target, self.compliance, self._no_friction)
