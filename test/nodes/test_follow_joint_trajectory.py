@@ -101,6 +101,6 @@ def test_goals_of_follow_joint_trajectory_are_followed_refused_canceled_and_repl
     for name, text in (('joints', 'middle_tendon'), ('empty', 'without points'),
                        ('nan', 'finite numbers'), ('far', 'pull_limits'),
                        ('old', 'header.stamp'), ('long', 'send it in parts'),
-                       ('path', 'tolerance: 1e-06 m'),
+                       ('path', 'tolerance: 1e-09 m'),
                        ('final', 'tolerance: 1e-09 m'), ('replaced', 'took its place')):
         assert text in goals[name]['text'], goals[name]

@@ -96,7 +96,7 @@ class Client:
                 ('far', goal(0.5, -0.5, seconds=100)),
                 ('old', goal(0.0, 0.0, sec=1)),
                 ('long', long_goal()),
-                ('path', goal(0.003, -0.0035, path=1e-6)),
+                ('path', goal(0.003, -0.0035, path=1e-9)),
                 ('final', goal(0.0005013, -0.001, final=1e-9)),
         ):
             self.show(name, self.send(request)[1])

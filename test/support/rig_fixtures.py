@@ -21,6 +21,10 @@ os.environ['FASTDDS_DEFAULT_PROFILES_FILE'] = str(HERE / 'fastdds.xml')
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'  # LOCALHOST would replace it
 
 from soft_continuum.hardware import tendon_controller  # noqa: E402
+from soft_continuum.hardware.dynamixel import exchange  # noqa: E402
+from soft_continuum.hardware.dynamixel import session as servo_session  # noqa: E402
+from soft_continuum.hardware.dynamixel import start as servo_start  # noqa: E402
+from soft_continuum.hardware.grbl import session as grbl_session  # noqa: E402
 from soft_continuum.mechanics.statics import warm_up  # noqa: E402
 from soft_continuum.nodes import managed_node, tendon_control  # noqa: E402
 from support.processes import Processes  # noqa: E402
@@ -44,14 +48,21 @@ def _compiled() -> None:
 @pytest.fixture(scope='module', autouse=True)
 def _patient() -> Iterator[None]:
     """
-    Let the nodes in this process go on when a busy machine kept them waiting.
+    Let the nodes in this process go on when a busy machine kept them, or a device, waiting.
 
-    They look for a device that is away more often than for a user.
+    Emulated devices share the machine, where real ones have a processor of their own.  A device
+    that is away is looked for more often than for a user.
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tendon_control, 'MAX_LATENESS', 20.0)
         patch.setattr(tendon_controller, 'MAX_DELAY', 20.0)
         patch.setattr(managed_node, 'RETRY', 0.3)
+        patch.setattr(exchange, 'SILENCE_TIMEOUT', 2.0)
+        patch.setattr(servo_start, 'WATCHDOG', 100)  # 2 s
+        patch.setattr(servo_session, 'BEHIND_TIMEOUT', 2.0)
+        patch.setattr(grbl_session, 'QUERY_TIMEOUT', 1.0)
+        patch.setattr(grbl_session, 'ACKNOWLEDGEMENT_TIMEOUT', 3.0)
+        patch.setattr(grbl_session, 'PROGRESS_TIMEOUT', 3.0)
         yield
 
 
