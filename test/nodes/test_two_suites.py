@@ -75,10 +75,13 @@ def test_a_second_process_of_one_name_is_a_conflict_and_one_that_was_started_aga
     wait_for_conflict(rig, words)
     assert_refuses_all_motion(rig, words)
     first.kill()
-    wait_for_its_end(rig, words)
+    wait_for_its_end(rig, 'kinematics')
     said = [len(rig.statuses[node]) for node in ALL]
     second.kill()
-    processes.node('kinematics', parameters=QUICK)
+    third = processes.node('kinematics', parameters=QUICK)
+    rig.wait_for(lambda: 'following' in third.output, 'the third')
+    rig.wait_for_more(rig.joints, 3)
+    wait_for_its_end(rig, 'kinematics')  # of each node: one may have heard the second for longer
     assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
     assert not any('another' in status.message for node, before in zip(ALL, said, strict=True)
                    for status in list(rig.statuses[node])[before:])
