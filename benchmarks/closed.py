@@ -39,7 +39,6 @@ class _Rig:
     def __init__(self, lab: Lab, arm: AnyArm) -> None:
         self._lab = lab
         self.shape = ArmShape(arm, 5e-4)
-        self.measured: float | None = None
         self._times, self._pulls = np.zeros(1), lab.pulls[None].copy()
         self._sliding = np.zeros(len(lab.pulls), dtype=int)
         self._pictured = -np.inf
@@ -86,18 +85,17 @@ class _Rig:
         if lab.time - self._pictured < PICTURE_PERIOD:
             return
         self._pictured = lab.time
-        discs = [DiscMeasurement(n, seen.pose, seen.covariance)
-                 for n, seen in lab.look().items() if n > 0]
-        used = self.shape.measure(lab.time, discs)
-        if used is not None and used.used:
-            self.measured = lab.time
+        self.shape.measure(lab.time, [
+            DiscMeasurement(n, seen.pose, seen.covariance) for n, seen in lab.look().items()])
 
     def observation(self) -> Observation:
         """Return what a Runner needs."""
         lab = self._lab
         return Observation(
             tuple(lab.pulls.tolist()), bool(self._times[-1] > lab.time), lab.stiff,
-            tuple(lab.vacuum_pascals.tolist()), measured=self.measured)
+            tuple(lab.vacuum_pascals.tolist()), measured=None if self.shape.estimator is None
+            else self.shape.estimator.measured,
+            anomaly=' '.join(one.message for one in self.shape.anomalies))
 
 
 def closed_loop(lab: Lab, goal: Goal, arm: AnyArm, on_tip: bool = True) -> Outcome:

@@ -243,7 +243,7 @@ class Watch:
         if rows.any():
             self._instead = reference.copy()
             self._instead.loosen(rows * sensor_scales(dimensions))
-            self._instead.measured, self._instead.updated = estimator.measured, estimator.updated
+            self._instead.seen, self._instead.updated = estimator.seen.copy(), estimator.updated
         self.active += (_anomaly(time, cause, one.number, found.size, estimator.arm.tendon_names[
             one.number] if one.step else '', len(np.unique(point.discs)) == 1),)
         self.forget()

@@ -44,10 +44,12 @@ from soft_continuum.mechanics.errors import StaticsError
 HISTORY = 2.0  # s for which pulls are kept: a measurement may be that late
 LAG = 0.15  # s by which a moving arm is behind its statics
 RESTING = 2e-5  # m by which it is behind, up to which tensions are those of the statics
+FORGOTTEN = 10.0  # s without a disc that was measured, until one does without it
 VENTING = 2.0  # s after a change of stiffness for which the vacuum shows in the tensions
 SWITCHING = 1.0  # s after a change of stiffness for which the shape is between two models
 OWN_SHARE = 0.1  # of a sensor's variance that is new in each measurement
 MAX_PAST = 2000  # pulls that are kept, if time stands still
+MOVED = 4.0  # deviations by which the base is elsewhere: what sees it has moved
 OUTLIER = 1e-4  # chance of a measurement that is right, and not used
 PERSISTENT = 2  # measurements beyond the gate in turn, after which the arm has changed
 REOPENED = 2.0  # times what they are at first: offsets and held shapes then
@@ -78,11 +80,12 @@ class Estimator:
         self._change = np.zeros((len(arm.discs), self.layout.dimensions.pose))  # of it, then
         biases = self.layout.size - self.layout.model
         self._bias_variances, self._displaced = np.zeros((2, biases))  # the latter for good
+        self._base: DiscMeasurement | None = None  # as it was seen first
         self._beyond = 0  # measurements of discs in turn beyond the gate
         self.updated: float | None = None
         """When a measurement was last used, s."""
-        self.measured: float | None = None
-        """When one of discs was, s."""
+        self.seen = np.full(len(arm.discs), -np.inf)
+        """When one of each disc was, (discs,) s."""
 
     @property
     def arm(self) -> Any:
@@ -98,6 +101,22 @@ class Estimator:
     def offsets(self) -> Array:
         """By how much each tendon is pulled in beyond what its motor says, (tendons,), m."""
         return np.asarray(self.values[self.layout.offset])
+
+    @property
+    def measured(self) -> float | None:
+        """
+        When the disc was measured that has not been for longest, s; None if none ever was.
+
+        One that has not been for FORGOTTEN s longer than another does not count any more.
+        """
+        moving, newest = self.seen[1:], float(self.seen[1:].max())
+        return None if newest == -np.inf else float(moving[moving >= newest - FORGOTTEN].min())
+
+    def hidden(self, since: float) -> list[int]:
+        """Return the discs that others are measured without, since a time (s)."""
+        moving, newest = self.seen[1:], float(self.seen[1:].max())
+        hidden = (moving <= since) & (moving >= newest - FORGOTTEN) & (newest > since)
+        return [int(disc) for disc in np.flatnonzero(hidden) + 1]
 
     def copy(self) -> 'Estimator':
         """Return another one that knows the same."""
@@ -229,15 +248,17 @@ class Estimator:
         covariance = point.covariance(self.covariance)
         distance = relative_distance(point.values, covariance)
         seen = any(isinstance(one, DiscMeasurement) for one in measurements)
-        used = self._trusted(distance, len(point.values), seen)
+        used = self._base_stands(measurements) and self._trusted(
+            distance, len(point.values), seen)
         innovation = Innovation(point.values, covariance, distance, used)
         if used:
             told = np.full(self.layout.size, float(seen))
             told[self.layout.told_by_tensions] = 1.0
             self._take(self._best(point, past, measurements, distance, told), past, told)
             self.updated = max(time, self.updated or time)
-            if seen:
-                self.measured = max(time, self.measured or time)
+            for one in measurements:
+                if isinstance(one, DiscMeasurement):
+                    self.seen[one.disc] = max(time, self.seen[one.disc])
         return innovation
 
     def expected(self, discs: Sequence[DiscMeasurement]) -> Point:
@@ -305,6 +326,18 @@ class Estimator:
         more = directions @ directions.T
         self.covariance = self.covariance + more
         self._displaced += np.diag(more)[self.layout.model:]
+
+    def _base_stands(self, measurements: Sequence[Measurement]) -> bool:
+        """Whether the base is where it was seen first, if at all: else what sees it has moved."""
+        base = next((one for one in measurements
+                     if isinstance(one, DiscMeasurement) and one.disc == 0), None)
+        if base is None:
+            return True
+        self._base = first = self._base or base
+        both = base.known & first.known
+        away = self.layout.dimensions.apart(base.pose, first.pose)[both]
+        deviations = np.sqrt((np.diag(base.covariance) + np.diag(first.covariance))[both])
+        return bool(np.all(np.abs(away) < MOVED * deviations))
 
     def _trusted(self, distance: float, size: int, seen: bool) -> bool:
         """

@@ -69,7 +69,7 @@ class ArmShape:
         self._stood: Array | None = None
         """(tendons,) m: as far as the motors have pulled since all segments are stiff."""
         self._failures = self._far_off = 0
-        self._measured: float | None = None  # when it last was, s
+        self._measured: Array | None = None  # when each disc last was, (discs,) s
         self.lost_bent = ''
         """How the arm was bent when its shape was lost, for people; empty if it was not."""
 
@@ -252,7 +252,7 @@ class ArmShape:
                 return None
             self._watch.refer_to(self.estimator, time)
         innovation = self.estimator.measure(time, measurements)
-        self._measured = self.estimator.measured
+        self._measured = self.estimator.seen
         if innovation is not None and discs:
             try:
                 self.estimator = self._watch.note(time, discs, self.estimator)
@@ -279,12 +279,14 @@ class ArmShape:
         seen = self._seen(discs, commands)
         if seen is None:
             return None
-        self._measured, self.lost_bent = time, ''
+        self._measured, self.lost_bent = np.full(len(self._arm.discs), time), ''
         return self._estimator(seen, commands)
 
     def _estimator(self, start: Any, commands: Commands) -> Estimator:
         estimator = Estimator(self._arm, start, self.settings.prior, self.settings.drift)
-        estimator.measured = estimator.updated = self._measured
+        if self._measured is not None:
+            estimator.seen = self._measured.copy()
+            estimator.updated = estimator.measured
         stretch = self.statics.compliance * np.nan_to_num(start.tensions)
         slack = np.asarray(start.pulls) + stretch - commands.pulls
         estimator.values[estimator.layout.offset] = np.clip(slack, -MAX_OFFSET, 0.0)

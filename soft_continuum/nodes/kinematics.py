@@ -417,8 +417,12 @@ class Kinematics(Node):
             return ''
         if estimator.measured is None:
             return ', corrected by measured tensions'
-        late = seconds(self.get_clock().now().to_msg()) - estimator.measured
-        source = ', measured' if late < FRESH else ', predicted since it was last measured'
+        fresh = seconds(self.get_clock().now().to_msg()) - FRESH
+        source = ', predicted since it was last measured'
+        if hidden := estimator.hidden(fresh):
+            source = ', measured without disc ' + ' '.join(map(str, hidden))
+        elif estimator.measured > fresh:
+            source = ', measured'
         return source + (
             '' if self._shape.unpredicted is None else '; the model alone finds no shape')
 

@@ -243,11 +243,11 @@ class ClosedLoopRunner(Runner):
         self._measured, self.aim = False, None
         measured = self._observed.measured
         since = self._now if measured is None else self._now - measured
-        lost = f'the arm has not been measured for {since:.1f} s'
+        lost = f'the arm, or one of its discs, has not been measured for {since:.1f} s'
         if self.loop_settings.abort_when_lost:
-            raise EndError(
-                Code.HARDWARE_FAULT, f'{lost}; what do the camera and the other sensors report? '
-                'With loop.abort_when_lost false it would go on as predicted')
+            why = self._observed.anomaly or 'what do the camera and the other sensors report?'
+            raise EndError(Code.HARDWARE_FAULT, f'{lost}; {why} With loop.abort_when_lost false '
+                           'it would go on as predicted')
         self.warning = f'{lost}: the shape is predicted'
 
     def _tolerance(self, aim: Aim) -> float:

@@ -10,11 +10,21 @@ import pytest
 from scipy.special import chdtri
 
 from soft_continuum.estimation.dimensions import model_error, PLANE
-from soft_continuum.estimation.estimator import HISTORY, OWN_SHARE, PERSISTENT
+from soft_continuum.estimation.estimator import FORGOTTEN, HISTORY, OWN_SHARE, PERSISTENT
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
-from support.true_arm import ARM, commands, COVARIANCE, DEVIATIONS, only, Session, STIFF, TrueArm
+from support.true_arm import (
+    ARM,
+    commands,
+    COVARIANCE,
+    DEVIATIONS,
+    only,
+    PERIOD,
+    Session,
+    STIFF,
+    TrueArm,
+)
 
 HANGING = replace(ARM, mounting_angle=pi)
 NO_DRIFT = Drift(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -38,6 +48,45 @@ def positive(covariance):
     correlation = covariance / np.outer(scale, scale)
     return bool(np.abs(correlation - correlation.T).max() < 1e-9
                 and np.linalg.eigvalsh((correlation + correlation.T) / 2.0)[0] > -1e-9)
+
+
+# When it was measured.
+
+
+def test_it_was_measured_when_the_disc_was_that_has_not_been_for_longest():
+    session = Session(TrueArm())
+    session.look(3)
+    last = session.time
+    for _ in range(40):
+        session.wait(PERIOD)
+        session.measure(discs=(1, 3))
+    assert session.estimator.measured == last
+    assert session.estimator.hidden(last + 1.0) == [2]
+    assert session.estimator.hidden(last - 1.0) == []
+    session.look(1)
+    assert session.estimator.measured == session.time
+    session.wait(FORGOTTEN)
+    session.measure(discs=(1, 3))
+    assert session.estimator.measured == session.time - FORGOTTEN
+    session.wait(PERIOD)
+    session.measure(discs=(1, 3))  # which is done without disc 2 by now
+    assert session.estimator.measured == session.time
+    assert session.estimator.hidden(session.time - 1.0) == []
+
+
+@pytest.mark.parametrize('shift', [(0.01, -0.006, 0.035), (0.0, 0.004, 0.0)])
+def test_what_a_camera_sees_that_was_bumped_is_not_used_until_it_is_back(shift):
+    session = Session(TrueArm(), discs=(0, 1, 2, 3))
+    session.look(5)
+    before, last = session.estimator.state, session.time
+    bumped = np.tile(shift, (4, 1))
+    for _ in range(20):
+        session.wait(PERIOD)
+        assert not session.measure(bias=bumped).used
+    assert session.estimator.measured == last
+    assert session.estimator.state.points == pytest.approx(before.points, abs=1e-9)
+    session.look(1)
+    assert session.estimator.measured == session.time
 
 
 # Without measurements.

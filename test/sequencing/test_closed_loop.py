@@ -215,9 +215,10 @@ def test_when_measurements_stop_it_goes_on_as_predicted(lost_after):
     at_rest_and_stiff(rig)
 
 
-@pytest.mark.parametrize('lost_after', [1.0, 3.5, 6.0])
-def test_when_measurements_stop_it_ends_with_every_segment_stiff(lost_after):
-    rig = MeasuredRig((SHAPE,), lost_after=lost_after)
+@pytest.mark.parametrize(('lost_after', 'hidden'), [
+    (1.0, (1, 2, 3)), (3.5, (1, 2, 3)), (6.0, (1, 2, 3)), (3.5, (3,)), (6.0, (1,))])
+def test_when_measurements_stop_it_ends_with_every_segment_stiff(lost_after, hidden):
+    rig = MeasuredRig((SHAPE,), lost_after=lost_after, hidden=hidden)
     outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
     assert (outcome.code, outcome.shapes_completed) == (Code.HARDWARE_FAULT, 0)
     assert 'measured' in outcome.message

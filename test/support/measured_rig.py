@@ -39,13 +39,15 @@ class MeasuredRig(VirtualRig):
     """
     A rig with another arm than the model's, whose true shape is measured, and estimated.
 
-    lost_after: s of the run, after which nothing is measured any more.  anomaly: what is reported.
+    lost_after: s of the run, after which nothing is measured any more, or not the discs that are
+    ``hidden`` then.  anomaly: what is reported.
     shift: rad by which a segment bends when it becomes stiff, once each.
     """
 
     arm: object = ARM
     loop: LoopSettings = LOOP
     lost_after: float = np.inf
+    hidden: tuple = (1, 2, 3)
     anomaly: str = ''
     shift: dict = field(default_factory=dict)
     open_loop: bool = False
@@ -100,9 +102,10 @@ class MeasuredRig(VirtualRig):
         self.shape.follow(Commands(
             self.now, np.array(self.tendons.reading.pulls), jammed, self.parts, (0, 0),
             jammed != tuple(self.jamming.stiff)))
-        if self.now - self.begin < self.lost_after:
+        lost = self.hidden if self.now - self.begin >= self.lost_after else ()
+        if seen := [n for n in (1, 2, 3) if n not in lost]:
             self.shape.measure(self.now, [
-                DiscMeasurement(n, self.state.points[2 * n], COVARIANCE) for n in (1, 2, 3)])
+                DiscMeasurement(n, self.state.points[2 * n], COVARIANCE) for n in seen])
 
     def observe(self):
         if self.count % round(PERIOD / STEP) == 0:

@@ -1,0 +1,102 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where the simulated arm ends up when its closed loop loses its sight, beside the open loop."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import cv2
+import numpy as np
+
+from benchmarks.closed import closed_loop
+from benchmarks.contenders import open_loop
+from benchmarks.lab import CAMERA, Description, Lab, Pose
+from benchmarks.loop import judged, judged_in, random_goal, Result
+from benchmarks.tables import machine, number, Section, table
+from benchmarks.timing import progress
+from soft_continuum.nodes.up import description_file
+from soft_continuum.twin.differences import Differences, read_differences
+
+FIRST_SEED, SEEDS = 200, 20  # of rigs on which nothing was tried before
+MOMENTS = (0.25, 0.5, 0.75)  # parts of the pictures that an undisturbed run takes
+TURNED, SHIFTED = np.radians(2.0), np.array([0.01, -0.006])  # rad and m: the camera was bumped
+Seen = dict[int, Pose]
+LOST = 'has not been measured'  # in the message of a run that ended since its sight was lost
+SURE = 0.5e-3  # m: a tip that is as good to this is no worse
+
+
+def _nothing(seen: Seen) -> Seen:
+    return {}
+
+
+def _without(disc: int, seen: Seen) -> Seen:
+    return {n: pose for n, pose in seen.items() if n != disc}
+
+
+def _bumped(seen: Seen) -> Seen:
+    turn = np.array([[np.cos(TURNED), np.sin(TURNED)], [-np.sin(TURNED), np.cos(TURNED)]])
+    return {n: replace(pose, pose=np.array([
+        *(turn @ pose.pose[:2] + SHIFTED), pose.pose[2] + TURNED])) for n, pose in seen.items()}
+
+
+FAULTS: dict[str, Callable[[Seen], Seen]] = {
+    'no picture, a dark or a frozen one': _nothing,
+    'the tip disc hidden': partial(_without, 3),
+    'disc 2 hidden': partial(_without, 2),
+    'camera bumped by 2° and 12 mm': _bumped,
+}
+
+
+class _Blinded(Lab):
+    """A lab whose pictures from a number on are spoilt."""
+
+    def __init__(self, description: Description, given: Differences, first: int,
+                 spoil: Callable[[Seen], Seen]) -> None:
+        super().__init__(description, given, CAMERA)
+        self._first_spoilt, self._spoil, self.looks = first, spoil, 0
+
+    def look(self) -> Seen:
+        """Measure the discs."""
+        self.looks += 1
+        seen = super().look()
+        return seen if self.looks <= self._first_spoilt else self._spoil(seen)
+
+
+def run(quick: bool) -> Section:
+    """Measure; the section is of the page about the closed loop."""
+    cv2.setNumThreads(1)
+    description = Description.read()
+    given = read_differences(description_file().with_name('twin.yaml'), 'typical')
+    results: dict[tuple[str, float], list[tuple[Result, Result]]] = {}
+    seeds = range(FIRST_SEED, FIRST_SEED + (1 if quick else SEEDS))
+    for seed in seeds:
+        goal, rig = random_goal(description, seed), replace(given, seed=seed)
+        without = judged(description, rig, goal, open_loop)
+        sighted = _Blinded(description, rig, 10**9, _nothing)
+        whole = judged_in(sighted, goal, closed_loop)
+        results.setdefault(('none', 1.0), []).append((whole, without))
+        for name, spoil in FAULTS.items():
+            for moment in MOMENTS:
+                lab = _Blinded(description, rig, round(moment * sighted.looks), spoil)
+                found = judged_in(lab, goal, closed_loop)
+                results.setdefault((name, moment), []).append((found, without))
+                progress(f'blind: seed {seed}, {name}, {moment:g}: '
+                         f'{1e3 * found.tip_error:.2f} mm, open loop '
+                         f'{1e3 * without.tip_error:.2f} mm {found.outcome.failed[:60]}')
+    rows = [_row(name, moment, each) for (name, moment), each in results.items()]
+    head = ('fault', 'after', 'ended in a fault', 'succeeded', 'tip, mm: median', 'worst',
+            'open loop, tip, mm: median', 'worst', 'farther off than in open loop')
+    return Section('../how_to/close_the_loop.md', 'blind', '\n\n'.join([
+        f'Simulated: {len(seeds)} rigs `typical` and random shapes that are not among those '
+        f'above, a goal on the tip. {machine()}', table(head, rows)]))
+
+
+def _row(name: str, moment: float, results: list[tuple[Result, Result]]) -> tuple[str, ...]:
+    done = [pair for pair in results if LOST not in pair[0].outcome.failed]
+    tips = 1e3 * np.array([[pair[i].tip_error for pair in done] for i in (0, 1)])
+    cells = [number(float(value)) for row in tips for value in (
+        np.median(row), row.max())] if done else ['', '', '', '']
+    worse = sum(a.tip_error > b.tip_error + SURE for a, b in done)
+    return (name, f'{moment:.0%}' if name != 'none' else '', str(len(results) - len(done)),
+            str(len(done)), *cells, str(worse))
