@@ -11,8 +11,6 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from std_msgs.msg import String
-
 from soft_continuum import version
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
@@ -28,6 +26,7 @@ from soft_continuum.ros.names import ABOUT, INSTANCE, NODES
 from soft_continuum.ros.network import PROFILES, RANGE, reachable_addresses
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.text import printable
+from soft_continuum_interfaces.msg import NodeInstance
 from soft_continuum_interfaces.srv import About
 
 DISCOVERY = 4.0  # s
@@ -114,7 +113,7 @@ async def _ask_all(requests: Requests) -> dict[str, Answers]:
     await until(look, DISCOVERY)
     clients = {name: node.create_client(About, f'{name}{ending}') for name in found}
     for name, answers in found.items():
-        subscribe(node, String, INSTANCE.replace('~', name), partial(_note, answers), SENSOR)
+        subscribe(node, NodeInstance, INSTANCE.replace('~', name), partial(_note, answers), SENSOR)
     await until(lambda: all(client.service_is_ready() for client in clients.values()), DISCOVERY)
     for _ in range(CALLS):
         for future in [_call(node, clients[name], answers) for name, answers in found.items()]:
@@ -123,9 +122,8 @@ async def _ask_all(requests: Requests) -> dict[str, Answers]:
     return found
 
 
-def _note(answers: Answers, message: String) -> None:
-    if (time := Instance.from_ros(message).time) is not None:
-        answers.heard.append(time)
+def _note(answers: Answers, message: NodeInstance) -> None:
+    answers.heard.append(Instance.from_ros(message).time)
 
 
 def _call(node: Any, client: Any, answers: Answers) -> Any:

@@ -8,16 +8,16 @@ import socket
 from typing import Any, Self
 from uuid import uuid4
 
-from std_msgs.msg import String
-
 from soft_continuum import version
 from soft_continuum.nodes.entries import guarded, repeat
 from soft_continuum.parameters.arm import description_digest
-from soft_continuum.parameters.scalars import NUMBER
+from soft_continuum.ros.conversions import seconds
 from soft_continuum.ros.names import ABOUT, INSTANCE
 from soft_continuum.ros.qos import STREAM
+from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum.ros.text import plain
 from soft_continuum_interfaces import srv
+from soft_continuum_interfaces.msg import NodeInstance
 
 PERIOD = 0.2  # s between two signs of life
 MAX_CONFLICT = 500  # characters of a conflict that another node notices
@@ -26,17 +26,16 @@ MAX_CONFLICT = 500  # characters of a conflict that another node notices
 @dataclass(frozen=True)
 class Instance:
     """
-    What a node says of itself: five times a second on ``~/instance``, a line for each.
+    What a node says of itself, five times a second on ``~/instance``, as in NodeInstance.
 
-    process: different for every process.  description: parameters.arm.description_digest.  time:
-    its ROS time, s; None where that is not said.  conflict: one that it alone can notice.
+    description: parameters.arm.description_digest.  time: its ROS time, s.
     """
 
     process: str
     version: str = ''
     description: str = ''
     host: str = ''
-    time: float | None = None
+    time: float = 0.0
     conflict: str = ''
 
     @classmethod
@@ -44,20 +43,18 @@ class Instance:
         """Return what a node of this process with these parameters says."""
         return cls(uuid4().hex, version(), description_digest(parameters), socket.gethostname())
 
-    def to_ros(self, time: float) -> String:
+    def to_ros(self, time: float) -> NodeInstance:
         """Return it as a message that is sent at a ROS time, s."""
-        return String(data='\n'.join((
-            self.process, self.version, self.description, self.host, f'{time:.6f}',
-            self.conflict)))
+        return NodeInstance(
+            stamp=stamp_of(time), process=self.process, host=self.host, version=self.version,
+            description=self.description, conflict=self.conflict)
 
     @classmethod
-    def from_ros(cls, message: String) -> Self:
-        """Read a message; versions before 0.2 say only the process."""
-        process, of_program, description, host, time, conflict = (
-            message.data.split('\n', 6) + [''] * 6)[:6]
-        return cls(plain(process), plain(of_program), plain(description), plain(host),
-                   float(time[:30]) if NUMBER.fullmatch(time[:30]) else None,
-                   plain(conflict, MAX_CONFLICT))
+    def from_ros(cls, message: NodeInstance) -> Self:
+        """Read a message."""
+        return cls(plain(message.process), plain(message.version), plain(message.description),
+                   plain(message.host), seconds(message.stamp),
+                   plain(message.conflict, MAX_CONFLICT))
 
 
 class About:
@@ -67,7 +64,7 @@ class About:
         """Begin; parameters: of the node."""
         self.own = Instance.own(parameters)
         self._node = node
-        self._publisher = node.create_publisher(String, INSTANCE, STREAM)
+        self._publisher = node.create_publisher(NodeInstance, INSTANCE, STREAM)
         answer = guarded(node, self._answer)
         node.create_service(srv.About, ABOUT, lambda _, response: answer(response) or response)
         repeat(node, PERIOD, self._publish)

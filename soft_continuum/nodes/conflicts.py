@@ -11,7 +11,6 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 
 from soft_continuum.nodes.about import About, Instance, PERIOD
 from soft_continuum.nodes.entries import guarded, repeat, subscribe
@@ -21,6 +20,7 @@ from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.names import INSTANCE, NODES, TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.ros.text import plain
+from soft_continuum_interfaces.msg import NodeInstance
 
 ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended
 TOPICS = ('tendon_states', *(f'{node}/state' for node in (*NODES, TELEOP)))
@@ -30,6 +30,7 @@ GRAPH_PERIOD = 1.0  # s: another publisher is discovered no sooner
 MAX_NAMES = 5  # of publishers that are listed
 MAX_PROCESSES = 8  # of one name that are told apart
 JOINTS = 'joint_states'
+INSTANCE_TYPE = 'soft_continuum_interfaces/msg/NodeInstance'
 OWN_JOINTS = 500  # messages of our own that may still be on their way back
 
 
@@ -76,13 +77,14 @@ class Conflicts:
         self._heard: dict[str, dict[str, Heard]] = {  # by name and process, the last one last
             name: {} for name in (self._own_name, *DESCRIBED)}
         self._doubled: dict[str, Age] = defaultdict(Age)
+        self._instances = set[str]()
         for name in self._heard:
-            subscribe(node, String,
-                      INSTANCE if name == self._own_name else INSTANCE.replace('~', name),
-                      partial(self._on_instance, name), SENSOR)
+            topic = INSTANCE if name == self._own_name else INSTANCE.replace('~', name)
+            subscribe(node, NodeInstance, topic, partial(self._on_instance, name), SENSOR)
+            self._instances.add(node.resolve_topic_name(topic))
         repeat(node, PERIOD, self._check_now)
 
-    def _on_instance(self, name: str, message: String) -> None:
+    def _on_instance(self, name: str, message: NodeInstance) -> None:
         instance, processes = Instance.from_ros(message), self._heard[name]
         last, heard = next(reversed(processes), ''), processes.pop(instance.process, None)
         if heard is None:
@@ -96,8 +98,7 @@ class Conflicts:
         processes[instance.process] = heard
         heard.instance = instance
         heard.age.refresh()
-        if instance.time is not None:
-            heard.ahead = heard.ahead[1], instance.time - self.about.time
+        heard.ahead = heard.ahead[1], instance.time - self.about.time
         if last != instance.process or any(
                 self._differs(instance, attribute) for attribute, *_ in DIFFERENCES):
             self._check_at_first()
@@ -142,8 +143,12 @@ class Conflicts:
         node.status.alarm('conflict', self.problem)
 
     def _look_at_the_graph(self) -> list[str]:
-        """Return which topics have more than one publisher."""
-        found = []
+        """Return which topics have more than one publisher, or are those of another version."""
+        found = [
+            f'{topic} is also of type {plain(kind)}: that node is of another version of '
+            'soft_continuum; install one version on every computer'
+            for topic, kinds in self._node.get_topic_names_and_types()
+            if topic in self._instances for kind in kinds if kind != INSTANCE_TYPE]
         for topic in self._topics:
             if self._node.count_publishers(topic) < 2:  # to list them takes many times as long
                 continue

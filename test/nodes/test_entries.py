@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from soft_continuum.client.observed import ObservedArm, TOPICS
@@ -28,6 +28,7 @@ from soft_continuum.ros.conversions import equilibrium_from_ros, equilibrium_to_
 from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.ros.text import plain
+from soft_continuum_interfaces.msg import NodeInstance
 from support.ros_rig import Rig
 
 
@@ -114,13 +115,15 @@ def test_text_of_others_is_cut_and_escaped() -> None:
 def test_a_flood_of_other_programs_costs_one_look_at_the_graph() -> None:
     node = Mock()
     node.count_publishers.return_value = 0
+    node.get_topic_names_and_types.return_value = []
     node.resolve_topic_name = '/arm/{}'.format
     node.get_clock().now().nanoseconds = 0
     conflicts = Conflicts(node, 0, {})
     heard = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
     for n in range(100):
-        heard['kinematics/instance'](serialize_message(String(data=f'{n}\n{n}')))
-        heard['~/instance'](serialize_message(String(data=f'{n}')))
+        heard['kinematics/instance'](
+            serialize_message(NodeInstance(process=str(n), version=str(n))))
+        heard['~/instance'](serialize_message(NodeInstance(process=str(n))))
     looks = node.count_publishers.call_args_list
     assert 'kinematics' in conflicts.problem
     assert [call.args for call in looks] == [(f'/arm/{topic}',) for topic in SOLE]
