@@ -30,10 +30,9 @@ from soft_continuum.text import printable
 from soft_continuum_interfaces.srv import SetVacuum
 
 if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
-    from trajectory_msgs.msg import JointTrajectory
-
     from soft_continuum.client.observed import ObservedArm
     from soft_continuum.mechanics.either import AnyArm
+    from soft_continuum_interfaces.msg import TendonTrajectory
 
 CLOSED_LOOP = 'closed_loop'  # parameter of shape_sequencer
 JOG_SPEED = 0.01  # m/s
@@ -293,10 +292,10 @@ class Operations(Tasks):
                   for name, pull in (self._jog[1] or now).items()}
         duration = max(JOG_MINIMUM, *(abs(target[n] - now[n]) / JOG_SPEED for n in names))
         message = self._trajectory()
-        message.points.append(JointTrajectoryPoint(
+        message.trajectory.points.append(JointTrajectoryPoint(
             positions=[target[name] for name in names],
             time_from_start=duration_to_ros(duration)))
-        this = message.header.frame_id
+        this = message.id
         following = False
 
         def outcome() -> MotionRequest | None:
@@ -333,17 +332,18 @@ class Operations(Tasks):
         """Let the tendons come to rest and hold: a trajectory without points."""
         self._trajectories.publish(self._trajectory())
 
-    def _trajectory(self) -> 'JointTrajectory':
+    def _trajectory(self) -> 'TendonTrajectory':
         """Return one without points, with an identity of its own."""
         from trajectory_msgs.msg import JointTrajectory
-        message = JointTrajectory(joint_names=list(self.observed.tendons))
-        message.header.frame_id = f'{self.node.get_name()}/{next(self._numbers)}'
-        return message
+
+        from soft_continuum_interfaces.msg import TendonTrajectory
+        return TendonTrajectory(
+            id=f'{self.node.get_name()}/{next(self._numbers)}',
+            trajectory=JointTrajectory(joint_names=list(self.observed.tendons)))
 
     @cached_property
     def _trajectories(self) -> Any:
-        from trajectory_msgs.msg import JointTrajectory
-
         from soft_continuum.ros.qos import COMMAND
+        from soft_continuum_interfaces.msg import TendonTrajectory
         return self.node.create_publisher(
-            JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', COMMAND)
+            TendonTrajectory, f'{TENDON_ACTUATION}/tendon_trajectory', COMMAND)

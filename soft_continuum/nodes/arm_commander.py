@@ -21,7 +21,7 @@ from soft_continuum.ros.qos import COMMAND
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum.sequencing.arm_port import Failure
 from soft_continuum.sequencing.progress import Code
-from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
+from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState, TendonTrajectory
 from soft_continuum_interfaces.srv import SetVacuum
 
 SET_STIFF, SET_VACUUM = 'set_stiff', 'set_vacuum'
@@ -55,7 +55,7 @@ class MotionCommander:
         self._start, self._stamp = 0.0, Time()  # of the pieces that were sent last
         self._ros_time = RosTime(node.get_clock())
         self._trajectory = node.create_publisher(
-            JointTrajectory, f'{TENDON_ACTUATION}/joint_trajectory', COMMAND)
+            TendonTrajectory, f'{TENDON_ACTUATION}/tendon_trajectory', COMMAND)
 
     def begin(self) -> None:
         """Begin a run: failures of earlier requests no longer count."""
@@ -71,14 +71,14 @@ class MotionCommander:
             self._start = 0.0
         if start != self._start:  # parts of one path share their stamp
             self._start, self._stamp = start, self._ros_time.stamp(start)
-        message = trajectory_to_ros(times, pulls, self._tendons)
-        message.header.stamp = self._stamp
-        message.header.frame_id = motion_id
-        self._trajectory.publish(message)
+        trajectory = trajectory_to_ros(times, pulls, self._tendons)
+        trajectory.header.stamp = self._stamp
+        self._trajectory.publish(TendonTrajectory(id=motion_id, trajectory=trajectory))
 
     def hold(self) -> None:
         """Request that the tendons brake and hold: a trajectory without points."""
-        self._trajectory.publish(JointTrajectory(joint_names=list(self._tendons)))
+        self._trajectory.publish(
+            TendonTrajectory(trajectory=JointTrajectory(joint_names=list(self._tendons))))
 
     def on_tendon_state(self, state: TendonActuationState) -> None:
         """Note what happened to the present motion."""

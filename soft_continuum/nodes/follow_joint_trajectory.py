@@ -31,7 +31,7 @@ from soft_continuum.nodes.tendon_report import Report
 from soft_continuum.ros.conversions import seconds, trajectory_from_ros
 from soft_continuum.ros.ros_time import duration_to_ros, RosTime
 from soft_continuum.ros.text import plain
-from soft_continuum_interfaces.msg import MotionRequest
+from soft_continuum_interfaces.msg import MotionRequest, TendonTrajectory
 
 Result = FollowJointTrajectory.Result
 MAX_GOALS = 8  # at once: one is followed, the others are judged
@@ -101,7 +101,7 @@ class FollowServer(ActionServer):
     """
     Follows goals, one at a time; on the thread of ROS.
 
-    take: hands a serialised trajectory, whose id is given, to whoever judges.  hold: lets the
+    take: hands a serialised TendonTrajectory, and its id, to whoever judges.  hold: lets the
     tendons brake and hold.  give_up: has the trajectory of an id not be followed any more.
     """
 
@@ -143,10 +143,10 @@ class FollowServer(ActionServer):
         except GoalError as error:
             self._end(handle, error.code, str(error))
             return
-        trajectory = request.trajectory
-        trajectory.header.frame_id = name = f'follow_joint_trajectory/{uuid4().hex}'
+        name = f'follow_joint_trajectory/{uuid4().hex}'
         self._goals[name] = goal
-        self._take(serialize_message(trajectory), name)
+        self._take(serialize_message(
+            TendonTrajectory(id=name, trajectory=request.trajectory)), name)
 
     def _goal(self, handle: Any, request: Any) -> _Goal:
         """Return a goal as numbers; raises GoalError."""

@@ -55,7 +55,7 @@ class Servo(Node):
     Of an arm without jamming it is the segment that servo.segment names.  Subscribes to
     ~/target_angle (std_msgs/Float64), ~/target_bending (geometry_msgs/Vector3), ~/target_tip
     (geometry_msgs/PointStamped), ~/hold (std_msgs/Empty), tendon_states, segment_N/pressure and
-    the ~/state of the nodes of an arm.  Publishes tendon_actuation/joint_trajectory, ~/enabled
+    the ~/state of the nodes of an arm.  Publishes tendon_actuation/tendon_trajectory, ~/enabled
     (std_msgs/Bool, latched), ~/status and /diagnostics.  Serves ~/enable (std_srvs/SetBool).
 
     It moves nothing unless it is enabled, and whatever interferes disables it.  All happens on the

@@ -79,7 +79,7 @@ class ShapeSequencer(Node):
     Serves the action run_shape_sequence (soft_continuum_interfaces/RunShapeSequence) and the
     service ~/plan_shapes (soft_continuum_interfaces/PlanShapes).  Subscribes
     to tendon_states, segment_N/pressure, obstacles (visualization_msgs/MarkerArray) and the
-    ~/state of the other three; publishes tendon_actuation/joint_trajectory, target_markers and
+    ~/state of the other three; publishes tendon_actuation/tendon_trajectory, target_markers and
     known_obstacles (visualization_msgs/MarkerArray, latched), ~/state, ~/status and /diagnostics;
     calls jamming_valves/segment_N/set_stiff and set_vacuum.
 

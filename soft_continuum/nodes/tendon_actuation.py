@@ -42,7 +42,7 @@ from soft_continuum.ros.conversions import trajectory_from_ros
 from soft_continuum.ros.entry import LOG_PERIOD, MAX_BYTES
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.text import name_problem, plain
-from soft_continuum_interfaces.msg import TendonActuationState
+from soft_continuum_interfaces.msg import TendonActuationState, TendonTrajectory
 
 MAX_HOLD_BYTES = 1000
 """Of a trajectory that is looked into at once, because it may ask to hold."""
@@ -52,12 +52,16 @@ UNREAD_GAP = 0.1  # s between two reports of trajectories that were refused unre
 MAX_AHEAD = 60.0  # s from now to the start of a trajectory
 
 
+Kind = type[JointTrajectory] | type[TendonTrajectory]
+
+
 class TendonActuation(ManagedNode):
     """
     Moves the tendons along trajectories, as far as the arm may be moved.
 
-    Subscribes to ~/joint_trajectory (trajectory_msgs/JointTrajectory), jamming_valves/state,
-    segment_N/pressure, kinematics/state and emergency_stop (std_msgs/Bool).  Publishes
+    Subscribes to ~/joint_trajectory (trajectory_msgs/JointTrajectory), ~/tendon_trajectory
+    (TendonTrajectory: the same with an id), jamming_valves/state, segment_N/pressure,
+    kinematics/state and emergency_stop (std_msgs/Bool).  Publishes
     tendon_states (sensor_msgs/JointState), ~/state (TendonActuationState, latched), ~/status and
     /diagnostics.  Serves ~/stop, ~/resume and ~/reference (std_srvs/Trigger).
 
@@ -92,14 +96,17 @@ class TendonActuation(ManagedNode):
         self._report: Report | None = None  # that was published
         self._states = self.create_publisher(JointState, 'tendon_states', STREAM)
         self._state_publisher = StatePublisher(self, TendonActuationState)
-        self.create_subscription(JointTrajectory, '~/joint_trajectory',
-                                 guarded(self, self._on_trajectory), STREAM, raw=True)
+        for kind, topic in ((JointTrajectory, '~/joint_trajectory'),
+                            (TendonTrajectory, '~/tendon_trajectory')):
+            self.create_subscription(
+                kind, topic, guarded(self, partial(self._on_trajectory, kind)), STREAM, raw=True)
         self._emergency = EmergencyStop(self, self._on_emergency)
         self._action: Any = None
         if find_spec('control_msgs') is not None:
             from soft_continuum.nodes.follow_joint_trajectory import FollowServer
             self._action = FollowServer(
-                self, self._tendons, self._have_judged, partial(self._holds.put, True),
+                self, self._tendons, partial(self._have_judged, TendonTrajectory),
+                partial(self._holds.put, True),
                 partial(self._loop.post, self._control.give_up))
         serve(self, Trigger, '~/stop', self._on_stop)
         serve(self, Trigger, '~/resume', self._on_resume)
@@ -187,20 +194,20 @@ class TendonActuation(ManagedNode):
 
     # Trajectories.
 
-    def _on_trajectory(self, data: bytes) -> None:
+    def _on_trajectory(self, kind: Kind, data: bytes) -> None:
         """Leave a trajectory to the thread that judges; one without points holds at once."""
-        if len(data) <= MAX_HOLD_BYTES and not deserialize_message(data, JointTrajectory).points:
+        if len(data) <= MAX_HOLD_BYTES and not _read(kind, data)[1].points:
             self._holds.put(True)
         else:
-            self._have_judged(data)
+            self._have_judged(kind, data)
 
-    def _have_judged(self, data: bytes, request_id: str = '') -> None:
+    def _have_judged(self, kind: Kind, data: bytes, request_id: str = '') -> None:
         """Have a trajectory judged; request_id: only where each is to be answered, unread too."""
         if len(data) > MAX_BYTES:
             self._refuse_unread(request_id, MotionRefusedError(
                 Reason.INVALID, f'a trajectory of {len(data)} bytes; allowed: {MAX_BYTES}; '
                 'send it in parts'))
-        elif not self._judging.submit(self._judge, data, self._control.revocations):
+        elif not self._judging.submit(self._judge, kind, data, self._control.revocations):
             self._refuse_unread(request_id, MotionRefusedError(
                 Reason.BUSY, 'too many trajectories wait to be judged; send them more slowly'))
 
@@ -210,7 +217,7 @@ class TendonActuation(ManagedNode):
             self._unread_age.refresh()
             self._refuse(request_id, error)
 
-    def _request(self, message: JointTrajectory, revocations: int) -> Request:
+    def _request(self, request_id: str, message: JointTrajectory, revocations: int) -> Request:
         """Return a trajectory as numbers; raises MotionRefusedError when it cannot be one."""
         if not self._compiled:
             raise MotionRefusedError(Reason.INACTIVE, loading())
@@ -222,26 +229,26 @@ class TendonActuation(ManagedNode):
             times, pulls = trajectory_from_ros(message, self._tendons)
         except ValueError as error:
             raise MotionRefusedError(Reason.INVALID, str(error)) from None
-        if problem := name_problem(message.header.frame_id):
-            raise MotionRefusedError(Reason.INVALID, f'header.frame_id is {problem}')
+        if problem := name_problem(request_id):
+            raise MotionRefusedError(Reason.INVALID, f'the id is {problem}')
         start = self.ros_time.steady(message.header.stamp)
         if start is not None and start > STEADY() + MAX_AHEAD:
             raise MotionRefusedError(
                 Reason.INVALID, f'it starts {start - STEADY():.1f} s from now; allowed: '
                 f'{MAX_AHEAD:g} s; check header.stamp (zero: start now) and the clocks')
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        return Request(message.header.frame_id, times, pulls, start, revocations, stamp)
+        return Request(request_id, times, pulls, start, revocations, stamp)
 
-    def _judge(self, data: bytes, revocations: int) -> None:
+    def _judge(self, kind: Kind, data: bytes, revocations: int) -> None:
         """Follow a trajectory if nothing forbids it; on a thread that may take long."""
-        control, stiffness, request_id = self._control, self._arm.stiffness, ''
+        control, stiffness, shown_id = self._control, self._arm.stiffness, ''
         try:
             begin = STEADY()
-            message = deserialize_message(data, JointTrajectory)
+            request_id, message = _read(kind, data)
             if len(data) > MAX_HOLD_BYTES:  # nothing else in this process ran meanwhile
                 STEADY.sleep(PAUSE * (STEADY() - begin))
-            request_id = plain(message.header.frame_id)
-            request = self._request(message, revocations)
+            shown_id = plain(request_id)
+            request = self._request(request_id, message, revocations)
             pulls = self._loop.call(control.prepare, request)
             known = self._arm.shape_and_model
             if known is not None:  # else follow() says why not
@@ -253,10 +260,10 @@ class TendonActuation(ManagedNode):
                     lambda: control.revocations != revocations)
             self._loop.call(control.follow, request, stiffness)
         except MotionRefusedError as error:
-            self._refuse(request_id, error)
+            self._refuse(shown_id, error)
             STEADY.sleep(REFUSAL_PAUSE)
         except Exception as error:
-            self._refuse(request_id, MotionRefusedError(
+            self._refuse(shown_id, MotionRefusedError(
                 Reason.INVALID, f'it could not be judged: {type(error).__name__}: {error}'))
             raise
 
@@ -355,3 +362,11 @@ class TendonActuation(ManagedNode):
             # Pulls from the new zero go out before the answer: who has that may ask for a shape.
             self._publish(self._loop.call(self._control.snapshot))
         return response
+
+
+def _read(kind: Kind, data: bytes) -> tuple[str, JointTrajectory]:
+    """Return the id and the trajectory of a message."""
+    message = deserialize_message(data, kind)
+    if isinstance(message, TendonTrajectory):
+        return message.id, message.trajectory
+    return '', message

@@ -183,7 +183,7 @@ class TendonControl:
             reason, message = self._over[request.id]
             raise MotionRefusedError(
                 reason, f'the motion {request.id} has ended ({message}); send another one with '
-                'another header.frame_id')
+                'another id')
         if self._controller is None or not self._active:
             raise MotionRefusedError(
                 Reason.DEVICE if self._fault else Reason.INACTIVE,

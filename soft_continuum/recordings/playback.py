@@ -37,7 +37,7 @@ CLOSE_TIMEOUT = 10.0  # s
 BEGIN = 0.5  # s, within which every topic was heard for the first time
 REPEAT_PERIOD = 1.0  # s, after which what stands still is published again
 MAX_BYTES = 1_000_000_000  # of messages, which are kept in memory
-COMMANDS = ('joint_trajectory', 'emergency_stop')
+COMMANDS = ('joint_trajectory', 'tendon_trajectory', 'emergency_stop')
 """Topics that ask for motion: they are never published again."""
 
 

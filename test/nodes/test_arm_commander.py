@@ -43,7 +43,7 @@ def commander() -> ArmCommander:
 def follow(commander: ArmCommander, motion: int) -> str:
     """Send a piece of a motion; return its id."""
     commander.follow(motion, 100.0, np.array([0.5]), np.array([[0.001, -0.002]]))
-    return str(commander._trajectory.publish.call_args.args[0].header.frame_id)
+    return str(commander._trajectory.publish.call_args.args[0].id)
 
 
 def accepted(request_id: str, status: int = MotionRequest.FOLLOWING,

@@ -12,11 +12,11 @@ import threading
 
 import numpy as np
 import pytest
-from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum.sequencing.runner import Runner
 from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import TendonTrajectory
 from support.ros_rig import Rig, trajectory
 
 Result = RunShapeSequence.Result
@@ -249,9 +249,8 @@ def test_a_motion_that_is_replaced_by_others_ends_the_goal(rig: Rig) -> None:
     slow_arm(rig, 'moving')
     goal = rig.goal(BEND)
     wait_for_pull(rig)
-    message = trajectory([(1.0, rig.pulls)])
-    message.header.frame_id = 'somebody_else/1'
-    rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(message)
+    rig.publisher(TendonTrajectory, 'tendon_actuation/tendon_trajectory').publish(
+        TendonTrajectory(id='somebody_else/1', trajectory=trajectory([(1.0, rig.pulls)])))
     status, result = goal.result()
     assert (status, result.error_code) == ('ABORTED', Result.HARDWARE_FAULT)
     assert 'somebody_else/1' in result.error_string

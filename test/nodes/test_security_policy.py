@@ -78,7 +78,7 @@ def test_who_commands_may_do_all_that_a_client_does_and_who_looks_may_not(
         arm.stiffen()
         arm.run('c_form')
         arm.obstacles.clear()
-        wanted = {'tendon_actuation/joint_trajectory', 'obstacles'}
+        wanted = {'tendon_actuation/tendon_trajectory', 'obstacles'}
         shared_arm.until(lambda: wanted <= {
             name.removeprefix(f'{shared_arm.namespace}/')
             for name in used(shared_arm, node)['publish']}, DEADLINE)

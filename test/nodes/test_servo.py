@@ -24,6 +24,7 @@ from soft_continuum.nodes.servo import EstimateObserver
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import equilibrium_to_ros
+from soft_continuum_interfaces.msg import TendonTrajectory
 from support.ros_rig import Heard, LATCHED, pairs, RELIABLE, Rig, trajectory
 
 SEGMENT = 2
@@ -40,7 +41,8 @@ class Follower:
         self.node: Any
         self.node, = rig.start('servo', ready=False, tendon_speed=SPEED)
         self.statuses = rig.record(DiagnosticStatus, 'servo/status', LATCHED)
-        self.sent = rig.record(JointTrajectory, 'tendon_actuation/joint_trajectory', RELIABLE)
+        self.sent = rig.record(
+            TendonTrajectory, 'tendon_actuation/tendon_trajectory', RELIABLE)
         self._target: Any = None
         self._timer = rig.observer.create_timer(PERIOD, self._publish)
         self._publishers = {kind: rig.publisher(kind, f'servo/{topic}') for kind, topic in (
@@ -76,7 +78,7 @@ class Follower:
             f'servo/status: {text}; was: {[s.message for s in self.statuses]}')
         return found
 
-    def sent_after(self, time: int) -> list[JointTrajectory]:
+    def sent_after(self, time: int) -> list[TendonTrajectory]:
         """Return what was sent to the tendons after a time, as that of Heard."""
         return [h.message for h in self.sent.heard if h.time > time]
 
@@ -125,9 +127,9 @@ def test_it_follows_an_angle_and_a_tip_and_holds_without_a_target(follower: Foll
     follower.wait_for_angle(12.0)
     follower.target(-12.0)
     follower.wait_for_angle(-12.0)
-    pieces = [m for m in follower.sent if m.points]
-    assert len({m.header.frame_id for m in pieces}) == 1
-    assert all(m.points[-1].time_from_start.nanosec <= 350_000_000 for m in pieces)
+    pieces = [m for m in follower.sent if m.trajectory.points]
+    assert len({m.id for m in pieces}) == 1
+    assert all(m.trajectory.points[-1].time_from_start.nanosec <= 350_000_000 for m in pieces)
     statics = Statics(load_arm(description_file()))
     tip = statics.bend(statics.chain.straight(), SEGMENT - 1, radians(8.0)).tip
     follower.tip(tip[0], tip[1])

@@ -13,7 +13,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import String
-from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.mechanics.spatial import SpatialChain
@@ -26,6 +25,7 @@ from soft_continuum_interfaces.msg import (
     KinematicsState,
     MotionRequest,
     TeleopState,
+    TendonTrajectory,
 )
 from support.descriptions import check_urdf, given, JAMMING, TENDON_ARM
 from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig, STREAM, trajectory
@@ -41,7 +41,7 @@ class Driven:
 
     def __init__(self, rig: Rig, names: tuple[str, ...]) -> None:
         self.rig, self._names = rig, names
-        self._publisher = rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory')
+        self._publisher = rig.publisher(TendonTrajectory, 'tendon_actuation/tendon_trajectory')
         self._count = 0
         self.rig.wait_for(lambda: len(rig.segment_poses), 'poses')
 
@@ -51,13 +51,13 @@ class Driven:
         self._count += 1
         names = names or self._names
         message = trajectory([(0.5, [pulls.get(name, others) for name in names])], names)
-        message.header.frame_id = f'motion {self._count}'
-        self._publisher.publish(message)
+        this = f'motion {self._count}'
+        self._publisher.publish(TendonTrajectory(id=this, trajectory=message))
         states = self.rig.states['tendon_actuation']
 
         def ended() -> MotionRequest | None:
             return next((one for one in (states.last.accepted, states.last.refused)
-                         if one.id == message.header.frame_id
+                         if one.id == this
                          and one.status != MotionRequest.FOLLOWING), None)
         return self.rig.wait_for(ended, 'an end of the motion')
 

@@ -17,7 +17,7 @@ from trajectory_msgs.msg import JointTrajectory
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.nodes import tendon_control
 from soft_continuum.ros.ros_time import RosTime
-from soft_continuum_interfaces.msg import MotionRequest
+from soft_continuum_interfaces.msg import MotionRequest, TendonTrajectory
 from support.ros_rig import RELIABLE, Rig, trajectory
 
 OTHERS = ('jamming_valves', 'kinematics')
@@ -58,8 +58,12 @@ def make_soft(rig: Rig, segment: int) -> None:
     rig.wait_for_more(rig.joints, 3)
 
 
-def send(rig: Rig, message: JointTrajectory) -> None:
-    rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(message)
+def send(rig: Rig, message: JointTrajectory, motion_id: str = '') -> None:
+    if motion_id:
+        rig.publisher(TendonTrajectory, 'tendon_actuation/tendon_trajectory').publish(
+            TendonTrajectory(id=motion_id, trajectory=message))
+    else:
+        rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(message)
 
 
 def wait_for_pull(rig: Rig) -> None:
@@ -71,10 +75,10 @@ def arrives(rig: Rig, pulls: tuple[float, float]) -> None:
                  f'tendons at {pulls}')
 
 
-def refused(rig: Rig, message: JointTrajectory, *reasons: str) -> None:
+def refused(rig: Rig, message: JointTrajectory, *reasons: str, motion_id: str = '') -> None:
     """Claim that a trajectory is refused with all of the reasons, and that nothing moves."""
     before, said = rig.pulls, len(rig.statuses['tendon_actuation'])
-    send(rig, message)
+    send(rig, message, motion_id)
     text = rig.wait_for_status('tendon_actuation', 'refused', after=said)
     for reason in reasons:
         assert reason in text
@@ -208,27 +212,24 @@ def test_a_stop_does_not_wait_for_a_trajectory_that_is_judged_and_wins(
 
 def test_a_motion_that_was_stopped_takes_no_further_parts(tendons: Rig) -> None:
     part = trajectory([(20.0, (0.010, -0.012))])
-    part.header.frame_id = 'stopped/1'
-    send(tendons, part)
+    send(tendons, part, 'stopped/1')
     wait_for_pull(tendons)
     for service in ('stop', 'resume'):
         assert tendons.trigger(f'tendon_actuation/{service}').success
     tendons.wait_for(lambda: tendons.at_rest, 'rest')
-    refused(tendons, part, 'stopped/1', 'has ended', 'stop')
-    part.header.frame_id = 'stopped/2'
-    send(tendons, part)
+    refused(tendons, part, 'stopped/1', 'has ended', 'stop', motion_id='stopped/1')
+    send(tendons, part, 'stopped/2')
     tendons.wait_for(lambda: tendons.moving, 'motion')
 
 
 def test_a_motion_that_was_replaced_takes_no_further_parts(tendons: Rig) -> None:
-    part, other = (trajectory([(20.0, (0.010, -0.012))]) for _ in range(2))
-    part.header.frame_id, other.header.frame_id = 'replaced/1', 'somebody_else'
+    part = trajectory([(20.0, (0.010, -0.012))])
     state = tendons.states['tendon_actuation']
-    send(tendons, part)
+    send(tendons, part, 'replaced/1')
     tendons.wait_for(lambda: state.last.accepted.id == 'replaced/1', 'a motion')
-    send(tendons, other)
+    send(tendons, part, 'somebody_else')
     tendons.wait_for(lambda: state.last.accepted.id == 'somebody_else', 'another')
-    send(tendons, part)
+    send(tendons, part, 'replaced/1')
     tendons.wait_for(lambda: 'somebody_else' in state.last.refused.message, 'a refusal')
     assert state.last.accepted.id == 'somebody_else'
 
@@ -258,8 +259,7 @@ def test_a_jump_of_ros_time_ends_only_a_motion_that_follows_it(
     tendons.wait_for_more(tendons.tendons, 10)  # back, as the node has seen
     stamped = trajectory([(20.0, (0.010, -0.012))])
     stamped.header.stamp = tendons.observer.get_clock().now().to_msg()
-    stamped.header.frame_id = 'jumped/1'
-    send(tendons, stamped)
+    send(tendons, stamped, 'jumped/1')
     accepted = tendons.states['tendon_actuation']
     tendons.wait_for(lambda: accepted.last.accepted.id == 'jumped/1', 'a motion')
     monkeypatch.setattr(RosTime, '_now', lambda self: now(self) + 5.0)

@@ -54,7 +54,7 @@ AT_REST = ('kinematics/state', 'disc_poses', 'segment_poses',
            'joint_states', 'tendon_states', 'tendon_tensions', 'shape_markers')
 """Streams of which the message at rest counts."""
 ONCE = ('robot_description',)
-TRAJECTORIES = 'tendon_actuation/joint_trajectory'
+TRAJECTORIES = 'tendon_actuation/tendon_trajectory'
 JAMMING_VALVES, STIFF = 'jamming_valves', 'segment_N/stiff'
 
 
@@ -136,8 +136,9 @@ class Run:
         """
         pieces: dict[str, list[Any]] = {}
         for message in self._heard[TRAJECTORIES]:
-            assert message.points, f'the motion was held: {self._rig.sequencer.last}'
-            pieces.setdefault(message.header.frame_id, []).append(message)
+            part = message.trajectory
+            assert part.points, f'the motion was held: {self._rig.sequencer.last}'
+            pieces.setdefault(message.id, []).append(part)
         found = []
         for messages in pieces.values():
             points = {

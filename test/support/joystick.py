@@ -7,9 +7,8 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 from sensor_msgs.msg import Joy
-from trajectory_msgs.msg import JointTrajectory
 
-from soft_continuum_interfaces.msg import TeleopState
+from soft_continuum_interfaces.msg import TeleopState, TendonTrajectory
 from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig, trajectory
 
 PERIOD = 0.05  # s, as joy_node repeats
@@ -29,10 +28,11 @@ class Joystick:
             self.nodes += rig.start('teleop', ready=False, **PATIENT)
         self.statuses = rig.record(DiagnosticStatus, 'servo/status', LATCHED)
         self.states = rig.record(TeleopState, 'teleop/state', LATCHED)
-        self.sent = rig.record(JointTrajectory, 'tendon_actuation/joint_trajectory', RELIABLE)
+        self.sent = rig.record(
+            TendonTrajectory, 'tendon_actuation/tendon_trajectory', RELIABLE)
         self._publisher = rig.publisher(Joy, 'joy')
         self._trajectories = rig.publisher(
-            JointTrajectory, 'tendon_actuation/joint_trajectory')
+            TendonTrajectory, 'tendon_actuation/tendon_trajectory')
         self._marks = 0
         self._message = Joy(axes=[0.0] * 8, buttons=[0] * 11)
         self._unrest = 0.0  # part by which the stick is less far than it is held
@@ -99,11 +99,11 @@ class Joystick:
         """
         before, states = len(self.sent), self.rig.states['tendon_actuation']
         self._marks += 1
-        mark = trajectory([(1.0, [0.0])], ('of no tendon',))
-        mark.header.frame_id = f'mark {self._marks}'
+        mark = TendonTrajectory(id=f'mark {self._marks}',
+                                trajectory=trajectory([(1.0, [0.0])], ('of no tendon',)))
         self._trajectories.publish(mark)
         judged = self.rig.until(lambda: mark in self.sent and any(
-            state.refused.id == mark.header.frame_id for state in list(states)), MARK_PERIOD)
+            state.refused.id == mark.id for state in list(states)), MARK_PERIOD)
         return bool(judged) and len(self.sent) == before + 1
 
     def assert_rests(self) -> None:
