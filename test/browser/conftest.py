@@ -11,6 +11,7 @@ from playwright.sync_api import expect
 import pytest
 from std_srvs.srv import SetBool
 
+from soft_continuum.browser import log
 from support.page import address_of, DEADLINE, OpenPage, Page, SLOW, start_view
 from support.processes import Processes
 from support.rig_fixtures import (
@@ -48,6 +49,14 @@ WebGL2RenderingContext.prototype.shaderSource = function (shader, source) {
 def runs(browser: str) -> bool:
     """Tell whether it is there, and not only the script of Ubuntu that asks for a snap."""
     return subprocess.run([browser, '--version'], capture_output=True).returncode == 0
+
+
+@pytest.fixture(autouse=True)
+def _long_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let each test log what it has to, however much those before it did."""
+    monkeypatch.setattr(log, 'LINES', 1000)
+    for each in (log.LOG, log.SERVER_LOG):
+        monkeypatch.setattr(each, 'filters', [log._RateLimit()])
 
 
 @pytest.fixture(scope='module')

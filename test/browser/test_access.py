@@ -107,7 +107,6 @@ def test_wrong_tokens_are_logged_and_wait_for_each_other(
         make_server: Any, caplog: pytest.LogCaptureFixture,
         monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr('soft_continuum.browser.access.WRONG_TOKEN_DELAY', 0.2)
-    monkeypatch.setattr('soft_continuum.browser.log.LINES', 1000)  # other tests log, too
     server, start = make_server(TOKEN), time.monotonic()
     with ThreadPoolExecutor(8) as guessers:
         statuses = list(guessers.map(lambda n: get(server, f'/?token=guess{n}').status, range(5)))

@@ -102,11 +102,6 @@ def view() -> Iterator[View]:
     view.close()
 
 
-@pytest.fixture(autouse=True)
-def _long_log(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr('soft_continuum.browser.log.LINES', 1000)
-
-
 def status_of(answer: bytes) -> int:
     return int(answer.split(b' ', 2)[1])
 

@@ -61,11 +61,6 @@ def controls() -> Iterator[Controls]:
     server.stop()
 
 
-@pytest.fixture(autouse=True)
-def _long_log(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr('soft_continuum.browser.log.LINES', 1000)
-
-
 @pytest.mark.parametrize(('name', 'value'), [
     ('update_cb', []), ('removed', True), ('sync_cb', None), ('is_button', False),
     ('props', {}), ('uuid', 'x'), ('gui_api', 0), ('__class__', 0), ('no_such', 1),
