@@ -13,12 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics._batches import common_count, in_parts, Masks, rows_of, Solutions
 from soft_continuum.mechanics._checks import listed, pulls_of, tensions_of
-from soft_continuum.mechanics.chain import Array, SLACK
+from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial._laws import HELD
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
 from soft_continuum.mechanics.spatial.orientations import bending_between
-from soft_continuum.mechanics.spatial.statics import LOCKED_TOLERANCE, Locks, SpatialStatics
+from soft_continuum.mechanics.spatial.statics import (
+    driven,
+    LOCKED_TOLERANCE,
+    Locks,
+    slack_of,
+    SpatialStatics,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +57,8 @@ def solve_batch(arms: SpatialStatics | Sequence[SpatialStatics],
     Each of these is one for all problems or one for each: arms, with the same number of segments,
     bodies and tendons; start, the state that a problem is followed from; pulls, (tendons,) or
     (m, tendons), m; soft, a mask or m of them; tensions, as pulls.  All are as in
-    SpatialStatics.solve.  Problems whose joints yield, or that rest after a jump only, are solved
-    one by one.  Raises ValueError when sizes do not fit together.
+    SpatialStatics.solve.  Problems whose joints yield, whose start does not balance, or without a
+    soft segment are solved one by one.  Raises ValueError when sizes do not fit together.
     """
     models = [arms] if isinstance(arms, SpatialStatics) else listed(arms)
     starts = [start] if isinstance(start, SpatialEquilibrium) else listed(start)
@@ -145,9 +151,7 @@ def _follow(problems: Sequence[_Problem], pulls: Array, tensions: Array
     for each, start, one in zip(joints, starts, locks, strict=False):
         each[:, HELD] = start.held[one.free]
     compliance = np.array([model.compliance for model in models])
-    never = pulls == SLACK
-    by_force = never | ~np.isnan(tensions)
-    goal = np.where(by_force, np.where(never & np.isnan(tensions), 0.0, tensions), pulls)
+    by_force, goal = driven(pulls, tensions)
 
     tension = np.empty((count, 2, tendons))
     tension[:] = np.nan_to_num(carried)[:, None]
@@ -170,8 +174,7 @@ def _follow(problems: Sequence[_Problem], pulls: Array, tensions: Array
                      goal - before)
     rests &= (done >= 0.0) & (short.max(axis=1, initial=0.0) <= LOCKED_TOLERANCE)
     ends = straight - targets[:, 3]
-    loose = np.maximum(0.0, ends - goal + compliance * tension[:, 0])
-    loose[by_force | (tension[:, 0] > 0.0)] = 0.0
+    loose = slack_of(ends, goal, compliance, tension[:, 0], by_force)
     return [SpatialEquilibrium(
         bodies[i], tension[i, 0], ends[i], loose[i], float(residual[i]), int(total[i]),
         start.stiff, start.held, bool(done[i] < 1.0), start.vacuum, chain=start.chain)

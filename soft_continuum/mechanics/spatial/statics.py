@@ -62,6 +62,28 @@ class Locks(NamedTuple):
     direct: bool
 
 
+def driven(pulls: Array, tensions: Array | None) -> tuple[Booleans, Array]:
+    """
+    Return which tendons a force pulls, and tensions (N) of these and pulls (m) of the others.
+
+    pulls, tensions: (…, tendons), as of SpatialStatics.solve; so are both that are returned.
+    """
+    never = pulls == SLACK
+    target = np.where(never, 0.0, pulls)
+    if tensions is None:
+        return never, target
+    given = ~np.isnan(tensions)
+    return given | never, np.where(given, tensions, target)
+
+
+def slack_of(pulls: Array, target: Array, compliance: Array, tensions: Array,
+             by_force: Booleans) -> Array:
+    """Return by how much each tendon is longer than its path, m; all are (…, tendons)."""
+    slack: Array = np.maximum(0.0, pulls - target + compliance * tensions)
+    slack[by_force | (tensions > 0.0)] = 0.0
+    return slack
+
+
 class _Links:
     """
     The links of an arm, on the way; each array first as it is, then as Newton's method left it.
@@ -139,7 +161,6 @@ class SpatialStatics:
         self.chain = SpatialChain(arm)
         self.compliance = np.array([tendon.compliance for tendon in arm.tendons])
         self._locks = lru_cache(maxsize=64)(self._find_locks)
-        self._by_lengths = np.zeros(len(arm.tendons), dtype=bool)
         self._no_friction = np.ones(len(self.chain.span_tendons))
 
     def solve(self, start: SpatialEquilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
@@ -158,18 +179,10 @@ class SpatialStatics:
         """
         tendons = len(self.compliance)
         begin, locks = self.begin(start, soft, vacuum)
-        given = wanted = pulls_of(pulls, tendons)
-        by_force = self._by_lengths
-        if tensions is not None:
-            given = tensions_of(tensions, tendons, optional=True)
-            by_force = ~np.isnan(given)
-        never = wanted == SLACK
-        if never.any():
-            given = np.where(never & ~by_force, 0.0, given)
-            wanted = np.where(never, start.pulls, wanted)
-            by_force = by_force | never
+        by_force, target = driven(pulls_of(pulls, tendons), None if tensions is None else
+                                  tensions_of(tensions, tendons, optional=True))
         ways = sliding_signs(sliding, tendons) if any(sliding) else ()
-        return self._follow(begin, locks, by_force, np.where(by_force, given, wanted), ways)
+        return self._follow(begin, locks, by_force, target, ways)
 
     def begin(self, start: SpatialEquilibrium, soft: Sequence[bool],
               vacuum: Sequence[float] | None = None) -> tuple[SpatialEquilibrium, Locks]:
@@ -280,8 +293,7 @@ class SpatialStatics:
                 'or go there in smaller steps', start)
         tensions, pulls, held = (
             links.tension[0], self.chain.straight_paths - links.targets[3], start.held)
-        slack = np.maximum(0.0, pulls - target + compliance * tensions)
-        slack[by_force | (tensions > 0.0)] = 0.0
+        slack = slack_of(pulls, target, compliance, tensions, by_force)
         if locks.yields:
             held = held.copy()
             held[locks.free] = links.joints[:, HELD]
