@@ -368,14 +368,18 @@ def homing(rig: Rig, tmp_path: Path, switches: tuple[float, float]) -> Iterator[
         yield bench
 
 
+def home(rig: Rig) -> None:
+    """Stiffen the arm and begin to home, once the servo has heard of the former."""
+    assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
+    rig.wait_for(lambda: rig.trigger('tendon_actuation/reference').success, 'a stiff arm')
+
+
 def test_homing_waits_for_a_stiff_arm_and_ends_with_a_known_straight_one(homing: Bench) -> None:
     rig = homing.rig
     refused = rig.trigger('tendon_actuation/reference')
     assert not refused.success
     assert 'stiffen' in refused.message
-    assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
-    # The servo hears of it by a message of its own.
-    rig.wait_for(lambda: rig.trigger('tendon_actuation/reference').success, 'a stiff arm')
+    home(rig)
     statuses = rig.statuses['tendon_actuation']
     rig.wait_for(lambda: any(s.message == 'homing' for s in statuses), 'a motion')
     rig.wait_for(lambda: statuses.last.message == 'holding', 'its end')
@@ -389,9 +393,7 @@ def test_homing_waits_for_a_stiff_arm_and_ends_with_a_known_straight_one(homing:
 @pytest.mark.parametrize('how', ['stop', 'soften'])
 def test_homing_ends_when_it_is_stopped_or_the_arm_becomes_soft(homing: Bench, how: str) -> None:
     rig = homing.rig
-    rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True)
-    # The servo hears of it by a message of its own.
-    rig.wait_for(lambda: rig.trigger('tendon_actuation/reference').success, 'a stiff arm')
+    home(rig)
     rig.wait_for(lambda: homing.grbl.moving, 'a motion')
     if how == 'stop':
         assert rig.trigger('tendon_actuation/stop').success
