@@ -245,8 +245,8 @@ class ClosedLoopRunner(Runner):
         since = self._now if measured is None else self._now - measured
         lost = f'the arm, or one of its discs, has not been measured for {since:.1f} s'
         if self.loop_settings.abort_when_lost:
-            why = self._observed.anomaly or 'what do the camera and the other sensors report?'
-            raise EndError(Code.HARDWARE_FAULT, f'{lost}; {why} With loop.abort_when_lost false '
+            why = self._observed.anomaly or 'see what the camera and the other sensors report'
+            raise EndError(Code.HARDWARE_FAULT, f'{lost}; {why}. With loop.abort_when_lost false '
                            'it would go on as predicted')
         self.warning = f'{lost}: the shape is predicted'
 
