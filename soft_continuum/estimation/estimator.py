@@ -49,7 +49,6 @@ VENTING = 2.0  # s after a change of stiffness for which the vacuum shows in the
 SWITCHING = 1.0  # s after a change of stiffness for which the shape is between two models
 OWN_SHARE = 0.1  # of a sensor's variance that is new in each measurement
 MAX_PAST = 2000  # pulls that are kept, if time stands still
-MOVED = 4.0  # deviations by which the base is elsewhere: what sees it has moved
 OUTLIER = 1e-4  # chance of a measurement that is right, and not used
 PERSISTENT = 2  # measurements beyond the gate in turn, after which the arm has changed
 REOPENED = 2.0  # times what they are at first: offsets and held shapes then
@@ -80,7 +79,6 @@ class Estimator:
         self._change = np.zeros((len(arm.discs), self.layout.dimensions.pose))  # of it, then
         biases = self.layout.size - self.layout.model
         self._bias_variances, self._displaced = np.zeros((2, biases))  # the latter for good
-        self._base: DiscMeasurement | None = None  # as it was seen first
         self._beyond = 0  # measurements of discs in turn beyond the gate
         self.updated: float | None = None
         """When a measurement was last used, s."""
@@ -233,9 +231,12 @@ class Estimator:
         """Whether a segment was becoming soft or stiff then: nothing measured says much."""
         return time < self._switched + SWITCHING
 
-    def measure(self, time: float, measurements: Sequence[Measurement]) -> Innovation | None:
+    def measure(self, time: float, measurements: Sequence[Measurement], trusted: bool = True
+                ) -> Innovation | None:
         """
         Use what was measured at ``time``: poses, tensions or both; None where it cannot be used.
+
+        trusted: whether it may change anything; else only how far off it is, is returned.
 
         Raises StaticsError, and then keeps what it was.
         """
@@ -248,8 +249,7 @@ class Estimator:
         covariance = point.covariance(self.covariance)
         distance = relative_distance(point.values, covariance)
         seen = any(isinstance(one, DiscMeasurement) for one in measurements)
-        used = self._base_stands(measurements) and self._trusted(
-            distance, len(point.values), seen)
+        used = trusted and self._trusted(distance, len(point.values), seen)
         innovation = Innovation(point.values, covariance, distance, used)
         if used:
             told = np.full(self.layout.size, float(seen))
@@ -326,18 +326,6 @@ class Estimator:
         more = directions @ directions.T
         self.covariance = self.covariance + more
         self._displaced += np.diag(more)[self.layout.model:]
-
-    def _base_stands(self, measurements: Sequence[Measurement]) -> bool:
-        """Whether the base is where it was seen first, if at all: else what sees it has moved."""
-        base = next((one for one in measurements
-                     if isinstance(one, DiscMeasurement) and one.disc == 0), None)
-        if base is None:
-            return True
-        self._base = first = self._base or base
-        both = base.known & first.known
-        away = self.layout.dimensions.apart(base.pose, first.pose)[both]
-        deviations = np.sqrt((np.diag(base.covariance) + np.diag(first.covariance))[both])
-        return bool(np.all(np.abs(away) < MOVED * deviations))
 
     def _trusted(self, distance: float, size: int, seen: bool) -> bool:
         """

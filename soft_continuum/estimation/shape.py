@@ -28,6 +28,7 @@ STRAIGHT_PULLS = 1e-5
 PULL_RESOLUTION = 1e-9  # m: a smaller change of pull changes nothing
 MAX_FAILURES = 50  # steps in turn that the estimate cannot follow, after which it begins anew
 FAR_OFF = 30.0  # squared distance over its expected value, of measurements of another shape
+BASE_MOVED = 5.6  # deviations by which the base is elsewhere: what sees it has moved
 MAX_FAR_OFF = 15  # of them in turn, after which the estimate begins anew
 
 
@@ -69,6 +70,7 @@ class ArmShape:
         self._stood: Array | None = None
         """(tendons,) m: as far as the motors have pulled since all segments are stiff."""
         self._failures = self._far_off = 0
+        self._base: dict[bytes, DiscMeasurement] = {}  # as seen first, by which coordinates are
         self._measured: Array | None = None  # when each disc last was, (discs,) s
         self.lost_bent = ''
         """How the arm was bent when its shape was lost, for people; empty if it was not."""
@@ -222,15 +224,17 @@ class ArmShape:
 
     def set_straight(self) -> None:
         """Take the arm to be straight."""
-        self.lost_bent = ''
-        self._forget_estimate()
-        self._begin_prediction(self.statics.chain.straight())
+        self._begin_at(self.statics.chain.straight())
 
     def set_soft(self, pulls: Array) -> None:
         """Take the shape that the pulls alone make, every segment soft; raises StaticsError."""
-        state = self.statics.solve(self.statics.chain.straight(), pulls,
-                                   [True] * self.statics.chain.segments)
+        self._begin_at(self.statics.solve(
+            self.statics.chain.straight(), pulls, [True] * self.statics.chain.segments))
+
+    def _begin_at(self, state: Any) -> None:
+        """Take the arm to have a shape, and what sees it to be where it shall be."""
         self.lost_bent = ''
+        self._base.clear()
         self._forget_estimate()
         self._begin_prediction(state)
 
@@ -246,23 +250,33 @@ class ArmShape:
         if commands is None or not self.measurable:
             return None
         discs = [one for one in measurements if isinstance(one, DiscMeasurement)]
+        base_stands = all(map(self._stands, discs))
         if self.estimator is None:
-            self.estimator = self._first_estimator(time, discs, commands)
+            self.estimator = self._first_estimator(
+                time, discs if base_stands else [], commands)
             if self.estimator is None:
                 return None
             self._watch.refer_to(self.estimator, time)
-        innovation = self.estimator.measure(time, measurements)
+        innovation = self.estimator.measure(time, measurements, base_stands)
         self._measured = self.estimator.seen
         if innovation is not None and discs:
             try:
                 self.estimator = self._watch.note(time, discs, self.estimator)
             except (StaticsError, np.linalg.LinAlgError):
                 self._watch.forget()
-            self._far_off = self._far_off + 1 if innovation.distance > FAR_OFF else 0
+            far_off = innovation.distance > FAR_OFF and base_stands
+            self._far_off = self._far_off + 1 if far_off else 0
             if self._far_off >= MAX_FAR_OFF and (seen := self._seen(discs, commands)) is not None:
                 self._far_off = 0
                 self.estimator = self._estimator(seen, commands)
         return innovation
+
+    def _stands(self, disc: DiscMeasurement) -> bool:
+        """Whether a disc is not the base, or is where it was seen first."""
+        if disc.disc > 0:
+            return True
+        first = self._base.setdefault(disc.known.tobytes(), disc)
+        return bool((disc.differs(first, self._dimensions) < BASE_MOVED).all())
 
     def refusal(self, time: float) -> str:
         """Return why a measurement of that time cannot be used; empty when it can."""

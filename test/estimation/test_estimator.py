@@ -75,14 +75,15 @@ def test_it_was_measured_when_the_disc_was_that_has_not_been_for_longest():
 
 
 @pytest.mark.parametrize('shift', [(0.01, -0.006, 0.035), (0.0, 0.004, 0.0)])
-def test_what_a_camera_sees_that_was_bumped_is_not_used_until_it_is_back(shift):
+def test_what_is_not_trusted_changes_nothing(shift):
     session = Session(TrueArm(), discs=(0, 1, 2, 3))
     session.look(5)
     before, last = session.estimator.state, session.time
     bumped = np.tile(shift, (4, 1))
     for _ in range(20):
         session.wait(PERIOD)
-        assert not session.measure(bias=bumped).used
+        seen = session.truth.seen(session.rng, bumped, discs=(0, 1, 2, 3))
+        assert not session.estimator.measure(session.time, seen, trusted=False).used
     assert session.estimator.measured == last
     assert session.estimator.state.points == pytest.approx(before.points, abs=1e-9)
     session.look(1)

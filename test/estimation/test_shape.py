@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from soft_continuum.estimation.estimator import PERSISTENT
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import (
     ArmShape,
@@ -276,3 +277,45 @@ def test_taken_to_be_straight_or_soft_it_forgets_the_estimate():
     statics = Statics(ARM)
     expected = statics.solve(statics.chain.straight(), (0.002, -0.01), (True,) * 3)
     assert np.array_equal(shape.state.joint_angles, expected.joint_angles)
+
+
+# A camera that was bumped.
+
+
+@pytest.mark.parametrize('shift', [(0.01, -0.006, 0.035), (0.0, 0.004, 0.0), (0.03, -0.02, 0.2)])
+def test_what_a_camera_sees_that_was_bumped_is_not_used_until_it_is_back(shift):
+    truth, shape, rng = TrueArm(), ArmShape(ARM, TOLERANCE), np.random.default_rng(0)
+    bumped, time = np.tile(shift, (4, 1)), 100.0
+
+    def look(bias=None):
+        nonlocal time
+        time += 0.1
+        shape.follow(commands(time, (0.0, 0.0), STIFF))
+        return shape.measure(time, truth.seen(rng, bias, discs=(0, 1, 2, 3)))
+
+    for _ in range(5):
+        look()
+    before, last = shape.state, time
+    for _ in range(5 * MAX_FAR_OFF):
+        assert not look(bumped).used
+    assert shape.anomalies  # from when on the estimate is the one of before
+    assert shape.estimate.measured == last
+    assert shape.state.points == pytest.approx(before.points, abs=3e-4)
+    assert look().used
+    assert shape.estimate.measured == time
+
+
+def test_a_lost_shape_is_not_found_by_a_camera_that_was_bumped_but_where_the_arm_is_said_to_be():
+    shape = lost()
+    straight = shape.statics.chain.straight().points
+    assert shape.measure(100.0, discs(straight, (0, 1, 2, 3))) is not None
+    shape.lose('segment 1 by 3 degrees')
+    with pytest.raises(UnknownShapeError):
+        shape.follow(commands(101.0, (-0.03, -0.03), STIFF))
+    moved = straight + np.array([0.01, 0.0, 0.0])
+    assert shape.measure(101.0, discs(moved, (0, 1, 2, 3))) is None
+    assert shape.state is None
+    shape.set_straight()
+    shape.follow(commands(102.0, (0.0, 0.0), STIFF))
+    found = [shape.measure(102.0, discs(moved, (0, 1, 2, 3))) for _ in range(PERSISTENT)]
+    assert found[-1].used
