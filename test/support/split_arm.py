@@ -34,6 +34,7 @@ with Arm(timeout=30.0) as arm:
     print('ready', flush=True)
     for line in sys.stdin:
         try:
+            arm.wait_for(lambda s: s.pulls and s.bending_angles and None not in s.pressures)
             arm.run(*json.loads(line))
         except ClientError as error:
             print(error, flush=True)

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether servos go on as their goals pull them: one that is caught stops the others within 1 mm.
+Whether servos go on as their goals pull them: one that is caught soon stops the others.
 
 A servo lags behind its goal, by more under load, so that where it is tells little.  How far it
 goes tells more: it is compared with a motor that nothing holds.  What a load or friction changes
