@@ -134,7 +134,7 @@ def closed_loop(lab: Lab, goal: Goal, arm: AnyArm, on_tip: bool = True) -> Outco
         lambda segments, aim, limit: planned(lambda planner: worth_setting_again(
             planner, state(), lab.pulls.tolist(), segments, aim, LOCK_IN_DEVIATION,
             limit)),
-        lambda aim: aim.error(state()))
+        state)
     runner = ClosedLoopRunner(
         [Shape('goal', goal.angles, 0.0, goal.directions)], plan, loop, rig, RunnerSettings(
             jamming_timeout=lab.description.timeout, soft_vacuum=lab.description.soft_vacuum),

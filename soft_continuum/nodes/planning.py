@@ -110,7 +110,8 @@ class Planning:
 
     def loop(self, aim: int) -> Loop:
         """Return what a run by measurements asks for; aim: of RunShapeSequence."""
-        return Loop(partial(self._aim, aim), self._step, self._again, self._error)
+        return Loop(partial(self._aim, aim), self._step, self._again,
+                    lambda: self._observed.shape)
 
     def _aim(self, kind: int, shape: Shape) -> 'Future[Aim]':
         settings, arm = PlanSettings.of(self._parameters), self._arm
@@ -129,10 +130,6 @@ class Planning:
         near = self._parameters['obstacles.margin'] if self._surroundings().obstacles else inf
         return self._start(lambda planner, state, pulls: worth_setting_again(
             planner, state, pulls, segments, aim, lock_in, min(release_limit, near)))
-
-    def _error(self, aim: Aim) -> float | None:
-        shape = self._observed.shape
-        return None if shape is None else aim.error(shape)
 
     def _start(self, work: Callable[[Any, Any, tuple[float, ...]], Result]) -> 'Future[Result]':
         known, pulls = self._observed.shape_and_model, self._observed.pulls

@@ -65,6 +65,10 @@ class Aim:
         away = (state.bending - self.bending).reshape(len(self.bending), -1)
         return float(np.linalg.norm(away, axis=1).max())
 
+    def at(self, state: State) -> 'Aim':
+        """Return the aim that a state meets, of the same kind."""
+        return replace(self, bending=state.bending, tip=self._tip(state))
+
     def tip_error(self, state: State) -> float:
         """Return how far the tip of a state is off, m."""
         return float(np.linalg.norm(self._tip(state) - self.tip))

@@ -8,7 +8,8 @@ asks for it as future work (VI).
 
 A shape with vacuums is set to what it is to give way from, and measured once they are lowered.
 Where it is off, every segment is stiffened and it is planned and set again, by what the estimate
-has learned of the arm.  What measurably makes a shape worse is said, and not done once more.
+has learned of the arm.  What measurably makes a shape worse is said, and not done once more; of a
+shape without vacuums it is taken back.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -18,6 +19,7 @@ from math import inf, isnan, nan
 
 import numpy as np
 
+from soft_continuum.mechanics.either import State
 from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.aiming import Aim, Step
 from soft_continuum.sequencing.arm_port import ArmPort
@@ -39,14 +41,13 @@ class Loop:
 
     aim: of a shape.  step: the next step with segments (0-based) that are still to be locked, of
     which the first is soft.  again: which of the segments are worth setting again, if softening
-    one may move the tip by so many m.  error: how far the arm is from an aim now, as Aim.error;
-    None where its shape is not known.
+    one may move the tip by so many m.  state: of the arm now; None where it is not known.
     """
 
     aim: 'Callable[[Shape], Future[Aim]]'
     step: 'Callable[[Sequence[int], Aim], Future[Step]]'
     again: 'Callable[[Sequence[int], Aim, float], Future[tuple[int, ...]]]'
-    error: Callable[[Aim], float | None]
+    state: Callable[[], State | None]
 
 
 class _LostError(Exception):
@@ -148,14 +149,13 @@ class ClosedLoopRunner(Runner):
     def _set_measured(self, index: int, shape: Shape) -> Iterator[None]:
         plan, aim = yield from self._set_segments(index, shape)
         yield from self._measure(index, None)
-        error, why = self._error(aim), ''
+        worse: str | None = None
         for _ in range(1, self.loop_settings.max_passes):
-            done, before = (yield from self._set_again(index, plan.shape, aim, inf)), error
-            error = self._error(aim)
-            if not done or (why := _worse(aim, before, error)):
+            worse = yield from self._set_again(index, plan.shape, aim, inf)
+            if worse != '':
                 break
-        if error > self._tolerance(aim):
-            self.warning = f'{shape.name} is {aim.text(error)} off{why}'
+        if (error := self._error(aim)) > self._tolerance(aim):
+            self.warning = f'{shape.name} is {aim.text(error)} off{worse or ""}'
 
     def _set_segments(self, index: int, shape: Shape
                       ) -> Generator[None, None, tuple[ShapePlan, Aim]]:
@@ -177,8 +177,24 @@ class ClosedLoopRunner(Runner):
         return plan, aim
 
     def _set_again(self, index: int, shape: Shape, aim: Aim, release_limit: float
-                   ) -> Generator[None, None, bool]:
-        """Set the segments again that are worth it; return whether any was."""
+                   ) -> Generator[None, None, str | None]:
+        """
+        Set the segments again that are worth it, and back if that made the shape worse.
+
+        Returns how much worse, for people; empty if it is not worse, None if nothing was set.
+        """
+        before = self._loop.state()
+        if not (yield from self._set_worthwhile(index, shape, aim, release_limit)):
+            return None
+        error = self._error(aim)
+        if before is None or not (worse := _worse(aim, aim.error(before), error)):
+            return ''
+        back = yield from self._set_worthwhile(index, shape, aim.at(before), release_limit)
+        return f'{worse} ({aim.text(error)} after it), and was set back' if back else worse
+
+    def _set_worthwhile(self, index: int, shape: Shape, aim: Aim, release_limit: float
+                        ) -> Generator[None, None, bool]:
+        """Set the segments again that are worth it, and measure; return whether any was."""
         self._report(index, self._part(index), Phase.PREPARING, segment=0)
         every = tuple(range(len(shape.bending_angles)))
         segments = yield from self._planned(self._loop.again(
@@ -216,9 +232,9 @@ class ClosedLoopRunner(Runner):
 
     def _correct_drift(self, index: int, shape: Shape, aim: Aim) -> Iterator[None]:
         """Set segments again; where that cannot be, say so and hold what there is."""
-        before = self._error(aim)
         try:
-            done = yield from self._set_again(index, shape, aim, self.loop_settings.release_limit)
+            worse = yield from self._set_again(
+                index, shape, aim, self.loop_settings.release_limit)
         except _LostError:
             self._lost()
             yield from self._all_stiff()
@@ -229,13 +245,13 @@ class ClosedLoopRunner(Runner):
             yield from self._all_stiff()
             self.warning += f'; it cannot be corrected: {error}'
         else:
-            if not done:
+            if worse is None:
                 self.warning += ('; setting segments again would not better it, or is more than '
                                  'loop.release_limit allows')
-            elif (now := self._error(aim)) <= self._tolerance(aim):
+            elif self._error(aim) <= self._tolerance(aim):
                 self.warning = ''
             else:
-                self.warning += _worse(aim, before, now)
+                self.warning += worse
         self._report(index, 1.0, Phase.HOLDING, segment=0)
 
     def _lost(self) -> None:
@@ -256,7 +272,8 @@ class ClosedLoopRunner(Runner):
 
     def _error(self, aim: Aim) -> float:
         """Return how far the arm is from its aim, and report it; nan where it is not known."""
-        error = self._loop.error(aim)
+        state = self._loop.state()
+        error = None if state is None else aim.error(state)
         self.progress = replace(self.progress, error=error)
         return nan if error is None else error
 

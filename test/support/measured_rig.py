@@ -81,7 +81,7 @@ class MeasuredRig(VirtualRig):
                 planner, state, self.tendons.reading.pulls, segments, aim, 5e-5)),
             lambda segments, aim, limit: self.asked(lambda planner, state: worth_setting_again(
                 planner, state, self.tendons.reading.pulls, segments, aim, 0.006, limit)),
-            lambda aim: aim.error(self.estimated()[1])),
+            lambda: self.estimated()[1]),
             self, self.settings, self.loop, self.arm.tendon_names)
 
     def aim(self, shape):
