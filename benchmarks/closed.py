@@ -15,7 +15,8 @@ from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, bending_of, State
+from soft_continuum.mechanics.either import AnyArm, State
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.parameters.loop import DEAD_BAND, LOCK_IN_DEVIATION
 from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
 from soft_continuum.sequencing.arm_port import Observation
@@ -126,7 +127,8 @@ def closed_loop(lab: Lab, goal: Goal, arm: AnyArm, on_tip: bool = True) -> Outco
         assert found is not None
         return found
 
-    aim = Aim(bending_of(arm, goal.angles, goal.directions), np.array(goal.tip), on_tip)
+    tip = np.array(goal.tip) if len(goal.tip) == 3 else np.insert(goal.tip, 1, 0.0)
+    aim = Aim(bending_vectors(arm, goal.angles, goal.directions), tip, on_tip)
     loop = Loop(
         lambda _: planned(lambda planner: aim),
         lambda segments, aim: planned(lambda planner: next_step(

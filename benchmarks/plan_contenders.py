@@ -59,7 +59,7 @@ def rrt_connect(description: Description, query: Query, limit: float) -> Sequenc
     began = process_time()
     planner = planner_of(description.arm, description.settings)
     around = Surroundings(description.arm, query.obstacles)
-    limits = [s.bending_angle_limit for s in description.arm.segments]
+    limits = description.arm.bending_angle_limits.tolist()
     space = base.RealVectorStateSpace(len(limits))
     bounds = base.RealVectorBounds(len(limits))
     for axis, most in enumerate(limits):

@@ -84,7 +84,7 @@ def random_query(description: Description, seed: int) -> Query:
 def _moved(description: Description, planner: Any, draw: np.random.Generator, state: Any,
            pulls: Array, count: int) -> tuple[Any, tuple[Move, ...], list[Any]]:
     """Return where some random moves lead, the moves, and the states on the way."""
-    limits = np.array([s.bending_angle_limit for s in description.arm.segments])
+    limits = description.arm.bending_angle_limits
     ways: list[Any] = []
     moves: list[Move] = []
     last = -1
@@ -197,7 +197,7 @@ def check(description: Description, query: Query, moves: Sequence[Move]) -> Verd
     """Return what is wrong with moves from the start of a query, followed densely."""
     arm, settings = description.arm, description.settings
     planner = planner_of(arm, settings)
-    limits = np.array([s.bending_angle_limit for s in arm.segments])
+    limits = arm.bending_angle_limits
     found, state, pulls = Verdict(), query.state, np.array(query.pulls)
     found.clearance = nearest(query.obstacles, surface(arm, state))
 

@@ -393,7 +393,7 @@ def test_a_shape_that_is_not_a_list_of_numbers_is_refused(changed, value):
 
 
 def test_angles_at_the_limit_are_allowed(arm):
-    limits = tuple(s.bending_angle_limit for s in arm.segments)
+    limits = tuple(arm.bending_angle_limits)
     assert angles_problem(limits, arm) == ''
     assert angles_problem(tuple(-a for a in limits), arm) == ''
 

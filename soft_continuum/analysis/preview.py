@@ -12,7 +12,8 @@ import scipy
 from soft_continuum.analysis.figures import finish_panels, new_panels
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, bending_of, State
+from soft_continuum.mechanics.either import AnyArm, State
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +35,7 @@ def bent(arm: AnyArm, bending_angles: Sequence[float], directions: Sequence[floa
         return set_shape(Statics(arm), bending_angles)
     from soft_continuum.mechanics.spatial import inverse, SpatialStatics
     statics = SpatialStatics(arm)
-    bending = bending_of(arm, bending_angles, directions)
+    bending = bending_vectors(arm, bending_angles, directions)
     if jamming:
         return inverse.set_shape(statics, bending)
     return inverse.pulls_for_bending(

@@ -31,7 +31,7 @@ class OwnShape:
                 changed()
 
         self.chain = chain_of(description.arm)
-        self._limits = [segment.bending_angle_limit for segment in description.arm.segments]
+        self._limits = description.arm.bending_angle_limits.tolist()
         self._angles, self._directions = [], []
         for number, limit in enumerate(self._limits, start=1):
             most = max(1, floor(degrees(limit) + ROUNDING))

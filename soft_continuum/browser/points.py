@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from soft_continuum.mechanics.either import AnyChain, bending_of
+from soft_continuum.mechanics.either import AnyChain
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 
 Points = tuple[tuple[float, ...], ...]
 """x, y, z of some points, m."""
@@ -15,5 +16,5 @@ Points = tuple[tuple[float, ...], ...]
 def points_of(chain: AnyChain, angles: Sequence[float], directions: Sequence[float] = ()
               ) -> Points:
     """Return points of a shape that bends by angles towards directions, rad, none for 0."""
-    shape = chain.uniform(bending_of(chain.arm, angles, directions))
+    shape = chain.uniform(bending_vectors(chain.arm, angles, directions))
     return tuple(tuple(point) for point in np.vstack([np.zeros(3), shape.backbone]).tolist())

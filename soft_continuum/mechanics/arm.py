@@ -11,6 +11,9 @@ from collections.abc import Sequence, Sized
 from dataclasses import dataclass, replace
 from math import inf, pi
 
+import numpy as np
+from numpy.typing import NDArray
+
 from soft_continuum.mechanics._checks import finite, whole
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
 
@@ -185,6 +188,16 @@ class Arm:
     def tendon_names(self) -> tuple[str, ...]:
         """Names of the tendons, in the order of every list of tendons."""
         return TENDONS
+
+    @property
+    def bending_angle_limits(self) -> NDArray[np.float64]:
+        """How far each segment may bend, (segments,), rad."""
+        return np.array([segment.bending_angle_limit for segment in self.segments])
+
+    @property
+    def bending_axes(self) -> NDArray[np.bool_]:
+        """Whether each segment bends about x and y, (segments, 2): about y only."""
+        return np.tile([False, True], (len(self.segments), 1))
 
     @property
     def length(self) -> float:

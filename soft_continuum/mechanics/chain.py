@@ -72,8 +72,8 @@ class Equilibrium:
 
     @property
     def bending(self) -> Array:
-        """The same; in space it is something else."""
-        return self.bending_angles
+        """How far each segment bends about x, which is 0, and y, (segments, 2), rad."""
+        return np.column_stack([np.zeros(self.chain.segments), self.bending_angles])
 
     @property
     def bending_directions(self) -> Array:
@@ -130,11 +130,6 @@ class Equilibrium:
         """The tip: (x, z, tangent angle) of the top of the last disc, (3,), m and rad."""
         tip: Array = self.points[-1]
         return tip
-
-    @property
-    def tip_pose(self) -> Array:
-        """The same."""
-        return self.tip
 
     def plot(self, axes: 'Axes | None' = None) -> 'Axes':
         """
@@ -252,9 +247,18 @@ class RigidChain:
         """Return the held state of joint_positions (joints,), rad, as joint_states have it."""
         return self.state(joint_positions)
 
-    def uniform(self, bending_angles: ArrayLike) -> Equilibrium:
-        """Return the held state whose segments (rad each) bend evenly over their joints."""
-        angles = real_array(bending_angles, 'bending angles must be numbers (rad)')
+    def uniform(self, bending: ArrayLike) -> Equilibrium:
+        """
+        Return the held state whose segments bend evenly over their joints.
+
+        bending: angles (segments,), rad, or as Equilibrium.bending.
+        """
+        angles = real_array(bending, 'bending angles must be numbers (rad)')
+        if angles.ndim == 2:
+            if angles.shape[1] != 2 or angles[:, 0].any():
+                raise ValueError('a planar arm bends about y only; needed: (segments, 2) rad, of '
+                                 'which the first column is 0')
+            angles = angles[:, 1]
         return self.state(np.repeat(angles / self.joints_per_segment, self.joints_per_segment))
 
     def bending_angles(self, joint_angles: Array) -> Array:

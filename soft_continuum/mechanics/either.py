@@ -17,7 +17,6 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, RigidChain
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialChain
-from soft_continuum.mechanics.spatial.directions import bending_vectors
 
 if TYPE_CHECKING:
     from soft_continuum.mechanics.spatial.statics import SpatialStatics
@@ -60,15 +59,11 @@ class State(Protocol):
 
     @property
     def bending(self) -> Array:
-        """How each segment bends as ``chain.uniform`` takes it, (segments,) or (segments, 2)."""
+        """How far each segment bends about x and y of the disc below it, (segments, 2), rad."""
 
     @property
     def bending_directions(self) -> Array:
         """In space the direction of each segment, (segments,), rad; in the plane empty."""
-
-    @property
-    def tip_pose(self) -> Array:
-        """Top of the last disc: x, z (m) and angle (rad), in space x, y, z and rotation vector."""
 
     @property
     def coordinates(self) -> Array:
@@ -139,25 +134,16 @@ def chain_of(arm: AnyArm) -> AnyChain:
     return RigidChain(arm) if isinstance(arm, Arm) else SpatialChain(arm)
 
 
-def bending_of(arm: AnyArm, angles: Sequence[float], directions: Sequence[float]) -> Array:
-    """
-    Return bending angles and directions (segments,), rad, as ``chain.uniform`` takes them.
-
-    That is, (segments,) rad of a planar arm and (segments, 2) rad of a spatial one.
-    """
-    return np.array(angles) if isinstance(arm, Arm) else bending_vectors(arm, angles, directions)
-
-
 def bent(statics: Any, state: Any, soft: Sequence[bool], goal: Array) -> Any:
     """
     Return the state in which soft segments bend as a goal says, all others stiff.
 
-    goal: (segments,) or (segments, 2), as State.bending, of which that of soft segments counts; in
-    the plane one is soft.  Raises StaticsError where no tendon holds them there.
+    goal: as State.bending, of which that of soft segments counts; in the plane one is soft.
+    Raises StaticsError where no tendon holds them there.
     """
     if isinstance(statics.chain.arm, Arm):
         segment = list(soft).index(True)
-        return statics.bend(state, segment, float(goal[segment]))
+        return statics.bend(state, segment, float(goal[segment, 1]))
     from soft_continuum.mechanics.spatial.inverse import PRETENSION, pulls_that_hold
     wanted = np.where(np.array(soft)[:, None], goal, np.nan)
     # With it first: it hardly changes the shape, and what falls over costs a second to find out.

@@ -278,7 +278,7 @@ def _missed(tip: Array, wanted: Goal) -> Array:
 def _by_arcs(statics: Statics, present: Array, segments: tuple[int, ...], wanted: Goal
              ) -> tuple[float, Array] | None:
     """Fit the angles of some segments by constant curvature; return the error, m, and them."""
-    all_limits = np.array([s.bending_angle_limit for s in statics.chain.arm.segments])
+    all_limits = statics.chain.arm.bending_angle_limits
     beyond = np.abs(present) > all_limits + SAME_ANGLE
     if beyond[[s not in segments for s in range(len(present))]].any():
         return None
@@ -306,7 +306,7 @@ def _by_arcs(statics: Statics, present: Array, segments: tuple[int, ...], wanted
 def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tuple[int, ...],
              wanted: Goal, some: Array, tolerance: float = EXACT) -> TipFit | None:
     """Fit the angles of some segments by the model, from those by constant curvature on."""
-    all_limits = np.array([s.bending_angle_limit for s in statics.chain.arm.segments])
+    all_limits = statics.chain.arm.bending_angle_limits
     limits = all_limits[list(segments)]
 
     def shape(values: Array) -> Equilibrium:

@@ -5,7 +5,8 @@
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.mechanics.either import AnyArm, bending_of, chain_of
+from soft_continuum.mechanics.either import AnyArm, chain_of
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.ros.qos import LATCHED
 from soft_continuum.sequencing.planner import Shape
@@ -30,6 +31,6 @@ class Ghost:
     def _publish(self) -> None:
         shape = self._shape
         target = None if shape is None else chain_of(self._arm).uniform(
-            bending_of(self._arm, shape.bending_angles, shape.bending_directions))
+            bending_vectors(self._arm, shape.bending_angles, shape.bending_directions))
         self._publisher.publish(target_markers(
             target, self._frame, self._node.get_clock().now().to_msg()))

@@ -9,8 +9,8 @@ from functools import partial
 from math import inf
 from typing import Any, TypeVar
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import AnyArm, bending_of, chain_of, State
+from soft_continuum.mechanics.either import AnyArm, chain_of, State
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.parameters.reach import reach_from_parameters
@@ -152,7 +152,7 @@ def aim_of(shape: Shape, kind: int, arm: AnyArm, settings: PlanSettings) -> Aim:
     """
     if shape.tips:
         return tip_aim(shape, arm)
-    bending = bending_of(arm, shape.bending_angles, shape.bending_directions)
+    bending = bending_vectors(arm, shape.bending_angles, shape.bending_directions)
     chain = chain_of(arm)
     state: State
     try:
@@ -160,12 +160,10 @@ def aim_of(shape: Shape, kind: int, arm: AnyArm, settings: PlanSettings) -> Aim:
             chain.straight(), (0.0,) * len(arm.tendon_names), [shape])[0].state
     except PlanError:  # it can be reached from the present shape only
         state = chain.uniform(bending)
-    tip = state.tip_pose[:2 if isinstance(arm, Arm) else 3]
-    return Aim(bending, tip, kind == RunShapeSequence.Goal.TIP)
+    return Aim(bending, state.backbone[-1], kind == RunShapeSequence.Goal.TIP)
 
 
 def tip_aim(shape: Shape, arm: AnyArm) -> Aim:
     """Return what a shape aims at that was planned to goals of the tip: the last of them."""
-    position = shape.tips[-1].position
-    return Aim(bending_of(arm, shape.bending_angles, shape.bending_directions),
-               position[::2] if isinstance(arm, Arm) else position, on_tip=True)
+    return Aim(bending_vectors(arm, shape.bending_angles, shape.bending_directions),
+               shape.tips[-1].position, on_tip=True)

@@ -359,7 +359,7 @@ class ShapeSequencer(Node):
             aim = tip_aim(runner.plan.shape, self._arm)
         return Reached(
             shape.bending_angles.tolist(), known.angle_deviations,
-            shape.bending_directions.tolist(), shape.tip_pose.tolist(), known.tip_deviations,
+            shape.bending_directions.tolist(), tip_numbers(shape), known.tip_deviations,
             aim.tip_error(shape) if aim is not None else nan)
 
     def _end(self, handle: Any, outcome: Outcome, reached: Reached = NOWHERE) -> None:
@@ -403,3 +403,12 @@ class ShapeSequencer(Node):
 
 def _text(error: BaseException) -> str:
     return str(error) if isinstance(error, PlanError) else f'{type(error).__name__}: {error}'
+
+
+def tip_numbers(state: Any) -> list[float]:
+    """Return x, z and angle of the tip; of a spatial arm x, y, z and rotation vector."""
+    from scipy.spatial.transform import Rotation
+    point: list[float] = state.points[-1].tolist()
+    if not state.bending_directions.size:
+        return point
+    return [*point, *Rotation.from_matrix(state.rotations[-1]).as_rotvec().tolist()]

@@ -161,7 +161,7 @@ def angles_problem(angles: Sequence[float], arm: AnyArm, directions: Sequence[fl
 
 
 def _angles_problem(angles: Sequence[float], arm: AnyArm) -> str:
-    limits = [s.bending_angle_limit for s in arm.segments]
+    limits = arm.bending_angle_limits.tolist()
     if len(angles) != len(limits):
         return f'{len(angles)} bending angles given, the arm has {len(limits)} segments'
     for segment, (angle, limit) in enumerate(zip(angles, limits, strict=True), start=1):

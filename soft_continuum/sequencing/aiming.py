@@ -16,11 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import bent, State
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.spatial.directions import bending_axes
 from soft_continuum.sequencing.planner import (
     Move,
     PlanError,
@@ -45,9 +43,9 @@ class Aim:
     """
     What a sequence is to end in.
 
-    bending: (segments,) rad, in space (segments, 2).  tip: (x, z) m, in space (x, y, z).  on_tip:
-    whether the tip is to be right, and the bending only chooses among the shapes that bring it
-    there; otherwise the bending is.
+    bending: (segments, 2) rad, as State.bending.  tip: (3,) m.  on_tip: whether the tip is to be
+    right, and the bending only chooses among the shapes that bring it there; otherwise the bending
+    is.
     """
 
     bending: Array
@@ -62,35 +60,30 @@ class Aim:
         """Return how far a state is off: m of the tip, or rad of the worst segment."""
         if self.on_tip:
             return self.tip_error(state)
-        away = (state.bending - self.bending).reshape(len(self.bending), -1)
-        return float(np.linalg.norm(away, axis=1).max())
+        return float(np.linalg.norm(state.bending - self.bending, axis=1).max())
 
     def at(self, state: State) -> 'Aim':
         """Return the aim that a state meets, of the same kind."""
-        return replace(self, bending=state.bending, tip=self._tip(state))
+        return replace(self, bending=state.bending, tip=state.backbone[-1])
 
     def tip_error(self, state: State) -> float:
         """Return how far the tip of a state is off, m."""
-        return float(np.linalg.norm(self._tip(state) - self.tip))
+        return float(np.linalg.norm(state.backbone[-1] - self.tip))
 
     def residuals(self, state: State) -> Array:
         """Return what is to be small."""
         away = (state.bending - self.bending).ravel()
         if not self.on_tip:
             return away
-        return np.concatenate([(self._tip(state) - self.tip) / TIP_SCALE, away / ANGLE_SCALE])
-
-    def _tip(self, state: State) -> Array:
-        return state.tip_pose[:len(self.tip)]
+        return np.concatenate([(state.backbone[-1] - self.tip) / TIP_SCALE, away / ANGLE_SCALE])
 
 
-def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Sequence[Any] | Array
-              ) -> Any:
+def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Array) -> Any:
     """
     Return the state after segments (0-based), or WHOLE_ARM, were set one after the other.
 
-    bending: of each of them, rad; of WHOLE_ARM that of all.  Raises StaticsError where no tendon
-    holds one there.
+    bending: of each of them, (k, 2) rad; of WHOLE_ARM that of all.  Raises StaticsError where no
+    tendon holds one there.
     """
     goal = np.array(state.bending)
     goal[_rows(segments, len(goal))] = bending
@@ -109,17 +102,14 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
     Return the bendings at which segments are to be locked, and the state that is predicted.
 
     segments: 0-based, or WHOLE_ARM, in the order in which they are set; the first may be soft
-    already.  The bendings are (k,) rad, in space (k, 2).  check_wanted: is called now and then, to
-    end by raising: in space it takes seconds.  Raises StaticsError when the wanted ones cannot be
-    set.
+    already.  The bendings are (k, 2) rad.  check_wanted: is called now and then, to end by
+    raising: it may take seconds.  Raises StaticsError when the wanted ones cannot be set.
     """
     from scipy.optimize import least_squares  # 0.3 s that a start need not wait for
     arm = statics.chain.arm
-    planar = isinstance(arm, Arm)
     rows = _rows(segments, len(arm.segments))
-    most = LIMIT_SHARE * np.array([arm.segments[s].bending_angle_limit for s in rows])
-    free = np.ones(len(rows), dtype=bool) if planar else bending_axes(arm)[rows]
-    limits = most if planar else np.repeat(most[:, None], 2, axis=1)
+    most = LIMIT_SHARE * arm.bending_angle_limits[rows]
+    free, limits = arm.bending_axes[rows], np.repeat(most[:, None], 2, axis=1)
     first = np.clip(np.asarray(aim.bending)[rows], -limits, limits)
     away = np.inf if aim.on_tip else FARTHEST
     bounds = (np.maximum(-limits, first - away)[free], np.minimum(limits, first + away)[free])
@@ -128,9 +118,8 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
         """Return bendings within the limits, where those that are free have given values."""
         bending = first.copy()
         bending[free] = values
-        if not planar:
-            sizes = np.linalg.norm(bending, axis=1)
-            bending *= (most / np.maximum(sizes, most))[:, None]
+        sizes = np.linalg.norm(bending, axis=1)
+        bending *= (most / np.maximum(sizes, most))[:, None]
         return bending
 
     def residuals(values: Array) -> Array:
@@ -148,8 +137,8 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
     before = residuals(best)
     try:
         found = least_squares(
-            residuals, best, jac='2-point' if planar else slopes, diff_step=STEP,
-            bounds=bounds, x_scale=0.1, xtol=PRECISION, ftol=PRECISION)
+            residuals, best, jac=slopes, bounds=bounds, x_scale=0.1, xtol=PRECISION,
+            ftol=PRECISION)
         if found.cost <= 0.5 * before @ before:
             best = found.x
     except StaticsError:  # on the way: the wanted angles themselves can be set
@@ -168,7 +157,8 @@ class Step:
     """
     What is to be done next with a segment that is soft.
 
-    move: None when the segment is where it should be locked.  change: rad by which it is to turn.
+    move: None when the segment is where it should be locked.  change: rad by which it is to turn,
+    never negative.
     error: how far the arm is from its aim now.  predicted: how far it will be after all that is
     left, m or rad as Aim.error.
     """
@@ -196,9 +186,8 @@ def next_step(planner: ShapePlanner, state: Any, pulls: Sequence[float],
         goal[_rows(segments, len(goal))] = bending
         change = _change(goal, state.bending, first)
         move = None
-        if abs(change) > planner.settings.angle_tolerance:
-            move, _ = planner.move(state, np.asarray(pulls, dtype=float), first,
-                                   float(goal[first]) if goal.ndim == 1 else goal)
+        if change > planner.settings.angle_tolerance:
+            move, _ = planner.move(state, np.asarray(pulls, dtype=float), first, goal)
             if np.abs(move.pulls - move.pulls[0]).max() <= dead_band:
                 move = None
             elif move.duration < MIN_DURATION:
@@ -211,8 +200,6 @@ def next_step(planner: ShapePlanner, state: Any, pulls: Sequence[float],
 
 def _change(goal: Array, now: Array, segment: int) -> float:
     """Return by how much a segment, or the worst of WHOLE_ARM, is to turn, rad."""
-    if goal.ndim == 1:
-        return float(goal[segment] - now[segment])
     turns = np.linalg.norm(goal - now, axis=1)
     return float(turns.max() if segment == WHOLE_ARM else turns[segment])
 

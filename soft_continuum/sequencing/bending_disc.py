@@ -19,7 +19,6 @@ import scipy
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.directions import bending_axes
 from soft_continuum.mechanics.spatial.inverse import pulls_that_hold
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
 from soft_continuum.sequencing.bending_curve import CurveLimits
@@ -119,7 +118,7 @@ def bending_disc(statics: SpatialStatics, state: SpatialEquilibrium, segment: in
     hinge, that cannot be straight, or cannot be bent.
     """
     arm = statics.chain.arm
-    if not bending_axes(arm)[segment].all():
+    if not arm.bending_axes[segment].all():
         raise StaticsError(f'segment {segment + 1} is a hinge; only one that bends to all sides '
                            'can be moved so', state)
     soft = [not jamming or i == segment for i in range(statics.chain.segments)]

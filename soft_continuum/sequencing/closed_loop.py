@@ -292,9 +292,9 @@ class ClosedLoopRunner(Runner):
             step = yield from self._planned(self._loop.step(left, aim), segment)
             self.progress = replace(self.progress, error=step.error, correction=correction)
             if step.move is None or (correction > 1
-                                     and abs(step.change) > max(GROWS, BETTER * before)):
+                                     and step.change > max(GROWS, BETTER * before)):
                 break
-            before = abs(step.change)
+            before = step.change
             self._corrections += correction > 0
             part = self._part(index)
             self._report(index, part, Phase.MOVING)
@@ -368,4 +368,4 @@ def _worse(aim: Aim, before: float, error: float) -> str:
 def _way_point(plan: ShapePlan, move: int) -> Aim:
     """Return what a move of a plan (0-based) ends in."""
     state = plan.ways[move][-1]
-    return Aim(state.bending, state.tip_pose[:2 if state.bending.ndim == 1 else 3])
+    return Aim(state.bending, state.backbone[-1])

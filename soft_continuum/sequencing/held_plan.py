@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import bending_of
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan, ShapePlanner
 from soft_continuum.sequencing.reach.goal import Clear, NoObstacles, ReachSettings
 from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
@@ -88,7 +88,8 @@ def plan_held(planner: ShapePlanner, shape: Shape, set_to: SetTo) -> tuple[Shape
     set_to: takes rad as State.bending.  Raises what it raises.
     """
     tolerance = planner.settings.angle_tolerance
-    wanted = bending_of(planner.statics.chain.arm, shape.bending_angles, shape.bending_directions)
+    wanted = bending_vectors(
+        planner.statics.chain.arm, shape.bending_angles, shape.bending_directions)
     found, off = made_up_for(planner, set_to, lambda state: wanted - state.bending, tolerance)
     warning = '' if off <= tolerance else (
         f'{shape.name} is predicted to be {np.degrees(off):.1f} degrees off with its vacuums')

@@ -10,7 +10,7 @@ import numpy as np
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, Equilibrium
 from soft_continuum.mechanics.statics import Statics
-from soft_continuum.sequencing.planner import Move, PlanSettings, Shape, ShapePlanner
+from soft_continuum.sequencing.planner import Move, PlanSettings, ShapePlanner
 
 
 class Planner(ShapePlanner):
@@ -25,33 +25,20 @@ class Planner(ShapePlanner):
         super().__init__(arm, settings, abandoned, offsets)
         self.statics = Statics(arm)
 
-    def goals_of(self, shape: Shape) -> Sequence[tuple[int, float, str]]:
-        """As ShapePlanner."""
-        return [(i, angle, f'segment {i + 1} to {np.degrees(angle):.1f} degrees: ')
-                for i, angle in enumerate(shape.bending_angles)]
-
-    def shifted(self, goal: float, segment: int, shift: Array) -> float:
-        """As ShapePlanner."""
-        limit = self.statics.chain.arm.segments[segment].bending_angle_limit
-        return float(np.clip(goal + shift[segment], -limit, limit))
-
-    def away(self, state: Equilibrium, segment: int, goal: float) -> float:
-        """As ShapePlanner."""
-        return abs(float(state.bending_angles[segment]) - goal)
-
-    def move(self, state: Equilibrium, start: Array, segment: int, goal: float
+    def move(self, state: Equilibrium, start: Array, segment: int, goal: Array
              ) -> tuple[Move, Equilibrium]:
-        """Plan one segment as ShapePlanner; goal: its bending angle, rad."""
+        """Plan one segment as ShapePlanner."""
+        angle = float(goal[segment, 1])
         vacuum = state.vacuum or None  # of the jams that stay stiff
         softened = self.softened(state, start, segment)
         present = softened.bending_angles[segment]
-        steps = max(1, ceil(abs(goal - present) / self.settings.angle_step))
+        steps = max(1, ceil(abs(angle - present) / self.settings.angle_step))
         # One tendon is pulled in, the other paid out: the side that the segment turns to.
-        turn = int(np.sign(goal - present))
+        turn = int(np.sign(angle - present))
         sliding = (turn, -turn)
         points, tension = [start], float(softened.tensions.max())
         bent = softened
-        for target in np.linspace(present, goal, steps + 1)[1:]:
+        for target in np.linspace(present, angle, steps + 1)[1:]:
             self.check_wanted()
             bent = self.statics.bend(
                 bent, segment, float(target), vacuum=vacuum, sliding=sliding)
@@ -61,12 +48,13 @@ class Planner(ShapePlanner):
         self.check_limits(pulls, tension)
         end = self.held(bent, pulls[-1], segment, sliding)
         times, pulls = self._timed(pulls)
-        return Move(segment, goal, times, pulls, tension, sliding), end
+        return Move(segment, angle, times, pulls, tension, sliding), end
 
-    def bent(self, state: Equilibrium, segment: int, goal: float) -> Equilibrium:
+    def bent(self, state: Equilibrium, segment: int, goal: Array) -> Equilibrium:
         """Return the state at the end of a move as ShapePlanner."""
-        turn = int(np.sign(goal - state.bending_angles[segment]))
-        return self.statics.bend(state, segment, goal, vacuum=state.vacuum or None,
+        angle = float(goal[segment, 1])
+        turn = int(np.sign(angle - state.bending_angles[segment]))
+        return self.statics.bend(state, segment, angle, vacuum=state.vacuum or None,
                                  sliding=(turn, -turn))
 
     def _with_slack(self, bent: Equilibrium, sliding: Sequence[int]) -> Array:

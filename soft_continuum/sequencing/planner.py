@@ -20,6 +20,7 @@ import numpy as np
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.parameters.shapes import angles_problem
 from soft_continuum.sequencing.timing import timed
@@ -171,7 +172,7 @@ class ShapePlan:
 
 class ShapePlanner(ABC):
     """
-    Plans shapes for one arm, planar or spatial; states are those of its statics.
+    Plans shapes for one arm; states are those of its statics, a goal is as State.bending.
 
     statics: of the arm, Statics or SpatialStatics.
     """
@@ -219,17 +220,15 @@ class ShapePlanner(ABC):
             start = plan.moves[-1].pulls[-1] if plan.moves else start
         return plans
 
-    def moves(self, state: Any, start: Array, shape: Shape, shift: Any = None
+    def moves(self, state: Any, start: Array, shape: Shape, shift: Array | None = None
               ) -> tuple[tuple[Move, ...], Any]:
         """
         Return the moves that set a shape from a state, and the state after them.
 
-        shift: added to the goals, (segments,) or (segments, 2) as State.bending, rad.  Raises
-        PlanError.
+        shift: added to the goals, as State.bending, rad.  Raises PlanError.
         """
         moves = []
-        for segment, given, text in self.goals_of(shape):
-            goal = given if shift is None else self.shifted(given, segment, shift)
+        for segment, goal, text in self.goals_of(shape, shift):
             if self.away(state, segment, goal) <= self.settings.angle_tolerance:
                 continue
             try:
@@ -251,29 +250,45 @@ class ShapePlanner(ABC):
         return self.statics.solve(state, np.asarray(pulls) + self._offsets, [False] * count,
                                   vacuum=[1.0] * count if vacuum is None else list(vacuum))
 
-    @abstractmethod
-    def shifted(self, goal: Any, segment: int, shift: Any) -> Any:
-        """Return a goal of a segment moved by a shift, within the limits of the arm."""
-
-    @abstractmethod
-    def goals_of(self, shape: Shape) -> Sequence[tuple[int, Any, str]]:
-        """Return the segments to set, one after the other, where to, and how errors begin."""
-
-    @abstractmethod
-    def away(self, state: Any, segment: int, goal: Any) -> float:
-        """Return how far a segment is from its goal, rad."""
-
-    @abstractmethod
-    def move(self, state: Any, start: Array, segment: int, goal: Any) -> tuple[Move, Any]:
+    def goals_of(self, shape: Shape, shift: Array | None = None
+                 ) -> Sequence[tuple[int, Array, str]]:
         """
-        Plan one segment (0-based); return the move and the state at its end.
+        Return the segments to set, one after the other, where to, and how errors begin.
 
-        start: (tendons,) the present pulls of the motors, m.  Raises PlanError beyond a limit,
-        StaticsError where no tendon holds the segment at its goal.
+        shift: as of ``moves``; the goals stay within the limits of the arm.
+        """
+        arm = self.statics.chain.arm
+        goal = bending_vectors(arm, shape.bending_angles, shape.bending_directions)
+        if shift is not None:
+            goal = goal + shift
+            size, limits = np.linalg.norm(goal, axis=1), arm.bending_angle_limits
+            goal *= np.minimum(1.0, limits / np.where(size > 0.0, size, 1.0))[:, None]
+        if not self.settings.jamming:
+            return [(WHOLE_ARM, goal, '')]
+        texts = [f'segment {i} to {np.degrees(angle):.1f} degrees'
+                 for i, angle in enumerate(shape.bending_angles, start=1)]
+        if shape.bending_directions:
+            texts = [f'{text} in the direction {np.degrees(direction):.1f} degrees'
+                     for text, direction in zip(texts, shape.bending_directions, strict=True)]
+        return [(i, goal, f'{text}: ') for i, text in enumerate(texts)]
+
+    def away(self, state: Any, segment: int, goal: Array) -> float:
+        """Return how far a segment, or the worst of WHOLE_ARM, is from its goal, rad."""
+        left = np.linalg.norm(goal - state.bending, axis=1)
+        return float(left[self._soft(segment)].max())
+
+    @abstractmethod
+    def move(self, state: Any, start: Array, segment: int, goal: Array) -> tuple[Move, Any]:
+        """
+        Plan one segment (0-based), or WHOLE_ARM; return the move and the state at its end.
+
+        start: (tendons,) the present pulls of the motors, m.  Of the goal the bending of what is
+        soft counts.  Raises PlanError beyond a limit, StaticsError where no tendon holds the
+        segment at its goal.
         """
 
     @abstractmethod
-    def bent(self, state: Any, segment: int, goal: Any) -> Any:
+    def bent(self, state: Any, segment: int, goal: Array) -> Any:
         """
         Return the state at the end of a move, without the way there.
 

@@ -244,8 +244,7 @@ class AngleServo:
         None without: then the correction is held.  Raises HeldSegmentMovedError.
         """
         self._state = state
-        change = state.bending - self._made_for.bending
-        turned = np.linalg.norm(change.reshape(len(change), -1), axis=1)
+        turned = np.linalg.norm(state.bending - self._made_for.bending, axis=1)
         turned[self.segment] = 0.0
         if turned.max() > MAX_HELD_CHANGE:
             held = 'is stiff' if any(state.stiff) else 'is held by its tendons'
@@ -269,9 +268,8 @@ class AngleServo:
 
     def _bending(self, state: State) -> Bending:
         """Return how the segment bends."""
-        if self._planar:
-            return float(state.bending[self.segment])
-        return bending_of(state.bending, self.segment)
+        bending = bending_of(state.bending, self.segment)
+        return bending.real if self._planar else bending
 
     @property
     def correction(self) -> Bending:

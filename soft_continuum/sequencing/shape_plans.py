@@ -153,8 +153,7 @@ def _ordered(passages: Passages, start: Node, shape: Shape, blocked_by: dict[str
     raise BlockedError too.  shift: as of ShapePlanner.moves.  Raises BlockedError.
     """
     planner, why = passages.planner, ''
-    goals = [(segment, goal if shift is None else planner.shifted(goal, segment, shift), at)
-             for segment, goal, at in planner.goals_of(shape)]
+    goals = planner.goals_of(shape, shift)
     for _, order in zip(range(ORDERS), permutations(goals), strict=False):
         node, at = start, ''
         try:

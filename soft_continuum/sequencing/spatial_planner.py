@@ -17,7 +17,6 @@ import numpy as np
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.directions import bending_axes, bending_vectors
 from soft_continuum.mechanics.spatial.inverse import BendingFit, pulls_that_hold
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
@@ -25,16 +24,14 @@ from soft_continuum.sequencing.planner import (
     Move,
     PlanError,
     PlanSettings,
-    Shape,
     ShapePlanner,
-    WHOLE_ARM,
 )
 
 LEAN = 0.1  # rad that a segment may lean over when it becomes soft, until its tendons hold it
 
 
 class SpatialPlanner(ShapePlanner):
-    """Plans shapes for one spatial arm; a goal is a bending (segments, 2) rad."""
+    """Plans shapes for one spatial arm."""
 
     statics: SpatialStatics
 
@@ -45,34 +42,9 @@ class SpatialPlanner(ShapePlanner):
         super().__init__(arm, settings, abandoned, offsets)
         self.statics = SpatialStatics(arm)
 
-    def goals_of(self, shape: Shape) -> Sequence[tuple[int, Array, str]]:
-        """As ShapePlanner."""
-        goal = bending_vectors(
-            self.statics.chain.arm, shape.bending_angles, shape.bending_directions)
-        if not self.settings.jamming:
-            return [(WHOLE_ARM, goal, '')]
-        directions = shape.bending_directions or (0.0,) * len(goal)
-        return [(i, goal, f'segment {i + 1} to {np.degrees(angle):.1f} degrees in the direction '
-                          f'{np.degrees(direction):.1f} degrees: ')
-                for i, (angle, direction) in enumerate(
-                    zip(shape.bending_angles, directions, strict=True))]
-
-    def shifted(self, goal: Array, segment: int, shift: Array) -> Array:
-        """As ShapePlanner."""
-        limits = np.array([s.bending_angle_limit for s in self.statics.chain.arm.segments])
-        moved: Array = goal + shift
-        size = np.linalg.norm(moved, axis=1)
-        moved *= np.minimum(1.0, limits / np.where(size > 0.0, size, 1.0))[:, None]
-        return moved
-
-    def away(self, state: SpatialEquilibrium, segment: int, goal: Array) -> float:
-        """As ShapePlanner."""
-        left = np.linalg.norm(goal - state.bending, axis=1)
-        return float(left[self._soft(segment)].max())
-
     def move(self, state: SpatialEquilibrium, start: Array, segment: int, goal: Array
              ) -> tuple[Move, SpatialEquilibrium]:
-        """Plan one segment, or WHOLE_ARM, as ShapePlanner; of the goal only its bending counts."""
+        """Plan one segment, or WHOLE_ARM, as ShapePlanner."""
         soft = self._soft(segment)
         bent = self.softened(state, start, segment)
         if bent.jumped and np.abs(bent.bending - state.bending).max() > LEAN:
@@ -80,7 +52,7 @@ class SpatialPlanner(ShapePlanner):
                             'tendons do not hold it; pull them in, or straighten the arm by '
                             '`soft_continuum home`')
         present, tension = bent.bending, float(bent.tensions.max())
-        chosen = bending_axes(self.statics.chain.arm) & np.array(soft)[:, None]
+        chosen = self.statics.chain.arm.bending_axes & np.array(soft)[:, None]
         change = np.where(chosen, goal - present, np.nan)
         most = np.linalg.norm(np.nan_to_num(change), axis=1).max()
         steps = max(1, ceil(most / self.settings.angle_step))

@@ -17,7 +17,6 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, statics_of
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import set_shape
-from soft_continuum.mechanics.spatial.directions import bending_axes
 from soft_continuum.mechanics.spatial.inverse import pulls_for_bending
 from soft_continuum.mechanics.spatial.inverse import set_shape as set_shape_in_space
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
@@ -60,7 +59,7 @@ def shapes(design: Design, first: int, count: int, seed: int) -> list[dict[str, 
 def drawn(arm: AnyArm, draw: np.random.Generator, jamming: bool) -> Array:
     """Return random bending within the limits, of some of the segments, or of all at once."""
     count = len(arm.segments)
-    limits = np.array([s.bending_angle_limit for s in arm.segments])
+    limits = arm.bending_angle_limits
     chosen = np.ones(count, dtype=bool)
     if jamming:  # with fewer softenings a smaller set is reached
         chosen[draw.permutation(count)[draw.integers(1, count + 1):]] = False
@@ -69,7 +68,7 @@ def drawn(arm: AnyArm, draw: np.random.Generator, jamming: bool) -> Array:
     sizes = limits * np.sqrt(draw.random(count))  # even over the disc of rotation vectors
     ways = draw.uniform(-np.pi, np.pi, count)
     bending = sizes[:, None] * np.column_stack([-np.sin(ways), np.cos(ways)])
-    return np.where(bending_axes(arm) & chosen[:, None], bending, 0.0)
+    return np.where(arm.bending_axes & chosen[:, None], bending, 0.0)
 
 
 def set_to(statics: Any, bending: Array, jamming: bool) -> tuple[Any, int]:

@@ -78,7 +78,7 @@ class Model:
 
     def bend(self, state: Any, soft: Sequence[bool], bending: np.ndarray) -> Any:
         """Return the state in which soft segments have a bending, as a plan holds them."""
-        return bent(self.statics, state, soft, self._own(bending))
+        return bent(self.statics, state, soft, bending)
 
     # Numbers of a state.
 
@@ -89,7 +89,7 @@ class Model:
         more = {'sliding': sliding} if len(sliding) else {}
         found = {
             'discs': discs, 'joints': self._joints(state.coordinates),
-            'bending': self._as_vectors(state.bending), 'paths': state.pulls,
+            'bending': state.bending, 'paths': state.pulls,
             'motors': self.statics.commanded_pulls(state, **more),
             'tensions': state.tensions, 'slack': state.slack, 'jumped': bool(state.jumped)}
         if any(state.stiff) and any(not segment.jam.rigid for segment in self.arm.segments):
@@ -216,9 +216,6 @@ class Model:
 
     def _own(self, bending: np.ndarray) -> np.ndarray:
         return bending[:, 1] if self.planar else bending
-
-    def _as_vectors(self, bending: np.ndarray) -> np.ndarray:
-        return np.column_stack([0.0 * bending, bending]) if self.planar else bending
 
     def _joints(self, coordinates: np.ndarray) -> np.ndarray:
         """Return the rotation vector of every joint, (joints, 3)."""

@@ -34,13 +34,15 @@ def statics():
     return Statics(ELASTIC)
 
 
-def tip_of(angles):
-    """Return where the tip is when all segments bend evenly by these angles."""
-    return Statics(ELASTIC).chain.uniform(angles).tip[:2]
+def aim_at(angles, on_tip=False):
+    """Return the aim at angles, and at where the tip is when all segments bend evenly by them."""
+    state = Statics(ELASTIC).chain.uniform(angles)
+    return Aim(state.bending, state.backbone[-1], on_tip)
 
 
 def walk(statics, state, segments, angles):
     """Set segments one after the other, by the statics alone."""
+    angles = np.reshape(angles, (len(segments), -1))[:, -1]  # about y
     for segment, angle in zip(segments, angles, strict=True):
         state = statics.bend(state, segment, float(angle))
     return state
@@ -65,7 +67,7 @@ def again_of(statics, state, *arguments):
 @pytest.mark.parametrize('angles', [C_FORM, S_FORM, -C_FORM], ids=['C', 'S', 'mirrored C'])
 def test_the_angles_are_right_after_the_last_segment_was_set(statics, angles):
     straight = statics.chain.straight()
-    wanted = Aim(angles, tip_of(angles))
+    wanted = aim_at(angles)
     found, after = angles_to_set(statics, straight, ALL, wanted)
     there = walk(statics, straight, ALL, found)
     naive = walk(statics, straight, ALL, angles)
@@ -76,36 +78,37 @@ def test_the_angles_are_right_after_the_last_segment_was_set(statics, angles):
 
 
 def test_the_tip_is_right_after_the_last_segment_was_set(statics):
-    straight, aim = statics.chain.straight(), Aim(C_FORM, tip_of(C_FORM), on_tip=True)
+    straight, aim = statics.chain.straight(), aim_at(C_FORM, on_tip=True)
     found, _ = angles_to_set(statics, straight, ALL, aim)
     there, naive = (walk(statics, straight, ALL, a) for a in (found, C_FORM))
-    assert np.linalg.norm(there.tip[:2] - aim.tip) < 1e-4
-    assert np.linalg.norm(naive.tip[:2] - aim.tip) > 2e-3
+    assert np.linalg.norm(there.backbone[-1] - aim.tip) < 1e-4
+    assert np.linalg.norm(naive.backbone[-1] - aim.tip) > 2e-3
     assert np.abs(there.bending_angles - C_FORM).max() < np.radians(5.0)  # of that kind of shape
 
 
 def test_the_later_segments_bring_the_tip_where_it_belongs_past_a_wrong_first_one(statics):
     first = statics.bend(statics.chain.straight(), 0, C_FORM[0] + np.radians(4.0))
-    aim = Aim(C_FORM, tip_of(C_FORM), on_tip=True)
+    aim = aim_at(C_FORM, on_tip=True)
     found, _ = angles_to_set(statics, first, (1, 2), aim)
-    assert np.linalg.norm(walk(statics, first, (1, 2), found).tip[:2] - aim.tip) < 1e-4
+    assert np.linalg.norm(walk(statics, first, (1, 2), found).backbone[-1] - aim.tip) < 1e-4
     kept, _ = angles_to_set(statics, first, (1, 2), replace(aim, on_tip=False))
     there = walk(statics, first, (1, 2), kept)
     assert there.bending_angles[1:] == pytest.approx(C_FORM[1:], abs=np.radians(0.1))
-    assert np.linalg.norm(there.tip[:2] - aim.tip) > 5e-3  # angles do not make up for it
+    assert np.linalg.norm(there.backbone[-1] - aim.tip) > 5e-3  # angles do not make up for it
 
 
 def test_angles_to_set_stay_within_the_limits(statics):
-    limits = np.array([s.bending_angle_limit for s in ELASTIC.segments])
-    aim = Aim(0.6 * limits, np.array([10.0, 0.0]), on_tip=True)  # nobody reaches that
+    limits = ELASTIC.bending_angle_limits
+    aim = aim_at(0.6 * limits, on_tip=True)
+    aim = replace(aim, tip=np.array([10.0, 0.0, 0.0]))  # nobody reaches that
     found, _ = angles_to_set(statics, statics.chain.straight(), ALL, aim)
-    assert np.all(np.abs(found) <= limits)
+    assert np.all(np.abs(found) <= limits[:, None])
 
 
 def test_no_segment_is_set_far_from_where_it_is_to_end():
     floppy = Statics(replace(ELASTIC, mounting_angle=1.2, segments=tuple(
         replace(s, jam=Jam(1.5)) for s in ELASTIC.segments)))
-    aim = Aim(0.3 * C_FORM, tip_of(0.3 * C_FORM))
+    aim = aim_at(0.3 * C_FORM)
     found, _ = angles_to_set(floppy, floppy.chain.straight(), ALL, aim)
     assert np.abs(found - aim.bending).max() <= FARTHEST
 
@@ -113,23 +116,25 @@ def test_no_segment_is_set_far_from_where_it_is_to_end():
 def test_mirrored_aims_have_mirrored_angles(statics):
     straight = statics.chain.straight()
     for on_tip in (False, True):
-        aim = Aim(S_FORM, tip_of(S_FORM), on_tip)
-        image = Aim(-S_FORM, tip_of(S_FORM) * [-1.0, 1.0], on_tip)
+        aim = aim_at(S_FORM, on_tip)
+        image = aim_at(-S_FORM, on_tip)
         one, other = (angles_to_set(statics, straight, ALL, a)[0] for a in (aim, image))
         assert one == pytest.approx(-other, abs=1e-4)
 
 
 def test_prediction_is_one_segment_after_the_other(statics):
     straight = statics.chain.straight()
-    there = walk(statics, straight, (2, 0), (0.3, -0.2))
-    found = predicted(statics, straight, (2, 0), (0.3, -0.2))
+    bending = np.array([[0.0, 0.3], [0.0, -0.2]])
+    there = walk(statics, straight, (2, 0), bending)
+    found = predicted(statics, straight, (2, 0), bending)
     assert np.array_equal(found.joint_angles, there.joint_angles)
 
 
 def test_what_is_soft_now_counts_as_locked_by_the_full_vacuum_later(statics):
     soft = statics.bend(statics.chain.straight(), 0, 0.2)
-    full = predicted(statics, soft, ALL, C_FORM)
-    vented = predicted(statics, replace(soft, vacuum=(0.01, 1.0, 1.0)), ALL, C_FORM)
+    full = predicted(statics, soft, ALL, aim_at(C_FORM).bending)
+    vented = predicted(statics, replace(soft, vacuum=(0.01, 1.0, 1.0)), ALL,
+                       aim_at(C_FORM).bending)
     assert vented.bending_angles == pytest.approx(full.bending_angles, abs=1e-6)
 
 
@@ -146,14 +151,14 @@ def soft(planner, segment, angle=0.3):
 def test_the_next_step_leads_to_the_angle_that_is_to_be_locked():
     planner = Planner(ELASTIC, SETTINGS)
     state, pulls = soft(planner, 0)
-    aim = Aim(C_FORM, tip_of(C_FORM))
+    aim = aim_at(C_FORM)
     wanted, _ = angles_to_set(planner.statics, state, ALL, aim)
     step = next_step(planner, state, pulls, ALL, aim, 5e-5)
-    assert step.change == pytest.approx(wanted[0] - 0.3, abs=1e-6)
+    assert step.change == pytest.approx(wanted[0, 1] - 0.3, abs=1e-6)
     assert step.error == pytest.approx(np.abs(C_FORM - state.bending_angles).max())
     assert step.predicted < np.radians(0.1)
     there = planner.statics.solve(state, step.move.pulls[-1], (True, False, False))
-    assert there.bending_angles[0] == pytest.approx(wanted[0], abs=np.radians(0.1))
+    assert there.bending_angles[0] == pytest.approx(wanted[0, 1], abs=np.radians(0.1))
     assert step.move.pulls[0] == pytest.approx(pulls)
 
 
@@ -162,7 +167,7 @@ def test_what_friction_does_not_let_through_is_not_sent(dead_band):
     planner = Planner(ELASTIC, SETTINGS)
     state, pulls = soft(planner, 2)
     angles = state.bending_angles + [0.0, 0.0, np.radians(0.2)]  # more than the tolerance
-    step = next_step(planner, state, pulls, (2,), Aim(angles, tip_of(angles)), dead_band)
+    step = next_step(planner, state, pulls, (2,), aim_at(angles), dead_band)
     assert step.change == pytest.approx(np.radians(0.2), rel=0.1)
     assert (step.move is None) == (dead_band > 0.01)
 
@@ -171,14 +176,14 @@ def test_a_segment_within_tolerance_is_not_moved():
     planner = Planner(ELASTIC, SETTINGS)
     state, pulls = soft(planner, 2)
     angles = state.bending_angles + [0.0, 0.0, 0.5 * SETTINGS.angle_tolerance]
-    assert next_step(planner, state, pulls, (2,), Aim(angles, tip_of(angles)), 0.0).move is None
+    assert next_step(planner, state, pulls, (2,), aim_at(angles), 0.0).move is None
 
 
 def test_a_step_beyond_the_limits_names_its_segment():
     planner = Planner(ELASTIC, replace(SETTINGS, pull_limits=(-0.012, 0.012)))
     state, pulls = soft(planner, 1, 0.2)
     with pytest.raises(PlanError, match='segment 2: .*pull_limits'):
-        next_step(planner, state, pulls, (1,), Aim(2.0 * C_FORM, tip_of(C_FORM)), 5e-5)
+        next_step(planner, state, pulls, (1,), aim_at(2.0 * C_FORM), 5e-5)
 
 
 # Again.
@@ -187,10 +192,10 @@ def test_a_step_beyond_the_limits_names_its_segment():
 @pytest.fixture(scope='module')
 def good(statics):
     """Return an aim, and a stiff arm that was set to it."""
-    aim = Aim(C_FORM, tip_of(C_FORM))
+    aim = aim_at(C_FORM)
     angles, after = angles_to_set(statics, statics.chain.straight(), ALL, aim)
     state = statics.solve(after, after.pulls, (False,) * 3)
-    return Aim(state.bending_angles, state.tip[:2]), state
+    return Aim(state.bending, state.backbone[-1]), state
 
 
 @pytest.mark.parametrize('on_tip', [False, True])
@@ -202,7 +207,7 @@ def test_a_good_shape_is_not_set_again(statics, good, on_tip):
 def test_a_last_segment_that_shifted_is_set_again(statics, good):
     aim, state = good
     off = shifted(statics, state, 2, 0.05)
-    assert np.abs(off.bending_angles - aim.bending).argmax() == 2
+    assert np.abs(off.bending - aim.bending)[:, 1].argmax() == 2
     assert again_of(statics, off, ALL, aim, LOCK_IN) == (2,)
 
 

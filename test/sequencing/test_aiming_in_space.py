@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Jam, StaticsError
-from soft_continuum.mechanics.either import bending_of
 from soft_continuum.mechanics.spatial import pulls_for_bending, SpatialStatics
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.mechanics.spatial.inverse import PRETENSION, pulls_that_hold
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_any_arm
@@ -37,7 +37,7 @@ def statics():
 
 @pytest.fixture(scope='module')
 def bending(statics):
-    return bending_of(statics.chain.arm, ANGLES.tolist(), DIRECTIONS)
+    return bending_vectors(statics.chain.arm, ANGLES.tolist(), DIRECTIONS)
 
 
 def test_a_segment_that_would_fall_over_is_held_by_all_tendons():
@@ -76,7 +76,7 @@ def test_what_is_not_wanted_any_more_ends(statics, bending):
 
 def test_the_error_of_a_bending_counts_in_every_direction(statics, bending):
     aim = Aim(bending, np.zeros(3))
-    turned = bending_of(statics.chain.arm, ANGLES.tolist(), (0.6, 2.5 + pi / 2, -1.0))
+    turned = bending_vectors(statics.chain.arm, ANGLES.tolist(), (0.6, 2.5 + pi / 2, -1.0))
     assert aim.error(statics.chain.uniform(turned)) == pytest.approx(
         np.sqrt(2.0) * ANGLES[1], rel=1e-6)
 
@@ -84,7 +84,7 @@ def test_the_error_of_a_bending_counts_in_every_direction(statics, bending):
 def test_an_arm_without_jamming_is_set_as_a_whole():
     arm = load_any_arm(description_file().with_name('tendon_arm.yaml'))
     planner = planner_of(arm, PlanSettings(jamming=False, angle_step=0.3))
-    goal = bending_of(arm, (0.2, 0.1, 0.2), (0.5, 2.0, -1.0))
+    goal = bending_vectors(arm, (0.2, 0.1, 0.2), (0.5, 2.0, -1.0))
     state = planner.statics.solve(planner.statics.chain.straight(), np.zeros(9), (True,) * 3)
     step = next_step(planner, state, np.zeros(9), (WHOLE_ARM,), Aim(goal, np.zeros(3)), 5e-5)
     assert step.move.segment == WHOLE_ARM

@@ -37,7 +37,8 @@ def kept(found):
     return plans
 
 
-def find(kept, shapes, situation=SITUATION, bending=(0.0, 0.0, 0.0), pulls=(0.0, 0.0), take=False):
+def find(kept, shapes, situation=SITUATION, bending=((0.0, 0.0),) * 3, pulls=(0.0, 0.0),
+         take=False):
     return kept.find(situation, np.array(bending), lambda begin: np.allclose(begin, pulls),
                      shapes, TOLERANCE, take)
 
@@ -62,7 +63,8 @@ def test_a_later_shape_has_its_plan_from_where_the_one_before_it_ends(kept, foun
 
 
 @pytest.mark.parametrize('change', [
-    {'situation': (8, 'obstacles')}, {'bending': (0.0, 0.002, 0.0)}, {'pulls': (0.001, 0.0)}])
+    {'situation': (8, 'obstacles')}, {'bending': ((0.0, 0.0), (0.0, 0.002), (0.0, 0.0))},
+    {'pulls': (0.001, 0.0)}])
 def test_nothing_is_found_once_something_has_changed(kept, change):
     assert find(kept, [TIP]) and not find(kept, [TIP], **change)
 

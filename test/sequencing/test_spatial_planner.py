@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Jam
-from soft_continuum.mechanics.either import bending_of
 from soft_continuum.mechanics.spatial import solve_path, spatial, SpatialStatics
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.goals import shape_library
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_any_arm, load_arm, load_description
@@ -57,7 +57,7 @@ class Followed:
             self.ends.append(state)
 
     def wanted(self, plan):
-        return bending_of(self.statics.chain.arm, plan.shape.bending_angles,
+        return bending_vectors(self.statics.chain.arm, plan.shape.bending_angles,
                           plan.shape.bending_directions)
 
 
@@ -197,7 +197,7 @@ def test_the_jams_of_a_plan_have_the_vacuum_that_they_have():
     arm = replace(arm, segments=tuple(replace(s, jam=Jam(8.0)) for s in arm.segments))
     planner, part = planner_of(arm, SETTINGS), (0.5,) * 3
     start = replace(planner.statics.chain.straight(), vacuum=part)
-    goal = bending_of(arm, (0.0, 0.5, 0.0), (1.0,) * 3)
+    goal = bending_vectors(arm, (0.0, 0.5, 0.0), (1.0,) * 3)
     move, end = planner.move(start, np.zeros(3), 1, goal)
     state = start
     for pulls in move.pulls:

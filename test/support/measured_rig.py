@@ -85,8 +85,8 @@ class MeasuredRig(VirtualRig):
             self, self.settings, self.loop, self.arm.tendon_names)
 
     def aim(self, shape):
-        chain = self.planner.statics.chain  # of the description
-        return Aim(np.array(shape.bending_angles), chain.uniform(shape.bending_angles).tip[:2])
+        state = self.planner.statics.chain.uniform(shape.bending_angles)  # of the description
+        return Aim(state.bending, state.backbone[-1])
 
     def asked(self, work):
         future = Future()

@@ -11,6 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import cos, inf, pi, radians, sin
 
+import numpy as np
+from numpy.typing import NDArray
+
 from soft_continuum.mechanics._checks import whole
 from soft_continuum.mechanics.arm import (
     Arm,
@@ -216,6 +219,16 @@ class SpatialArm:
     def tendon_names(self) -> tuple[str, ...]:
         """Names of the tendons, in the order of every list of tendons."""
         return tuple(tendon.name for tendon in self.tendons)
+
+    @property
+    def bending_angle_limits(self) -> NDArray[np.float64]:
+        """How far each segment may bend, (segments,), rad."""
+        return np.array([segment.bending_angle_limit for segment in self.segments])
+
+    @property
+    def bending_axes(self) -> NDArray[np.bool_]:
+        """Whether each segment bends about x and y, (segments, 2)."""
+        return np.isfinite([[s.stiffness_x, s.stiffness_y] for s in self.segments])
 
     def without_gravity(self) -> 'SpatialArm':
         """Return the same arm with gravity left out."""

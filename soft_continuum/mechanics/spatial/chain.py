@@ -105,11 +105,6 @@ class SpatialEquilibrium:
         return bending_directions(self.bending)
 
     @property
-    def tip_pose(self) -> Array:
-        """The tip: x, y, z (m) and its rotation vector (rad), (6,)."""
-        return np.concatenate([self.tip, rotation_vectors(self.orientations[-1:])[0]])
-
-    @property
     def poses(self) -> Array:
         """The points, and quaternions x, y, z, w of their discs, (2 * discs, 7), m."""
         return np.column_stack([self.points, np.repeat(quaternions(self.orientations), 2, 0)])

@@ -19,7 +19,6 @@ from soft_continuum.mechanics._checks import real_array, soft_flags
 from soft_continuum.mechanics.arm import ArmError
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial.arm import SpatialArm
-from soft_continuum.mechanics.spatial.directions import bending_axes
 
 DETERMINED = 1e-3  # least over largest singular value of pulls by bendings
 
@@ -101,7 +100,7 @@ def bending(arm: SpatialArm, pulls_of: ArrayLike, start: ArrayLike | None = None
         raise ValueError(f'pulls must be {len(arm.tendons)} numbers (m), one for each tendon')
     bent = np.zeros((len(arm.segments), 2)) if start is None else _checked(arm, start).copy()
     flags = soft_flags([True] * len(bent) if soft is None else soft, len(bent))
-    free = bending_axes(arm) & np.array(flags)[:, None]
+    free = arm.bending_axes & np.array(flags)[:, None]
     carries = np.isfinite(given)
 
     def left(some: Array) -> Array:

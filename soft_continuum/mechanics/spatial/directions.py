@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from math import cos, degrees, isfinite, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial.arm import place_of, SpatialArm
 
@@ -21,12 +21,7 @@ ONE_PLANE = 1e-3  # least over largest singular value of what tendons do to a se
 ALONG = 1e-3  # rad: a direction this close to a plane is in it
 
 
-def bending_axes(arm: SpatialArm) -> NDArray[np.bool_]:
-    """Return whether each segment bends about x and y, (segments, 2)."""
-    return np.isfinite([[s.stiffness_x, s.stiffness_y] for s in arm.segments])
-
-
-def bending_vectors(arm: SpatialArm, angles: Sequence[float], directions: Sequence[float]
+def bending_vectors(arm: Arm | SpatialArm, angles: Sequence[float], directions: Sequence[float]
                     ) -> Array:
     """
     Return the bending (segments, 2), rad, of angles and directions (segments,), rad.
@@ -36,7 +31,7 @@ def bending_vectors(arm: SpatialArm, angles: Sequence[float], directions: Sequen
     """
     towards = np.array(directions if len(directions) else [0.0] * len(angles))
     vectors = np.array(angles)[:, None] * np.column_stack([-np.sin(towards), np.cos(towards)])
-    return np.where(bending_axes(arm), vectors, 0.0)
+    return np.where(arm.bending_axes, vectors, 0.0)
 
 
 def bending_directions(bending: Array) -> Array:
@@ -54,7 +49,7 @@ def direction_problem(arm: SpatialArm, segment: int, direction: float) -> str:
     passing = [tendon for tendon in arm.tendons if tendon.end > segment]
     if not passing:
         return f'no tendon passes segment {segment + 1}, so its bending cannot be chosen'
-    about_x, about_y = bending_axes(arm)[segment]
+    about_x, about_y = arm.bending_axes[segment]
     if about_x and about_y:
         places = np.array([place_of(arm, tendon, segment, part)
                            for tendon in passing for part in (0.0, 0.5, 1.0)])

@@ -11,7 +11,6 @@ from soft_continuum.mechanics._checks import segment_order, whole
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.directions import bending_axes
 from soft_continuum.mechanics.spatial.inverse import pulls_for_bending, SAME_BENDING, set_shape
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
 
@@ -36,7 +35,7 @@ def set_on_grid(
     for name, count in (('angles', angles), ('directions', directions)):
         if not whole(count) or count < 1:
             raise ValueError(f'{name} is {count!r}; a whole number, at least 1, is needed')
-    arm, free = statics.chain.arm, bending_axes(statics.chain.arm)
+    arm, free = statics.chain.arm, statics.chain.arm.bending_axes
     states: list[Bent] = [(statics.chain.straight(), np.zeros((len(arm.segments), 2)))]
     for s in segment_order(order, len(arm.segments)):
         sizes = arm.segments[s].bending_angle_limit * np.linspace(0.0, 1.0, angles + 1)[1:]

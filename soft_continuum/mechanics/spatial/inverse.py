@@ -27,7 +27,7 @@ from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial.arm import place_of
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.directions import bending_axes, ONE_PLANE
+from soft_continuum.mechanics.spatial.directions import ONE_PLANE
 from soft_continuum.mechanics.spatial.sensitivity import SpatialLinearisation
 from soft_continuum.mechanics.spatial.statics import Booleans, SpatialStatics
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
@@ -152,7 +152,7 @@ def _wanted(statics: SpatialStatics, bending: ArrayLike, soft: Sequence[bool]
         raise ValueError('bending must be two numbers (rad) or nan, about x and y, for each of '
                          f'the {segments} segments; given: {bending!r}')
     chosen = np.isfinite(wanted) & flags[:, None]
-    hinged = chosen & ~bending_axes(arm)
+    hinged = chosen & ~arm.bending_axes
     for s, axis in np.argwhere(hinged & (np.nan_to_num(wanted) != 0.0)):
         raise ValueError(f'segment {s + 1} does not bend about {"xy"[axis]}: its stiffness is '
                          'infinite')

@@ -23,7 +23,6 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.directions import bending_axes
 from soft_continuum.mechanics.spatial.inverse import SAME_BENDING, set_shape
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
 
@@ -132,9 +131,9 @@ class _Fit:
         self.statics, self.begin, self.segments = statics, begin, tuple(segments)
         self.goal, self.turn = goal, turn
         self.present = begin.bending
-        self.limits = np.array([s.bending_angle_limit for s in arm.segments])
+        self.limits = arm.bending_angle_limits
         self.free = np.zeros_like(self.present, dtype=bool)
-        self.free[list(segments)] = bending_axes(arm)[list(segments)]
+        self.free[list(segments)] = arm.bending_axes[list(segments)]
 
     def within_limits(self) -> bool:
         """Tell whether the segments that keep their bending are within their limits."""

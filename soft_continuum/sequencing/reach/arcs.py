@@ -17,7 +17,6 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, chain_of, State
 from soft_continuum.mechanics.spatial import constant_curvature as spatial_curvature
-from soft_continuum.mechanics.spatial.directions import bending_axes
 from soft_continuum.sequencing.planner import WHOLE_ARM
 from soft_continuum.sequencing.reach.goal import TipGoal
 
@@ -74,25 +73,30 @@ def size(miss: Array) -> Array:
 
 class Arcs:
     """
-    One arm of constant curvature; bending is (segments,) of a planar one, else (segments, 2), rad.
+    One arm of constant curvature; bending is (segments, 2) rad, as State.bending.
 
-    free: as bending, about which axes it bends.  limits: (segments,) rad.
+    free: about which axes it bends, as bending.  limits: (segments,) rad.
     """
 
     def __init__(self, arm: AnyArm) -> None:
         """Take the arm."""
-        self.arm, self.planar = arm, isinstance(arm, Arm)
+        self.arm = arm
         self.chain = chain_of(arm)
-        self.limits = np.array([segment.bending_angle_limit for segment in arm.segments])
-        self.free: NDArray[np.bool_] = (
-            np.ones(len(arm.segments), dtype=bool) if isinstance(arm, Arm) else bending_axes(arm))
+        self.limits = arm.bending_angle_limits
+        self.free = arm.bending_axes
+
+    @property
+    def planar(self) -> bool:
+        """Whether the tip stays in the x-z plane, since every segment bends about y only."""
+        return not self.free[:, 0].any()
 
     def tips(self, bending: Array) -> tuple[Array, Array]:
         """Return where tips are, (m, 3) m, and their orientations (m, 3, 3), of (m, ...) rad."""
         if not isinstance(self.arm, Arm):
             points, turns = spatial_curvature.poses(self.arm, bending)
             return points[..., -1, :], turns[..., -1, :, :]
-        x, z, angle = np.moveaxis(constant_curvature.poses(self.arm, bending)[..., -1, :], -1, 0)
+        x, z, angle = np.moveaxis(constant_curvature.poses(
+            self.arm, bending[..., 1])[..., -1, :], -1, 0)
         turned = np.zeros((*x.shape, 3, 3))
         turned[..., 0, 0] = turned[..., 2, 2] = np.cos(angle)
         turned[..., 0, 2], turned[..., 2, 0] = np.sin(angle), -np.sin(angle)
@@ -102,7 +106,7 @@ class Arcs:
     def pulls(self, bending: Array) -> Array:
         """Return the pulls (tendons,) m of one bending."""
         if isinstance(self.arm, Arm):
-            return np.array(constant_curvature.pulls(self.arm, bending.tolist()))
+            return np.array(constant_curvature.pulls(self.arm, bending[:, 1].tolist()))
         return spatial_curvature.pulls(self.arm, bending)
 
     def columns(self, movers: Sequence[int]) -> NDArray[np.intp]:
@@ -114,16 +118,15 @@ class Arcs:
         return np.flatnonzero(chosen)
 
     def within(self, bending: Array) -> Array:
-        """Return bendings (m, ...) within the limits, each the nearest to the one given."""
-        if self.planar:
-            return np.clip(bending, -self.limits, self.limits)
+        """Return bendings (m, segments, 2) within the limits, the nearest to those given."""
         sizes = np.linalg.norm(bending, axis=-1)
         return np.asarray(bending * (self.limits / np.maximum(sizes, self.limits))[..., None])
 
     def fit(self, bending: Array, movers: Sequence[int], miss: Miss) -> tuple[Array, Array]:
         """
-        Bring tips to a goal by what some segments, or WHOLE_ARM, set: (m, ...) rad from where.
+        Bring tips to a goal by what some segments, or WHOLE_ARM, set.
 
+        bending: (m, segments, 2) rad, from where.
         Returns the bendings and what is missed, as Miss.of; Levenberg and Marquardt's method, all
         at once.
         """
@@ -164,11 +167,13 @@ class Arcs:
         return change.reshape(bending.shape)
 
     def drawn(self, draw: np.random.Generator, count: int) -> Array:
-        """Return bendings within the limits, drawn evenly, (count, ...) rad."""
+        """Return bendings within the limits, drawn evenly, (count, segments, 2) rad."""
         parts = draw.uniform(size=(count, len(self.limits)))
-        if self.planar:
-            return np.asarray((2.0 * parts - 1.0) * self.limits)
-        ways = draw.uniform(0.0, 2.0 * np.pi, parts.shape)
-        sizes = np.sqrt(parts) * self.limits
-        drawn = np.stack([sizes * np.cos(ways), sizes * np.sin(ways)], axis=-1)
-        return np.where(self.free, drawn, 0.0)
+        drawn: Array = ((2.0 * parts - 1.0) * self.limits)[..., None] * self.free
+        both: NDArray[np.bool_] = np.logical_and(*self.free.T)
+        if both.any():
+            ways = draw.uniform(0.0, 2.0 * np.pi, parts.shape)
+            sizes = np.sqrt(parts) * self.limits
+            disc = np.stack([sizes * np.cos(ways), sizes * np.sin(ways)], axis=-1)
+            drawn = np.where(both[:, None], disc, drawn)
+        return drawn

@@ -21,8 +21,8 @@ from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.sequencing.planner import PlanSettings, WHOLE_ARM
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
 
-PLANAR_VALUES = 17  # angles of a segment between its limits
-RINGS, SPOKES = (0.35, 0.7, 1.0), 8  # bendings of a segment in space: parts of its limit, ways
+AXIS_VALUES = 17  # bendings of a segment about its only axis, between its limits
+RINGS, SPOKES = (0.35, 0.7, 1.0), 8  # of one that bends to all sides: parts of its limit, ways
 WHOLE_VALUES = 60  # shapes of an arm without jamming
 STARTS, FEW_STARTS = 24, 3  # shapes that fits in space begin at; the latter after given settings
 NEAR, NEAR_TURN = 0.01, 0.1  # m, rad: what arcs reach so nearly may be reached by the statics
@@ -37,8 +37,8 @@ class Candidate:
     """
     Settings one after the other, and what they cost about.
 
-    movers: the segments (0-based), or WHOLE_ARM, that are set.  shapes: (movers + 1, ...) rad, the
-    bending before, and after each.  fitted: how many of the last were fitted to the goal.
+    movers: the segments (0-based), or WHOLE_ARM, that are set.  shapes: (movers + 1, segments, 2)
+    rad, the bending before, and after each.  fitted: how many of the last were fitted to the goal.
     seconds: of motion.  near: how far the tip is from the goal, in parts of its tolerances.
     """
 
@@ -106,8 +106,8 @@ class Candidates:
         limits = self.arcs.limits
         if mover == WHOLE_ARM:
             return self.arcs.drawn(self.draw, WHOLE_VALUES)
-        if self.arcs.planar:
-            return np.linspace(-limits, limits, PLANAR_VALUES)
+        if not (axes := self.arcs.free[mover]).all():
+            return np.asarray(np.linspace(-limits, limits, AXIS_VALUES)[..., None] * axes)
         ways = 2.0 * np.pi * np.arange(SPOKES) / SPOKES
         return np.array([np.zeros_like(self.start), *(
             bending_vectors(self.arcs.arm, ring * limits, np.full(len(limits), way))  # type: ignore[arg-type]
@@ -154,11 +154,12 @@ class Candidates:
 
     def _seeds(self, group: Sequence[int], starts: int) -> Array:
         """Return shapes that fits begin at, (n, ...) rad."""
-        if not self.arcs.planar:
+        some, axes = list(group), self.arcs.free[list(group)]
+        if WHOLE_ARM in group or axes.all(axis=1).any():
             return self.arcs.drawn(self.draw, starts)
         signs = np.array(list(product((-0.5, 0.5), repeat=len(group))))
-        seeds = np.zeros((len(signs), len(self.start)))
-        seeds[:, list(group)] = signs * self.arcs.limits[list(group)]
+        seeds = np.zeros((len(signs), *self.start.shape))
+        seeds[:, some] = (signs * self.arcs.limits[some])[..., None] * axes
         return seeds
 
     def _kept(self, first: Sequence[tuple[tuple[int, ...], Array]],

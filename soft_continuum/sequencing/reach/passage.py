@@ -100,7 +100,7 @@ class Passages:
         chain = planner.statics.chain
         arm = chain.arm
         self.radius = body_radius(chain)
-        self._limits = np.array([s.bending_angle_limit for s in arm.segments]) + BEYOND
+        self._limits = arm.bending_angle_limits + BEYOND
         beyond = np.cumsum([s.length + d.height for s, d in zip(
             arm.segments[::-1], arm.discs[:0:-1], strict=True)])[::-1]
         halves = np.array([s.length / 2 for s in arm.segments])
@@ -115,14 +115,14 @@ class Passages:
                             f'{-near.distance * 1e3:.1f} mm; move one of them away first')
         return Node(state, pulls, near)
 
-    def go(self, node: Node, mover: int, goal: Any) -> Node:
+    def go(self, node: Node, mover: int, goal: Array) -> Node:
         """
         Return where one segment (0-based), or WHOLE_ARM, is set.
 
-        goal: as State.bending, rad, or as the planner takes it.  Raises BlockedError.
+        goal: as State.bending, rad.  Raises BlockedError.
         """
         try:
-            move, _ = self.planner.move(node.state, node.pulls, mover, _of(goal, mover))
+            move, _ = self.planner.move(node.state, node.pulls, mover, goal)
             return self._followed(node, move)
         except PlanError as error:
             self.planner.check_wanted()  # an abandoned plan is not one that is blocked
@@ -160,7 +160,7 @@ class Passages:
         """Return the state after a segment, or WHOLE_ARM, is set; raises BlockedError."""
         self.planner.check_wanted()
         try:
-            return self.planner.bent(state, mover, _of(goal, mover))
+            return self.planner.bent(state, mover, goal)
         except StaticsError as error:
             raise BlockedError(str(error), limit='held') from None
 
@@ -232,8 +232,7 @@ class _Way:
         if tension > settings.tension_limit:
             raise BlockedError(f'needs a tendon tension of {tension:.1f} N; tension_limit: '
                                f'{settings.tension_limit:g} N', limit='tension_limit')
-        over = state.bending_angles if state.bending_directions.size else np.abs(
-            state.bending_angles)
+        over = np.linalg.norm(state.bending, axis=1)
         if np.any(over > passages._limits):
             worst = int(np.argmax(over - passages._limits))
             raise BlockedError(
@@ -277,11 +276,6 @@ class _Way:
         middle = 0.5 * (before + after)
         state, near = self.to(state, near, before, middle, part / 2.0)
         return self.to(state, near, middle, after, part / 2.0)
-
-
-def _of(goal: Any, mover: int) -> Any:
-    """Return what a planner takes as the goal of one segment, or of WHOLE_ARM."""
-    return float(goal[mover]) if np.ndim(goal) == 1 else goal
 
 
 def _too_near(near: Distance, needed: float) -> BlockedError:
