@@ -4,7 +4,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import hypot, isfinite
+from math import isfinite, sqrt
 
 MAX_SHOWN = 1e6  # in SI units; also not what is not a number
 
@@ -67,9 +67,9 @@ class Estimate:
     Where the shape of the arm comes from, and how well it is known.
 
     measured: whether measurements have corrected the shape; else it is the model's prediction.
-    age: s since the last measurement that was used, None if there was none.  angle_deviations
-    (rad, one per segment, in space two) and tip_deviations (x, z in m, angle in rad; in space x,
-    y, z in m, rotation vector in rad): standard deviations, empty while nothing is measured.
+    age: s since the last measurement that was used, None if there was none.  angle_deviations:
+    rad, standard, of the bending of each segment.  tip_covariance: of the pose of the tip, 36
+    numbers as in geometry_msgs/PoseWithCovariance.  Both are empty while nothing is measured.
     predicted_tip_error: m between the tip and where the model alone has it, None while that is
     not known.
     """
@@ -77,7 +77,7 @@ class Estimate:
     measured: bool
     age: float | None = None
     angle_deviations: tuple[float, ...] = ()
-    tip_deviations: tuple[float, ...] = ()
+    tip_covariance: tuple[float, ...] = ()
     predicted_tip_error: float | None = None
     parameters: tuple[LearnedParameter, ...] = ()
     anomalies: tuple[Anomaly, ...] = ()
@@ -85,15 +85,15 @@ class Estimate:
     @property
     def tip_deviation(self) -> float | None:
         """Standard deviation of the position of the tip, m; None while nothing is measured."""
-        return position_deviation(self.tip_deviations)
+        return position_deviation(self.tip_covariance)
 
 
-def position_deviation(deviations: Sequence[float]) -> float | None:
-    """Return the deviation (m) of a position from tip_deviations; None of none."""
-    position = deviations[:2] if len(deviations) == 3 else deviations[:3]
-    if len(deviations) not in (3, 6) or not all(map(isfinite, position)):
+def position_deviation(covariance: Sequence[float]) -> float | None:
+    """Return the deviation (m) of a position by a tip_covariance; None of none."""
+    variances = covariance[:15:7]
+    if len(covariance) != 36 or not all(map(isfinite, variances)) or not sum(variances) > 0.0:
         return None
-    return hypot(*position)
+    return sqrt(sum(variances))
 
 
 # In words.

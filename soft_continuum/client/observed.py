@@ -20,6 +20,7 @@ from soft_continuum.client.state import (
     ArmState,
     NodeReport,
     Pose,
+    pose_of,
     Progress,
     progress_of,
     SequenceResult,
@@ -228,7 +229,7 @@ class ObservedArm:
     def poses(self, topic: str) -> tuple[Pose, ...] | None:
         """Return the poses of segment_poses or disc_poses."""
         message = self._fresh(topic)
-        return None if message is None else tuple(map(_pose, message.poses))
+        return None if message is None else tuple(map(pose_of, message.poses))
 
     def _on_measured(self, topic: str, message: PoseWithCovarianceStamped) -> None:
         """Keep what is measured of a disc; an angle alone does not replace a whole pose."""
@@ -238,7 +239,7 @@ class ObservedArm:
             _, covariance = read(message, model.header.frame_id if model is not None else '')
         except ValueError:
             return  # measure says why
-        pose, known = _pose(message.pose.pose), np.diag(covariance) < MAX_VARIANCE
+        pose, known = pose_of(message.pose.pose), np.diag(covariance) < MAX_VARIANCE
         place, turn = np.split(known, [3 if in_space else 2])
         age, before = self._measured.get(topic, (Age(), None))
         if before is not None and age.seconds < STALE_AFTER and not known.all() and all(
@@ -354,11 +355,6 @@ class ObservedArm:
             {printable(pair.key, MAX_NAME): printable(pair.value)
              for pair in status.values[:MAX_VALUES]} if status else {},
             seconds, seconds is None or seconds >= STALE_AFTER)
-
-
-def _pose(message: Any) -> Pose:
-    p, q = message.position, message.orientation
-    return Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
 
 def _stopped(state: TendonActuationState) -> str:

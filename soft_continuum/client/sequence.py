@@ -11,7 +11,7 @@ from typing import Any
 from geometry_msgs.msg import Point, Pose, Quaternion
 
 from soft_continuum.client.errors import NoAnswerError
-from soft_continuum.client.state import Progress, progress_of, Reached, SequenceResult
+from soft_continuum.client.state import pose_of, Progress, progress_of, Reached, SequenceResult
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.sequencing.progress import AIMS, Code
 from soft_continuum.text import MAX_ITEMS, printable
@@ -20,6 +20,7 @@ from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape, ShapeSequencerState, TipGoal
 
 MAX_HOLD = 86400.0  # s
+OUTCOMES = {getattr(RunShapeSequence.Result, code.name): code.name for code in Code}
 
 Bending = float | tuple[float, float]
 """What a segment bends by: its angle, or angle and direction, rad."""
@@ -102,10 +103,7 @@ def bendings(shape: Sequence[Bending]) -> dict[str, list[float]]:
 
 def sequence_result(message: RunShapeSequence.Result | ShapeSequencerState) -> SequenceResult:
     """Return the result of a goal, or of the last one that the state of the sequencer has."""
-    try:
-        outcome = Code(message.error_code).name
-    except ValueError:
-        outcome = f'error_code {message.error_code}'
+    outcome = OUTCOMES.get(message.error_code, f'error_code {message.error_code}')
     reached = _reached(message) if isinstance(message, RunShapeSequence.Result) else None
     return SequenceResult(
         outcome, printable(message.error_string), message.shapes_completed, reached)
@@ -113,12 +111,13 @@ def sequence_result(message: RunShapeSequence.Result | ShapeSequencerState) -> S
 
 def _reached(message: RunShapeSequence.Result) -> Reached | None:
     """Return what a result says of the last shape; None of one that says nothing."""
-    angles, tip = tuple(message.bending_angles[:MAX_ITEMS]), tuple(message.tip)
-    if not angles or len(tip) not in (3, 6):
+    angles = tuple(message.bending_angles[:MAX_ITEMS])
+    if not angles:
         return None
-    return Reached(message.source == RunShapeSequence.Result.MEASURED, angles, tip,
+    measured = message.source == RunShapeSequence.Result.MEASURED
+    return Reached(measured, angles, pose_of(message.tip.pose),
                    tuple(message.angle_deviations[:MAX_ITEMS]),
-                   tuple(message.tip_deviations[:6]), float(message.tip_error),
+                   tuple(message.tip.covariance) if measured else (), float(message.tip_error),
                    message.corrections, tuple(message.bending_directions[:MAX_ITEMS]),
                    message.replans)
 

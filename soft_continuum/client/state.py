@@ -53,6 +53,12 @@ class Pose:
         return 2.0 * atan2(hypot(x, y), hypot(z, w))
 
 
+def pose_of(message: Any) -> Pose:
+    """Return a geometry_msgs/Pose."""
+    p, q = message.position, message.orientation
+    return Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+
+
 @dataclass(frozen=True)
 class NodeReport:
     """
@@ -195,18 +201,17 @@ class Reached:
     Where the last shape of a sequence ended.
 
     measured: whether measurements say so; else it is what the model has of motors and vacuum.
-    bending_angles: rad, one per segment.  tip: x, z (m) and angle (rad), of a spatial arm x, y, z
-    and the rotation vector.  angle_deviations, tip_deviations: standard deviations of these, empty
-    unless measured.  tip_error: m from where the aim has the tip.  corrections: of all segments of
-    all shapes.  bending_directions: rad, one per segment of a spatial arm, else empty.  replans:
-    plans that were made again on the way.
+    bending_angles: rad, one per segment.  angle_deviations, tip_covariance: as of an Estimate.
+    tip_error: m from where the aim has the tip.  corrections: of all segments of all shapes.
+    bending_directions: rad, one per segment of a spatial arm, else empty.  replans: plans that
+    were made again on the way.
     """
 
     measured: bool
     bending_angles: tuple[float, ...]
-    tip: tuple[float, ...]
+    tip: Pose
     angle_deviations: tuple[float, ...]
-    tip_deviations: tuple[float, ...]
+    tip_covariance: tuple[float, ...]
     tip_error: float
     corrections: int
     bending_directions: tuple[float, ...] = ()

@@ -151,7 +151,7 @@ def reached_text(reached: Reached) -> str:
                 + (f'angles{angles}'.replace('  ', ' ')
                    if not isfinite(reached.tip_error)
                    else f'{error} by the model') + again)
-    deviation = position_deviation(reached.tip_deviations)
+    deviation = position_deviation(reached.tip_covariance)
     within = '' if deviation is None else f', +-{millimetres(deviation)} mm'
     many = 'correction' if reached.corrections == 1 else 'corrections'
     return (f'reached: {error} (measured{within}), angles{angles}, {reached.corrections} {many}'

@@ -117,11 +117,13 @@ class Dimensions(Protocol):
 
     def angle_deviations(self, state: Any, covariances: Array) -> Array:
         """
-        Return how well is known how much each segment turns the disc above it, rad.
+        Return the standard deviation of the bending of each segment, (segments,), rad.
 
-        covariances: (discs, pose, pose).  Returned are standard deviations, (bendings *
-        segments,).
+        covariances: (discs, pose, pose).
         """
+
+    def spatial(self, covariance: Array) -> Array:
+        """Return the covariance (6, 6) of a pose; of what an arm cannot do it is 0."""
 
 
 class Plane:
@@ -224,6 +226,12 @@ class Plane:
         """Return those of the discs' angles."""
         deviations: Array = np.sqrt(covariances[1:, 2, 2])
         return deviations
+
+    def spatial(self, covariance: Array) -> Array:
+        """Return it with 0 for y and for turns about x and z."""
+        found = np.zeros((6, 6))
+        found[np.ix_([0, 2, 4], [0, 2, 4])] = covariance
+        return found
 
 
 class Space:
@@ -330,11 +338,15 @@ class Space:
         return found
 
     def angle_deviations(self, state: Any, covariances: Array) -> Array:
-        """Return those of the discs' turns about x and y of the disc below."""
+        """Return those of the discs' turns about x and y of the disc below, together."""
         below = state.orientations[:-1]
         inside = below.transpose(0, 2, 1) @ covariances[1:, 3:, 3:] @ below
-        deviations: Array = np.sqrt(np.einsum('skk->sk', inside)[:, :2].ravel())
+        deviations: Array = np.sqrt(np.trace(inside[:, :2, :2], axis1=1, axis2=2))
         return deviations
+
+    def spatial(self, covariance: Array) -> Array:
+        """Return it as it is."""
+        return covariance
 
 
 PLANE, SPACE = Plane(), Space()

@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from enum import Enum
+from enum import auto, Enum
 from math import log, pi
 from typing import Any
 
@@ -42,16 +42,16 @@ UNEVEN = 0.3  # of it, as a part of that
 
 
 class Cause(Enum):
-    """What is wrong: the values of Anomaly.msg."""
+    """What is wrong, as Anomaly.cause is named."""
 
-    UNKNOWN = 0
-    TENDON_SLIPPED = 1
-    STEPS_LOST = 2
-    NOT_STIFF = 3
-    NOT_SOFT = 4
-    LOAD = 5
-    SENSOR_MOVED = 6
-    CAMERA_MOVED = 7
+    UNKNOWN = auto()
+    TENDON_SLIPPED = auto()
+    STEPS_LOST = auto()
+    NOT_STIFF = auto()
+    NOT_SOFT = auto()
+    LOAD = auto()
+    SENSOR_MOVED = auto()
+    CAMERA_MOVED = auto()
 
 
 @dataclass(frozen=True, eq=False)

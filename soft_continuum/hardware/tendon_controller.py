@@ -8,7 +8,7 @@ A trajectory that is not accepted changes nothing.  A stop always wins and lasts
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import IntEnum
+from enum import auto, Enum
 
 import numpy as np
 
@@ -26,29 +26,29 @@ MAX_DELAY = 0.2
 """s by which a trajectory may arrive late and still be joined."""
 
 
-class Reason(IntEnum):
-    """Why a motion was refused or ended; the values of MotionRequest.reason."""
+class Reason(Enum):
+    """Why a motion was refused or ended, as MotionRequest.reason is named."""
 
-    NO_REASON = 0
-    INVALID = 1
-    BEYOND_LIMITS = 2
-    TENSION = 3
-    ALL_STIFF = 4
-    STIFFNESS_UNKNOWN = 5
-    STIFFNESS_CHANGED = 6
-    SHAPE_UNKNOWN = 7
-    NOT_REFERENCED = 8
-    HOMING = 9
-    STOPPED = 10
-    INACTIVE = 11
-    DEVICE = 12
-    REPLACED = 13
-    HELD = 14
-    LATE = 15
-    BUSY = 16
-    CLOCK = 17
-    PROGRAM = 18
-    CONFLICT = 19
+    NO_REASON = auto()
+    INVALID = auto()
+    BEYOND_LIMITS = auto()
+    TENSION = auto()
+    ALL_STIFF = auto()
+    STIFFNESS_UNKNOWN = auto()
+    STIFFNESS_CHANGED = auto()
+    SHAPE_UNKNOWN = auto()
+    NOT_REFERENCED = auto()
+    HOMING = auto()
+    STOPPED = auto()
+    INACTIVE = auto()
+    DEVICE = auto()
+    REPLACED = auto()
+    HELD = auto()
+    LATE = auto()
+    BUSY = auto()
+    CLOCK = auto()
+    PROGRAM = auto()
+    CONFLICT = auto()
 
 
 class MotionRefusedError(ValueError):

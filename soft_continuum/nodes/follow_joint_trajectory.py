@@ -23,7 +23,6 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.tendon_controller import Reason
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.entries import guarded
 from soft_continuum.nodes.motion_requests import MAX_POINTS
@@ -36,7 +35,7 @@ from soft_continuum_interfaces.msg import MotionRequest, TendonTrajectory
 Result = FollowJointTrajectory.Result
 MAX_GOALS = 8  # at once: one is followed, the others are judged
 JUDGING_TIMEOUT = 10.0  # s
-STARTING = {Reason.LATE, Reason.CLOCK}
+STARTING = {MotionRequest.LATE, MotionRequest.CLOCK}
 """Why a goal with a header.stamp is refused as too old."""
 
 

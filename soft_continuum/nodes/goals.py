@@ -21,6 +21,7 @@ from soft_continuum.ros.text import name_problem
 from soft_continuum.sequencing.planner import PlanError, Shape
 from soft_continuum.sequencing.reach import TipGoal
 from soft_continuum.sequencing.reach.goal import KINDS
+from soft_continuum.text import MAX_NAME, printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape as ShapeMessage
 from soft_continuum_interfaces.msg import TipGoal as TipGoalMessage
@@ -134,6 +135,10 @@ def _tips_name(tips: Sequence[TipGoal], arm: AnyArm) -> str:
 
 
 def _tip_goal(tip: TipGoalMessage, parameters: Mapping[str, Any]) -> TipGoal:
+    if tip.header.frame_id not in ('', frame := parameters['frame_id']):
+        raise PlanError(f'the frame_id of the tip goal is '
+                        f'{printable(repr(tip.header.frame_id), MAX_NAME)}; allowed: {frame!r}, '
+                        'or empty. Transform the goal, for instance with tf2')
     if tip.kind >= len(KINDS):
         raise PlanError(f'the kind of the tip goal is {tip.kind}; allowed: '
                         + ', '.join(f'{n} ({kind})' for n, kind in enumerate(KINDS)))

@@ -51,13 +51,15 @@ class MotionRequests:
     def refuse(self, request_id: str, reason: Reason, message: str) -> None:
         """Refuse a trajectory; the accepted one goes on."""
         self.refused = MotionRequest(
-            id=request_id, status=MotionRequest.REFUSED, reason=reason, message=message)
+            id=request_id, status=MotionRequest.REFUSED,
+            reason=getattr(MotionRequest, reason.name), message=message)
 
     def end(self, reason: Reason, message: str) -> None:
         """End the accepted trajectory before its end, if it is still followed."""
         if self.following:
             self.accepted = MotionRequest(id=self.accepted.id, status=MotionRequest.ENDED,
-                                          reason=reason, message=message)
+                                          reason=getattr(MotionRequest, reason.name),
+                                          message=message)
 
     def done(self) -> None:
         """Note that the accepted trajectory, if it is still followed, came to its end."""

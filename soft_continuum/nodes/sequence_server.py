@@ -4,11 +4,12 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from math import nan
 from typing import Any
 
+from geometry_msgs.msg import PoseWithCovariance
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -38,9 +39,13 @@ class Reached:
     bending_angles: Sequence[float] = ()
     angle_deviations: Sequence[float] = ()
     bending_directions: Sequence[float] = ()
-    tip: Sequence[float] = ()
-    tip_deviations: Sequence[float] = ()
+    tip: PoseWithCovariance = field(default_factory=PoseWithCovariance)
     tip_error: float = nan
+
+
+def error_code(code: Code) -> int:
+    """Return the error_code of RunShapeSequence by which a code is known."""
+    return int(getattr(RunShapeSequence.Result, code.name))
 
 
 NOWHERE = Reached()
@@ -96,10 +101,10 @@ class SequenceServer(ActionServer):
             else:
                 handle.abort()
             return RunShapeSequence.Result(
-                error_code=int(outcome.code), error_string=outcome.message,
+                error_code=error_code(outcome.code), error_string=outcome.message,
                 shapes_completed=outcome.shapes_completed, corrections=outcome.corrections,
                 replans=outcome.replans,
                 source=(RunShapeSequence.Result.MEASURED if outcome.measured
-                        else RunShapeSequence.Result.PREDICTED), **asdict(reached))
+                        else RunShapeSequence.Result.PREDICTED), **vars(reached))
 
         super().notify_execute(handle, result)

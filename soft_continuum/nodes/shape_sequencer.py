@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from math import nan
 from typing import Any
 
+from geometry_msgs.msg import PoseArray, PoseWithCovariance
 from rclpy.node import Node
 
 from soft_continuum.hardware.clock import STEADY
@@ -24,7 +25,13 @@ from soft_continuum.nodes.obstacles import KnownObstacles
 from soft_continuum.nodes.plan_guard import PlanGuard
 from soft_continuum.nodes.plan_service import PlanService
 from soft_continuum.nodes.planning import Planning, tip_aim
-from soft_continuum.nodes.sequence_server import GoalRequest, NOWHERE, Reached, SequenceServer
+from soft_continuum.nodes.sequence_server import (
+    error_code,
+    GoalRequest,
+    NOWHERE,
+    Reached,
+    SequenceServer,
+)
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
 from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
 from soft_continuum.parameters.loop import loop_from_parameters
@@ -32,6 +39,7 @@ from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.reach import reach_from_parameters
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
 from soft_continuum.ros.age import Age
+from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.entry import LOG_PERIOD
 from soft_continuum.ros.graph import running_nodes
 from soft_continuum.ros.names import SHAPE_SEQUENCER
@@ -359,7 +367,9 @@ class ShapeSequencer(Node):
             aim = tip_aim(runner.plan.shape, self._arm)
         return Reached(
             shape.bending_angles.tolist(), known.angle_deviations,
-            shape.bending_directions.tolist(), tip_numbers(shape), known.tip_deviations,
+            shape.bending_directions.tolist(), PoseWithCovariance(
+                pose=poses_to_ros(shape.poses[-1:], PoseArray()).poses[0],
+                covariance=known.tip_covariance or [0.0] * 36),
             aim.tip_error(shape) if aim is not None else nan)
 
     def _end(self, handle: Any, outcome: Outcome, reached: Reached = NOWHERE) -> None:
@@ -369,7 +379,8 @@ class ShapeSequencer(Node):
             self.get_logger().warning(f'sequence ended: {outcome.code.name}: {outcome.message}')
         self._last = {'last': outcome.code.name, 'reason': outcome.message}
         self._state.goal_id = handle.goal_id
-        self._state.error_code, self._state.error_string = int(outcome.code), outcome.message
+        self._state.error_code = error_code(outcome.code)
+        self._state.error_string = outcome.message
         self._state.shapes_completed = outcome.shapes_completed
         self._report()
         self._server.finish(handle, outcome, reached)
@@ -403,12 +414,3 @@ class ShapeSequencer(Node):
 
 def _text(error: BaseException) -> str:
     return str(error) if isinstance(error, PlanError) else f'{type(error).__name__}: {error}'
-
-
-def tip_numbers(state: Any) -> list[float]:
-    """Return x, z and angle of the tip; of a spatial arm x, y, z and rotation vector."""
-    from scipy.spatial.transform import Rotation
-    point: list[float] = state.points[-1].tolist()
-    if not state.bending_directions.size:
-        return point
-    return [*point, *Rotation.from_matrix(state.rotations[-1]).as_rotvec().tolist()]

@@ -66,7 +66,8 @@ def estimate_to_ros(estimator: 'Estimator', covariances: Array,
         message.measured = stamp_of(estimator.measured)
     message.angle_deviations = dimensions.angle_deviations(state, covariances).tolist()
     to_tip = dimensions.lever(dimensions.poses(state)[-1], state.chain.arm.discs[-1].height)
-    message.tip_deviations = np.sqrt(np.diag(to_tip @ covariances[-1] @ to_tip.T)).tolist()
+    tip = dimensions.spatial(to_tip @ covariances[-1] @ to_tip.T)
+    message.tip_covariance = tip.ravel().tolist()
     message.parameters = parameters
 
 
@@ -91,8 +92,9 @@ def parameters_to_ros(estimator: 'Estimator', jamming: bool = True) -> list[Esti
 def anomaly_to_ros(anomaly: 'Anomaly') -> AnomalyMessage:
     """Return an anomaly as a message."""
     return AnomalyMessage(
-        stamp=stamp_of(anomaly.time), cause=anomaly.cause.value, segment=anomaly.segment,
-        disc=anomaly.disc, tendon=anomaly.tendon, size=anomaly.size, message=anomaly.message)
+        stamp=stamp_of(anomaly.time), cause=getattr(AnomalyMessage, anomaly.cause.name),
+        segment=anomaly.segment, disc=anomaly.disc, tendon=anomaly.tendon, size=anomaly.size,
+        message=anomaly.message)
 
 
 def _problem(name: str, value: float) -> str:

@@ -3,7 +3,7 @@
 """How far a run is, and how it ended; the terms that the action and every client share."""
 
 from dataclasses import dataclass
-from enum import IntEnum, StrEnum
+from enum import auto, Enum, StrEnum
 
 AIMS = ('angles', 'tip')
 """What is to be right in the end; the values of aim in the goal of RunShapeSequence, from 0."""
@@ -22,18 +22,18 @@ class Phase(StrEnum):
     PAUSED = 'paused'
 
 
-class Code(IntEnum):
-    """How a run ended; the values of error_code in the result of RunShapeSequence."""
+class Code(Enum):
+    """How a run ended, as the error_code in the result of RunShapeSequence is named."""
 
-    SUCCESSFUL = 0
-    PREEMPTED = -1
-    CANCELED = -2
-    STOPPED = -3
-    TIMEOUT = -4
-    HARDWARE_FAULT = -5
-    MODEL_FAILURE = -6
-    OBSTRUCTED = -7
-    CLOCK_JUMPED = -8
+    SUCCESSFUL = auto()
+    PREEMPTED = auto()
+    CANCELED = auto()
+    STOPPED = auto()
+    TIMEOUT = auto()
+    HARDWARE_FAULT = auto()
+    MODEL_FAILURE = auto()
+    OBSTRUCTED = auto()
+    CLOCK_JUMPED = auto()
 
 
 @dataclass(frozen=True)

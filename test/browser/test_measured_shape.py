@@ -16,7 +16,14 @@ from soft_continuum.client.own_file import read_saved
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, KinematicsState, PlanStep, TipGoal
 from soft_continuum_interfaces.srv import PlanShapes
-from support.estimated_arm import CHAIN, EstimatedArm, joint_angles, learned
+from support.estimated_arm import (
+    CHAIN,
+    EstimatedArm,
+    joint_angles,
+    learned,
+    tip,
+    tip_covariance,
+)
 from support.page import address_of, DEADLINE, green, OpenPage, Page, start_view
 from support.processes import Processes
 
@@ -24,7 +31,7 @@ pytestmark = pytest.mark.timeout(600)
 ARTEFACT = Path(__file__).resolve().parents[2] / 'log' / 'browser' / 'estimate.png'
 ESTIMATED = {
     'source': KinematicsState.ESTIMATED, 'angle_deviations': [0.002] * 3,
-    'tip_deviations': [3e-4, 4e-4, 0.01], 'parameters': [
+    'tip_covariance': tip_covariance(3e-4, 4e-4, 0.01), 'parameters': [
         learned('stiffness_factor_1', 1.25, 0.05),
         learned('stiff_ratio_2', 4.1, 0.4, problem='less than 5: is the vacuum full?'),
         learned('offset_left_tendon', -0.0012, 1e-4),
@@ -123,8 +130,8 @@ def test_the_measured_error_of_a_run_is_said_in_the_unit_of_its_aim(
     page.wait_for_text('correction 2')
     page.wait_for_text('3.1 mm')
     page.wait_for_text('measured error of the tip: last minute, 0 to 5 mm')
-    arm.end_goal(shapes_completed=1, source=1, bending_angles=[0.1] * 3, tip=[0.0] * 3,
-                 tip_deviations=[3e-4, 4e-4, 0.01], tip_error=6e-4, corrections=4)
+    arm.end_goal(shapes_completed=1, source=1, bending_angles=[0.1] * 3,
+                 tip=tip(0.0, 0.0, 0.0), tip_error=6e-4, corrections=4)
     page.wait_for_bar('reached: tip 0.6 mm from its aim (measured, ±0.5 mm)')
 
 

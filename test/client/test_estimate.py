@@ -13,7 +13,14 @@ import pytest
 from soft_continuum.client import Arm
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, KinematicsState
-from support.estimated_arm import CHAIN, EstimatedArm, joint_angles, learned
+from support.estimated_arm import (
+    CHAIN,
+    EstimatedArm,
+    joint_angles,
+    learned,
+    tip,
+    tip_covariance,
+)
 
 NAMESPACE = '/arm_under_test'
 
@@ -25,7 +32,7 @@ def arm(estimated_of_module: EstimatedArm) -> EstimatedArm:
     arm.age, arm.predicted = 0.05, (0.28, 0.2, -0.3)
     arm.state = KinematicsState(
         source=KinematicsState.ESTIMATED, angle_deviations=[0.002] * 3,
-        tip_deviations=[3e-4, 4e-4, 0.01], parameters=[
+        tip_covariance=tip_covariance(3e-4, 4e-4, 0.01), parameters=[
             learned('stiffness_factor_1', 1.25, 0.05), learned('payload', 0.02, 0.03, False)],
         anomalies=[Anomaly(cause=Anomaly.NOT_STIFF, segment=2, message='look at its valve')])
     return arm
@@ -91,17 +98,17 @@ def test_a_sequence_has_an_aim_and_its_result_says_where_it_ended(
                            and s.progress).error is None
     arm.end_goal(shapes_completed=1, source=RunShapeSequence.Result.MEASURED,
                  bending_angles=[0.1, 0.2, 0.3], angle_deviations=[0.002] * 3,
-                 tip=[0.1, 0.3, 0.6], tip_deviations=[3e-4, 4e-4, 0.01], tip_error=6e-4,
-                 corrections=4)
+                 tip=tip(0.1, 0.3, 0.6), tip_error=6e-4, corrections=4)
     reached = running.result(30.0).reached
     assert reached is not None and reached.measured
     assert (reached.tip_error, reached.corrections) == (6e-4, 4)
+    assert (reached.tip.x, reached.tip.z, reached.tip.angle) == pytest.approx((0.1, 0.3, 0.6))
     with pytest.raises(ValueError, match="aim is 'toe'; allowed: 'angles' or 'tip'"):
         client.start('c_form', aim='toe')
 
 
 RESULTS = [
-    ({'source': 1, 'tip_deviations': [3e-4, 4e-4, 0.01], 'corrections': 4},
+    ({'source': 1, 'tip': tip(0.1, 0.3, 0.6), 'corrections': 4},
      'reached: tip 0.6 mm from its aim (measured, +-0.5 mm), angles +5.7 +11.5 +17.2 deg, '
      '4 corrections'),
     ({}, 'predicted: nothing was measured; tip 0.6 mm from its aim by the model'),
@@ -116,7 +123,7 @@ def test_run_says_where_it_ended_and_how_that_is_known(
     def end() -> None:
         while len(arm.goals) == sent or arm._end is None or arm._end.done():
             threading.Event().wait(0.02)
-        arm.end_goal(shapes_completed=1, bending_angles=[0.1, 0.2, 0.3], tip=[0.1, 0.3, 0.6],
+        arm.end_goal(shapes_completed=1, bending_angles=[0.1, 0.2, 0.3],
                      **{'tip_error': 6e-4, **result})
 
     other = threading.Thread(target=end)

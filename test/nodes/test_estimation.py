@@ -106,7 +106,7 @@ def test_without_measurements_all_is_as_predicted(fake: FakeArm) -> None:
     last = fake.state.last
     assert last.source == KinematicsState.PREDICTED
     assert not last.parameters
-    assert not len(last.angle_deviations) and not len(last.tip_deviations)
+    assert not len(last.angle_deviations) and not len(last.tip_covariance)
     assert (last.measured.sec, last.measured.nanosec) == (0, 0)
     assert not len(fake.predicted) and not any(map(len, fake.poses))
     assert 'measured' not in fake.rig.statuses['kinematics'].last.message
@@ -141,7 +141,9 @@ def test_measured_poses_correct_the_shape_and_say_how_well_it_is_known(fake: Fak
     assert sorted(p.name for p in last.parameters) == sorted(
         [f'{what}_{n}' for what in ('stiffness_factor', 'stiff_ratio') for n in (1, 2, 3)]
         + ['offset_right_tendon', 'offset_left_tendon', 'payload'])
-    assert all(0.0 < d < 0.1 for d in (*last.angle_deviations, *last.tip_deviations))
+    variances = np.reshape(last.tip_covariance, (6, 6)).diagonal()
+    assert all(0.0 < d < 0.1 for d in (*last.angle_deviations, *np.sqrt(variances[::2])))
+    assert not variances[1::2].any()  # a planar arm does not do that
     fake.rig.wait_for(lambda: all(map(len, fake.poses)), 'poses with covariance')
     for recording in fake.poses:
         message = recording.last
@@ -284,7 +286,8 @@ def test_without_sensors_a_result_is_a_prediction_with_them_it_is_measured(rig: 
     assert (status, result.source) == ('SUCCEEDED', RunShapeSequence.Result.PREDICTED)
     assert result.corrections == 0
     assert list(result.bending_angles) == pytest.approx([0.0, 0.0, 0.3], abs=2e-3)
-    assert not len(result.angle_deviations) and not len(result.tip_deviations)
+    assert not len(result.angle_deviations) and not result.tip.covariance.any()
+    assert 0.2 < result.tip.pose.position.z < 0.35
 
 
 def test_with_sensors_a_result_is_measured_and_segments_are_corrected(rig: Rig) -> None:
@@ -301,7 +304,7 @@ def test_with_sensors_a_result_is_measured_and_segments_are_corrected(rig: Rig) 
     assert list(result.bending_angles) == pytest.approx(
         plant.state.bending_angles.tolist(), abs=0.03)
     assert plant.state.bending_angles == pytest.approx([0.0, 0.0, 0.4], abs=0.03)
-    assert all(d > 0.0 for d in result.angle_deviations) and len(result.tip_deviations) == 3
+    assert all(d > 0.0 for d in result.angle_deviations) and result.tip.covariance.any()
     assert 'measuring' in {phase for _, _, phase in goal.phases}
     assert any(np.isfinite(f.error) for _, f in goal.feedback)
     rig.assert_only_one_was_soft()

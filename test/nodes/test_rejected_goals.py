@@ -12,6 +12,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 from soft_continuum.mechanics.chain import RigidChain
 from soft_continuum.nodes import kinematics, shape_sequencer
@@ -96,6 +97,9 @@ BAD_GOALS = {
          ['y = 0.01 m', 'planar arm', 'tolerance is 0.001 m']),
     'a tip of an unknown kind':
         ([Shape(tips=[tip(0.15, 0.22, kind=3)])], ['is 3', '0 (position)', '2 (pose)']),
+    'a tip in another frame':
+        ([Shape(tips=[tip(0.15, 0.22, header=Header(frame_id='camera'))])],
+         ['camera', 'base_link', 'tf2']),
     'a tip without an orientation':
         ([Shape(tips=[tip(0.15, 0.22, turn=(0.0, 0.0), kind=1)])],
          ['quaternion of length 0', 'needed: 1']),

@@ -265,8 +265,9 @@ def test_measured_discs_correct_the_shape_and_say_how_well_it_is_known(
     last = state.last
     assert last.source == KinematicsState.ESTIMATED
     assert {p.name for p in last.parameters} == set(parameter_names(arm))
-    assert len(last.angle_deviations) == len(last.tip_deviations) == 6
-    assert all(0.0 < d < 0.1 for d in (*last.angle_deviations, *last.tip_deviations))
+    variances = np.reshape(last.tip_covariance, (6, 6)).diagonal()
+    assert len(last.angle_deviations) == 3
+    assert all(0.0 < d < 0.1 for d in (*last.angle_deviations, *np.sqrt(variances)))
     assert all(tracked_pose_from_ros(one.last)[1].diagonal().max() < 0.05**2 for one in ends)
     x = [pose.position.x for pose in predicted.last.poses]
     assert x == pytest.approx([0.0] * 8, abs=1e-9)  # the prediction goes on: still straight

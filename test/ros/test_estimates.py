@@ -129,8 +129,8 @@ def test_the_deviation_of_the_tip_counts_the_lever_of_the_last_disc(estimator):
     message = KinematicsState()
     estimate_to_ros(estimator, covariances, parameters_to_ros(estimator), message)
     height = ARM.discs[-1].height  # upright: it leans sideways, and does not get longer
-    assert message.tip_deviations == pytest.approx(
-        [np.hypot(1e-3, 0.02 * height), 1e-3, 0.02])
+    assert np.reshape(message.tip_covariance, (6, 6)).diagonal() == pytest.approx(
+        np.square([np.hypot(1e-3, 0.02 * height), 0.0, 1e-3, 0.0, 0.02, 0.0]))
     assert len(message.angle_deviations) == 3
 
 
@@ -149,9 +149,9 @@ def test_an_arm_in_space_is_published_and_planned_with_alike():
     message = KinematicsState()
     estimate_to_ros(estimator, covariances, parameters_to_ros(estimator), message)
     height = arm.discs[-1].height  # the last disc leans towards -y: a turn about z moves it in x
-    assert message.tip_deviations == pytest.approx(
-        [np.hypot(1e-3, 0.04 * height), 2e-3, np.hypot(3e-3, 0.02 * height), 0.02, 0.03, 0.04])
-    assert message.angle_deviations == pytest.approx([0.02, 0.03] * 3)
+    assert np.reshape(message.tip_covariance, (6, 6)).diagonal() == pytest.approx(np.square(
+        [np.hypot(1e-3, 0.04 * height), 2e-3, np.hypot(3e-3, 0.02 * height), 0.02, 0.03, 0.04]))
+    assert message.angle_deviations == pytest.approx([np.hypot(0.02, 0.03)] * 3)
     model = model_from_ros(message.parameters, arm)
     for segment, described, n in zip(model.chain.arm.segments, arm.segments, (1, 2, 3),
                                      strict=True):

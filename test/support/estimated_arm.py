@@ -3,11 +3,12 @@
 """Stand-ins of the four nodes, over DDS: they publish an estimate that a test makes up."""
 
 from collections.abc import Sequence
+from math import cos, sin
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import Point, Pose, PoseArray, PoseWithCovariance, Quaternion
 import numpy as np
 import rclpy
 from rclpy.action import ActionServer
@@ -188,6 +189,18 @@ class EstimatedArm:
         self._states['jamming_valves'].publish(JammingValvesState(
             connected=True, stiffness=[JammingValvesState.STIFF] * 3))
         self._states['shape_sequencer'].publish(self._running)
+
+
+def tip_covariance(x: float, z: float, angle: float) -> list[float]:
+    """Return the covariance of a tip in the plane, of deviations in m and rad."""
+    return [float(v) for v in np.diag(np.square([x, 0.0, z, 0.0, angle, 0.0])).ravel()]
+
+
+def tip(x: float, z: float, angle: float) -> PoseWithCovariance:
+    """Return a measured tip in the plane, m and rad."""
+    pose = Pose(position=Point(x=x, z=z),
+                orientation=Quaternion(y=sin(angle / 2), w=cos(angle / 2)))
+    return PoseWithCovariance(pose=pose, covariance=tip_covariance(3e-4, 4e-4, 0.01))
 
 
 def learned(name: str, value: float, deviation: float, determined: bool = True,
