@@ -22,7 +22,7 @@ from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
 from soft_continuum.sequencing.loop_settings import LoopSettings
-from soft_continuum.sequencing.planner import planner_of, Shape, ShapePlan, ShapePlanner
+from soft_continuum.sequencing.planner import Planner, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Phase
 from soft_continuum.sequencing.run_settings import RunnerSettings
 from soft_continuum.twin.plant import TIME_STEP
@@ -102,9 +102,9 @@ class _Rig:
 def closed_loop(lab: Lab, goal: Goal, arm: AnyArm, on_tip: bool = True) -> Outcome:
     """Set the shape by measurements; on_tip: its tip is to be right, otherwise its angles."""
     rig = _Rig(lab, arm)
-    settings, described = lab.description.settings, planner_of(arm, lab.description.settings)
+    settings, described = lab.description.settings, Planner(arm, lab.description.settings)
 
-    def planned(work: Callable[[ShapePlanner], Result]) -> 'Future[Result]':
+    def planned(work: Callable[[Planner], Result]) -> 'Future[Result]':
         future: Future[Result] = Future()
         estimator = rig.shape.estimator
         try:
@@ -113,7 +113,7 @@ def closed_loop(lab: Lab, goal: Goal, arm: AnyArm, on_tip: bool = True) -> Outco
             else:
                 slack = settings.with_slack_for(
                     estimator.deviations()[estimator.layout.offset])
-                future.set_result(work(planner_of(
+                future.set_result(work(Planner(
                     estimator.arm, slack, offsets=estimator.offsets.tolist())))
         except Exception as error:
             future.set_exception(error)

@@ -12,7 +12,7 @@ from benchmarks.lab import angles_of, Lab
 from soft_continuum.mechanics import Arm, constant_curvature, Jam
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm
-from soft_continuum.sequencing.planner import planner_of, Shape
+from soft_continuum.sequencing.planner import Planner, Shape
 from soft_continuum.sequencing.timing import timed
 from soft_continuum.twin.differences import Differences
 
@@ -54,7 +54,7 @@ Contender = Callable[[Lab, Goal, Any], Outcome]
 
 def open_loop(lab: Lab, goal: Goal, arm: AnyArm) -> Outcome:
     """Plan by the model, and carry that out."""
-    planner = planner_of(arm, lab.description.settings)
+    planner = Planner(arm, lab.description.settings)
     plan, = planner.plan(planner.statics.chain.straight(), lab.pulls.tolist(),
                          [Shape('goal', goal.angles, 0.0, goal.directions)])
     for move in plan.moves:

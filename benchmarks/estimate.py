@@ -29,8 +29,7 @@ from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.estimation import estimation_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.tilt import ImuSample, ImuSettings, SensorError, TiltFilter
-from soft_continuum.sequencing.planar_planner import Planner
-from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan
+from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
 from soft_continuum.twin.differences import Differences, read_differences
 
 PRESETS = ('typical', 'bad')

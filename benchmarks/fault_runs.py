@@ -15,8 +15,7 @@ from benchmarks.lab import Description, Lab, Pose, TRUTH
 from benchmarks.loop import random_goal
 from soft_continuum.mechanics import Arm, Statics
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.sequencing.planar_planner import Planner
-from soft_continuum.sequencing.planner import Move, PlanError, PlanSettings, Shape
+from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
 from soft_continuum.twin.differences import Differences
 from soft_continuum.twin.plant import plant_of, TIME_STEP
 
@@ -309,7 +308,7 @@ def simulate(arm: Any, differences: Differences, fault: Fault, seed: int, shapes
         rig.run(SWITCH, at=at[0])
         if n == chosen and fault is Fault.NOT_SOFT:
             rig.broke(f'segment {move.segment + 1}, to be set to '
-                      f'{np.degrees(move.bending_angle):.0f} degrees')
+                      f'{np.degrees(move.goal[move.segment, 1]):.0f} degrees')
         rig.run(move.duration, move, at=at[1])
         # Half of the runs without a fault pause nowhere, as a list of shapes is run.
         pauses = fault is not Fault.NONE or seed % 2 == 0

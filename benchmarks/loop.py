@@ -18,8 +18,7 @@ from soft_continuum.mechanics.spatial import SpatialArm
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.up import description_file
 from soft_continuum.sensing.tilt import SensorError
-from soft_continuum.sequencing.planar_planner import Planner
-from soft_continuum.sequencing.planner import PlanError, Shape
+from soft_continuum.sequencing.planner import PlanError, Planner, Shape
 from soft_continuum.twin.differences import Differences, read_differences
 
 PRESETS = ('typical', 'bad')

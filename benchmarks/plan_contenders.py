@@ -14,7 +14,7 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import angles_for_tip, set_shape
 from soft_continuum.obstacles import Surroundings
-from soft_continuum.sequencing.planner import Move, PlanError, planner_of, Shape
+from soft_continuum.sequencing.planner import Move, PlanError, Planner, Shape
 from soft_continuum.sequencing.reach import reach, ReachSettings
 
 UNLIMITED = 10**9  # states: contenders have the same time
@@ -28,7 +28,7 @@ class NoPlanError(RuntimeError):
 def ours(description: Description, query: Query, limit: float) -> Sequence[Move]:
     """Return the first plan of the suite."""
     found = next(reach(
-        planner_of(description.arm, description.settings), query.state, query.pulls.tolist(),
+        Planner(description.arm, description.settings), query.state, query.pulls.tolist(),
         query.goal, Surroundings(description.arm, query.obstacles),
         ReachSettings(margin=MARGIN, states=UNLIMITED, time_limit=limit)))
     if found.why or found.plan is None:
@@ -38,7 +38,7 @@ def ours(description: Description, query: Query, limit: float) -> Sequence[Move]
 
 def base_to_tip(description: Description, query: Query, limit: float) -> Sequence[Move]:
     """Return the moves to angles for the tip, set base first; obstacles are not looked at."""
-    planner = planner_of(description.arm, description.settings)
+    planner = Planner(description.arm, description.settings)
     shapes = _goals(planner, query)
     if not shapes:
         raise NoPlanError('no angles for the tip')
@@ -57,7 +57,7 @@ def rrt_connect(description: Description, query: Query, limit: float) -> Sequenc
     util.setLogLevel(util.LogLevel.LOG_NONE)
     util.RNG.setSeed(1)
     began = process_time()
-    planner = planner_of(description.arm, description.settings)
+    planner = Planner(description.arm, description.settings)
     around = Surroundings(description.arm, query.obstacles)
     limits = description.arm.bending_angle_limits.tolist()
     space = base.RealVectorStateSpace(len(limits))

@@ -20,7 +20,7 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
-from soft_continuum.sequencing.planner import Move, PlanError, planner_of, soft_flags
+from soft_continuum.sequencing.planner import Move, PlanError, Planner, soft_flags
 from soft_continuum.sequencing.reach import TipGoal
 
 MARGIN = 0.005  # m that plans keep
@@ -64,7 +64,7 @@ class Verdict:
 def random_query(description: Description, seed: int) -> Query:
     """Return the query of a seed."""
     draw = np.random.default_rng([seed, 16])
-    planner = planner_of(description.arm, description.settings)
+    planner = Planner(description.arm, description.settings)
     while True:
         state: Any = planner.statics.chain.straight()
         pulls = np.zeros(len(description.arm.tendon_names))
@@ -196,7 +196,7 @@ def nearest(obstacles: Sequence[Obstacle], points: Array) -> float:
 def check(description: Description, query: Query, moves: Sequence[Move]) -> Verdict:
     """Return what is wrong with moves from the start of a query, followed densely."""
     arm, settings = description.arm, description.settings
-    planner = planner_of(arm, settings)
+    planner = Planner(arm, settings)
     limits = arm.bending_angle_limits
     found, state, pulls = Verdict(), query.state, np.array(query.pulls)
     found.clearance = nearest(query.obstacles, surface(arm, state))

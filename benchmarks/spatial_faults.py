@@ -30,7 +30,7 @@ from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.nodes.up import description_file
-from soft_continuum.sequencing.planner import Move, PlanError, planner_of, PlanSettings, Shape
+from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
 from soft_continuum.twin.differences import read_differences
 
 ARM = 'spatial_jamming.yaml'
@@ -102,7 +102,7 @@ class SpatialRig(Rig):
     def plan(arm: Any, random: np.random.Generator, shapes: int
              ) -> tuple[list[Move], list[int | None]]:
         """Return moves of random shapes that can be planned, and what carries after each."""
-        planner, statics = planner_of(arm, PlanSettings()), SpatialStatics(arm)
+        planner, statics = Planner(arm, PlanSettings()), SpatialStatics(arm)
         state, pulls = statics.chain.straight(), np.zeros(len(arm.tendons))
         count, found = len(arm.segments), list[Move]()
         carrying: list[int | None] = []

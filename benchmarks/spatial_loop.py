@@ -14,7 +14,7 @@ from benchmarks.loop import HEAD, judged, line, Result, row
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
 from soft_continuum.nodes.up import description_file
-from soft_continuum.sequencing.planner import PlanError, planner_of, Shape
+from soft_continuum.sequencing.planner import PlanError, Planner, Shape
 from soft_continuum.twin.differences import read_differences
 
 ARM = 'spatial_jamming.yaml'
@@ -53,7 +53,7 @@ def run(quick: bool) -> Section:
 def random_goal(description: Description, seed: int) -> Goal:
     """Return a shape that the described arm can be set to, and where its tip then is."""
     random = np.random.default_rng([seed, 15])
-    planner = planner_of(description.arm, description.settings)
+    planner = Planner(description.arm, description.settings)
     straight, count = planner.statics.chain.straight(), len(description.arm.segments)
     while True:
         angles = tuple(random.uniform(0.0, ANGLE, count).tolist())

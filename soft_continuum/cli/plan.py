@@ -25,7 +25,7 @@ from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.obstacles.files import load_obstacles
 from soft_continuum.parameters.reach import reach_from_parameters
-from soft_continuum.sequencing.planner import planner_of, PlanSettings, Shape, WHOLE_ARM
+from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape, WHOLE_ARM
 from soft_continuum.sequencing.reach import Reach, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes
 from soft_continuum.tip import Tip
@@ -104,7 +104,7 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
 def _planned(arm: AnyArm, values: dict[str, Any], around: Surroundings,
              start: Sequence[Any] | None, tips: Sequence[Tip]) -> tuple[Any, Reach]:
     """Return the state at the start, and the plan; raises PlanError for what is no goal."""
-    planner, settings = planner_of(arm, PlanSettings.of(values)), reach_from_parameters(values)
+    planner, settings = Planner(arm, PlanSettings.of(values)), reach_from_parameters(values)
     goals = tuple(_goal(tip, values) for tip in tips)
     for goal in goals:
         goal.check(arm)

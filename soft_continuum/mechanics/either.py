@@ -7,6 +7,7 @@ A state says where everything is in space; its coordinates are what tells one sh
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import atan2
 from typing import Any, Protocol, TYPE_CHECKING
 
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, RigidChain
+from soft_continuum.mechanics.chain import Array, RigidChain, SLACK
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialChain
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from soft_continuum.mechanics.spatial.statics import SpatialStatics
     from soft_continuum.mechanics.statics import Statics
 
+UNMOVED = (0, 0)  # how two tendons slide where nothing is said of it
 AnyArm = Arm | SpatialArm
 AnyChain = RigidChain | SpatialChain
 
@@ -134,20 +136,54 @@ def chain_of(arm: AnyArm) -> AnyChain:
     return RigidChain(arm) if isinstance(arm, Arm) else SpatialChain(arm)
 
 
-def bent(statics: Any, state: Any, soft: Sequence[bool], goal: Array) -> Any:
+@dataclass(frozen=True, eq=False)
+class HeldBending:
+    """
+    A state in which soft segments bend as a goal says, and what the motors do for it.
+
+    pulls: (tendons,) m at the motors, stretch included, SLACK for a tendon that does not carry.
+    """
+
+    state: Any
+    pulls: Array
+
+
+def hold(statics: Any, state: Any, soft: Sequence[bool], goal: Array, *,
+         sliding: Sequence[int] = (), taut: bool = False) -> HeldBending:
     """
     Return the state in which soft segments bend as a goal says, all others stiff.
 
-    goal: as State.bending, of which that of soft segments counts; in the plane one is soft.
-    Raises StaticsError where no tendon holds them there.
+    goal: as State.bending, of which that of soft segments counts, about the axes about which they
+    bend; in the plane one is soft.  Its vacuum is that of ``state``.  sliding: as of a solve; in
+    space tendons do not rub here.  taut: in space, try tendons that are all taut first: it hardly
+    changes the shape, and what falls over without costs a second to find out.  Raises StaticsError
+    where no tendon holds them there.
     """
-    if isinstance(statics.chain.arm, Arm):
+    arm = statics.chain.arm
+    if isinstance(arm, Arm):
         segment = list(soft).index(True)
-        return statics.bend(state, segment, float(goal[segment, 1]))
+        bent = statics.bend(state, segment, float(goal[segment, 1]), sliding=sliding or UNMOVED)
+        carries = np.arange(len(bent.tensions)) == np.argmax(bent.tensions)
+        return HeldBending(bent, np.where(carries & (bent.tensions > 0.0),
+                                   statics.commanded_pulls(bent, sliding or UNMOVED), SLACK))
     from soft_continuum.mechanics.spatial.inverse import PRETENSION, pulls_that_hold
-    wanted = np.where(np.array(soft)[:, None], goal, np.nan)
-    # With it first: it hardly changes the shape, and what falls over costs a second to find out.
-    return pulls_that_hold(statics, state, wanted, soft, (PRETENSION, 0.0)).state
+    wanted = np.where(arm.bending_axes & np.array(soft)[:, None], goal, np.nan)
+    pretensions = (PRETENSION, 0.0) if taut else (0.0, PRETENSION)
+    fit = pulls_that_hold(statics, state, wanted, soft, pretensions)
+    return HeldBending(fit.state, fit.pulls)
+
+
+def sliding_towards(arm: AnyArm, change: Array) -> tuple[int, ...]:
+    """
+    Return how tendons slide through their guides while segments bend, as of a solve.
+
+    change: of State.bending.  In space they are not known to: there they do not rub when bendings
+    are planned.
+    """
+    if not isinstance(arm, Arm):
+        return ()
+    turn = int(np.sign(change[:, 1].sum()))
+    return turn, -turn
 
 
 def statics_of(arm: AnyArm) -> 'Statics | SpatialStatics':

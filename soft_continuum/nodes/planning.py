@@ -20,7 +20,7 @@ from soft_continuum.sequencing.closed_loop import Loop
 from soft_continuum.sequencing.kept_plans import KeptPlans
 from soft_continuum.sequencing.planner import (
     PlanError,
-    planner_of,
+    Planner,
     PlanSettings,
     Shape,
     ShapePlan,
@@ -156,7 +156,7 @@ def aim_of(shape: Shape, kind: int, arm: AnyArm, settings: PlanSettings) -> Aim:
     chain = chain_of(arm)
     state: State
     try:
-        state = planner_of(arm, settings).plan(
+        state = Planner(arm, settings).plan(
             chain.straight(), (0.0,) * len(arm.tendon_names), [shape])[0].state
     except PlanError:  # it can be reached from the present shape only
         state = chain.uniform(bending)

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import bent, State
+from soft_continuum.mechanics.either import hold, State
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.sequencing.planner import (
     Move,
     PlanError,
-    ShapePlanner,
+    Planner,
     soft_flags,
     WHOLE_ARM,
 )
@@ -89,7 +89,7 @@ def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Array)
     goal[_rows(segments, len(goal))] = bending
     for segment in segments:
         soft = soft_flags(segment, len(goal))
-        state = bent(statics, state, soft, goal)
+        state = hold(statics, state, soft, goal, taut=True).state
         # It is locked by the full vacuum, not by what is left in it while it is soft.
         state = replace(state, vacuum=tuple(
             1.0 if was_soft else part for was_soft, part in zip(soft, state.vacuum, strict=False)))
@@ -169,7 +169,7 @@ class Step:
     predicted: float
 
 
-def next_step(planner: ShapePlanner, state: Any, pulls: Sequence[float],
+def next_step(planner: Planner, state: Any, pulls: Sequence[float],
               segments: Sequence[int], aim: Aim, dead_band: float) -> Step:
     """
     Return the next step towards an aim.
@@ -204,7 +204,7 @@ def _change(goal: Array, now: Array, segment: int) -> float:
     return float(turns.max() if segment == WHOLE_ARM else turns[segment])
 
 
-def worth_setting_again(planner: ShapePlanner, state: Any, pulls: Sequence[float],
+def worth_setting_again(planner: Planner, state: Any, pulls: Sequence[float],
                         segments: Sequence[int], aim: Aim, lock_in: float,
                         release_limit: float = inf) -> tuple[int, ...]:
     """
@@ -237,7 +237,7 @@ def worth_setting_again(planner: ShapePlanner, state: Any, pulls: Sequence[float
     return best
 
 
-def _released(planner: ShapePlanner, state: Any, pulls: Sequence[float], segment: int) -> float:
+def _released(planner: Planner, state: Any, pulls: Sequence[float], segment: int) -> float:
     """Return by how much the tip moves when a segment is softened, m; inf where nobody knows."""
     try:
         there = planner.softened(state, pulls, segment)

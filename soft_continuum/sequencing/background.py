@@ -8,7 +8,7 @@ from threading import Event
 from typing import Any, TypeVar
 
 from soft_continuum.mechanics.either import AnyArm
-from soft_continuum.sequencing.planner import planner_of, PlanSettings
+from soft_continuum.sequencing.planner import Planner, PlanSettings
 
 Result = TypeVar('Result')
 
@@ -32,7 +32,7 @@ class PlanningThread:
         self.abandon()
         abandoned = self._abandoned = Event()
         return self._thread.submit(
-            lambda: work(planner_of(arm, settings, abandoned.is_set, offsets)))
+            lambda: work(Planner(arm, settings, abandoned.is_set, offsets)))
 
     def abandon(self) -> None:
         """End the present plan, if there is one, with a PlanError."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.sequencing.held_plan import Held, held, made_up_for
-from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan, ShapePlanner
+from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
 from soft_continuum.sequencing.reach.arcs import Miss
 from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
@@ -30,7 +30,7 @@ SHARE = 0.7
 """Of the budget that is left, for one search."""
 
 
-def reach_held(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
+def reach_held(planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
                surroundings: Surroundings, settings: ReachSettings, first: bool = False) -> Reach:
     """
     Return the plan to a goal of the tip of a shape with vacuums.
@@ -78,7 +78,7 @@ def reach_held(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape:
 class _Search:
     """Plans to a goal, and from each of them to goals that are moved."""
 
-    def __init__(self, planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
+    def __init__(self, planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
                  surroundings: Surroundings, settings: ReachSettings) -> None:
         self.why, self.blocked_by, self.cut_short = '', tuple[str, ...](), False
         self._goal, self._vacuums, self._settings = shape.tips[0], shape.vacuums, settings

@@ -5,23 +5,22 @@ Plans: which segment to soften in which order, and how the tendons move meanwhil
 
 Segments are set from the base to the tip, one soft at a time (paper, IV-B).  The model, under
 gravity, gives for every bending angle on the way the tendon that carries the arm and its pull;
-the others follow with a little slack.  What planners of planar and spatial arms share is here;
-``planner_of`` chooses one.
+the others follow with a little slack; in space it gives the pulls with the least tensions.
+Without jamming all segments are soft and go to their goals at once.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from math import ceil
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.chain import Array, SLACK
+from soft_continuum.mechanics.either import AnyArm, HeldBending, hold, sliding_towards, statics_of
 from soft_continuum.mechanics.spatial.directions import bending_vectors
-from soft_continuum.mechanics.statics import StaticsError
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
 from soft_continuum.parameters.shapes import angles_problem
 from soft_continuum.sequencing.timing import timed
 
@@ -33,6 +32,7 @@ WHOLE_ARM = -1
 """In the place of a segment (0-based): all of an arm without jamming, set at once."""
 SLACK_DEVIATIONS = 2.0
 """Deviations of a tendon's length by which one that does not carry is paid out more."""
+LEAN = 0.1  # rad that a segment may lean over when it becomes soft, until its tendons hold it
 
 
 class PlanError(ValueError):
@@ -115,13 +115,13 @@ class Move:
     """
     One segment (0-based) softened, bent and stiffened, or WHOLE_ARM bent.
 
-    bending_angle: rad, at the end; of WHOLE_ARM the largest.  times: (points,) s from the start of
-    the motion.  pulls: (points, tendons) m.  largest_tension: N, as the model predicts.  sliding:
-    of each tendon through its guides, as Statics.solve takes it.
+    goal: as State.bending, rad, of which that of what is soft counts.  times: (points,) s from the
+    start of the motion.  pulls: (points, tendons) m.  largest_tension: N, as the model predicts.
+    sliding: of each tendon through its guides, as Statics.solve takes it.
     """
 
     segment: int
-    bending_angle: float
+    goal: Array
     times: Array
     pulls: Array
     largest_tension: float
@@ -170,14 +170,12 @@ class ShapePlan:
                        vacuums=())
 
 
-class ShapePlanner(ABC):
+class Planner:
     """
     Plans shapes for one arm; states are those of its statics, a goal is as State.bending.
 
     statics: of the arm, Statics or SpatialStatics.
     """
-
-    statics: Any
 
     def __init__(self, arm: AnyArm, settings: PlanSettings,
                  abandoned: Callable[[], bool] = lambda: False,
@@ -188,6 +186,7 @@ class ShapePlanner(ABC):
         abandoned: whether the plan is no longer wanted.  offsets: (tendons,) m by which each
         tendon is pulled in beyond what its motor says.
         """
+        self.statics: Any = statics_of(arm)
         self.settings = settings
         self._abandoned = abandoned
         self._offsets = np.zeros(len(arm.tendon_names)) if offsets is None else np.array(offsets)
@@ -277,25 +276,59 @@ class ShapePlanner(ABC):
         left = np.linalg.norm(goal - state.bending, axis=1)
         return float(left[self._soft(segment)].max())
 
-    @abstractmethod
     def move(self, state: Any, start: Array, segment: int, goal: Array) -> tuple[Move, Any]:
         """
         Plan one segment (0-based), or WHOLE_ARM; return the move and the state at its end.
 
         start: (tendons,) the present pulls of the motors, m.  Of the goal the bending of what is
-        soft counts.  Raises PlanError beyond a limit, StaticsError where no tendon holds the
-        segment at its goal.
+        soft counts; it is gone to on a straight line.  Raises PlanError beyond a limit,
+        StaticsError where no tendon holds the segment at its goal.
         """
+        bent = self.softened(state, start, segment)
+        if bent.jumped and np.abs(bent.bending - state.bending).max() > LEAN:
+            raise PlanError('when it becomes soft, the arm goes over to another shape: its '
+                            'tendons do not hold it; pull them in, or straighten the arm by '
+                            '`soft_continuum home`')
+        present, change = bent.bending, self._change(bent, segment, goal)
+        sliding = sliding_towards(self.statics.chain.arm, change)
+        steps = max(1, ceil(np.linalg.norm(change, axis=1).max() / self.settings.angle_step))
+        points, tension = [start], float(bent.tensions.max())
+        for part in np.arange(1, steps + 1) / steps:
+            self.check_wanted()
+            held = hold(self.statics, bent, self._soft(segment), present + part * change,
+                        sliding=sliding)
+            bent = held.state
+            tension = max(tension, float(bent.tensions.max()))
+            points.append(self._with_slack(held))
+        pulls = np.array(points)
+        self.check_limits(pulls, tension)
+        end = self.held(bent, pulls[-1], segment, sliding)
+        times, pulls = self._timed(pulls)
+        return Move(segment, goal, times, pulls, tension, sliding), end
 
-    @abstractmethod
     def bent(self, state: Any, segment: int, goal: Array) -> Any:
         """
         Return the state at the end of a move, without the way there.
 
         segment, goal: as of ``move``.  Raises StaticsError.
         """
+        sliding = sliding_towards(self.statics.chain.arm, self._change(state, segment, goal))
+        return hold(self.statics, state, self._soft(segment), goal, sliding=sliding).state
 
-    def until(self, spent: Callable[[], bool]) -> 'ShapePlanner':
+    def _change(self, state: Any, segment: int, goal: Array) -> Array:
+        """Return by how much what is soft bends on the way to a goal, as State.bending."""
+        chosen = self.statics.chain.arm.bending_axes & np.array(self._soft(segment))[:, None]
+        return np.where(chosen, goal - state.bending, 0.0)
+
+    def _with_slack(self, held: HeldBending) -> Array:
+        """Return the pulls of the motors, with slack in the tendons that do not carry."""
+        carries = held.pulls != SLACK
+        # Where none carries, all hold the arm, but as just taut as motors are they fight.
+        slack = self.settings.antagonist_slack if carries.any() else SLACK_ALLOWANCE
+        pulls: Array = np.where(carries, held.pulls, held.state.pulls - slack) - self._offsets
+        return pulls
+
+    def until(self, spent: Callable[[], bool]) -> 'Planner':
         """
         Return the same planner, whose plans are abandoned also once a budget is spent.
 
@@ -349,18 +382,6 @@ class ShapePlanner(ABC):
 
     def _timed(self, pulls: Array) -> tuple[Array, Array]:
         return timed(pulls, self.settings.speed, self.settings.acceleration)
-
-
-def planner_of(arm: AnyArm, settings: PlanSettings,
-               abandoned: Callable[[], bool] = lambda: False,
-               offsets: Sequence[float] | None = None) -> ShapePlanner:
-    """Return the planner of an arm; the others are as of ShapePlanner."""
-    # Here, because who plans in the plane need not load both; and both import this.
-    if isinstance(arm, Arm):
-        from soft_continuum.sequencing.planar_planner import Planner
-        return Planner(arm, settings, abandoned, offsets)
-    from soft_continuum.sequencing.spatial_planner import SpatialPlanner
-    return SpatialPlanner(arm, settings, abandoned, offsets)
 
 
 def soft_flags(segment: int, count: int) -> list[bool]:

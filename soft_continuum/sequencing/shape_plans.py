@@ -19,9 +19,9 @@ from soft_continuum.sequencing.planner import (
     Move,
     ObstructedError,
     PlanError,
+    Planner,
     Shape,
     ShapePlan,
-    ShapePlanner,
 )
 from soft_continuum.sequencing.reach import (
     follow,
@@ -41,7 +41,7 @@ ORDERS = 24
 """Orders of segments that are tried among obstacles, the one from the base first."""
 
 
-def plan_shapes(planner: ShapePlanner, state: Any, pulls: Sequence[float],
+def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float],
                 shapes: Sequence[Shape], surroundings: Surroundings, settings: ReachSettings,
                 first: bool = False) -> Iterator[Reach]:
     """
@@ -81,7 +81,7 @@ def plan_of(found: Reach, shape: Shape) -> ShapePlan:
     raise (ObstructedError if found.blocked_by else PlanError)(f'{shape.name}: {found.why}')
 
 
-def _by_tip(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
+def _by_tip(planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
             surroundings: Surroundings, settings: ReachSettings, first: bool) -> Reach:
     """Return the best plan to a goal of the tip, or along a path."""
     for found in (reach(planner, state, pulls, shape.tips[0], surroundings, settings)
@@ -98,7 +98,7 @@ def _by_tip(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Sh
         found.plan.moves, end, *ways_of(found.steps)))
 
 
-def _from_base(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
+def _from_base(planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
                settings: ReachSettings) -> Reach:
     """Return the plan to angles from the base to the tip."""
     plan, = planner.plan(state, pulls, [shape])
@@ -112,7 +112,7 @@ def _from_base(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape:
                  with_relaxing(steps, plan.relaxing))
 
 
-def _step(planner: ShapePlanner, state: Any, move: Move, settings: ReachSettings) -> PlannedStep:
+def _step(planner: Planner, state: Any, move: Move, settings: ReachSettings) -> PlannedStep:
     """Return what is predicted of a move where nothing is in the way."""
     states = [state]
     rows = np.unique(np.linspace(0, len(move.pulls) - 1, STATES).round().astype(int))
@@ -123,7 +123,7 @@ def _step(planner: ShapePlanner, state: Any, move: Move, settings: ReachSettings
     return PlannedStep(tuple(states), np.inf, '', move.largest_tension, move.duration + pause)
 
 
-def _in_some_order(planner: ShapePlanner, state: Any, pulls: Sequence[float], shape: Shape,
+def _in_some_order(planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
                    surroundings: Surroundings, settings: ReachSettings) -> Reach:
     """Return the plan to angles in the first order that is clear of obstacles."""
     passages = Passages(planner, surroundings, settings)
@@ -150,7 +150,7 @@ def _ordered(passages: Passages, start: Node, shape: Shape, blocked_by: dict[str
     Return what comes of the first order of segments that is clear of obstacles.
 
     blocked_by: is told the obstacles that stopped orders.  ended: of where an order leads; may
-    raise BlockedError too.  shift: as of ShapePlanner.moves.  Raises BlockedError.
+    raise BlockedError too.  shift: as of Planner.moves.  Raises BlockedError.
     """
     planner, why = passages.planner, ''
     goals = planner.goals_of(shape, shift)

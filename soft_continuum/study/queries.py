@@ -17,7 +17,7 @@ import numpy as np
 from soft_continuum.mechanics.either import statics_of
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.parameters.reach import reach_from_parameters
-from soft_continuum.sequencing.planner import planner_of, PlanSettings
+from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.reach import reach, TipGoal
 from soft_continuum.study.design import Design
 from soft_continuum.study.sampling import drawn, HELD, outcome_of, set_to
@@ -52,7 +52,7 @@ def query(design: Design, number: int, seed: int) -> dict[str, Any]:
         return row
     goal = TipGoal(state.poses[-1, :3], position_tolerance=values['reach.position_tolerance'])
     row |= dict(zip('xyz', goal.position.tolist(), strict=True)) | {'outcome': NOT_FOUND}
-    planner = planner_of(arm, PlanSettings.of(values))
+    planner = Planner(arm, PlanSettings.of(values))
     first = next(reach(planner, planner.statics.chain.straight(),
                        (0.0,) * len(arm.tendon_names), goal, around, settings))
     return row if first.why else row | {

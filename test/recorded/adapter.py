@@ -18,7 +18,7 @@ from soft_continuum.mechanics import constant_curvature as planar_arcs
 from soft_continuum.mechanics import inverse as planar_inverse
 from soft_continuum.mechanics.arm import Arm, PointForce
 from soft_continuum.mechanics.chain import SLACK
-from soft_continuum.mechanics.either import bent, statics_of
+from soft_continuum.mechanics.either import hold, statics_of
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.spatial import constant_curvature as spatial_arcs
 from soft_continuum.mechanics.spatial import inverse as spatial_inverse
@@ -26,7 +26,7 @@ from soft_continuum.mechanics.spatial import SpatialLinearisation, Wrench
 from soft_continuum.mechanics.spatial import tip as spatial_tip
 from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.arm import any_arm_from_parameters
-from soft_continuum.sequencing.planner import planner_of, PlanSettings, Shape
+from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes
 
@@ -78,7 +78,7 @@ class Model:
 
     def bend(self, state: Any, soft: Sequence[bool], bending: np.ndarray) -> Any:
         """Return the state in which soft segments have a bending, as a plan holds them."""
-        return bent(self.statics, state, soft, bending)
+        return hold(self.statics, state, soft, bending, taut=True).state
 
     # Numbers of a state.
 
@@ -192,7 +192,7 @@ class Model:
                 'clearance': clearance, 'nearest': nearest}
 
     def _planner(self, limits: Mapping[str, Any]) -> Any:
-        return planner_of(self.arm, PlanSettings(
+        return Planner(self.arm, PlanSettings(
             tuple(limits['pulls']), limits['tension'], limits['slack'], limits['speed'],
             limits['acceleration'], limits['step'], limits['tolerance'], self.jamming,
             limits['full_vacuum']))

@@ -17,8 +17,7 @@ from soft_continuum.sequencing.aiming import (
     predicted,
     worth_setting_again,
 )
-from soft_continuum.sequencing.planar_planner import Planner
-from soft_continuum.sequencing.planner import PlanError, PlanSettings
+from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings
 from support.virtual_rig import ARM
 
 ELASTIC = replace(ARM, bodies_per_segment=4, segments=tuple(

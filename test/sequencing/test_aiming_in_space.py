@@ -21,7 +21,7 @@ from soft_continuum.sequencing.aiming import (
     predicted,
     worth_setting_again,
 )
-from soft_continuum.sequencing.planner import PlanError, planner_of, PlanSettings, WHOLE_ARM
+from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, WHOLE_ARM
 
 ALL = (0, 1, 2)
 FALLS = -0.109, -0.178  # rad: where the least tensions leave segment 2 free to fall
@@ -68,7 +68,7 @@ def test_the_shape_or_the_tip_is_right_after_the_last_segment_was_set(statics, b
 
 
 def test_what_is_not_wanted_any_more_ends(statics, bending):
-    planner = planner_of(statics.chain.arm, PlanSettings(), lambda: True)
+    planner = Planner(statics.chain.arm, PlanSettings(), lambda: True)
     with pytest.raises(PlanError, match='abandoned'):
         worth_setting_again(planner, statics.chain.straight(), [0.0] * 3, ALL,
                             Aim(bending, np.zeros(3)), 0.006)
@@ -83,7 +83,7 @@ def test_the_error_of_a_bending_counts_in_every_direction(statics, bending):
 
 def test_an_arm_without_jamming_is_set_as_a_whole():
     arm = load_any_arm(description_file().with_name('tendon_arm.yaml'))
-    planner = planner_of(arm, PlanSettings(jamming=False, angle_step=0.3))
+    planner = Planner(arm, PlanSettings(jamming=False, angle_step=0.3))
     goal = bending_vectors(arm, (0.2, 0.1, 0.2), (0.5, 2.0, -1.0))
     state = planner.statics.solve(planner.statics.chain.straight(), np.zeros(9), (True,) * 3)
     step = next_step(planner, state, np.zeros(9), (WHOLE_ARM,), Aim(goal, np.zeros(3)), 5e-5)

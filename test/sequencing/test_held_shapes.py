@@ -15,8 +15,7 @@ from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.arm_port import Failure
 from soft_continuum.sequencing.loop_settings import ABORT
 from soft_continuum.sequencing.plan_watch import PlanWatch
-from soft_continuum.sequencing.planar_planner import Planner
-from soft_continuum.sequencing.planner import PlanError, Shape
+from soft_continuum.sequencing.planner import PlanError, Planner, Shape
 from soft_continuum.sequencing.progress import Code, Phase
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes

@@ -9,8 +9,7 @@ import pytest
 
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.sequencing.kept_plans import KeptPlans
-from soft_continuum.sequencing.planar_planner import Planner
-from soft_continuum.sequencing.planner import Shape
+from soft_continuum.sequencing.planner import Planner, Shape
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes
 from support.virtual_rig import ARM, PLAN_SETTINGS

@@ -14,8 +14,7 @@ import pytest
 from soft_continuum.mechanics import Statics
 from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.planar_planner import Planner
-from soft_continuum.sequencing.planner import PlanError, PlanSettings
+from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings
 from soft_continuum.sequencing.reach import (
     budget,
     follow,
@@ -69,7 +68,7 @@ class Query:
 
 
 def angles(found):
-    return np.array([(move.segment, move.bending_angle) for move in found.plan.moves])
+    return np.array([(move.segment, move.goal[move.segment, 1]) for move in found.plan.moves])
 
 
 def at(x, z, **tolerances):

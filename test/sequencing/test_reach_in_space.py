@@ -13,7 +13,7 @@ from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description
-from soft_continuum.sequencing.planner import planner_of, PlanSettings, WHOLE_ARM
+from soft_continuum.sequencing.planner import Planner, PlanSettings, WHOLE_ARM
 from soft_continuum.sequencing.reach import follow, reach, ReachSettings, TipGoal
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
@@ -23,7 +23,7 @@ PATIENT = ReachSettings(time_limit=inf)  # the machine's speed must not matter
 def begun(name):
     values = load_description(CONFIG / f'{name}.yaml', node='shape_sequencer')
     arm = any_arm_from_parameters(values)
-    planner = planner_of(arm, PlanSettings.of(values))
+    planner = Planner(arm, PlanSettings.of(values))
     return planner, planner.statics.chain.straight(), [0.0] * len(arm.tendon_names)
 
 

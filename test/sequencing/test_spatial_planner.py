@@ -18,7 +18,7 @@ from soft_continuum.parameters.files import load_any_arm, load_arm, load_descrip
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.planner import (
     PlanError,
-    planner_of,
+    Planner,
     PlanSettings,
     Shape,
     WHOLE_ARM,
@@ -43,7 +43,7 @@ class Followed:
         self.values = load_description(path, node='shape_sequencer')
         arm, self.settings = any_arm_from_parameters(self.values), PlanSettings.of(self.values)
         library = shape_library(self.values, arm) | {'straight': STRAIGHT}
-        planner, self.statics = planner_of(arm, self.settings), SpatialStatics(arm)
+        planner, self.statics = Planner(arm, self.settings), SpatialStatics(arm)
         self.plans = planner.plan(self.statics.chain.straight(), [0.0] * len(arm.tendon_names),
                                   [library[name] for name in names])
         self.triples, self.paths, self.ends, state = TRIPLES[path], [], [], None
@@ -130,7 +130,7 @@ def coarse(path=JAMMING, turn=0.0, **changes):
 
 
 def planned(arm, *shapes, pulls=None, **changes):
-    planner = planner_of(arm, replace(SETTINGS, **changes))
+    planner = Planner(arm, replace(SETTINGS, **changes))
     start = [0.0] * len(arm.tendon_names) if pulls is None else pulls
     return planner.plan(planner.statics.chain.straight(), start, shapes)
 
@@ -178,7 +178,7 @@ def test_more_bendings_than_tendons_are_refused():
 
 
 def test_an_upright_arm_may_lean_within_the_slack_of_its_tendons():
-    planner = planner_of(coarse(), SETTINGS)
+    planner = Planner(coarse(), SETTINGS)
     chain = planner.statics.chain
     turns = np.random.default_rng(0).normal(0.0, 1e-4, (chain.bodies, 3)) * [1.0, 1.0, 0.0]
     nearly = chain.state_of(turns, turns, (True,) * 3)  # as an arm that was straightened is
@@ -195,7 +195,7 @@ def test_an_arm_that_nothing_bends_has_tendons_that_are_just_slack():
 def test_the_jams_of_a_plan_have_the_vacuum_that_they_have():
     arm = coarse()
     arm = replace(arm, segments=tuple(replace(s, jam=Jam(8.0)) for s in arm.segments))
-    planner, part = planner_of(arm, SETTINGS), (0.5,) * 3
+    planner, part = Planner(arm, SETTINGS), (0.5,) * 3
     start = replace(planner.statics.chain.straight(), vacuum=part)
     goal = bending_vectors(arm, (0.0, 0.5, 0.0), (1.0,) * 3)
     move, end = planner.move(start, np.zeros(3), 1, goal)
@@ -213,7 +213,7 @@ def test_softening_what_nothing_holds_is_refused():
 
 def test_a_plan_that_is_not_wanted_any_more_ends():
     arm = coarse()
-    planner = planner_of(arm, SETTINGS, lambda: True)
+    planner = Planner(arm, SETTINGS, lambda: True)
     with pytest.raises(PlanError, match='abandoned'):
         planner.plan(planner.statics.chain.straight(), [0.0] * 3, [Shape('bow', (0.2, 0.0, 0.0))])
 
@@ -240,7 +240,7 @@ class Tendons:
 
 def run_of(tendons, **settings):
     values = load_description(TENDON_ARM, node='shape_sequencer')
-    planner = planner_of(any_arm_from_parameters(values), PlanSettings.of(values))
+    planner = Planner(any_arm_from_parameters(values), PlanSettings.of(values))
 
     def plan(shapes):
         from concurrent.futures import Future

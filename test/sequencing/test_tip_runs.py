@@ -12,8 +12,7 @@ from soft_continuum.mechanics.either import chain_of
 from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.plan_watch import PlanWatch
-from soft_continuum.sequencing.planar_planner import Planner
-from soft_continuum.sequencing.planner import ObstructedError, PlanError, Shape
+from soft_continuum.sequencing.planner import ObstructedError, PlanError, Planner, Shape
 from soft_continuum.sequencing.progress import Code
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_of, plan_shapes

@@ -14,8 +14,7 @@ from soft_continuum.mechanics import Statics
 from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
 from soft_continuum.sequencing.loop_settings import LoopSettings
-from soft_continuum.sequencing.planar_planner import Planner
-from soft_continuum.sequencing.planner import Shape
+from soft_continuum.sequencing.planner import Planner, Shape
 from support.virtual_rig import ARM, STEP, VirtualRig
 
 ARM = replace(ARM, bodies_per_segment=4)

@@ -26,8 +26,7 @@ from soft_continuum.mechanics import Statics
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.shapes import PAPER_SHAPES
 from soft_continuum.sequencing.arm_port import Failure, Observation
-from soft_continuum.sequencing.planar_planner import Planner
-from soft_continuum.sequencing.planner import PlanSettings
+from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.progress import Code
 from soft_continuum.sequencing.run_settings import RunnerSettings
 from soft_continuum.sequencing.runner import Runner

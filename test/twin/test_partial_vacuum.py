@@ -13,7 +13,7 @@ from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.nodes.up import description_file
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.parameters.files import load_any_arm
-from soft_continuum.sequencing.planner import planner_of, PlanSettings, Shape
+from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes
 from soft_continuum.twin.plant import plant_of
@@ -56,7 +56,7 @@ def test_a_planar_arm_with_less_vacuum_rests_where_the_plan_says(
         vacuums, yield_moment, tolerance):
     # A jam that yields creeps a little more in a plant that swings.
     arm = jammed(replace(ARM, mounting_angle=1.2, payload=0.05), yield_moment)
-    planner = planner_of(arm, PlanSettings(full_vacuum=FULL))
+    planner = Planner(arm, PlanSettings(full_vacuum=FULL))
     angles = tuple(np.radians((25.0, 15.0, -20.0)).tolist())
     plan, = planner.plan(planner.statics.chain.straight(), (0.0, 0.0),
                          [Shape('held', angles, vacuums=vacuums)])
@@ -69,7 +69,7 @@ def test_a_planar_arm_with_less_vacuum_rests_where_the_plan_says(
 
 def test_a_tip_is_at_its_goal_once_the_plant_has_given_way():
     arm = jammed(replace(ARM, mounting_angle=1.2, payload=0.05))
-    planner, vacuums = planner_of(arm, PlanSettings(full_vacuum=FULL)), (30e3, 80e3, 60e3)
+    planner, vacuums = Planner(arm, PlanSettings(full_vacuum=FULL)), (30e3, 80e3, 60e3)
     place = np.array((0.15, 0.0, 0.22))
     found, = plan_shapes(planner, planner.statics.chain.straight(), (0.0, 0.0), [
         Shape('tip', (), tips=(TipGoal(place),), vacuums=vacuums)], Surroundings(arm),

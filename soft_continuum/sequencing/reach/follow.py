@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.sequencing.planner import Move, PlanError, ShapePlan, ShapePlanner, WHOLE_ARM
+from soft_continuum.sequencing.planner import Move, PlanError, Planner, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss
 from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
@@ -34,7 +34,7 @@ MAX_GOALS = 200
 TIPS = 10  # that a fit of a whole path looks at count as one state judged
 
 
-def follow(planner: ShapePlanner, state: Any, pulls: Sequence[float], goals: Sequence[TipGoal],
+def follow(planner: Planner, state: Any, pulls: Sequence[float], goals: Sequence[TipGoal],
            surroundings: Surroundings, settings: ReachSettings | None = None
            ) -> Iterator[Reach]:
     """
@@ -75,7 +75,7 @@ class _Track:
 class _Following:
     """One search."""
 
-    def __init__(self, planner: ShapePlanner, start: Node, goals: Sequence[TipGoal],
+    def __init__(self, planner: Planner, start: Node, goals: Sequence[TipGoal],
                  surroundings: Surroundings, settings: ReachSettings) -> None:
         self.planner, self.start, self.goals = planner, start, goals
         self.surroundings, self.settings = surroundings, settings

@@ -17,7 +17,7 @@ import numpy as np
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.sequencing.planner import Move, PlanError, ShapePlanner, WHOLE_ARM
+from soft_continuum.sequencing.planner import Move, PlanError, Planner, WHOLE_ARM
 from soft_continuum.sequencing.reach.goal import Clear, Distance, ReachSettings, Surroundings
 from soft_continuum.sequencing.reach.result import PlannedStep
 
@@ -93,7 +93,7 @@ def between(one: State | Placed, near_one: float, other: State | Placed, near_ot
 class Passages:
     """Moves of one arm among its surroundings."""
 
-    def __init__(self, planner: ShapePlanner, surroundings: Surroundings, settings: ReachSettings
+    def __init__(self, planner: Planner, surroundings: Surroundings, settings: ReachSettings
                  ) -> None:
         """Prepare; settings: of which margin, lock_in and softening_time count."""
         self.planner, self.surroundings, self.settings = planner, surroundings, settings

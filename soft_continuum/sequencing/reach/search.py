@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan, ShapePlanner
+from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
 from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
@@ -41,7 +41,7 @@ NEAREST = 30  # shapes that are tried to come near
 NAME = 'tip goal'
 
 
-def reach(planner: ShapePlanner, state: Any, pulls: Sequence[float], goal: TipGoal,
+def reach(planner: Planner, state: Any, pulls: Sequence[float], goal: TipGoal,
           surroundings: Surroundings, settings: ReachSettings | None = None) -> Iterator[Reach]:
     """
     Yield plans to a goal of the tip, each better than the one before it; the last is the best.
@@ -63,7 +63,7 @@ def reach(planner: ShapePlanner, state: Any, pulls: Sequence[float], goal: TipGo
 class Search:
     """A search for plans from a node to one goal."""
 
-    def __init__(self, planner: ShapePlanner, start: Node, goal: TipGoal,
+    def __init__(self, planner: Planner, start: Node, goal: TipGoal,
                  surroundings: Surroundings, settings: ReachSettings) -> None:
         """Prepare."""
         self.planner, self.start, self.goal, self.settings = planner, start, goal, settings
