@@ -182,7 +182,8 @@ def judged(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, Any]]
                     f'{ANSWER_TIMEOUT:g} s; is the computer overloaded, or the network cut?')
     if missing := [name for name in NODES if name not in found]:
         yield Check('missing', WARN, f'{", ".join(missing)}: not found; an arm without jamming '
-                    'has no jamming_valves, and a planar one then no shape_sequencer; otherwise '
+                    'has no jamming_valves, and, where tendons do not bend each segment by '
+                    'itself, no shape_sequencer; otherwise '
                     f'see {HOW_TO}')
     for host, names in sorted(hosts.items()):
         of_host = [answered[name] for name in names]

@@ -195,8 +195,9 @@ class Tasks:
         text = (f'{", ".join(missing)} {"does" if len(missing) == 1 else "do"} not run in '
                 f'namespace {space}; {HOW_TO_START}')
         if {*missing} <= {JAMMING_VALVES, SHAPE_SEQUENCER}:  # it may be an arm without
-            text += ('; an arm without jamming has no jamming_valves, and a planar one then no '
-                     'shape_sequencer: its tendons are moved by jog and trajectories')
+            text += ('; an arm without jamming has no jamming_valves, and, where tendons do not '
+                     'bend each segment by itself, no shape_sequencer: they are moved by jog and '
+                     'trajectories')
         elsewhere = sorted({other for name, other in self.node.get_node_names_and_namespaces()
                             if name in NODES and other != space})
         if elsewhere:

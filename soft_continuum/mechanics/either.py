@@ -18,11 +18,13 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, RigidChain, SLACK
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialChain
+from soft_continuum.mechanics.spatial.directions import ONE_PLANE
 
 if TYPE_CHECKING:
     from soft_continuum.mechanics.spatial.statics import SpatialStatics
     from soft_continuum.mechanics.statics import Statics
 
+SMALL = 1e-3  # rad, for derivatives
 UNMOVED = (0, 0)  # how two tendons slide where nothing is said of it
 AnyArm = Arm | SpatialArm
 AnyChain = RigidChain | SpatialChain
@@ -184,6 +186,26 @@ def sliding_towards(arm: AnyArm, change: Array) -> tuple[int, ...]:
         return ()
     turn = int(np.sign(change[:, 1].sum()))
     return turn, -turn
+
+
+def fully_actuated(arm: AnyArm) -> bool:
+    """
+    Return whether tendons alone bend each segment by itself to where it can bend, all being soft.
+
+    That is, their lengths tell all bendings from each other.  Two tendons along three segments do
+    not; without jamming such an arm bends as a whole.
+    """
+    if isinstance(arm, Arm):
+        return len(arm.segments) == 1
+    from soft_continuum.mechanics.spatial.constant_curvature import pulls
+    axes = np.argwhere(arm.bending_axes)
+    rates = np.zeros((len(axes), len(arm.tendons)))
+    for rate, (segment, axis) in zip(rates, axes, strict=True):
+        bending = np.zeros((len(arm.segments), 2))
+        bending[segment, axis] = SMALL
+        rate[:] = (pulls(arm, bending) - pulls(arm, -bending)) / (2.0 * SMALL)
+    rank = np.linalg.matrix_rank(rates, tol=ONE_PLANE * np.abs(rates).max(initial=0.0))
+    return bool(rank == len(axes))
 
 
 def statics_of(arm: AnyArm) -> 'Statics | SpatialStatics':

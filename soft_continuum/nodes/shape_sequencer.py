@@ -33,7 +33,7 @@ from soft_continuum.nodes.sequence_server import (
     SequenceServer,
 )
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
-from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
+from soft_continuum.parameters.arm import any_arm_from_parameters, check_actuation
 from soft_continuum.parameters.loop import loop_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.reach import reach_from_parameters
@@ -104,8 +104,7 @@ class ShapeSequencer(Node):
             self.parameters.declare_numbers(vacuum_parameter(name))
         self.status = Status(self, 'shape sequencer')
         self._arm = any_arm_from_parameters(self.parameters)
-        if isinstance(self._arm, Arm):  # two tendons alone set no shape
-            check_jamming(self.parameters)
+        check_actuation(self._arm, self.parameters)
         self._library = shape_library(self.parameters, self._arm)
         self._check: Check | None = None
         self._next: Any = None  # the goal that waits for the running one to be wound down

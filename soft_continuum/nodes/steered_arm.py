@@ -25,7 +25,7 @@ from soft_continuum.client.errors import (
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import ATTEMPTS, until
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.either import AnyArm, fully_actuated
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.nodes.emergency_stop import TOPIC as EMERGENCY_STOP
 from soft_continuum.nodes.entries import subscribe
@@ -71,6 +71,7 @@ class SteeredArm:
         self._requests.hears_feedback = False  # that a sequence runs is all that is asked
         self._observed = self._requests.observed
         self._arm: AnyArm | None = None
+        self._actuated = False  # fully, by its tendons alone
         self._jamming = True
         self._describing: Future[None] | None = None
         self._enabled = self._ready = False  # the servo: by anybody; by this, for this segment
@@ -106,6 +107,7 @@ class SteeredArm:
     async def _describe(self) -> None:
         try:
             self._arm = await self._requests.description()
+            self._actuated = fully_actuated(self._arm)
             self._jamming = await self._requests.has_jamming()
         except ClientError:
             return  # what is known stays; problem() tells what does not run
@@ -158,8 +160,9 @@ class SteeredArm:
         tendons = self._observed.tendon_actuation
         if self._arm is None or tendons is None:
             return 'the arm is not known: its nodes do not run, or have not answered yet'
-        if not self._jamming and not isinstance(self._arm, SpatialArm):
-            return 'a planar arm without jamming bends as a whole: it cannot be steered'
+        if not (self._jamming or self._actuated):
+            return ('without jamming the tendons of this arm do not bend each segment by itself: '
+                    'it cannot be steered')
         if self._emergency:
             return self._other_stops() or 'the emergency stop is on: reset turns it off'
         if tendons.emergency_stop:

@@ -20,8 +20,7 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
 from soft_continuum.arguments import DONE, FAILED, Parser, WRONG_USAGE
-from soft_continuum.mechanics.either import AnyArm
-from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.either import AnyArm, fully_actuated
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import (
     argument_error,
@@ -148,10 +147,10 @@ def nodes_for(arm: AnyArm, jamming: bool) -> tuple[str, ...]:
     """
     Return the nodes that drive an arm, with jamming or not.
 
-    Without it nothing switches segments, and two tendons of a planar arm set no shapes.
+    Without it nothing switches segments, and too few tendons set no shapes.
     """
     left_out = {JAMMING_VALVES: not jamming,
-                SHAPE_SEQUENCER: not (jamming or isinstance(arm, SpatialArm))}
+                SHAPE_SEQUENCER: not (jamming or fully_actuated(arm))}
     return tuple(name for name in NODES if not left_out.get(name))
 
 

@@ -18,7 +18,7 @@ from soft_continuum.mechanics.arm import (
     STANDARD_GRAVITY,
     Tendon,
 )
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.either import AnyArm, fully_actuated
 from soft_continuum.mechanics.laws import Jam, LawError, linear, MomentCurvature
 from soft_continuum.mechanics.stiffness import second_moment_of_area
 from soft_continuum.parameters.parameter import Parameter, ParameterError, spread
@@ -139,6 +139,15 @@ def check_jamming(values: Mapping[str, Any]) -> None:
         raise ParameterError(
             'arm.jamming is false: nothing stiffens the segments of this arm, and nodes that '
             'switch them are not needed; `soft_continuum up` starts those that are')
+
+
+def check_actuation(arm: AnyArm, values: Mapping[str, Any]) -> None:
+    """Raise ParameterError for an arm whose segments nothing bends each by itself."""
+    if not (values['arm.jamming'] or fully_actuated(arm)):
+        raise ParameterError(
+            'arm.jamming is false, and the tendons of this arm do not bend each segment by itself '
+            '(fewer or less independent ones than bending directions): it has no shapes, and '
+            'nodes that set them are not needed; `soft_continuum up` starts those that are')
 
 
 def any_arm_from_parameters(values: Mapping[str, Any]) -> AnyArm:
