@@ -10,11 +10,13 @@ from soft_continuum.browser.points import Points, points_of
 from soft_continuum.client import ClientError, Tip
 from soft_continuum.client.plan import Plan, plan_shapes, PlanStep
 from soft_continuum.client.requests import Requests
+from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.either import AnyArm, chain_of
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 
 WHILE_DRAGGED, AT_REST = 1000, 0  # states that are judged for a plan; 0: as many as Go would
 LATE = 1.0  # s without an answer
+AGAIN = 2.0  # s after which what had no answer is asked again
 MAX_PLACE = 100.0  # m, of what is drawn
 
 
@@ -90,7 +92,7 @@ class TipPlanning:
         self._wanted = self._asked = self.planned = None
 
     async def _ask(self) -> None:
-        """Ask until what is wanted was asked for; a newer request ends a long one."""
+        """Ask until what is wanted has an answer; a newer request ends a long one."""
         while self._awaited is None and self._wanted is not None and (
                 self._wanted is not self._asked):
             now = self._asked = self._wanted
@@ -109,7 +111,11 @@ class TipPlanning:
             if self._asked is not now:
                 return  # something else was asked for since, or nothing is wanted
             self.planned, self._answered = planned, monotonic()
-            if states == WHILE_DRAGGED and not planned.found and self._wanted is now:
+            if planned.plan is None:
+                await until(lambda: self._wanted is not self._asked, AGAIN)
+                if self._asked is now:
+                    self._asked = None
+            elif states == WHILE_DRAGGED and not planned.found and self._wanted is now:
                 self._wanted = goal, arm, AT_REST  # the handle rests where more is needed
 
 

@@ -4,6 +4,7 @@
 """Shapes of arms in space over DDS: reached by name and by direction, canceled, refused."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from math import radians
 from threading import Event
@@ -170,6 +171,18 @@ def test_the_servo_bends_a_segment_of_an_arm_without_jamming_to_any_side(tendon_
     rig.end(node)
 
 
+@contextmanager
+def plugged(joystick: Joystick) -> Iterator[None]:
+    """Unplug a joystick and end its nodes, whatever happens: the next test has its own."""
+    try:
+        yield
+    finally:
+        joystick.show()
+        joystick.unplug()
+        for node in joystick.nodes:
+            joystick.rig.end(node)
+
+
 def test_a_stick_bends_the_chosen_segment_to_either_side_of_where_it_leans(tendon_arm: Rig
                                                                            ) -> None:
     rig, joystick = tendon_arm, Joystick(tendon_arm, **given(TENDON_ARM))
@@ -182,20 +195,20 @@ def test_a_stick_bends_the_chosen_segment_to_either_side_of_where_it_leans(tendo
         joystick.show()
         joystick.wait_for('ready', enabled=False)
         joystick.assert_rests()
+        count = len(rig.disc_poses)  # kinematics may be behind the tendons
+        rig.wait_for(lambda: len(rig.disc_poses) > count + 3 and len(
+            {str(each.poses[-1]) for each in list(rig.disc_poses)[-3:]}) == 1, 'a shape at rest')
         begin = leans()
         joystick.steer(**stick)
         rig.wait_for(lambda: abs(leans() - begin) > 5e-3, 'a bend')
         moved = (leans() - begin) / way
         return abs(moved.imag) < 0.3 * moved.real
 
-    joystick.wait_for('ready to move segment 3', connected=True)
-    assert bends(1.0, x=RIGHT)
-    assert bends(1.0j, y=1.0)
-    assert bends(-1.0, x=LEFT)
-    joystick.show()
-    joystick.unplug()
-    for node in joystick.nodes:
-        rig.end(node)
+    with plugged(joystick):
+        joystick.wait_for('ready to move segment 3', connected=True)
+        assert bends(1.0, x=RIGHT)
+        assert bends(1.0j, y=1.0)
+        assert bends(-1.0, x=LEFT)
 
 
 def test_a_segment_that_takes_long_to_prepare_is_prepared_once_and_then_moves(
@@ -210,23 +223,20 @@ def test_a_segment_that_takes_long_to_prepare_is_prepared_once_and_then_moves(
     monkeypatch.setattr(servo, 'AngleServo', make)
     monkeypatch.setattr(steered_arm, 'ENABLING_TIMEOUT', 0.2)
     joystick = Joystick(tendon_arm, **given(TENDON_ARM))
-    joystick.wait_for('ready to move segment 3', connected=True)
-    joystick.show(LB)
-    for _ in range(2):
-        joystick.wait_for(steered_arm.PREPARING)
-        joystick.wait_for('still finds what segment 3 can be bent to')
-    assert len(made) == 1
-    # Nor is it for whoever has given up before its turn.
-    joystick.show()
-    joystick.wait_for('still finds what segment 3 can be bent to', enabled=False)
-    enable = partial(tendon_arm.call, SetBool, 'servo/enable')
-    for _ in range(3):
-        assert enable(data=False).success
-        assert enable(data=True).message == 'being prepared for segment 3'
-    may_end.set()
-    joystick.steer(x=RIGHT)
-    assert len(made) == 2
-    joystick.show()
-    joystick.unplug()
-    for node in joystick.nodes:
-        tendon_arm.end(node)
+    with plugged(joystick):
+        joystick.wait_for('ready to move segment 3', connected=True)
+        joystick.show(LB)
+        for _ in range(2):
+            joystick.wait_for(steered_arm.PREPARING)
+            joystick.wait_for('still finds what segment 3 can be bent to')
+        assert len(made) == 1
+        # Nor is it for whoever has given up before its turn.
+        joystick.show()
+        joystick.wait_for('still finds what segment 3 can be bent to', enabled=False)
+        enable = partial(tendon_arm.call, SetBool, 'servo/enable')
+        for _ in range(3):
+            assert enable(data=False).success
+            assert enable(data=True).message == 'being prepared for segment 3'
+        may_end.set()
+        joystick.steer(x=RIGHT)
+        assert len(made) == 2

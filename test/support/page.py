@@ -69,7 +69,11 @@ class Page:
     def wait_for_text(self, text: str) -> None:
         """Wait until a text can be read below the bar."""
         shown = self.view.get_by_text(re.compile(re.escape(text))).first
-        expect(shown).to_be_visible(timeout=DEADLINE * 1e3)
+        try:
+            expect(shown).to_be_visible(timeout=DEADLINE * 1e3)
+        except AssertionError:
+            there = self.view.locator('body').inner_text()
+            raise AssertionError(f'{text!r} cannot be read; there is:\n{there}') from None
 
     def wait_for_no_text(self, text: str) -> None:
         """Wait until a text is nowhere below the bar."""
