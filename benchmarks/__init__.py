@@ -3,6 +3,9 @@
 """Benchmarks: ``./run bench`` writes performance.md and accuracy.md in docs/explanation."""
 
 import os
+from pathlib import Path
+import sys
 
 # Small systems only: more threads would spin for nothing.  To be set before numpy is imported.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+sys.path.append(str(Path(__file__).parents[1] / 'test'))  # references, which check the solver

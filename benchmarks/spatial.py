@@ -12,8 +12,8 @@ import numpy as np
 
 from benchmarks.rods import Rod, shapes, STEEL, TPU
 from benchmarks.tables import machine, number, Section, table
+from references import solve_rods
 from soft_continuum.mechanics import _kernel, PAPER, SECOND_ORDER, Statics
-from soft_continuum.mechanics.references import solve_rods
 from soft_continuum.mechanics.spatial import (
     bending_for_tip,
     pulls_for_bending,

@@ -8,6 +8,8 @@ from math import cos, pi, radians, sin
 import numpy as np
 import pytest
 
+from references import elastica
+from references.elastica import Elastica
 from soft_continuum.mechanics import (
     Arm,
     Disc,
@@ -18,8 +20,6 @@ from soft_continuum.mechanics import (
     Statics,
     StaticsError,
 )
-from soft_continuum.mechanics.references import elastica
-from soft_continuum.mechanics.references.elastica import Elastica
 
 BODIES = np.array([8, 16, 32, 64, 128])
 ALL = (True, True, True)

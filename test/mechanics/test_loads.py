@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from references.elastica import Elastica
 from soft_continuum.mechanics import ArmError, Disc, RIGHT, SLACK, Statics
 from soft_continuum.mechanics.arm import PointForce, Tendon
 from soft_continuum.mechanics.laws import MomentCurvature
-from soft_continuum.mechanics.references.elastica import Elastica
 from support.energy_reference import Reference
 from support.general_arms import arms, between, FEW, masks, paper_like, pulls
 

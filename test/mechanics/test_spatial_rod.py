@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from references import Elastica, solve_rods
 from soft_continuum.mechanics import Jam, Statics
 from soft_continuum.mechanics.arm import PAPER, SECOND_ORDER
-from soft_continuum.mechanics.references import Elastica, solve_rods
 from soft_continuum.mechanics.spatial import spatial, SpatialStatics, Wrench
 from support.general_arms import paper_like
 from support.spatial_arms import three_segments

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from references.elastica import Elastica
 from soft_continuum.mechanics import (
     angles_for_tip,
     LEFT,
@@ -24,7 +25,6 @@ from soft_continuum.mechanics import (
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.joints import tension_ratios
 from soft_continuum.mechanics.laws import Jam
-from soft_continuum.mechanics.references.elastica import Elastica
 from support.energy_reference import Reference
 from support.general_arms import arms, FEW, paper_like, pulls
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Models that check the statics and the accuracy of the chain; no other room uses them."""
 
-from soft_continuum.mechanics.references.elastica import Elastica, Rod
-from soft_continuum.mechanics.references.rod import solve_rods, SpatialRod
+from references.elastica import Elastica, Rod
+from references.rod import solve_rods, SpatialRod
 
 __all__ = ['Elastica', 'Rod', 'SpatialRod', 'solve_rods']
