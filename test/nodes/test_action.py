@@ -6,11 +6,13 @@
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 import time
+from typing import Any
 
 import numpy as np
 import pytest
 
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.nodes.sequence_server import error_code
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.shapes import PAPER_SHAPES
@@ -187,8 +189,13 @@ def test_a_shape_that_the_arm_has_already_moves_nothing(shared_arm: Rig) -> None
 
 
 def test_outcomes_and_phases_are_those_of_the_action() -> None:
-    for ours, message in ((Code, RunShapeSequence.Result), (Phase, RunShapeSequence.Feedback)):
-        constants = {name: getattr(message, name) for name in dir(message) if name.isupper()}
-        assert {member.name: member.value for member in ours} == {
-            name: value for name, value in constants.items()
-            if isinstance(value, int | str) and name not in ('PREDICTED', 'MEASURED')}
+    def constants(message: Any, kind: type) -> dict[str, Any]:
+        every = {name: getattr(message, name) for name in dir(message) if name.isupper()}
+        return {name: value for name, value in every.items()
+                if isinstance(value, kind) and name not in ('PREDICTED', 'MEASURED')}
+
+    codes = constants(RunShapeSequence.Result, int)
+    assert {code.name: error_code(code) for code in Code} == codes
+    assert codes['SUCCESSFUL'] == 0 and all(v < 0 for n, v in codes.items() if n != 'SUCCESSFUL')
+    phases = constants(RunShapeSequence.Feedback, str)
+    assert {phase.name: phase.value for phase in Phase} == phases
