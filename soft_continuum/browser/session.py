@@ -6,6 +6,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import inf, isfinite
 from time import monotonic, strftime
 from typing import Any, TYPE_CHECKING, TypeVar
@@ -73,6 +74,11 @@ class Description:
     ambient_pressure: float = 101325.0
     tension_limit: float = 60.0
     shapes: tuple[str, ...] = ()
+
+    @cached_property
+    def nodes(self) -> tuple[str, ...]:
+        """The nodes that drive the arm."""
+        return nodes_for(self.arm, self.jamming)
 
     @property
     def in_space(self) -> bool:
@@ -189,7 +195,7 @@ class Session:
         state = self.observed.snapshot()
         if self.description is None:
             return state
-        needed = nodes_for(self.description.arm, self.description.jamming)
+        needed = self.description.nodes
         return replace(state, nodes=tuple(n for n in state.nodes if n.name in needed))
 
     def preview(self, points: Points) -> None:

@@ -201,10 +201,10 @@ class Reached:
     Where the last shape of a sequence ended.
 
     measured: whether measurements say so; else it is what the model has of motors and vacuum.
-    bending_angles: rad, one per segment.  angle_deviations, tip_covariance: as of an Estimate.
-    tip_error: m from where the aim has the tip.  corrections: of all segments of all shapes.
-    bending_directions: rad, one per segment of a spatial arm, else empty.  replans: plans that
-    were made again on the way.
+    bending_angles: rad, one per segment.  tip: its pose.  angle_deviations, tip_covariance: as of
+    an Estimate.  tip_error: m from where the aim has the tip.  corrections: of all segments of all
+    shapes.  bending_directions: rad, one per segment of a spatial arm, else empty.  replans: plans
+    that were made again on the way.
     """
 
     measured: bool

@@ -14,6 +14,7 @@ from typing import Any, Protocol, TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, RigidChain, SLACK
 from soft_continuum.mechanics.spatial.arm import SpatialArm
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from soft_continuum.mechanics.statics import Statics
 
 SMALL = 1e-3  # rad, for derivatives
-UNMOVED = (0, 0)  # how two tendons slide where nothing is said of it
 AnyArm = Arm | SpatialArm
 AnyChain = RigidChain | SpatialChain
 
@@ -164,10 +164,11 @@ def hold(statics: Any, state: Any, soft: Sequence[bool], goal: Array, *,
     arm = statics.chain.arm
     if isinstance(arm, Arm):
         segment = list(soft).index(True)
-        bent = statics.bend(state, segment, float(goal[segment, 1]), sliding=sliding or UNMOVED)
+        slides = {'sliding': sliding} if sliding else {}
+        bent = statics.bend(state, segment, float(goal[segment, 1]), **slides)
         carries = np.arange(len(bent.tensions)) == np.argmax(bent.tensions)
         return HeldBending(bent, np.where(carries & (bent.tensions > 0.0),
-                                   statics.commanded_pulls(bent, sliding or UNMOVED), SLACK))
+                                          statics.commanded_pulls(bent, **slides), SLACK))
     from soft_continuum.mechanics.spatial.inverse import PRETENSION, pulls_that_hold
     wanted = np.where(arm.bending_axes & np.array(soft)[:, None], goal, np.nan)
     pretensions = (PRETENSION, 0.0) if taut else (0.0, PRETENSION)
@@ -188,6 +189,14 @@ def sliding_towards(arm: AnyArm, change: Array) -> tuple[int, ...]:
     return turn, -turn
 
 
+def arc_pulls(arm: AnyArm, bending: Array) -> Array:
+    """Return the pulls (tendons,) m of a bending, as State.bending, of constant curvature."""
+    if isinstance(arm, Arm):
+        return np.array(constant_curvature.pulls(arm, bending[:, 1].tolist()))
+    from soft_continuum.mechanics.spatial.constant_curvature import pulls
+    return pulls(arm, bending)
+
+
 def fully_actuated(arm: AnyArm) -> bool:
     """
     Return whether tendons alone bend each segment by itself to where it can bend, all being soft.
@@ -195,15 +204,12 @@ def fully_actuated(arm: AnyArm) -> bool:
     That is, their lengths tell all bendings from each other.  Two tendons along three segments do
     not; without jamming such an arm bends as a whole.
     """
-    if isinstance(arm, Arm):
-        return len(arm.segments) == 1
-    from soft_continuum.mechanics.spatial.constant_curvature import pulls
     axes = np.argwhere(arm.bending_axes)
-    rates = np.zeros((len(axes), len(arm.tendons)))
+    rates = np.zeros((len(axes), len(arm.tendon_names)))
     for rate, (segment, axis) in zip(rates, axes, strict=True):
         bending = np.zeros((len(arm.segments), 2))
         bending[segment, axis] = SMALL
-        rate[:] = (pulls(arm, bending) - pulls(arm, -bending)) / (2.0 * SMALL)
+        rate[:] = (arc_pulls(arm, bending) - arc_pulls(arm, -bending)) / (2.0 * SMALL)
     rank = np.linalg.matrix_rank(rates, tol=ONE_PLANE * np.abs(rates).max(initial=0.0))
     return bool(rank == len(axes))
 

@@ -19,6 +19,7 @@ import numpy as np
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import hold, State
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.spatial.directions import within_limits
 from soft_continuum.sequencing.planner import (
     Move,
     PlanError,
@@ -118,9 +119,7 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
         """Return bendings within the limits, where those that are free have given values."""
         bending = first.copy()
         bending[free] = values
-        sizes = np.linalg.norm(bending, axis=1)
-        bending *= (most / np.maximum(sizes, most))[:, None]
-        return bending
+        return within_limits(bending, most)
 
     def residuals(values: Array) -> Array:
         check_wanted()

@@ -19,7 +19,7 @@ import numpy as np
 
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.either import AnyArm, HeldBending, hold, sliding_towards, statics_of
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.spatial.directions import bending_vectors, within_limits
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
 from soft_continuum.parameters.shapes import angles_problem
 from soft_continuum.sequencing.timing import timed
@@ -259,9 +259,7 @@ class Planner:
         arm = self.statics.chain.arm
         goal = bending_vectors(arm, shape.bending_angles, shape.bending_directions)
         if shift is not None:
-            goal = goal + shift
-            size, limits = np.linalg.norm(goal, axis=1), arm.bending_angle_limits
-            goal *= np.minimum(1.0, limits / np.where(size > 0.0, size, 1.0))[:, None]
+            goal = within_limits(goal + shift, arm.bending_angle_limits)
         if not self.settings.jamming:
             return [(WHOLE_ARM, goal, '')]
         texts = [f'segment {i} to {np.degrees(angle):.1f} degrees'

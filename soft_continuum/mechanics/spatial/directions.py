@@ -34,6 +34,12 @@ def bending_vectors(arm: Arm | SpatialArm, angles: Sequence[float], directions: 
     return np.where(arm.bending_axes, vectors, 0.0)
 
 
+def within_limits(bending: Array, limits: Array) -> Array:
+    """Return bendings (..., segments, 2) rad, each no larger than its limit (segments,), rad."""
+    sizes = np.linalg.norm(bending, axis=-1)
+    return np.asarray(bending * (limits / np.maximum(sizes, limits))[..., None])
+
+
 def bending_directions(bending: Array) -> Array:
     """Return the directions (segments,), rad, -pi to pi, of bending (segments, 2), rad."""
     directions = np.arctan2(-bending[:, 0], bending[:, 1])

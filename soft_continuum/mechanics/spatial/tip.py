@@ -23,6 +23,7 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
+from soft_continuum.mechanics.spatial.directions import within_limits
 from soft_continuum.mechanics.spatial.inverse import SAME_BENDING, set_shape
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
 
@@ -209,8 +210,7 @@ class _Fit:
             bending = bent(least_squares(left, guess[self.free], slopes, xtol=tolerance,
                                          ftol=tolerance, gtol=tolerance,
                                          max_nfev=MAX_EVALUATIONS).x)
-        size = np.linalg.norm(bending[some], axis=1)
-        bending[some] *= np.minimum(1.0, self.limits[some] / np.maximum(size, 1e-9))[:, None]
+        bending[some] = within_limits(bending[some], self.limits[some])
         return bending, float(np.linalg.norm(self.missed(bending, goal, turn)))
 
     def correct(self, bending: Array) -> SpatialTipFit:

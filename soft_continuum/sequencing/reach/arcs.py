@@ -15,8 +15,9 @@ import scipy
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, chain_of, State
+from soft_continuum.mechanics.either import AnyArm, arc_pulls, chain_of, State
 from soft_continuum.mechanics.spatial import constant_curvature as spatial_curvature
+from soft_continuum.mechanics.spatial.directions import within_limits
 from soft_continuum.sequencing.planner import WHOLE_ARM
 from soft_continuum.sequencing.reach.goal import TipGoal
 
@@ -105,9 +106,7 @@ class Arcs:
 
     def pulls(self, bending: Array) -> Array:
         """Return the pulls (tendons,) m of one bending."""
-        if isinstance(self.arm, Arm):
-            return np.array(constant_curvature.pulls(self.arm, bending[:, 1].tolist()))
-        return spatial_curvature.pulls(self.arm, bending)
+        return arc_pulls(self.arm, bending)
 
     def columns(self, movers: Sequence[int]) -> NDArray[np.intp]:
         """Return which of the numbers of a bending some segments, or WHOLE_ARM, set."""
@@ -119,8 +118,7 @@ class Arcs:
 
     def within(self, bending: Array) -> Array:
         """Return bendings (m, segments, 2) within the limits, the nearest to those given."""
-        sizes = np.linalg.norm(bending, axis=-1)
-        return np.asarray(bending * (self.limits / np.maximum(sizes, self.limits))[..., None])
+        return within_limits(bending, self.limits)
 
     def fit(self, bending: Array, movers: Sequence[int], miss: Miss) -> tuple[Array, Array]:
         """
