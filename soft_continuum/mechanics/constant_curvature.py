@@ -11,7 +11,6 @@ from math import sin
 
 import numpy as np
 from numpy.typing import ArrayLike
-import scipy
 
 from soft_continuum.mechanics.arm import Arm, ArmError, Segment
 from soft_continuum.mechanics.chain import Array
@@ -54,6 +53,8 @@ def bending_angle(segment: Segment, pull: float) -> float:
     Negative pulls (tendon paid out) give negative angles.  Raises ArmError when the segment cannot
     take up that pull within its bending angle limit.
     """
+    from scipy.optimize import brentq  # 0.3 s that nodes that find none need not wait for
+
     limit = segment.bending_angle_limit
     # Far from straight the pull turns back: the angles between the turns around zero count.
     grid = np.linspace(-limit, limit, 721)
@@ -66,7 +67,7 @@ def bending_angle(segment: Segment, pull: float) -> float:
         raise ArmError(
             f'a pull of {pull:g} m needs more than the bending angle limit of {limit:g} rad; '
             f'allowed: {low:.4g} to {high:.4g} m')
-    return float(scipy.optimize.brentq(
+    return float(brentq(
         lambda a: segment_pulls(segment, a)[0] - pull, least, most, xtol=1e-15, rtol=1e-14))
 
 

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, RigidChain, SLACK
+from soft_continuum.mechanics.spatial import constant_curvature as spatial_curvature
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialChain
 from soft_continuum.mechanics.spatial.directions import ONE_PLANE
@@ -193,8 +194,7 @@ def arc_pulls(arm: AnyArm, bending: Array) -> Array:
     """Return the pulls (tendons,) m of a bending, as State.bending, of constant curvature."""
     if isinstance(arm, Arm):
         return np.array(constant_curvature.pulls(arm, bending[:, 1].tolist()))
-    from soft_continuum.mechanics.spatial.constant_curvature import pulls
-    return pulls(arm, bending)
+    return spatial_curvature.pulls(arm, bending)
 
 
 def fully_actuated(arm: AnyArm) -> bool:
