@@ -21,7 +21,7 @@ os.environ['FASTDDS_DEFAULT_PROFILES_FILE'] = str(HERE / 'fastdds.xml')
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'  # LOCALHOST would replace it
 
 from soft_continuum.hardware import tendon_controller  # noqa: E402
-from soft_continuum.hardware.dynamixel import exchange  # noqa: E402
+from soft_continuum.hardware.dynamixel import bus, exchange, packets  # noqa: E402
 from soft_continuum.hardware.dynamixel import session as servo_session  # noqa: E402
 from soft_continuum.hardware.dynamixel import start as servo_start  # noqa: E402
 from soft_continuum.hardware.grbl import session as grbl_session  # noqa: E402
@@ -57,6 +57,8 @@ def _patient() -> Iterator[None]:
         patch.setattr(tendon_control, 'MAX_LATENESS', 20.0)
         patch.setattr(tendon_controller, 'MAX_DELAY', 20.0)
         patch.setattr(managed_node, 'RETRY', 0.3)
+        patch.setattr(packets, 'REPLY_TIME', 0.2)
+        patch.setattr(bus, 'SEARCH_TIME', 0.2)
         patch.setattr(exchange, 'SILENCE_TIMEOUT', 2.0)
         patch.setattr(servo_start, 'WATCHDOG', 100)  # 2 s
         patch.setattr(servo_session, 'BEHIND_TIMEOUT', 2.0)

@@ -75,7 +75,7 @@ class Exchange:
         try:
             replies = self._bus.sync_read(self._ids, *BLOCK)
         except (NoReplyError, DamagedReplyError) as error:
-            self._miss(str(error))
+            self._miss(str(error), unanswered=True)
             return None
         now = self._bus.clock()
         states = [ServoState.from_reply(reply, asked, now) for reply in replies]
@@ -99,12 +99,12 @@ class Exchange:
         self._states, self._heard, self.missed = states, now, 0
         return states
 
-    def _miss(self, why: str) -> None:
+    def _miss(self, why: str, unanswered: bool = False) -> None:
         """Count a reply that was not taken; raises HardwareError when there are too many."""
         self.missed += 1
         if self.missed < MIN_MISSED or self._bus.clock() - self._heard < SILENCE_TIMEOUT:
             return
-        answering = self._bus.find(self._ids)
+        answering = self._bus.find(self._ids) if unanswered else self._ids
         silent = [str(servo) for servo in self._servos if servo.id not in answering]
         if silent:
             why = f'{" and ".join(silent)}: no answer any more; check its cable and supply'
