@@ -65,6 +65,14 @@ def place(request: PlanShapes.Request) -> tuple[float, float, float]:
     return position.x, position.y, position.z
 
 
+def choose_own_shape(page: Page) -> None:
+    """Choose 30 and -45 degrees."""
+    page.open_folder('Own shape', 'Angle 1')
+    expect(page.button('Set own shape')).to_be_enabled(timeout=DEADLINE * 1e3)
+    for name, degrees in (('Angle 1', 30), ('Angle 2', -45)):
+        page.fill(name, str(degrees))
+
+
 @pytest.fixture(scope='module')
 def shown(open_page: OpenPage, tmp_path_factory: pytest.TempPathFactory, module_domain: int
           ) -> Iterator[tuple[EstimatedArm, Page]]:
@@ -137,10 +145,7 @@ def test_the_measured_error_of_a_run_is_said_in_the_unit_of_its_aim(
 
 def test_a_shape_of_its_own_is_sent_with_the_angles_of_the_page(
         page: Page, arm: EstimatedArm) -> None:
-    page.open_folder('Own shape')
-    expect(page.button('Set own shape')).to_be_enabled(timeout=DEADLINE * 1e3)
-    for name, degrees in (('Angle 1', 30), ('Angle 2', -45)):
-        page.fill(name, str(degrees))
+    choose_own_shape(page)
     before = len(arm.goals)
     page.click('Set own shape')
     page.wait_for(lambda: len(arm.goals) > before, 'a goal')
@@ -153,7 +158,8 @@ def test_a_shape_of_its_own_is_sent_with_the_angles_of_the_page(
 
 def test_shapes_and_sequences_are_saved_run_in_rounds_renamed_and_deleted(
         page: Page, arm: EstimatedArm) -> None:
-    page.open_folder('Saved')
+    choose_own_shape(page)
+    page.open_folder('Saved', 'Name')
     page.fill('Name', 'c_form')
     page.click('Save own shape')
     page.wait_for_bar('c_form is the name of another')
@@ -193,8 +199,8 @@ def test_shapes_and_sequences_are_saved_run_in_rounds_renamed_and_deleted(
 def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(
         page: Page, arm: EstimatedArm) -> None:
     arm.plan = planned_to((-0.3, -0.4, -0.2))
-    page.open_folder('Reach')
-    page.view.get_by_label('Drag the tip').first.click()
+    page.open_folder('Reach', 'Drag the tip')
+    page.switch('Drag the tip', True)
     for text in ('REACHABLE', 'softenings: 2', 'tension up to 12.5 N', '9 s of motion',
                  '23 mm from <post>', '0.4 mm from its goal'):
         page.wait_for_text(text)
@@ -212,7 +218,7 @@ def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(
     page.picture(ARTEFACT.with_name('reach.png'))
 
     page.fill('Tip z [mm]', '250')
-    page.view.get_by_label('Point it too').first.click()
+    page.switch('Point it too', True)
     page.fill('Angle [°]', '-30')
     page.wait_for(lambda: arm.planned[-1].shapes[0].tips[0].kind == TipGoal.DIRECTION and
                   place(arm.planned[-1]) == pytest.approx((x, 0.0, 0.25), abs=1e-4) and
@@ -237,7 +243,7 @@ def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(
     for text in ('NO PLAN', 'out of reach by 12 mm', 'the nearest that can be had'):
         page.wait_for_text(text)
     expect(page.button('Go')).to_be_disabled(timeout=DEADLINE * 1e3)
-    page.view.get_by_label('Drag the tip').first.click()
+    page.switch('Drag the tip', False)
     page.wait_for_pixels(green, 0, 5, 'green, though no tip is dragged')
 
 

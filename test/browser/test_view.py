@@ -273,8 +273,8 @@ def test_a_sequence_is_run_as_it_is_written_and_its_end_is_reported(page: Page, 
 def test_the_tip_goes_where_it_was_planned_to(page: Page, rig: Rig) -> None:
     for name, value in (('tendon_speed', 0.1), ('reach.states', 1000)):
         rig.set_parameter('shape_sequencer', name, value)
-    page.open_folder('Reach')
-    page.view.get_by_label('Drag the tip').first.click()
+    page.open_folder('Reach', 'Drag the tip')
+    page.switch('Drag the tip', True)
     page.wait_for_text('the tip is there')
     page.fill('Tip x [mm]', '120')
     page.fill('Tip z [mm]', '260')
@@ -284,7 +284,7 @@ def test_the_tip_goes_where_it_was_planned_to(page: Page, rig: Rig) -> None:
     page.wait_for_bar('Ready')
     tip = rig.disc_poses.last.poses[-1].position
     assert (tip.x, tip.y, tip.z) == pytest.approx((0.12, 0.0, 0.26), abs=2e-3)
-    page.view.get_by_label('Drag the tip').first.click()
+    page.switch('Drag the tip', False)
 
 
 def test_when_the_nodes_end_it_says_how_to_start_them_and_continues_when_they_run(
@@ -322,7 +322,7 @@ def test_another_arm_is_followed_into_space_where_a_bending_has_a_direction(
         page.click(step, tendon)
     page.wait_for_text('° @ 0°')
 
-    page.open_folder('Own shape')
+    page.open_folder('Own shape', 'Angle 1')
     for name, degrees in (('Angle 1', 30), ('Direction 1', -90)):
         page.fill(name, str(degrees))
     page.wait_for_pixels(green, 25, MANY, 'green, as the shape that is chosen is')

@@ -237,6 +237,7 @@ def test_a_segment_that_takes_long_to_prepare_is_prepared_once_and_then_moves(
         for _ in range(3):
             assert enable(data=False).success
             assert enable(data=True).message == 'being prepared for segment 3'
+        monkeypatch.setattr(steered_arm, 'ENABLING_TIMEOUT', DEADLINE)
         may_end.set()
         joystick.steer(x=RIGHT)
         assert len(made) == 2

@@ -48,10 +48,22 @@ class Page:
     def click(self, name: str, number: int = 0) -> None:
         """Click a button as a person does."""
         self.button(name, number).click(timeout=DEADLINE * 1e3, no_wait_after=True)
+        self._let_send()
 
-    def open_folder(self, name: str) -> None:
-        """Open a folder that is closed."""
-        self.view.get_by_text(name, exact=True).first.click()
+    def _let_send(self) -> None:
+        """
+        Wait until what was done has been sent: viser sends one value in 50 ms, the newest.
+
+        By a timer of the page, after that of viser, however late the page comes to them.
+        """
+        self.view.locator('body').evaluate('() => new Promise(done => setTimeout(done, 100))')
+
+    def open_folder(self, name: str, label: str) -> None:
+        """Open a folder, if none did, and wait until a control in it can be used."""
+        control = self.view.get_by_label(label, exact=True).first
+        if not control.is_visible():
+            self.view.get_by_text(name, exact=True).first.click()
+        control.scroll_into_view_if_needed()
 
     def fill(self, name: str, text: str) -> None:
         """Write into the field, or beside the slider, of a name, as a person does."""
@@ -59,12 +71,20 @@ class Page:
             self.view.get_by_role('textbox')).first
         field.fill(text)
         field.press('Tab')
-        self.page.wait_for_timeout(100.0)  # viser sends values later than clicks
+        self._let_send()
+
+    def switch(self, name: str, on: bool) -> None:
+        """Switch a checkbox by the keyboard: no click goes astray when what is above grows."""
+        box = self.view.get_by_label(name, exact=True).first
+        box.press('Space')
+        expect(box).to_be_checked(checked=on)
+        self._let_send()
 
     def choose(self, name: str, option: str) -> None:
         """Choose from a list of a name."""
         self.view.get_by_label(name).first.click()
         self.view.get_by_role('option', name=option).click()
+        self._let_send()
 
     def wait_for_text(self, text: str) -> None:
         """Wait until a text can be read below the bar."""
