@@ -18,6 +18,7 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, State
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.parameters.loop import DEAD_BAND, LOCK_IN_DEVIATION
+from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
@@ -87,7 +88,8 @@ class _Rig:
             return
         self._pictured = lab.time
         self.shape.measure(lab.time, [
-            DiscMeasurement(n, seen.pose, seen.covariance) for n, seen in lab.look().items()])
+            DiscMeasurement(n, *in_plane(seen.pose, seen.covariance))
+            for n, seen in lab.look().items()])
 
     def observation(self) -> Observation:
         """Return what a Runner needs."""

@@ -28,6 +28,7 @@ from soft_continuum.nodes.measured_tensions import MeasuredTensions
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.estimation import estimation_from_parameters
 from soft_continuum.parameters.files import load_description
+from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sensing.tilt import ImuSample, ImuSettings, SensorError, TiltFilter
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
 from soft_continuum.twin.differences import Differences, read_differences
@@ -102,16 +103,16 @@ class RecordedLab(Lab):
             except SensorError:  # as in disc_sensors, which reports it and goes on
                 continue
             if known and n > 0:
-                tilts.append(DiscMeasurement(
-                    n, np.array([0.0, 0.0, tilt.angle - self._mounting[n]]),
-                    np.diag([UNSEEN, UNSEEN, tilt.variance])))
+                tilts.append(DiscMeasurement(n, *in_plane(
+                    np.array([0.0, 0.0, tilt.angle - self._mounting[n]]),
+                    np.diag([UNSEEN, UNSEEN, tilt.variance]))))
         self._cells.put(self.time, dict(zip(names, self.load_cells().tolist(), strict=True)))
         measured: dict[str, Sequence[Measurement]] = {
             TENSIONS: [one for _, each in self._cells.take() for one in each]}
         if len(self.ticks) % IMU_TICKS == 0:
             measured[IMUS] = tilts
         if len(self.ticks) % PICTURE_TICKS == 0:
-            measured[CAMERA] = [DiscMeasurement(n, seen.pose, seen.covariance)
+            measured[CAMERA] = [DiscMeasurement(n, *in_plane(seen.pose, seen.covariance))
                                 for n, seen in self.look().items() if n > 0]
         self.ticks.append(Tick(
             Commands(self.time, self.pulls.copy(), self.stiff, None,

@@ -30,6 +30,7 @@ from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.nodes.up import description_file
+from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.twin.differences import read_differences
 
 RUNS, OPEN, CLOSED = 20, 60, 120  # of each fault; sequences without one; goals of a closed loop
@@ -85,7 +86,7 @@ def observe(arm: AnyArm, run: Run, camera: Any = None) -> list[Anomaly]:
             pictures.append((time, camera(run.poses[k])))
         while pictures and pictures[0][0] < time - DELAY:
             stamp, poses = pictures.pop(0)
-            shape.measure(stamp, [DiscMeasurement(n, pose, camera.covariance)
+            shape.measure(stamp, [DiscMeasurement(n, *in_plane(pose, camera.covariance))
                                   for n, pose in enumerate(poses)])
         found.update(dict.fromkeys(shape.anomalies))
     return list(found)

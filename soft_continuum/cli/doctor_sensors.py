@@ -19,12 +19,16 @@ from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.checks import Check, FAIL, OK, WARN
-from soft_continuum.mechanics.arm import STANDARD_GRAVITY, TENDONS
+from soft_continuum.mechanics.arm import (
+    PLANAR_AXES,
+    SPATIAL_AXES,
+    STANDARD_GRAVITY,
+    TENDONS,
+)
 from soft_continuum.ros.conversions import (
     MAX_VARIANCE,
     measured_pose_from_ros,
     seconds,
-    tracked_pose_from_ros,
 )
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, LOAD_CELLS, SENSORS
@@ -184,16 +188,16 @@ def _check(step: str, messages: Heard, kind: str,
 
 def _pose(messages: Sequence[PoseWithCovarianceStamped], frame: str, by: str, spatial: bool
           ) -> tuple[str, str]:
-    read = tracked_pose_from_ros if spatial else measured_pose_from_ros
+    axes = SPATIAL_AXES if spatial else PLANAR_AXES
     variances, reason = defaultdict(list), ''
     frame = frame or messages[0].header.frame_id
     for message in messages:
         try:
-            _, covariance = read(message, frame)
+            _, covariance = measured_pose_from_ros(message, axes, frame)
         except ValueError as error:
             reason = str(error)
             continue
-        position, angle = np.split(np.diag(covariance), [3 if spatial else 2])
+        position, angle = np.split(np.diag(covariance)[axes], [axes[:3].sum()])
         for what, found in (('position', position), ('angle', angle)):
             if found.max() < MAX_VARIANCE:
                 variances[what].append(found.mean())

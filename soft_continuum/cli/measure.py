@@ -139,9 +139,9 @@ def _with_position(discs: 'dict[int, MeasuredDisc]') -> 'dict[int, MeasuredDisc]
 def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'AnyArm') -> list[str]:
     """Return the bottom and the top of each disc as rows; without orientation the bottom only."""
     rows = []
-    axes, shifts = ([0, 2], 2) if isinstance(arm, PlanarArm) else ([0, 1, 2], 3)
+    axes = arm.pose_axes[:3]
     for n, disc in discs.items():
-        deviation = float(np.linalg.norm(disc.deviation[:shifts])) * 1e3
+        deviation = float(np.linalg.norm(disc.deviation[:3])) * 1e3
         for point, place in enumerate(disc.points(arm.discs[n].height)[:, axes], 2 * n + 1):
             if np.isfinite(place).all():
                 rows.append(','.join([name, str(point), *(f'{p * 1e3:.4f}' for p in place),

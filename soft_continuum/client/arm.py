@@ -185,12 +185,11 @@ class Arm:
 
     async def _measure(self, duration: float) -> 'dict[int, MeasuredDisc]':
         from soft_continuum.client.measured import MeasuredArm
-        from soft_continuum.estimation.dimensions import dimensions_of
         observed = await self._requests.observe()
         if self._measured is None:
-            dimensions = dimensions_of(await self._requests.description())
+            description = await self._requests.description()
             self._measured = MeasuredArm(
-                observed, self._connection.node.get_clock(), dimensions)
+                observed, self._connection.node.get_clock(), description.pose_axes)
         return await self._measured.measure(duration)
 
     @property

@@ -37,6 +37,7 @@ from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.twin_process import add_twin_options, twin_process
 from soft_continuum.nodes.up import chosen_nodes, description_file, with_asked
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.conversions import planar_poses
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.sequencing.progress import Phase
 
@@ -128,7 +129,7 @@ def _show_planar(description: PlanarArm, shapes: Mapping[str, tuple[float, ...]]
         print('                               x in mm   z in mm   tangent in degrees')
         poses = [(f'end of segment {i}, rigid chain', pose.x, pose.z, pose.angle)
                  for i, pose in enumerate(state.segment_poses or (), start=1)]
-        poses += [(f'end of segment {n}, measured', *disc.pose.tolist())
+        poses += [(f'end of segment {n}, measured', *planar_poses(disc.pose[None])[0].tolist())
                   for n, disc in measured.get(name, {}).items() if n]
         if state.tip is not None:
             poses.append(('tip, rigid chain', state.tip.x, state.tip.z, state.tip.angle))

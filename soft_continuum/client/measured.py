@@ -6,22 +6,18 @@ from dataclasses import dataclass
 from math import inf, nan
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.clock import Clock
 import scipy
 
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
 from soft_continuum.client.tasks import until
-from soft_continuum.estimation.dimensions import Dimensions, PLANE
 from soft_continuum.estimation.measuring import DiscMeasurement
-from soft_continuum.mechanics.chain import Array, full_poses
+from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial.orientations import matrices
-from soft_continuum.ros.conversions import (
-    MAX_VARIANCE,
-    measured_pose_from_ros,
-    seconds,
-    tracked_pose_from_ros,
-)
+from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros, seconds
+from soft_continuum.sensing.rigid import displacement
 
 FIRST_TIMEOUT = 2.0  # s for the first measured pose
 MIN_SAMPLES = 3
@@ -35,11 +31,11 @@ class MeasuredDisc:
     """
     The mean of what was measured of a disc: pose of its bottom, m and rad.
 
-    pose: x, z and angle, (3,), of a spatial arm position and quaternion x, y, z, w, (7,).  What no
-    sensor measures is nan; what several measure is weighted by their variances.  deviation: (3,)
-    of it, m and rad, of a spatial arm (6,), x, y, z and rotation vector; inf for nan: what one
-    measurement says of itself, or how much they scatter if that is more.  Much of it is in all of
-    them alike, so a mean has no less.  samples: of the coordinate that was measured most often.
+    pose: position and quaternion x, y, z, w, (7,).  What no sensor measures is nan; what several
+    measure is weighted by their variances.  deviation: (6,) of x, y, z and the rotation vector;
+    inf for nan, 0 for what a planar arm cannot do: what one measurement says of itself, or how
+    much they scatter if that is more.  Much of it is in all of them alike, so a mean has no less.
+    samples: of the coordinate that was measured most often.
     """
 
     pose: Array
@@ -49,12 +45,7 @@ class MeasuredDisc:
     @property
     def has_position(self) -> bool:
         """Whether the position is measured, not only the orientation."""
-        return bool(np.isfinite(self.pose[:3 if self.in_space else 2]).all())
-
-    @property
-    def in_space(self) -> bool:
-        """Whether it is of a spatial arm."""
-        return len(self.pose) == 7
+        return bool(np.isfinite(self.pose[:3]).all())
 
     def points(self, height: float) -> Array:
         """
@@ -62,17 +53,16 @@ class MeasuredDisc:
 
         nan where that is not measured: without the orientation the bottom only.
         """
-        pose = self.pose if self.in_space else full_poses(self.pose[None])[0]
-        return np.stack([pose[:3], pose[:3] + height * matrices(pose[None, 3:])[0, :, 2]])
+        place, along = self.pose[:3], matrices(self.pose[None, 3:])[0, :, 2]
+        return np.stack([place, place + height * along])
 
 
 class MeasuredArm:
     """Collects the measured poses of the discs of an observed arm; on the thread of its node."""
 
-    def __init__(self, observed: ObservedArm, clock: Clock, dimensions: Dimensions) -> None:
-        """Listen to an observed arm; clock: of the stamps; dimensions: of the arm."""
-        self._observed, self._clock, self._dimensions = observed, clock, dimensions
-        self._read = measured_pose_from_ros if dimensions is PLANE else tracked_pose_from_ros
+    def __init__(self, observed: ObservedArm, clock: Clock, axes: NDArray[np.bool_]) -> None:
+        """Listen to an observed arm; clock: of the stamps; axes: pose_axes of the arm."""
+        self._observed, self._clock, self._axes = observed, clock, axes
         self._begin, self._frame, self._refused = inf, '', ''
         self._samples: dict[str, list[Sample]] = {}
         observed.on_change(self._on_change)
@@ -84,7 +74,7 @@ class MeasuredArm:
         if seconds(message.header.stamp) < self._begin or len(samples) >= MAX_SAMPLES:
             return
         try:
-            samples.append(self._read(message, self._frame))
+            samples.append(measured_pose_from_ros(message, self._axes, self._frame))
         except ValueError as error:
             self._refused = f'; {topic} has {error}'
 
@@ -103,7 +93,7 @@ class MeasuredArm:
         await until(lambda: any(self._samples.values()) or self._refused, FIRST_TIMEOUT)
         await until(lambda: False, duration)
         self._begin = inf
-        means = {n: mean_of(self._samples[topic], self._dimensions)
+        means = {n: mean_of(self._samples[topic], self._axes)
                  for n, topic in enumerate(self._observed.disc_topics) if self._samples.get(topic)}
         found = {n: mean for n, mean in means.items() if mean.samples >= MIN_SAMPLES}
         if not found:
@@ -114,15 +104,19 @@ class MeasuredArm:
         return found
 
 
-def mean_of(samples: list[Sample], dimensions: Dimensions) -> MeasuredDisc:
-    """Return the mean of measured poses that lie close together; samples: one or more."""
+def mean_of(samples: list[Sample], axes: NDArray[np.bool_]) -> MeasuredDisc:
+    """
+    Return the mean of measured poses that lie close together; samples: one or more.
+
+    axes: pose_axes of their arm.
+    """
     variances = np.array([np.diag(covariance) for _, covariance in samples])
     known = variances < MAX_VARIANCE
-    turned = known[:, dimensions.shifts:].all(axis=1)
+    turned = known[:, 3:][:, axes[3:]].all(axis=1)
     first, _ = samples[int(turned.argmax())]  # one of which the orientation is measured, if any is
-    away = np.array([dimensions.apart(pose, first, DiscMeasurement(0, pose, covariance).about)
+    away = np.array([displacement(pose, first, DiscMeasurement(0, pose, covariance).about)
                      for pose, covariance in samples])
-    mean, deviation = np.full(dimensions.pose, nan), np.full(dimensions.pose, inf)
+    mean, deviation = np.where(axes, nan, 0.0), np.where(axes, inf, 0.0)
     for i in np.flatnonzero(known.sum(axis=0) >= MIN_SAMPLES):
         values, weights = away[known[:, i], i], 1.0 / variances[known[:, i], i]
         mean[i] = np.average(values, weights=weights)
@@ -133,8 +127,6 @@ def mean_of(samples: list[Sample], dimensions: Dimensions) -> MeasuredDisc:
 
 def _moved(pose: Array, by: Array) -> Array:
     """Return a pose that differs by that much from another; nan where the difference is."""
-    if len(pose) == len(by):
-        return pose + by
     turn = np.full(4, nan)
     if np.isfinite(by[3:]).all():
         of = scipy.spatial.transform.Rotation

@@ -25,13 +25,13 @@ from soft_continuum.client.state import (
     progress_of,
     SequenceResult,
 )
+from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
 from soft_continuum.mechanics.spatial.directions import bending_directions
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import (
     MAX_VARIANCE,
     measured_pose_from_ros,
-    tracked_pose_from_ros,
 )
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.graph import running_nodes
@@ -233,14 +233,15 @@ class ObservedArm:
 
     def _on_measured(self, topic: str, message: PoseWithCovarianceStamped) -> None:
         """Keep what is measured of a disc; an angle alone does not replace a whole pose."""
-        model, in_space = self.message('disc_poses'), _in_space(self.message('joint_states'))
-        read = tracked_pose_from_ros if in_space else measured_pose_from_ros
+        model = self.message('disc_poses')
+        axes = SPATIAL_AXES if _in_space(self.message('joint_states')) else PLANAR_AXES
         try:
-            _, covariance = read(message, model.header.frame_id if model is not None else '')
+            _, covariance = measured_pose_from_ros(
+                message, axes, model.header.frame_id if model is not None else '')
         except ValueError:
             return  # measure says why
-        pose, known = pose_of(message.pose.pose), np.diag(covariance) < MAX_VARIANCE
-        place, turn = np.split(known, [3 if in_space else 2])
+        pose, known = pose_of(message.pose.pose), (np.diag(covariance) < MAX_VARIANCE) | ~axes
+        place, turn = np.split(known, [3])
         age, before = self._measured.get(topic, (Age(), None))
         if before is not None and age.seconds < STALE_AFTER and not known.all() and all(
                 map(isfinite, (*before.position, *before.orientation))):

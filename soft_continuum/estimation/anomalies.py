@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.dimensions import Dimensions
+from soft_continuum.estimation.discs import camera_moved
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
 from soft_continuum.estimation.hypotheses import (
     Cause,
@@ -24,16 +24,13 @@ from soft_continuum.estimation.hypotheses import (
     judge,
     log_likelihood,
     otherwise,
-    sensor_scales,
+    SENSOR_SCALES,
     Verdict,
 )
-from soft_continuum.estimation.measuring import (
-    DiscMeasurement,
-    Point,
-    relative_distance,
-)
+from soft_continuum.estimation.measuring import DiscMeasurement, Point, relative_distance
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.statics import StaticsError
+from soft_continuum.sensing.rigid import mean_pose
 
 MOVED = 1e-5  # m of a motor
 SETTLING, SWITCHING = 0.6, 1.2  # s after a motion, or after a valve, until the arm rests
@@ -159,11 +156,10 @@ class Watch:
         self._window.append((time, discs))
         if len(self._window) < LEAST or time < self._window[0][0] + WINDOW:
             return
-        dimensions = estimator.layout.dimensions
-        mean, before = _mean([discs for _, discs in self._window], dimensions), self._mean
+        mean, before = _mean([discs for _, discs in self._window]), self._mean
         self._window.clear()
         self._mean = mean
-        if not _still(before, mean, dimensions):
+        if not _still(before, mean):
             return
         if self._reference is None:
             point = estimator.expected(mean)
@@ -206,8 +202,7 @@ class Watch:
             # What happened before a segment became stiff is held since then.
             then, was = self._stiffened
             before = was.expected(discs)
-            became = np.repeat(~np.array(then.stiff) & self._last.stiff,
-                               was.layout.dimensions.bendings)
+            became = np.repeat(~np.array(then.stiff) & self._last.stiff, 2)
             locked = point.rows[:, was.layout.held][:, became] * was.prior.lock_in
             before = replace(before, noise=before.noise + locked @ locked.T)
             causes += [one for one in hypotheses(before, then, was, self._moved)
@@ -224,7 +219,7 @@ class Watch:
             self._suspected = found
         self._attempts += 1
         if self._attempts == MAX_ATTEMPTS:
-            of_shift = point.parts[:, :reference.layout.dimensions.shifts].any(axis=1)
+            of_shift = point.parts[:, :3].any(axis=1)
             if (np.abs(point.values) > np.where(of_shift, LARGE_SHIFT, LARGE_TURN)).any():
                 self.active += (_unknown(time, verdicts, self._moved),)
             self.forget()
@@ -232,17 +227,15 @@ class Watch:
     def _name(self, time: float, found: Verdict, point: Point, reference: Estimator,
               estimator: Estimator) -> None:
         one, layout = found.hypothesis, estimator.layout
-        cause, dimensions = _cause(found, self._moved), layout.dimensions
-        rows = np.zeros((layout.size, dimensions.pose))
+        cause, rows = _cause(found, self._moved), np.zeros((layout.size, 6))
         if cause is Cause.SENSOR_MOVED:
-            rows[layout.bias(one.number)] = np.eye(dimensions.pose)
+            rows[layout.bias(one.number)] = np.eye(6)
         elif cause is Cause.CAMERA_MOVED:
             of_discs = slice(layout.bias(0).start, layout.bias(layout.segments).stop)
-            rows[of_discs] = dimensions.camera_moved(
-                dimensions.poses(point.state)).reshape(-1, dimensions.pose)
+            rows[of_discs] = camera_moved(point.state).reshape(-1, 6)
         if rows.any():
             self._instead = reference.copy()
-            self._instead.loosen(rows * sensor_scales(dimensions))
+            self._instead.loosen(rows * SENSOR_SCALES)
             self._instead.seen, self._instead.updated = estimator.seen.copy(), estimator.updated
         self.active += (_anomaly(time, cause, one.number, found.size, estimator.arm.tendon_names[
             one.number] if one.step else '', len(np.unique(point.discs)) == 1),)
@@ -286,23 +279,21 @@ def _leaking(segment: int, estimator: Estimator) -> list[_Other]:
     return [_Other(Cause.NOT_STIFF, segment, left, estimator.copy()) for left in LEAKS]
 
 
-def _mean(windows: Sequence[Sequence[DiscMeasurement]], dimensions: Dimensions
-          ) -> list[DiscMeasurement]:
+def _mean(windows: Sequence[Sequence[DiscMeasurement]]) -> list[DiscMeasurement]:
     """Return the mean of each disc; the covariance is that of one measurement."""
     found: dict[int, list[DiscMeasurement]] = {}
     for discs in windows:
         for one in discs:
             found.setdefault(one.disc, []).append(one)
     for each in found.values():
-        each[-1] = replace(each[-1], pose=dimensions.mean([one.pose for one in each]))
+        each[-1] = replace(each[-1], pose=mean_pose([one.pose for one in each]))
     return [each[-1] for _, each in sorted(found.items())]
 
 
-def _still(before: Sequence[DiscMeasurement], now: Sequence[DiscMeasurement],
-           dimensions: Dimensions) -> bool:
+def _still(before: Sequence[DiscMeasurement], now: Sequence[DiscMeasurement]) -> bool:
     """Whether the same discs are where they were, by what is new in each picture."""
     return bool(before) and [one.disc for one in before] == [one.disc for one in now] and all(
-        bool((one.differs(other, dimensions) < STILL * np.sqrt(OWN_SHARE)).all())
+        bool((one.differs(other) < STILL * np.sqrt(OWN_SHARE)).all())
         for one, other in zip(before, now, strict=True))
 
 

@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 import scipy
 
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.dimensions import Derivatives, model_error
+from soft_continuum.estimation.discs import apart, MODEL_ERROR
 from soft_continuum.estimation.measuring import (
     DiscMeasurement,
     Innovation,
     Measurement,
     Point,
     predicted,
+    Rates,
     rates,
     relative_distance,
 )
@@ -76,7 +77,7 @@ class Estimator:
         self._past: deque[Commands] = deque(maxlen=MAX_PAST)
         self._speeds = np.zeros(self.layout.tendons)  # m/s, that the shape has not settled from
         self._switched = -np.inf  # when the stiffness changed
-        self._change = np.zeros((len(arm.discs), self.layout.dimensions.pose))  # of it, then
+        self._change = np.zeros((len(arm.discs), 6))  # of it, then
         biases = self.layout.size - self.layout.model
         self._bias_variances, self._displaced = np.zeros((2, biases))  # the latter for good
         self._beyond = 0  # measurements of discs in turn beyond the gate
@@ -136,16 +137,10 @@ class Estimator:
         if switched:
             self._switch(commands.stiff, commands.time)
         self.state = state
-        self._change = self._moved_from(start) if switched else self._change
+        self._change = apart(state, start) if switched else self._change
         self._note(commands, before)
         self._drift_by(max(0.0, commands.time - before.time),
                        np.abs(commands.pulls - before.pulls))
-
-    def _moved_from(self, before: Any) -> Array:
-        """Return by how much all discs are elsewhere than in another state, (discs, pose)."""
-        dimensions = self.layout.dimensions
-        return np.array([dimensions.apart(now, then) for now, then in zip(
-            dimensions.poses(self.state), dimensions.poses(before), strict=True)])
 
     def _note(self, now: Commands, before: Commands) -> None:
         elapsed = now.time - before.time
@@ -167,7 +162,7 @@ class Estimator:
         self.covariance = change @ self.covariance @ change.T
         for s, (was, now) in enumerate(zip(self.state.stiff, stiff, strict=True)):
             if now and not was:
-                held = np.arange(layout.size)[layout.held_by(s)]
+                held = np.arange(layout.size)[layout.held_by(s)][self._described.bending_axes[s]]
                 self.covariance[held, held] += self.prior.lock_in**2
             elif was and not now:
                 self._forget_held(s)
@@ -177,12 +172,14 @@ class Estimator:
         held = self.layout.held_by(segment)
         self.covariance[held] = self.covariance[:, held] = 0.0
 
-    def _rates(self) -> Derivatives:
+    def _rates(self) -> Rates:
         return rates(self._statics, self.layout, self.state)
 
     def _stiff(self) -> NDArray[np.bool_]:
-        """Return for each of ``layout.held`` whether its segment is stiff."""
-        return np.repeat(self.state.stiff, self.layout.dimensions.bendings)
+        """Return for each of ``layout.held`` whether its segment is stiff and bends so at all."""
+        stiff = np.array(self.state.stiff)[:, None]
+        held: NDArray[np.bool_] = (stiff & self._described.bending_axes).ravel()
+        return held
 
     def _drift_by(self, elapsed: float, moved: Array) -> None:
         drift, layout = self._drift, self.layout
@@ -366,8 +363,8 @@ class Estimator:
         changed = bool(change.any())
         if changed:
             statics = statics_with(self._described, layout, unknowns, state)
-            start = layout.dimensions.held(
-                state, statics.chain, change[layout.held] * self._stiff())
+            held = change[layout.held] * self._stiff()
+            start = state.with_held(statics.chain, held.reshape(-1, 2))
         if changed or past is not self._past[-1]:
             there = statics.solve(start, past.pulls + unknowns[layout.offset],
                                   [not s for s in state.stiff], vacuum=state.vacuum or None,
@@ -412,9 +409,10 @@ class Estimator:
         return np.asarray(known[self.layout.parameters])
 
     def pose_covariances(self) -> Array:
-        """Return the covariances of the poses of all discs, base first, (discs, pose, pose)."""
-        dimensions, rows = self.layout.dimensions, self._rates().poses
-        found: Array = rows @ self.covariance @ rows.transpose(0, 2, 1) + model_error(dimensions)
+        """Return the covariances of the poses of all discs, base first, (discs, 6, 6)."""
+        rows, axes = self._rates().poses, self._described.pose_axes
+        found: Array = (rows @ self.covariance @ rows.transpose(0, 2, 1)
+                        + MODEL_ERROR * np.outer(axes, axes))
         if self._past and self.switching(self._past[-1].time):
             found += self._change[:, :, None] * self._change[:, None, :]
         return found

@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.dimensions import Dimensions
+from soft_continuum.estimation.discs import apart, bent_evenly, camera_moved
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import (
     DiscMeasurement,
@@ -23,7 +23,7 @@ from soft_continuum.estimation.measuring import (
 )
 from soft_continuum.estimation.unknowns import Layout
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import statics_of
+from soft_continuum.mechanics.either import linearised, statics_of
 from soft_continuum.mechanics.errors import StaticsError
 
 LONGER = (-1.5e-3, -2.5e-3, -4e-3, -6.5e-3)
@@ -32,6 +32,7 @@ OFFSETS = (*LONGER, 1.5e-3, 2.5e-3, 4e-3)
 PART = 0.25  # deviation of what happened, as a part of such a step
 FORCE = 0.5  # N: deviation of a load
 SHIFT, TURN = 5e-3, 0.1  # m, rad: of a sensor or camera
+SENSOR_SCALES = np.repeat([SHIFT, TURN], 3)
 LOAD_STEPS = (1.0, 1.0, 0.5, 0.5)  # towards a load
 FOUND = 0.3  # part by which it may still differ
 UNMOVED = 0.3  # part of the squared distance that a load may leave
@@ -67,7 +68,6 @@ class Hypothesis:
     is measured, were it so.
     """
 
-    dimensions: Dimensions
     cause: Cause
     number: int
     point: Point
@@ -100,7 +100,7 @@ class Verdict:
         one = self.hypothesis
         if one.step:
             return -one.step * (1.0 + PART * float(self.sizes[0]))
-        return one.unit * float(np.linalg.norm(self.sizes[:one.dimensions.shifts]))
+        return one.unit * float(np.linalg.norm(self.sizes[:3]))
 
 
 def log_likelihood(values: Array, covariance: Array) -> float:
@@ -131,7 +131,7 @@ def _blur(one: Hypothesis, moved: Array) -> Array:
     They know how it bends each segment to a part of that, and evenly along it to a smaller one.
     """
     point = one.point
-    turning = point.measured(one.dimensions.bent_evenly(point.state))
+    turning = point.measured(bent_evenly(point.state))
     bends = np.linalg.lstsq(turning, moved, rcond=None)[0]
     bent = turning * bends
     uneven = np.maximum(np.abs(moved - bent.sum(axis=1)), UNEVEN * _extent(moved, one))
@@ -141,7 +141,7 @@ def _blur(one: Hypothesis, moved: Array) -> Array:
 def _extent(moved: Array, one: Hypothesis) -> Array:
     """Return for every value how far its disc is displaced (m), or turned (rad), (k,)."""
     found, discs = np.abs(moved), one.point.discs
-    is_shift = one.point.parts[:, :one.dimensions.shifts].any(axis=1)
+    is_shift = one.point.parts[:, :3].any(axis=1)
     for disc in np.unique(discs):
         for alike in (is_shift, ~is_shift):
             of_disc = (discs == disc) & alike
@@ -157,7 +157,6 @@ def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion
     point: of the reference, with these commands.  in_motion: whether the motors moved since.
     """
     state, statics, layout = point.state, point.statics, reference.layout
-    dimensions = layout.dimensions
     pulled = commands.pulls + point.unknowns[layout.offset]
     covariance, nothing = point.covariance(reference.covariance), np.zeros(len(point.values))
     found = []
@@ -172,9 +171,8 @@ def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion
         directions = np.column_stack([
             PART * step * rows[:, layout.offset.start + tendon], _yielding(other, rows, layout)])
         return Hypothesis(
-            dimensions, Cause.TENDON_SLIPPED, tendon, point, _displaced(point, other, layout),
-            directions,
-            rows @ reference.covariance @ rows.T + point.noise, step=step)
+            Cause.TENDON_SLIPPED, tendon, point, point.measured(apart(other, point.state)),
+            directions, rows @ reference.covariance @ rows.T + point.noise, step=step)
 
     for tendon in range(layout.tendons):
         for step in OFFSETS if in_motion else LONGER:
@@ -183,22 +181,15 @@ def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion
                     found.append(slipped(tendon, step))
     for segment in range(layout.segments):
         found += loads(point, commands, reference, segment + 1)
-    scales = sensor_scales(dimensions)
     for disc in np.unique(point.discs).tolist():
         free = (point.discs == disc)[:, None] * point.parts
-        found.append(Hypothesis(dimensions, Cause.SENSOR_MOVED, disc, point, nothing,
-                                free * scales, covariance, SHIFT, blur=0.0))
-    if len(np.unique(point.discs)) > 1:  # of one alone nobody can tell
-        moved = point.measured(dimensions.camera_moved(dimensions.poses(state)))
-        found.append(Hypothesis(dimensions, Cause.CAMERA_MOVED, 0, point, nothing, moved * scales,
+        found.append(Hypothesis(Cause.SENSOR_MOVED, disc, point, nothing, free * SENSOR_SCALES,
                                 covariance, SHIFT, blur=0.0))
+    if len(np.unique(point.discs)) > 1:  # of one alone nobody can tell
+        moved = point.measured(camera_moved(state)) * SENSOR_SCALES
+        found.append(Hypothesis(Cause.CAMERA_MOVED, 0, point, nothing, moved, covariance, SHIFT,
+                                blur=0.0))
     return found
-
-
-def sensor_scales(dimensions: Dimensions) -> Array:
-    """Return the deviations of a sensor or camera that moved, (pose,), m and rad."""
-    turns = dimensions.pose - dimensions.shifts
-    return np.array([SHIFT] * dimensions.shifts + [TURN] * turns)
 
 
 def loads(point: Point, commands: Commands, reference: Estimator, disc: int
@@ -209,26 +200,25 @@ def loads(point: Point, commands: Commands, reference: Estimator, disc: int
     The arguments are those of ``hypotheses``.
     """
     state, arm, found = point.state, point.statics.chain.arm, []
-    dimensions = reference.layout.dimensions
     pulls = commands.pulls + point.unknowns[reference.layout.offset]
     covariance = point.covariance(reference.covariance)
 
     def about(statics: Any, there: Any, force: Array) -> Hypothesis:
         """Return that of forces near one with which the arm has another shape."""
-        pushed = FORCE * point.measured(
-            dimensions.pushed(statics, there, commands.sliding, disc))
+        forces = linearised(statics, there, commands.sliding).forces()
+        pushed = FORCE * point.measured(forces.poses[:, :, 3 * disc - 3:3 * disc])
         rows = _rows_at(point, statics, there, reference.layout, commands)
         return Hypothesis(
-            dimensions, Cause.LOAD, disc, point,
-            _displaced(point, there, reference.layout) - pushed @ force / FORCE, pushed,
+            Cause.LOAD, disc, point,
+            point.measured(apart(there, point.state)) - pushed @ force / FORCE, pushed,
             rows @ reference.covariance @ rows.T + point.noise, FORCE)
 
     for tensions in (state.tensions, np.zeros_like(state.tensions)):
-        one = about(point.statics, replace(state, tensions=tensions), np.zeros(dimensions.shifts))
+        one = about(point.statics, replace(state, tensions=tensions), np.zeros(3))
         force = FORCE * judge(one).sizes
         with suppress(StaticsError):
             for part in LOAD_STEPS:
-                statics: Any = statics_of(dimensions.with_force(arm, disc, force))
+                statics: Any = statics_of(arm.with_force(disc, force))
                 one = about(statics, statics.solve(
                     replace(state, chain=statics.chain), pulls,
                     [not stiff for stiff in state.stiff], vacuum=state.vacuum or None,
@@ -257,7 +247,7 @@ def otherwise(cause: Cause, segment: int, point: Point, other: Estimator,
     moved = point.values - there.values
     directions = (_yielding(there.state, there.rows, layout) if cause is Cause.NOT_SOFT
                   else GIVEN * moved[:, None])
-    return Hypothesis(layout.dimensions, cause, segment, point, moved, directions,
+    return Hypothesis(cause, segment, point, moved, directions,
                       there.covariance(other.covariance))
 
 
@@ -265,19 +255,11 @@ def _yielding(state: Any, rows: Array, layout: Layout) -> Array:
     """
     Return by how much more what bends a stiff segment may bend it, m and rad.
 
-    That is (k, bendings * segments).  Tendons that pull against jams bend them by an amount that
+    That is (k, 2 * segments).  Tendons that pull against jams bend them by an amount that
     is hardly known, and they yield.
     """
-    stiff = np.repeat(state.stiff, layout.dimensions.bendings)
-    bent = layout.dimensions.sprung(state) * stiff
-    return np.asarray(YIELDING * bent * rows[:, layout.held])
-
-
-def _displaced(point: Point, other: Any, layout: Layout) -> Array:
-    """Return by how much a shape displaces what is measured, (k,) m and rad."""
-    dimensions = layout.dimensions
-    return point.measured(np.array([dimensions.apart(now, then) for now, then in zip(
-        dimensions.poses(other), dimensions.poses(point.state), strict=True)]))
+    bent = state.jam_deflection * np.array(state.stiff)[:, None]
+    return np.asarray(YIELDING * bent.ravel() * rows[:, layout.held])
 
 
 def _rows_at(point: Point, statics: Any, other: Any, layout: Layout, commands: Commands

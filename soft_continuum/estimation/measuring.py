@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.estimation.dimensions import Derivatives, Dimensions, model_error, SPACE
+from soft_continuum.estimation.discs import MODEL_ERROR
 from soft_continuum.estimation.unknowns import Layout
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import linearised
+from soft_continuum.sensing.rigid import displacement
 
 MAX_VARIANCE = 1.0  # m^2 or rad^2, from which a coordinate counts as not measured
 ALONG_AXIS = 1.0 - 1e-9  # cosine of a direction to an axis that it is along
@@ -22,13 +24,28 @@ FORETOLD = 1e-6  # squared distance over its expected value, by which derivative
 
 
 @dataclass(frozen=True, eq=False)
+class Rates:
+    """
+    How an equilibrium changes with n unknowns.
+
+    poses: (discs, 6, n), of the discs' bottoms.  bending: (2 * segments, n) rad.  tensions:
+    (tendons, n) N.  paths: (tendons, n) m.
+    """
+
+    poses: Array
+    bending: Array
+    tensions: Array
+    paths: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Predicted:
     """
     What the statics have at the time of a measurement, and how it changes with the unknowns.
 
-    statics, state: of the arm.  layout: of the unknowns.  poses: (discs, 3 or 7) of the discs'
-    bottoms.  tensions: (tendons,) N; a slack tendon has the tension below 0 by which it would have
-    to push to become so short.  The derivatives cost more, and are found when they are asked for.
+    statics, state: of the arm.  layout: of the unknowns.  poses: (discs, 7) of the discs' bottoms.
+    tensions: (tendons,) N; a slack tendon has the tension below 0 by which it would have to push
+    to become so short.  The derivatives cost more, and are found when they are asked for.
     """
 
     statics: Any
@@ -40,7 +57,7 @@ class Predicted:
 
     @property
     def pose_rows(self) -> Array:
-        """Derivatives of the poses, (discs, pose, size)."""
+        """Derivatives of the poses, (discs, 6, size)."""
         return self._rates.poses
 
     @property
@@ -49,7 +66,7 @@ class Predicted:
         return self._rates.tensions
 
     @cached_property
-    def _rates(self) -> Derivatives:
+    def _rates(self) -> Rates:
         return rates(self.statics, self.layout, self.state, self.sliding)
 
 
@@ -58,7 +75,7 @@ class Observation:
     """
     How k measured values depend on the unknowns.
 
-    disc: of which it is; beyond the discs for tensions.  parts: (k, pose), of a difference of its
+    disc: of which it is; beyond the discs for tensions.  parts: (k, 6), of a difference of its
     poses that each value is.  biases: (m,) where in the unknowns stands what is wrong alike in all
     such measurements.  variances: (m,) of those, by what the sensor says of itself.  rows: (k,
     size) derivatives of what is predicted.  covariance: (k, k) of sensor and model.
@@ -77,9 +94,10 @@ class DiscMeasurement:
     """
     A measured pose of a disc's bottom.
 
-    disc: 0 at the base.  pose: (3,) or (7,), and covariance: (3, 3) or (6, 6), as in Dimensions; a
-    variance of MAX_VARIANCE or more: not measured.  In space also about one direction that is
-    along no axis, such as the vertical of a base that is tilted.
+    disc: 0 at the base.  pose: (7,), position (m) and quaternion x, y, z, w.  covariance: (6, 6)
+    of shift (m) and rotation vector; a variance of MAX_VARIANCE or more: not measured, as what a
+    planar arm cannot do.  Also about one direction that is along no axis, such as the vertical of
+    a base that is tilted.
     """
 
     disc: int
@@ -94,9 +112,7 @@ class DiscMeasurement:
 
     @cached_property
     def about(self) -> Array | None:
-        """Direction (3,) in space about which alone it is not known how the disc is turned."""
-        if len(self.covariance) < SPACE.pose:
-            return None
+        """Direction (3,) about which alone it is not known how the disc is turned."""
         variances, directions = np.linalg.eigh(self.covariance[3:, 3:])
         if np.count_nonzero(variances >= MAX_VARIANCE) != 1:
             return None
@@ -105,33 +121,31 @@ class DiscMeasurement:
 
     @cached_property
     def parts(self) -> Array:
-        """What is measured of a difference of poses, (k, pose)."""
-        count = len(self.covariance)
+        """What is measured of a difference of poses, (k, 6)."""
         if self.about is None or np.abs(self.about).max() > ALONG_AXIS:
-            return np.eye(count)[self.known]
-        across = np.zeros((2, count))
+            return np.eye(6)[self.known]
+        across = np.zeros((2, 6))
         across[:, 3:] = np.linalg.eigh(self.covariance[3:, 3:])[1][:, :2].T
-        return np.concatenate([np.eye(count)[:3][self.known[:3]], across])
+        return np.concatenate([np.eye(6)[:3][self.known[:3]], across])
 
     def away(self, predicted: Predicted, unknowns: Array) -> Array:
         """Return by how much it differs from what is predicted with ``unknowns``, (k,)."""
-        layout = predicted.layout
-        return np.asarray(self.parts @ layout.dimensions.apart(
-            self.pose, predicted.poses[self.disc], self.about,
-            unknowns[layout.bias(self.disc)]))
+        bias = unknowns[predicted.layout.bias(self.disc)]
+        return np.asarray(self.parts @ (displacement(
+            self.pose, predicted.poses[self.disc], self.about) - bias))
 
-    def differs(self, other: 'DiscMeasurement', dimensions: Dimensions) -> Array:
+    def differs(self, other: 'DiscMeasurement') -> Array:
         """Return by how many standard deviations another one of the disc is elsewhere, (k,)."""
-        away = self.parts @ dimensions.apart(self.pose, other.pose, self.about)
+        away = self.parts @ displacement(self.pose, other.pose, self.about)
         return np.asarray(np.abs(away) / np.sqrt(np.diag(self._covariance_of(self.covariance))))
 
     def observation(self, predicted: Predicted) -> Observation:
         """Return how it depends on the unknowns."""
         layout, parts = predicted.layout, self.parts
         bias, rows = layout.bias(self.disc), predicted.pose_rows[self.disc].copy()
-        rows[:, bias] = np.eye(layout.dimensions.pose)
+        rows[:, bias] = np.eye(6)
         # However good the sensor is, the model is not better than its own error.
-        covariance = self._covariance_of(self.covariance + model_error(layout.dimensions))
+        covariance = self._covariance_of(self.covariance + MODEL_ERROR)
         touched = np.flatnonzero(parts.any(axis=0))
         variances = np.where(parts[:, touched] != 0.0, np.diag(covariance)[:, None], 0.0)
         return Observation(self.disc, parts, bias.start + touched,
@@ -172,7 +186,7 @@ class TensionMeasurement:
         row[bias] = 1.0
         variance, layout = self._deviation(predicted)**2, predicted.layout
         return Observation(
-            layout.segments + 1, np.zeros((1, layout.dimensions.pose)), np.array([bias]),
+            layout.segments + 1, np.zeros((1, 6)), np.array([bias]),
             np.array([variance]), row[None], np.array([[variance]]))
 
     def _slack(self, predicted: Predicted) -> bool:
@@ -195,7 +209,7 @@ class Point:
 
     change, unknowns: (size,).  statics, start: of the arm that has them, and the state from which
     to follow it.  state: at the time of the measurement.  discs: (k,) of which disc each value is;
-    tensions are beyond the discs.  parts: (k, pose), which part of a difference of its poses.
+    tensions are beyond the discs.  parts: (k, 6), which part of a difference of its poses.
     values: (k,) measured less predicted.  rows: (k, size) derivatives of what is predicted.
     noise: (k, k).
     """
@@ -216,7 +230,7 @@ class Point:
         return np.asarray(self.rows @ unknowns @ self.rows.T + self.noise)
 
     def measured(self, of_discs: Array) -> Array:
-        """Return what is measured of differences of poses (discs, pose, ...), (k, ...)."""
+        """Return what is measured of differences of poses (discs, 6, ...), (k, ...)."""
         found: Array = np.einsum('kp,kp...->k...', self.parts, of_discs[self.discs])
         return found
 
@@ -252,33 +266,33 @@ def relative_distance(values: Array, covariance: Array) -> float:
 
 
 def rates(statics: Any, layout: Layout, state: Any,
-          sliding: Sequence[int] = (0, 0)) -> Derivatives:
+          sliding: Sequence[int] = ()) -> Rates:
     """
     Return how a state of an arm whose tendons give changes with the unknowns, (..., size).
 
     The tensions of slack tendons are those of Predicted.
     """
-    # Of the logarithms; a measured law has no factor, and no ratio.
-    scales, segments = np.ones(layout.model), statics.chain.arm.segments
-    scales[layout.stiffness] = [layout.dimensions.unit(s) for s in segments]
-    scales[layout.ratio] = [0.0 if s.jam.law is not None else s.jam.ratio for s in segments]
-    found = layout.dimensions.derivatives(statics, state, sliding, scales)
+    # Of the logarithms; a measured law has no ratio.
+    scales = np.ones(layout.model)
+    scales[layout.ratio] = [0.0 if s.jam.law is not None else s.jam.ratio
+                            for s in statics.chain.arm.segments]
+    found = linearised(statics, state, sliding).all()
 
     def with_biases(rows: Array) -> Array:
         padded = np.zeros((*rows.shape[:-1], layout.size))
-        padded[..., :layout.model] = rows
+        padded[..., :layout.model] = rows * scales
         return padded
 
     poses, bending, tensions, paths = map(with_biases, (
-        found.poses, found.bending, found.tensions, found.paths))
+        found.poses, found.bending.reshape(-1, layout.model), found.tensions, found.paths))
     paths[:, layout.offset] += np.eye(layout.tendons)
     slack = ~np.array(state.taut)
     tensions[slack] = paths[slack] / statics.compliance[slack, None]
-    return Derivatives(poses, bending, tensions, paths)
+    return Rates(poses, bending, tensions, paths)
 
 
 def predicted(statics: Any, layout: Layout, state: Any,
-              sliding: Sequence[int] = (0, 0)) -> Predicted:
+              sliding: Sequence[int] = ()) -> Predicted:
     """Return what would be measured of a state of an arm whose tendons give."""
     tensions = np.where(state.taut, state.tensions, -state.slack / statics.compliance)
-    return Predicted(statics, layout, state, sliding, layout.dimensions.poses(state), tensions)
+    return Predicted(statics, layout, state, sliding, state.poses[::2], tensions)

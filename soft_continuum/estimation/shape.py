@@ -14,14 +14,16 @@ import numpy as np
 
 from soft_continuum.estimation.anomalies import Anomaly, Watch
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.dimensions import dimensions_of, SPACE
 from soft_continuum.estimation.estimator import Estimator, HISTORY
 from soft_continuum.estimation.measuring import DiscMeasurement, Innovation, Measurement
 from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSettings
 from soft_continuum.estimation.unknowns import MAX_OFFSET
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
+from soft_continuum.sensing.rigid import IDENTITY
 
 STRAIGHT_PULLS = 1e-5
 """m: pulls of an arm that is still where it was referenced: those of opposite bends cancel."""
@@ -63,8 +65,8 @@ class ArmShape:
         self._path: Any = None  # what it had last
         self._watch = Watch()
         self._tolerance = straight_tolerance
-        self._arm, self._dimensions = arm, dimensions_of(arm)
-        self._stretches = self._dimensions is SPACE and bool(self.statics.compliance.any())
+        self._arm = arm
+        self._stretches = isinstance(arm, SpatialArm) and bool(self.statics.compliance.any())
         self._commands: Commands | None = None
         self._solved: tuple[object, ...] = ()
         self._stood: Array | None = None
@@ -276,7 +278,7 @@ class ArmShape:
         if disc.disc > 0:
             return True
         first = self._base.setdefault(disc.known.tobytes(), disc)
-        return bool((disc.differs(first, self._dimensions) < BASE_MOVED).all())
+        return bool((disc.differs(first) < BASE_MOVED).all())
 
     def refusal(self, time: float) -> str:
         """Return why a measurement of that time cannot be used; empty when it can."""
@@ -309,11 +311,12 @@ class ArmShape:
 
     def _seen(self, discs: Sequence[DiscMeasurement], commands: Commands) -> Any:
         """Return the shape that bends evenly as the discs are seen; None unless all are."""
-        chain, dimensions = self.statics.chain, self._dimensions
-        poses = {one.disc: one.pose for one in discs if one.known[dimensions.shifts:].all()}
+        chain, axes = self.statics.chain, self._arm.pose_axes[3:]
+        poses = {one.disc: one.pose for one in discs if one.known[3:][axes].all()}
         numbers = range(1, chain.segments + 1)
         if not all(n in poses for n in numbers):
             return None
-        seen = dimensions.uniform(chain, [poses[n] for n in numbers])
+        turned = matrices(np.array([IDENTITY, *(poses[n] for n in numbers)])[:, 3:])
+        seen = chain.uniform(bending_between(turned) * self._arm.bending_axes)
         return chain.state_of(seen.coordinates, seen.held_coordinates, seen.stiff,
                               commands.vacuum or ())

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.estimation.dimensions import Dimensions, dimensions_of, PLANE
 from soft_continuum.estimation.settings import Prior
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, statics_of
@@ -33,8 +32,8 @@ class Layout:
     """
     Where each unknown is in the vector.
 
-    In turn: by how much the shape that a stiff segment holds is off (rad of its bending angle, in
-    space about x and y), the logarithms of stiffness factors and of K, of each segment; the offset
+    In turn: by how much the shape that a stiff segment holds is off (rad about x and y), the
+    logarithms of stiffness factors and of K, of each segment; the offset
     of each tendon (m pulled in beyond what its motor says); the payload (kg); what is wrong alike
     in all measurements of a disc (as poses differ), discs from the base; what is wrong alike in
     all measured tensions of each tendon (N).
@@ -42,17 +41,15 @@ class Layout:
 
     segments: int
     tendons: int
-    dimensions: Dimensions = PLANE
 
     @property
     def held(self) -> slice:
         """Shapes that stiff segments hold."""
-        return slice(0, self.dimensions.bendings * self.segments)
+        return slice(0, 2 * self.segments)
 
     def held_by(self, segment: int) -> slice:
         """Shape that one segment holds."""
-        each = self.dimensions.bendings
-        return slice(each * segment, each * (segment + 1))
+        return slice(2 * segment, 2 * (segment + 1))
 
     @property
     def stiffness(self) -> slice:
@@ -72,7 +69,7 @@ class Layout:
     @property
     def payload(self) -> int:
         """The payload."""
-        return (self.dimensions.bendings + 2) * self.segments + self.tendons
+        return 4 * self.segments + self.tendons
 
     @property
     def model(self) -> int:
@@ -86,12 +83,11 @@ class Layout:
 
     def bias(self, disc: int) -> slice:
         """What is wrong in all measurements of a disc."""
-        first, pose = self.model, self.dimensions.pose
-        return slice(first + pose * disc, first + pose * (disc + 1))
+        return slice(self.model + 6 * disc, self.model + 6 * (disc + 1))
 
     def tension_bias(self, tendon: int) -> int:
         """What is wrong in all measured tensions of a tendon."""
-        return self.model + self.dimensions.pose * (self.segments + 1) + tendon
+        return self.model + 6 * (self.segments + 1) + tendon
 
     @property
     def biases(self) -> slice:
@@ -112,7 +108,7 @@ class Layout:
 
 def layout_of(arm: AnyArm) -> Layout:
     """Return where each unknown of an arm is."""
-    return Layout(len(arm.segments), len(arm.tendon_names), dimensions_of(arm))
+    return Layout(len(arm.segments), len(arm.tendon_names))
 
 
 def first_values(arm: AnyArm, layout: Layout, prior: Prior) -> Array:
@@ -127,7 +123,7 @@ def first_values(arm: AnyArm, layout: Layout, prior: Prior) -> Array:
 def first_covariance(arm: AnyArm, layout: Layout, prior: Prior) -> Array:
     """Return the covariance (size, size) before anything was measured; biases are added later."""
     variances = np.zeros(layout.size)
-    variances[layout.held] = prior.straight**2
+    variances[layout.held] = arm.bending_axes.ravel() * prior.straight**2
     variances[layout.stiffness] = [
         0.0 if s.soft_law is not None else prior.stiffness**2 for s in arm.segments]
     variances[layout.ratio] = [
@@ -153,16 +149,15 @@ def arm_with(arm: AnyArm, layout: Layout, values: Array) -> Any:
 
     A jam that is described by a measured law keeps it.
     """
-    dimensions, described = layout.dimensions, tuple[Any, ...](arm.segments)
+    compliant: Any = arm.with_compliant_tendons(STRETCH)
     segments = tuple(
-        replace(dimensions.stiffer(s, exp(factor)),
+        replace(s.with_stiffness_factor(exp(factor)),
                 jam=s.jam if s.jam.law is not None else
                 Jam(ratio=exp(ratio), yield_moment=s.jam.yield_moment,
                     stiffness_exponent=s.jam.stiffness_exponent))
-        for s, factor, ratio in zip(described, values[layout.stiffness],
+        for s, factor, ratio in zip(compliant.segments, values[layout.stiffness],
                                     values[layout.ratio], strict=True))
-    return replace(dimensions.giving(arm, STRETCH), segments=segments,
-                   payload=float(values[layout.payload]))
+    return replace(compliant, segments=segments, payload=float(values[layout.payload]))
 
 
 def statics_with(arm: AnyArm, layout: Layout, values: Array, state: Any) -> Any:

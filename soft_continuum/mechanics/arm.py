@@ -75,6 +75,10 @@ class Segment:
             raise ArmError(f'soft law is {self.soft_law!r}; give a MomentCurvature or none')
         check_range('bending angle limit', self.bending_angle_limit, 1e-3, 2 * pi, 'rad')
 
+    def with_stiffness_factor(self, factor: float) -> 'Segment':
+        """Return the same segment with E I times a factor."""
+        return replace(self, bending_stiffness=self.bending_stiffness * factor)
+
 
 @dataclass(frozen=True)
 class Disc:
@@ -123,6 +127,11 @@ class PointForce:
 PAPER, SECOND_ORDER = 'paper', 'second_order'
 TENDONS = ('right_tendon', 'left_tendon')
 """The tendons of a planar arm, at +x and -x."""
+
+
+PLANAR_AXES = np.array([True, False, True, False, True, False])
+SPATIAL_AXES = np.ones(6, dtype=bool)
+"""Which of a disc's shifts along x, y, z and turns about them there are."""
 
 
 def check_discretisation(value: str) -> None:
@@ -200,6 +209,11 @@ class Arm:
         return np.tile([False, True], (len(self.segments), 1))
 
     @property
+    def pose_axes(self) -> NDArray[np.bool_]:
+        """Which of its discs' shifts along x, y, z and turns about them there are, (6,)."""
+        return PLANAR_AXES
+
+    @property
     def length(self) -> float:
         """Length of the straight arm from the bottom of the base disc to the tip, m."""
         return sum(s.length for s in self.segments) + sum(d.height for d in self.discs)
@@ -218,6 +232,18 @@ class Arm:
     def without_friction(self) -> 'Arm':
         """Return the same arm with the friction of its tendons left out."""
         return replace(self, tendon=replace(self.tendon, friction=0.0))
+
+    def with_force(self, disc: int, force: Sequence[float]) -> 'Arm':
+        """Return the same arm with one more dead force (3,) N, of which x and z act, on a disc."""
+        x, _, z = map(float, force)
+        return replace(self, forces=(*self.forces, PointForce(disc, x, z)))
+
+    def with_compliant_tendons(self, stretch: float) -> 'Arm':
+        """Return the same arm, inextensible tendons now stretching by ``stretch`` m/N."""
+        if self.tendon.axial_stiffness < inf:
+            return self
+        length = self.tendon.free_length + self.length
+        return replace(self, tendon=replace(self.tendon, axial_stiffness=length / stretch))
 
     def with_bodies(self, bodies_per_segment: int) -> 'Arm':
         """Return the same arm with another number of rigid bodies per segment."""

@@ -121,6 +121,22 @@ class Equilibrium:
         return self.held_angles
 
     @property
+    def jam_deflection(self) -> Array:
+        """By how much each segment is bent from what its jam holds, (segments, 2), rad."""
+        away = self.chain.bending_angles(self.joint_angles - self.held_angles)
+        return np.column_stack([np.zeros(self.chain.segments), away])
+
+    def with_held(self, chain: 'RigidChain', change: Array) -> 'Equilibrium':
+        """
+        Return the state on another chain of the arm, its jams holding another bending.
+
+        change: as ``bending``, by which they hold more, spread evenly over the joints.
+        """
+        per = chain.joints_per_segment
+        return replace(self, held_angles=self.held_angles + np.repeat(change[:, 1] / per, per),
+                       chain=chain)
+
+    @property
     def joint_positions(self) -> Array:
         """Angles of the joints of the URDF, in the order of its joint_names, rad."""
         return self.joint_angles

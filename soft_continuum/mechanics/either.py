@@ -79,6 +79,10 @@ class State(Protocol):
         """The same of what the jams of stiff segments hold, rad."""
 
     @property
+    def jam_deflection(self) -> Array:
+        """By how much each segment is bent from what its jam holds, (segments, 2), rad."""
+
+    @property
     def joint_positions(self) -> Array:
         """Angles of the joints of the URDF, rad."""
 
@@ -212,6 +216,19 @@ def fully_actuated(arm: AnyArm) -> bool:
         rate[:] = (arc_pulls(arm, bending) - arc_pulls(arm, -bending)) / (2.0 * SMALL)
     rank = np.linalg.matrix_rank(rates, tol=ONE_PLANE * np.abs(rates).max(initial=0.0))
     return bool(rank == len(axes))
+
+
+def linearised(statics: Any, state: Any, sliding: Sequence[int] = ()) -> Any:
+    """
+    Return the Linearisation or SpatialLinearisation at a state; both have all() and forces().
+
+    sliding: as of a solve; in space tendons do not rub here.
+    """
+    if isinstance(statics.chain, RigidChain):
+        from soft_continuum.mechanics.sensitivity import Linearisation
+        return Linearisation(statics, state, sliding or (0, 0))
+    from soft_continuum.mechanics.spatial.sensitivity import SpatialLinearisation
+    return SpatialLinearisation(statics, state)
 
 
 def statics_of(arm: AnyArm) -> 'Statics | SpatialStatics':

@@ -37,13 +37,36 @@ class Sensitivity:
 
     joint_angles: (joints, k) rad per unit.  tensions: (2, k) N per unit.  paths: (2, k) m per
     unit, of the lengths of the tendons' paths.  tip: (3, k), of x, z (m) and tangent angle (rad)
-    of the top of the tip disc.
+    of the top of the tip disc.  bodies: (joints, k) rad per unit, by which each body turns.
+    state: of which they are.
     """
 
     joint_angles: Array
     tensions: Array
     paths: Array
     tip: Array
+    bodies: Array
+    state: Equilibrium
+
+    @property
+    def poses(self) -> Array:
+        """Of the discs' bottoms, (discs, 6, k): shifts along x, y, z, m; turns about them, rad."""
+        chain = self.state.chain
+        theta = np.cumsum(self.state.joint_angles)
+        below = chain.body_lengths * (np.arange(chain.joints) < chain.last_joint[:, None])
+        found = np.zeros((chain.segments + 1, 6, self.bodies.shape[1]))
+        found[1:, 0] = (below * np.cos(theta)) @ self.bodies
+        found[1:, 2] = (below * -np.sin(theta)) @ self.bodies
+        found[1:, 4] = self.bodies[chain.last_joint]
+        return found
+
+    @property
+    def bending(self) -> Array:
+        """Of each segment about x, which is 0, and y, (segments, 2, k), rad per unit."""
+        segments, k = self.state.chain.segments, self.joint_angles.shape[1]
+        found = np.zeros((segments, 2, k))
+        found[:, 1] = self.joint_angles.reshape(segments, -1, k).sum(axis=1)
+        return found
 
 
 class Linearisation:
@@ -144,15 +167,18 @@ class Linearisation:
         """
         Return all of them at once, which costs little more than one.
 
-        In turn: by the held shape, E I and K of each segment, the pulls, the payload.  By E I they
-        are 0 where bending_stiffness raises ValueError.
+        In turn: by the bending about x, which changes nothing, and y that each segment holds, by a
+        factor of E I and by K of each segment, the pulls, the payload.  By the factors they are 0
+        where bending_stiffness raises ValueError.
         """
-        stiffness = self._by_bending_stiffness()
+        segments = self._chain.arm.segments
+        stiffness = self._by_bending_stiffness() * [s.bending_stiffness for s in segments]
         if np.any(self._system.joints[:, SOFT_TABLE] >= 0):
             stiffness[:] = 0.0
+        held = np.zeros((len(stiffness), 2 * len(segments)))
+        held[:, 1::2] = self._by_held_shape()
         return self._solve(np.hstack([
-            self._by_held_shape(), stiffness, self._by_stiffness_ratio(), self._by_pulls(),
-            self._by_payload()]))
+            held, stiffness, self._by_stiffness_ratio(), self._by_pulls(), self._by_payload()]))
 
     def _by_pulls(self) -> Array:
         right_side = np.zeros((len(self._matrix), 2))
@@ -197,16 +223,17 @@ class Linearisation:
         """
         Return the derivatives with respect to forces on the discs, per N.
 
-        In turn x and z (base_link) at the centre of every disc but the base, as a PointForce.
+        In turn x, y, which moves nothing, and z (base_link) at the centre of every disc but the
+        base, as a PointForce.
         """
         chain, free = self._chain, self._system.group >= 0
         bodies = np.arange(chain.joints)
-        right_side = np.zeros((len(self._matrix), 2 * chain.segments))
+        right_side = np.zeros((len(self._matrix), 3 * chain.segments))
         for disc in range(chain.segments):
             last = chain.last_joint[disc]
             part = (bodies < last) + 0.5 * (bodies == last)
-            for column, lever in enumerate((np.cos(self.theta), -np.sin(self.theta))):
-                np.add.at(right_side[:, 2 * disc + column], self._system.group[free],
+            for axis, lever in ((0, np.cos(self.theta)), (2, -np.sin(self.theta))):
+                np.add.at(right_side[:, 3 * disc + axis], self._system.group[free],
                           (part * chain.body_lengths * lever)[free])
         return self._solve(right_side)
 
@@ -249,4 +276,4 @@ class Linearisation:
                         (-chain.body_lengths * np.sin(self.theta)) @ moved, moved[-1]])
         angles = moved.copy()
         angles[1:] -= moved[:-1]
-        return Sensitivity(angles, tensions, paths, tip)
+        return Sensitivity(angles, tensions, paths, tip, moved, self._state)

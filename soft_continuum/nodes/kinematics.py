@@ -24,7 +24,6 @@ from soft_continuum.estimation.shape import (
     UnknownShapeError,
 )
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.statics import StaticsError
@@ -45,19 +44,17 @@ from soft_continuum.parameters.estimation import estimation_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.conversions import (
     equilibrium_to_ros,
-    measured_pose_from_ros,
-    measured_pose_to_ros,
     poses_to_ros,
     pulls_from_ros,
     seconds,
     Stiffness,
     stiffness_from_ros,
-    tracked_pose_from_ros,
     tracked_pose_to_ros,
 )
 from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR, STREAM
+from soft_continuum.sensing.rigid import UNKNOWN
 from soft_continuum.urdf import arm_urdf, joint_names
 from soft_continuum_interfaces.msg import (
     EstimatedParameter,
@@ -153,11 +150,8 @@ class Kinematics(Node):
         for i in range(segments if jamming else 0):
             subscribe(self, FluidPressure, f'segment_{i + 1}/pressure',
                       partial(self._on_pressure, i), SENSOR)
-        planar = isinstance(self._arm, Arm)
-        self._pose_to_ros = measured_pose_to_ros if planar else tracked_pose_to_ros
-        self._measured = MeasuredPoses(
-            self, segments + 1, frame,
-            self._wake, measured_pose_from_ros if planar else tracked_pose_from_ros)
+        self._without = UNKNOWN * np.diag(~self._arm.pose_axes)  # of what there is not
+        self._measured = MeasuredPoses(self, self._arm, frame, self._wake)
         self.conflicts = Conflicts(self, segments, self.parameters)
         self._shared_joints = SharedJoints(self, self._joint_message.name, self.conflicts)
         self._timer = repeat(self, CHECK_PERIOD, self._check)  # only while something waits
@@ -366,9 +360,9 @@ class Kinematics(Node):
         found, parameters = estimator.pose_covariances(), parameters_to_ros(
             estimator, self.parameters['arm.jamming'])
         self._uncertainties = STEADY(), found, parameters
-        poses = estimator.layout.dimensions.poses(estimator.state)
+        poses = estimator.state.poses[::2]
         for publisher, pose, covariance in zip(self._poses, poses[1:], found[1:], strict=True):
-            message = self._pose_to_ros(pose, covariance)
+            message = tracked_pose_to_ros(pose, covariance + self._without)
             message.header.stamp, message.header.frame_id = stamp, self.parameters['frame_id']
             publisher.publish(message)
         return found, parameters

@@ -10,13 +10,11 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.conversions import measured_pose_from_ros, seconds
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR
-
-PoseReader = Callable[[PoseWithCovarianceStamped, str], tuple[Array, Array]]
 
 PATIENCE = 0.02  # s for which a pose waits for those of the other discs
 MAX_WAITING = 20
@@ -35,27 +33,26 @@ class MeasuredPoses:
     The base does not move: it tells whether the camera did, but alone nothing of the arm.
     """
 
-    def __init__(self, node: Any, discs: int, frame: str, on_pose: Callable[[], None],
-                 read: PoseReader = measured_pose_from_ros) -> None:
+    def __init__(self, node: Any, arm: AnyArm, frame: str, on_pose: Callable[[], None]) -> None:
         """
-        Subscribe for ``node``; frame: in which poses have to be; read: what they say.
+        Subscribe for ``node``; frame: in which poses have to be.
 
         on_pose: called when there is something to take, or has been refused.
         """
-        self._frame, self._read, self._on_any = frame, read, on_pose
+        self._frame, self._axes, self._on_any = frame, arm.pose_axes, on_pose
         self._waiting: dict[float, tuple[float, dict[int, DiscMeasurement]]] = {}
         self._taken = -1.0  # s, the stamp that was used last
         self._allowed = MAX_AT_ONCE  # times that may be used now
         self.refused = ''
         """Why a pose was refused since it was last asked for."""
-        for disc in range(discs):
+        for disc in range(len(arm.discs)):
             subscribe(node, PoseWithCovarianceStamped, MEASURED_POSE.format(disc),
                       partial(self._on_pose, disc), SENSOR)
 
     def _on_pose(self, disc: int, message: PoseWithCovarianceStamped) -> None:
         self._on_any()
         try:
-            pose, covariance = self._read(message, self._frame)
+            pose, covariance = measured_pose_from_ros(message, self._axes, self._frame)
         except ValueError as error:
             self.refused = f'{MEASURED_POSE.format(disc)} has {error}'
             return

@@ -9,14 +9,16 @@ from typing import Any
 
 from geometry_msgs.msg import Pose, PoseArray, PoseWithCovarianceStamped
 import numpy as np
+from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from soft_continuum.hardware.protocols import Accuracy
-from soft_continuum.mechanics.chain import Array, full_poses
+from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyChain, State
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.ros.text import plain
+from soft_continuum.sensing.rigid import in_plane
 from soft_continuum_interfaces.msg import (
     JammingValvesState,
     KinematicsState,
@@ -27,12 +29,8 @@ MAX_PULL = 1.0  # m, the most that pull_limits can be
 MAX_JOINT_ANGLE = pi  # rad
 MAX_TILT = 0.1
 """Tangent of half the angle by which a disc may be seen to be out of the plane of the arm."""
-PLANAR = np.ix_([0, 2, 4], [0, 2, 4])
-"""Of a covariance (6, 6): x, z, and the rotation about y."""
 MAX_QUATERNION_ERROR = 0.01
 """By which the length of a quaternion may differ from 1."""
-UNKNOWN = 1e6
-"""Variance, m^2 or rad^2, of a coordinate that is not measured."""
 MAX_VARIANCE = 1.0
 """Variance, m^2 or rad^2, from which a coordinate counts as not measured."""
 
@@ -93,55 +91,35 @@ def measured_pose_to_ros(pose: Array, covariance: Array) -> PoseWithCovarianceSt
 
     The coordinates that a planar arm does not have get a large variance.
     """
-    message = PoseWithCovarianceStamped()
-    row, = full_poses(np.reshape(pose, (1, 3))).tolist()
-    _write_pose(message.pose.pose, row)
-    full = UNKNOWN * np.eye(6)
-    full[PLANAR] = covariance
-    message.pose.covariance = full.ravel()
-    return message
+    return tracked_pose_to_ros(*in_plane(pose, covariance))
 
 
-def measured_pose_from_ros(message: PoseWithCovarianceStamped, frame: str = ''
-                           ) -> tuple[Array, Array]:
+def measured_pose_from_ros(message: PoseWithCovarianceStamped, axes: NDArray[np.bool_],
+                           frame: str = '') -> tuple[Array, Array]:
     """
-    Return a measured pose (x, z, angle) and its covariance (3, 3), in m and rad.
+    Return a measured pose (7,) and its covariance (6, 6), in m and rad.
 
-    frame: in which it has to be.  Raises ValueError for another one, for numbers that are not
-    finite, an orientation out of the plane, and a covariance that is none.
+    axes: as pose_axes of the arm; what it cannot do is left out, as not measured.  frame: in which
+    the pose has to be.  A coordinate with a variance of MAX_VARIANCE or more is not measured.
+    Raises ValueError for another frame, for numbers that are not finite, a quaternion that is
+    none, an orientation out of the plane of a planar arm, and a covariance that is none.
     """
-    full = np.array([pose_from_ros(message.pose.pose)])
-    pose, = planar_poses(full)
-    pose[2] = (pose[2] + pi) % (2.0 * pi) - pi
-    covariance = np.reshape(message.pose.covariance, (6, 6))[PLANAR]
+    pose = np.array(pose_from_ros(message.pose.pose))
+    covariance = np.reshape(message.pose.covariance, (6, 6))[np.ix_(axes, axes)]
     if not (np.isfinite(pose).all() and np.isfinite(covariance).all()):
         raise ValueError('a pose that is not of finite numbers')
-    about_x, about_y, about_z, w = full[0, 3:]
+    if axes.all():
+        length = float(np.linalg.norm(pose[3:]))
+        if not abs(length - 1.0) < MAX_QUATERNION_ERROR:
+            raise ValueError(f'a quaternion of length {length:.3g}, not 1')
+        _check_measured(message, frame, covariance)
+        pose[3:] /= length
+        return pose, (covariance + covariance.T) / 2.0
+    about_x, about_y, about_z, w = pose[3:]
     if not np.hypot(about_x, about_z) < MAX_TILT * np.hypot(about_y, w):
         raise ValueError('an orientation that is not about y; is z of its frame along the arm?')
     _check_measured(message, frame, covariance)
-    return pose, covariance
-
-
-def tracked_pose_from_ros(message: PoseWithCovarianceStamped, frame: str = ''
-                          ) -> tuple[Array, Array]:
-    """
-    Return a pose (7,) and its covariance (6, 6), in m and rad.
-
-    frame: in which it has to be.  A coordinate with a variance of MAX_VARIANCE or more is not
-    measured.  Raises ValueError for another frame, for numbers that are not finite, a quaternion
-    that is none, and a covariance that is none.
-    """
-    pose = np.array(pose_from_ros(message.pose.pose))
-    covariance = np.reshape(message.pose.covariance, (6, 6))
-    if not (np.isfinite(pose).all() and np.isfinite(covariance).all()):
-        raise ValueError('a pose that is not of finite numbers')
-    length = float(np.linalg.norm(pose[3:]))
-    if not abs(length - 1.0) < MAX_QUATERNION_ERROR:
-        raise ValueError(f'a quaternion of length {length:.3g}, not 1')
-    _check_measured(message, frame, covariance)
-    pose[3:] /= length
-    return pose, (covariance + covariance.T) / 2.0
+    return in_plane(planar_poses(pose[None])[0], covariance)
 
 
 def _check_measured(message: PoseWithCovarianceStamped, frame: str, covariance: Array) -> None:

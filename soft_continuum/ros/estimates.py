@@ -57,17 +57,18 @@ def estimate_to_ros(estimator: 'Estimator', covariances: Array,
     """
     Write an estimate into a message.
 
-    covariances: (discs, pose, pose) of the discs' poses, base first.  parameters: of
+    covariances: (discs, 6, 6) of the discs' poses, base first.  parameters: of
     parameters_to_ros.
     """
-    state, dimensions = estimator.state, estimator.layout.dimensions
+    from soft_continuum.estimation.discs import angle_deviations, lever
+
+    state = estimator.state
     message.source = KinematicsState.ESTIMATED
     if estimator.measured is not None:
         message.measured = stamp_of(estimator.measured)
-    message.angle_deviations = dimensions.angle_deviations(state, covariances).tolist()
-    to_tip = dimensions.lever(dimensions.poses(state)[-1], state.chain.arm.discs[-1].height)
-    tip = dimensions.spatial(to_tip @ covariances[-1] @ to_tip.T)
-    message.tip_covariance = tip.ravel().tolist()
+    message.angle_deviations = angle_deviations(state, covariances).tolist()
+    to_tip = lever(state.poses[-2], state.chain.arm.discs[-1].height)
+    message.tip_covariance = (to_tip @ covariances[-1] @ to_tip.T).ravel().tolist()
     message.parameters = parameters
 
 

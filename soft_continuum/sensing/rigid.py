@@ -10,9 +10,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.chain import Array, full_poses
 
 IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+UNKNOWN = 1e6
+"""Variance, m^2 or rad^2, of a coordinate that is not measured."""
+
+
+def in_plane(pose: Array, covariance: Array) -> tuple[Array, Array]:
+    """
+    Return x, z (m) and angle (rad), (3,), and their covariance (3, 3) as a pose and its (6, 6).
+
+    What is not in the plane of a planar arm is not measured.
+    """
+    found = UNKNOWN * np.eye(6)
+    found[np.ix_([0, 2, 4], [0, 2, 4])] = covariance
+    return full_poses(np.reshape(pose, (1, 3)))[0], found
 
 
 def compose(outer: Array, inner: Array) -> Array:

@@ -20,6 +20,7 @@ from soft_continuum.mechanics.arm import SECOND_ORDER
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.twin.differences import read_differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
 
@@ -81,8 +82,8 @@ def learned(recording):
         for n in (1, 2, 3):
             (x, z), (top_x, top_z) = points[2 * n:2 * n + 2]
             deviations = NOISE * np.array([1.0, 1.0, 2.0**0.5 / ARM.discs[n].height])
-            discs.append(DiscMeasurement(n, np.array([x, z, atan2(top_x - x, top_z - z)]),
-                                         np.diag(deviations**2)))
+            discs.append(DiscMeasurement(n, *in_plane(
+                np.array([x, z, atan2(top_x - x, top_z - z)]), np.diag(deviations**2))))
         time += 1.0
         estimator.follow(Commands(time, pulls, stiff))
         estimator.measure(time, discs)

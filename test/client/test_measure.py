@@ -18,14 +18,16 @@ from soft_continuum.browser.html import positions_html
 from soft_continuum.cli import measure
 from soft_continuum.client import Arm, ClientError
 from soft_continuum.client.measured import mean_of
-from soft_continuum.estimation.dimensions import PLANE, SPACE
+from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_any_arm, load_arm
 from soft_continuum.ros.conversions import (
     measured_pose_to_ros,
+    planar_poses,
     poses_from_ros,
     tracked_pose_to_ros,
 )
+from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.progress import Phase, Progress
 from support.descriptions import given
 from support.ros_rig import Rig, STREAM
@@ -96,9 +98,9 @@ def test_discs_are_measured_where_the_tracker_sees_them(
     assert poses is not None
     for n, disc in discs.items():
         pose = poses[2 * n]
-        assert disc.pose == pytest.approx(np.array([pose.x, pose.z, pose.angle]) + OFFSET,
-                                          abs=1e-6)
-        assert disc.deviation == pytest.approx(DEVIATION)
+        assert planar_poses(disc.pose[None])[0] == pytest.approx(
+            np.array([pose.x, pose.z, pose.angle]) + OFFSET, abs=1e-6)
+        assert disc.deviation == pytest.approx(DEVIATION * PLANAR_AXES)
         assert disc.samples >= 3
 
 
@@ -139,8 +141,8 @@ def test_a_disc_of_which_only_the_angle_is_measured_has_no_position(
     discs = client.measure(0.5)
     for disc in discs.values():
         assert not disc.has_position
-        assert np.isnan(disc.pose[:2]).all()
-        assert disc.pose[2] == pytest.approx(0.0, abs=1e-2)
+        assert np.isnan(disc.pose[[0, 2]]).all()
+        assert planar_poses(disc.pose[None])[0, 2] == pytest.approx(0.0, abs=1e-2)
     arm.wait_for(lambda: client.state.measured_discs and all(client.state.measured_discs),
                  'angles of all discs')
     state = client.state
@@ -156,7 +158,7 @@ def test_an_angle_beside_a_pose_takes_no_position_away(
     tracker.spoil = lambda message: _angle_only(message) if next(count) // 4 % 2 else None
     for disc in client.measure(0.7).values():
         assert disc.has_position
-        assert disc.deviation[:2] == pytest.approx(DEVIATION, rel=1e-3)
+        assert disc.deviation[[0, 2]] == pytest.approx(DEVIATION, rel=1e-3)
     assert all(disc is not None and np.isfinite(disc.x) for disc in client.state.measured_discs)
 
 
@@ -165,10 +167,10 @@ def test_several_sensors_are_weighted_by_their_variances() -> None:
     samples = [(np.array([0.010, 0.0, 0.02]), np.diag([1e-6, 1e-6, 1e-4])),
                (np.array([0.013, 0.0, 0.05]), np.diag([2e-6, 1e-6, 4e-4])),
                (np.array([9.0, 9.0, 0.05]), np.diag([unknown, unknown, 4e-4]))] * 4
-    disc = mean_of(samples, PLANE)
-    assert disc.pose == pytest.approx([0.011, 0.0, 0.03])
+    disc = mean_of([in_plane(*sample) for sample in samples], PLANAR_AXES)
+    assert planar_poses(disc.pose[None])[0] == pytest.approx([0.011, 0.0, 0.03])
     assert disc.deviation[0] >= 1e-3
-    assert disc.deviation[2] == pytest.approx(np.sqrt(2e-4))  # how much they scatter
+    assert disc.deviation[4] == pytest.approx(np.sqrt(2e-4))  # how much they scatter
     assert disc.samples == 12
 
 
@@ -215,7 +217,7 @@ def test_in_space_positions_and_orientations_are_averaged() -> None:
         turned = (Rotation.from_rotvec(sign * more) * turn).as_quat()
         samples += [tracker, (np.concatenate([place, turned if sign > 0.0 else -turned]),
                               np.diag([1e-6] * 3 + [1e-4] * 3))]
-    disc = mean_of(samples, SPACE)
+    disc = mean_of(samples, SPATIAL_AXES)
     assert disc.samples == len(samples) == 7
     assert disc.pose[:3] == pytest.approx(place + 0.002 * 4 / 7)
     assert (Rotation.from_quat(disc.pose[3:]) * turn.inv()).magnitude() < 1e-6
@@ -224,7 +226,7 @@ def test_in_space_positions_and_orientations_are_averaged() -> None:
     up = turn.apply([0.0, 0.0, 0.03])
     assert np.diff(disc.points(0.03), axis=0)[0] == pytest.approx(up, abs=1e-8)
     # A tracker that measures positions only tells where the bottom is.
-    bottom, top = mean_of([tracker] * 3, SPACE).points(0.03)
+    bottom, top = mean_of([tracker] * 3, SPATIAL_AXES).points(0.03)
     assert bottom == pytest.approx(place + 0.002)
     assert np.isnan(top).all()
 

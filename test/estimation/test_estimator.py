@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from soft_continuum.estimation.dimensions import model_error, PLANE
+from soft_continuum.estimation.discs import MODEL_ERROR
 from soft_continuum.estimation.estimator import FORGOTTEN, HISTORY, OWN_SHARE, PERSISTENT
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
+from support.planar import IN_PLANE
 from support.true_arm import (
     ARM,
     commands,
@@ -317,9 +318,9 @@ def test_repeated_measurements_make_nothing_surer_than_the_sensor_is():
     # What is wrong alike in all of them: all of the prior and that of the sensor allow.
     session = Session(TrueArm(), own=0.0, discs=(3,), drift=NO_DRIFT,
                       prior=Prior(straight=0.1, ratio=0.0, stiffness=0.0, payload=0.0, offset=0.0))
-    alone = session.estimator.pose_covariances()[3] - model_error(PLANE)
+    alone = session.estimator.pose_covariances()[3][IN_PLANE] - MODEL_ERROR[IN_PLANE]
     session.look(40)
-    found = session.estimator.pose_covariances()[3] - model_error(PLANE)
+    found = session.estimator.pose_covariances()[3][IN_PLANE] - MODEL_ERROR[IN_PLANE]
     systematic = (1.0 - OWN_SHARE) * COVARIANCE
     least = alone @ np.linalg.solve(alone + systematic, systematic)
     bent = np.ix_([0, 2], [0, 2])  # z of a straight arm does not depend on anything
@@ -337,8 +338,8 @@ def test_angles_alone_are_enough_to_learn_the_shape():
     assert after < 0.3 * before
     layout = session.estimator.layout
     for disc in (1, 2, 3):  # nothing is learned of positions that were not measured
-        assert np.all(session.estimator.covariance[layout.bias(disc)][:2] == 0.0)
-        assert np.all(session.estimator.values[layout.bias(disc)][:2] == 0.0)
+        assert np.all(session.estimator.covariance[layout.bias(disc)][[0, 2]] == 0.0)
+        assert np.all(session.estimator.values[layout.bias(disc)][[0, 2]] == 0.0)
 
 
 def test_an_angle_and_the_same_a_turn_further_say_the_same():
@@ -360,9 +361,9 @@ def test_an_angle_and_the_same_a_turn_further_say_the_same():
 
 def image(discs):
     """Return measurements as a camera behind the arm makes them."""
-    return [replace(one, pose=one.pose * [-1.0, 1.0, -1.0],
-                    covariance=one.covariance * np.outer([-1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]))
-            for one in discs]
+    signs = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, 1.0])
+    return [replace(one, pose=one.pose * [*signs, 1.0],
+                    covariance=one.covariance * np.outer(signs, signs)) for one in discs]
 
 
 def test_mirrored_motions_and_measurements_give_the_mirror_image():
@@ -424,13 +425,14 @@ def test_the_covariance_stays_one_through_a_random_sequence(seed):
         covariance = session.estimator.covariance
         assert np.isfinite(covariance).all()
         assert positive(covariance)
-    assert all(np.linalg.eigvalsh(c)[0] > 0.0 for c in session.estimator.pose_covariances())
+    assert all(np.linalg.eigvalsh(c[IN_PLANE])[0] > 0.0
+               for c in session.estimator.pose_covariances())
 
 
 def normalised_error(session):
     """Return the squared error of the last disc over its covariance."""
     away = session.estimator.state.points[-2] - session.truth.discs[-1]
-    return float(away @ np.linalg.solve(session.estimator.pose_covariances()[-1], away))
+    return float(away @ np.linalg.solve(session.estimator.pose_covariances()[-1][IN_PLANE], away))
 
 
 def test_the_deviations_of_the_tip_are_those_of_its_errors():

@@ -22,6 +22,7 @@ from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.spatial import spatial
 from soft_continuum.mechanics.statics import StaticsError
+from soft_continuum.sensing.rigid import in_plane
 from support.true_arm import ARM, COVARIANCE, only, STIFF, TrueArm
 
 TOLERANCE = 1e-3  # m
@@ -35,7 +36,7 @@ def commands(time, pulls, soft, vacuum=None):
 
 
 def discs(points, which=(1, 2, 3), covariance=COVARIANCE):
-    return [DiscMeasurement(n, points[2 * n].copy(), covariance) for n in which]
+    return [DiscMeasurement(n, *in_plane(points[2 * n], covariance)) for n in which]
 
 
 def bent_points(angles=BENT):

@@ -11,24 +11,22 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.dimensions import SPACE
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
 from soft_continuum.estimation.hypotheses import Cause
 from soft_continuum.estimation.measuring import DiscMeasurement, predicted
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, UnknownShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of
-from soft_continuum.mechanics.chain import full_poses
 from soft_continuum.mechanics.spatial import spatial, SpatialStatics, Wrench
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.sensing.rigid import displacement
 from support.spatial_truth import ARM, COVARIANCE, DEVIATIONS, PRIOR, SpatialSession, SpatialTruth
 from support.true_arm import ARM as PLANAR
 from support.true_arm import only, Session, STIFF, TrueArm
 
 TENDON_ARM = load_any_arm(description_file().with_name('tendon_arm.yaml'))
 UNSEEN = 1e6  # m^2 or rad^2
-IN_PLANE = np.ix_([0, 2, 4], [0, 2, 4])
 NEAR = {'factors': (1.2, 0.9, 0.8), 'ratio': 20.0, 'offsets': (4e-4, -3e-4, 2e-4),
         'payload': 0.02}
 
@@ -64,7 +62,7 @@ def test_derivatives_are_those_of_solves():
 
     def at(change):
         statics = SpatialStatics(arm_with(ARM, layout, values + change))
-        start = SPACE.held(bent, statics.chain, change[layout.held])
+        start = bent.with_held(statics.chain, change[layout.held].reshape(-1, 2))
         return predicted(statics, layout, statics.solve(
             start, pulls + change[layout.offset], now_soft))
 
@@ -73,7 +71,7 @@ def test_derivatives_are_those_of_solves():
     for row in (2, 5, layout.stiffness.start, layout.ratio.start + 1, layout.offset.start,
                 layout.offset.start + 1, layout.payload):
         more, less = (at(sign * step * np.eye(layout.size)[row]) for sign in (1.0, -1.0))
-        poses = [SPACE.apart(a, b) / (2.0 * step)
+        poses = [displacement(a, b) / (2.0 * step)
                  for a, b in zip(more.poses, less.poses, strict=True)]
         assert here.pose_rows[:, :, row] == pytest.approx(np.array(poses), rel=1e-4, abs=1e-6)
         tensions = (more.tensions - less.tensions) / (2.0 * step)
@@ -137,9 +135,7 @@ def test_a_planar_arm_has_the_planar_estimate():
             space.follow(Commands(plane.time, plane.pulls, tuple(not s for s in plane.soft)))
             seen = []
             for one in plane.truth.seen():
-                covariance = UNSEEN * np.eye(6)
-                covariance[IN_PLANE] = one.covariance
-                seen.append(DiscMeasurement(one.disc, *full_poses(one.pose[None]), covariance))
+                seen.append(one)
             ours, theirs = plane.measure(), space.measure(plane.time, seen)
             assert (ours is None) == (theirs is None)
             assert ours is None or ours.distance == pytest.approx(theirs.distance, rel=0.02)
@@ -166,7 +162,7 @@ def test_the_deviations_of_the_tip_are_those_of_its_errors():
             bias=(1.0 - OWN_SHARE)**0.5 * DEVIATIONS * rng.standard_normal((4, 6)))
 
         def error(session=session, truth=truth):
-            away = SPACE.apart(session.estimator.state.poses[-2], truth.state.poses[-2])
+            away = displacement(session.estimator.state.poses[-2], truth.state.poses[-2])
             return away @ np.linalg.solve(session.estimator.pose_covariances()[-1], away)
 
         session.look(2)
@@ -211,7 +207,7 @@ def test_any_part_of_a_pose_corrects_the_arm(known):
     session.seen['covariance'] = covariance
 
     def error():
-        away = SPACE.apart(*(one.state.poses[-2] for one in (session.estimator, session.truth)))
+        away = displacement(*(one.state.poses[-2] for one in (session.estimator, session.truth)))
         return np.linalg.norm((away / DEVIATIONS)[list(known)])
 
     before = error()
@@ -281,10 +277,10 @@ def test_where_up_is_corrects_an_arm_that_leans_but_not_its_heading(about_y):
     one = DiscMeasurement(3, poses[3], covariance)
     assert len(one.parts) == 2
     headed = replace(one, pose=off(poses[3], 0.0, 0.9 * up))
-    assert one.differs(headed, SPACE) == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert one.differs(headed) == pytest.approx([0.0, 0.0], abs=1e-6)
     across = base.apply([0.6, 0.8, 0.0])
     leaning = replace(one, pose=off(poses[3], 0.0, 0.02 * across))
-    assert np.linalg.norm(one.differs(leaning, SPACE)) == pytest.approx(2.0, abs=1e-3)
+    assert np.linalg.norm(one.differs(leaning)) == pytest.approx(2.0, abs=1e-3)
 
 
 def off(pose, shift, turn):

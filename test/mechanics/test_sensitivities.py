@@ -165,9 +165,13 @@ def test_all_of_them_at_once_are_those_one_by_one(case):
     at = Linearisation(statics, state)
     each = [at.held_shape(), at.bending_stiffness(), at.stiffness_ratio(), at.pulls(),
             at.payload()]
+    segments = statics.chain.arm.segments
     for part in ('joint_angles', 'tensions', 'paths', 'tip'):
+        held, stiffness, *others = (getattr(one, part) for one in each)
+        about = np.stack([0.0 * held, held], axis=2).reshape(len(held), -1)  # x, y
+        factors = stiffness * [segment.bending_stiffness for segment in segments]
         assert getattr(at.all(), part) == pytest.approx(
-            np.hstack([getattr(one, part) for one in each]), rel=1e-9, abs=1e-12)
+            np.hstack([about, factors, *others]), rel=1e-9, abs=1e-12)
 
 
 def test_a_segment_with_a_table_has_no_bending_stiffness_to_derive_by():

@@ -21,12 +21,13 @@ from std_srvs.srv import Trigger
 
 from soft_continuum.nodes import camera
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.conversions import measured_pose_from_ros, pose_from_ros
+from soft_continuum.ros.conversions import pose_from_ros
 from soft_continuum.ros.pictures import CHANNELS, grey_message, grey_picture
 from soft_continuum.ros.qos import LATCHED, SENSOR
 from soft_continuum.twin.spatial_camera import FRONT
 from support import space_views, views
 from support.descriptions import given_in
+from support.planar import planar
 from support.ros_rig import Rig, STREAM
 
 TRUTH = views.discs(0.3, -0.2, 0.4)
@@ -98,7 +99,7 @@ def test_every_disc_is_published_where_it_is_with_its_covariance(
     driver.send_until(lambda: all(len(p) > 0 for p in driver.poses), 'all discs', picture)
     for truth, recorded in zip(TRUTH, driver.poses, strict=True):
         message = recorded.last
-        pose, covariance = measured_pose_from_ros(message)
+        pose, covariance = planar(message)
         assert pose == pytest.approx(truth, abs=2e-3)
         assert pose[:2] == pytest.approx(truth[:2], abs=2e-4)
         assert 1e-4 < np.sqrt(covariance[0, 0]) < 1e-3
@@ -120,7 +121,7 @@ def test_a_tare_corrects_how_tags_are_stuck(rig: Rig) -> None:
     driver.send_until(lambda: all(len(p) > tared + 20 for p in driver.poses), 'a bent arm',
                       drawn.picture(TRUTH))
     for truth, recorded in zip(TRUTH, driver.poses, strict=True):
-        pose, _ = measured_pose_from_ros(recorded.last)
+        pose, _ = planar(recorded.last)
         assert pose[:2] == pytest.approx(truth[:2], abs=3e-4)
         assert pose[2] == pytest.approx(truth[2], abs=5e-3)
     driver.send_until(lambda: 'from where it is' in tare().message,

@@ -16,12 +16,14 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 import yaml
 
+from soft_continuum.mechanics.arm import SPATIAL_AXES
 from soft_continuum.nodes.disc_sensors import _Feed, MAX_COUNT
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_from_ros
+from soft_continuum.ros.conversions import measured_pose_from_ros
 from soft_continuum.ros.qos import LATCHED
 from support.descriptions import given_in
+from support.planar import planar
 from support.ros_rig import pairs, Rig, STREAM
 
 GRAVITY = 9.80665
@@ -89,7 +91,7 @@ def _set(pose: Pose, x: float, z: float, angle: float) -> None:
 
 
 def measured(recording: Any) -> tuple[Any, Any]:
-    return measured_pose_from_ros(recording.last, 'base_link')
+    return planar(recording.last, 'base_link')
 
 
 def test_poses_of_a_tracker_and_tilts_of_an_imu_come_out_with_their_covariances(rig: Rig) -> None:
@@ -108,7 +110,7 @@ def test_poses_of_a_tracker_and_tilts_of_an_imu_come_out_with_their_covariances(
     assert pose[2] == pytest.approx(0.2, abs=1e-3)
     assert np.diag(covariance)[:2] == pytest.approx(1e6)  # not measured
     # Gaps of a busy machine make it larger.
-    assert 0.01 < min(np.sqrt(measured_pose_from_ros(message, 'base_link')[1][2, 2])
+    assert 0.01 < min(np.sqrt(planar(message, 'base_link')[1][2, 2])
                       for message in sensors.poses[3]) < 0.15
     sensors.until_status(send, 'measured: disc_1/pose, disc_3/imu')
 
@@ -141,11 +143,11 @@ def test_a_tracker_and_an_imu_measure_discs_in_space(rig: Rig) -> None:
         sensors.publish('disc_1/pose', message)
 
     sensors.until(send, lambda: len(sensors.poses[1]), 'a pose')
-    pose, covariance = tracked_pose_from_ros(sensors.poses[1].last, 'base_link')
+    pose, covariance = measured_pose_from_ros(sensors.poses[1].last, SPATIAL_AXES, 'base_link')
     assert pose == pytest.approx(row)
     assert np.sqrt(np.diag(covariance)) == pytest.approx([0.0005] * 3 + [0.005] * 3)
     sensors.until(sensors.imu, lambda: len(sensors.poses[3]) > 3, 'a tilt')
-    pose, covariance = tracked_pose_from_ros(sensors.poses[3].last, 'base_link')
+    pose, covariance = measured_pose_from_ros(sensors.poses[3].last, SPATIAL_AXES, 'base_link')
     assert pose[3:] == pytest.approx([0.0, sin(0.1), 0.0, cos(0.1)], abs=1e-3)
     assert np.diag(covariance)[[0, 1, 2, 5]] == pytest.approx(1e6)  # nor the heading
     assert np.diag(covariance)[3:5].max() < 0.1

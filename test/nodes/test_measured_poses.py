@@ -13,17 +13,20 @@ import pytest
 from rclpy.serialization import serialize_message
 
 from soft_continuum.nodes.measured_poses import MeasuredPoses
+from soft_continuum.nodes.up import description_file
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import measured_pose_to_ros
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.ros_time import stamp_of
 from support.ros_rig import Rig
 
-DISCS, FRAME = 4, 'base_link'
+ARM, FRAME = load_arm(description_file()), 'base_link'
+DISCS = len(ARM.discs)
 
 
 def test_the_base_is_measured_with_the_other_discs_but_alone_it_is_no_measurement(
         rig: Rig) -> None:
-    poses = MeasuredPoses(rig.observer, DISCS, FRAME, lambda: None)
+    poses = MeasuredPoses(rig.observer, ARM, FRAME, lambda: None)
     publishers = [rig.publisher(PoseWithCovarianceStamped, MEASURED_POSE.format(n))
                   for n in range(DISCS)]
     seconds = count(1)
@@ -51,7 +54,7 @@ def test_two_cameras_that_look_at_nearly_or_exactly_the_same_time_are_both_used(
     now = [0.0]
     monkeypatch.setattr('soft_continuum.nodes.measured_poses.STEADY', lambda: now[0])
     node = Mock()
-    poses = MeasuredPoses(node, DISCS, FRAME, lambda: None)
+    poses = MeasuredPoses(node, ARM, FRAME, lambda: None)
     calls = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
 
     def see(disc: int, stamp: float) -> None:

@@ -15,10 +15,11 @@ from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
+from soft_continuum.mechanics.arm import SPATIAL_AXES
 from soft_continuum.mechanics.spatial import SpatialChain
 from soft_continuum.nodes import conflicts
 from soft_continuum.parameters.files import load_any_arm
-from soft_continuum.ros.conversions import tracked_pose_from_ros, tracked_pose_to_ros
+from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_to_ros
 from soft_continuum.ros.estimates import parameter_names
 from soft_continuum_interfaces.msg import (
     JammingValvesState,
@@ -258,7 +259,7 @@ def test_measured_discs_correct_the_shape_and_say_how_well_it_is_known(
         turns = np.reshape(state.last.joint_angles, (3, -1, 3)).sum(axis=1)
         if not (np.abs(turns[:, :2] - bending).max() < 0.01 and all(map(len, (predicted, *ends)))):
             return False
-        found = [tracked_pose_from_ros(one.last, 'base_link')[0] for one in ends]
+        found = [measured_pose_from_ros(one.last, SPATIAL_AXES, 'base_link')[0] for one in ends]
         return np.abs(np.array(found) - poses)[:, :3].max() < 1e-3
 
     rig.wait_for(lambda: shown(corrected, lambda message: None), 'a corrected shape')
@@ -268,7 +269,8 @@ def test_measured_discs_correct_the_shape_and_say_how_well_it_is_known(
     variances = np.reshape(last.tip_covariance, (6, 6)).diagonal()
     assert len(last.angle_deviations) == 3
     assert all(0.0 < d < 0.1 for d in (*last.angle_deviations, *np.sqrt(variances)))
-    assert all(tracked_pose_from_ros(one.last)[1].diagonal().max() < 0.05**2 for one in ends)
+    assert all(measured_pose_from_ros(one.last, SPATIAL_AXES)[1].diagonal().max() < 0.05**2
+               for one in ends)
     x = [pose.position.x for pose in predicted.last.poses]
     assert x == pytest.approx([0.0] * 8, abs=1e-9)  # the prediction goes on: still straight
 

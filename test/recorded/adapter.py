@@ -113,6 +113,10 @@ class Model:
         found = {name: self._of(derivative) for name, derivative in (
             ('pulls', line.pulls()), ('ratio', line.stiffness_ratio()),
             ('held', line.held_shape()), ('payload', line.payload()), ('forces', line.forces()))}
+        if self.planar:
+            in_plane = np.arange(3 * len(self.arm.segments)) % 3 != 1
+            found['forces'] = {
+                name: value[..., in_plane] for name, value in found['forces'].items()}
         if not self.planar:
             found['stiffness'] = self._of(line.stiffness_factors())
         elif all(segment.soft_law is None for segment in self.arm.segments):

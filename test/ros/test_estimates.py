@@ -23,6 +23,7 @@ from soft_continuum.ros.estimates import (
     parameter_names,
     parameters_to_ros,
 )
+from soft_continuum.sensing.rigid import in_plane
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
 
 ARM = replace(load_arm(description_file()), bodies_per_segment=3)
@@ -124,8 +125,8 @@ def test_names_are_those_of_the_arms_segments_and_tendons():
 
 
 def test_the_deviation_of_the_tip_counts_the_lever_of_the_last_disc(estimator):
-    covariances = np.zeros((4, 3, 3))
-    covariances[1:] = np.diag([1e-3, 1e-3, 0.02])**2
+    covariances = np.zeros((4, 6, 6))
+    covariances[1:] = np.diag([1e-3, 0.0, 1e-3, 0.0, 0.02, 0.0])**2
     message = KinematicsState()
     estimate_to_ros(estimator, covariances, parameters_to_ros(estimator), message)
     height = ARM.discs[-1].height  # upright: it leans sideways, and does not get longer
@@ -174,7 +175,7 @@ def test_when_it_was_measured_is_published(estimator):
     estimator.follow(Commands(1234.5, np.zeros(2), (True,) * 3))
     truth = estimator.state.points
     estimator.measure(1234.5, [
-        DiscMeasurement(n, truth[2 * n], 1e-6 * np.eye(3)) for n in (1, 2, 3)])
+        DiscMeasurement(n, *in_plane(truth[2 * n], 1e-6 * np.eye(3))) for n in (1, 2, 3)])
     message = published(estimator)
     assert (message.measured.sec, message.measured.nanosec) == (1234, 500_000_000)
     assert exp(estimator.values[estimator.layout.payload]) >= 1.0

@@ -11,6 +11,7 @@ from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import Statics
+from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
 from soft_continuum.sequencing.loop_settings import LoopSettings
@@ -104,7 +105,7 @@ class MeasuredRig(VirtualRig):
         lost = self.hidden if self.now - self.begin >= self.lost_after else ()
         if seen := [n for n in (1, 2, 3) if n not in lost]:
             self.shape.measure(self.now, [
-                DiscMeasurement(n, self.state.points[2 * n], COVARIANCE) for n in seen])
+                DiscMeasurement(n, *in_plane(self.state.points[2 * n], COVARIANCE)) for n in seen])
 
     def observe(self):
         if self.count % round(PERIOD / STEP) == 0:

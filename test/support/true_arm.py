@@ -15,6 +15,7 @@ from soft_continuum.mechanics.either import chain_of
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.sensing.rigid import in_plane
 
 ARM = replace(load_arm(description_file()), bodies_per_segment=4)
 DEVIATIONS = np.array([3e-4, 3e-4, 2e-3])  # m, m, rad: of the camera
@@ -64,7 +65,7 @@ class TrueArm:
                 pose += bias[n]
             if rng is not None:
                 pose += own * DEVIATIONS * rng.standard_normal(3)
-            found.append(DiscMeasurement(n, pose, covariance))
+            found.append(DiscMeasurement(n, *in_plane(pose, covariance)))
         return found
 
 

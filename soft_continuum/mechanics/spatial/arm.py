@@ -22,6 +22,7 @@ from soft_continuum.mechanics.arm import (
     check_range,
     LENGTH_RANGE,
     PAPER,
+    SPATIAL_AXES,
     STANDARD_GRAVITY,
 )
 from soft_continuum.mechanics.laws import Jam, linear, MomentCurvature
@@ -86,6 +87,12 @@ class SpatialSegment:
         if self.jam.law is not None:  # what the jam adds must be a law, too
             self.jam.law.minus(
                 self.soft_law or linear(min(self.stiffness_x, self.stiffness_y)))
+
+    def with_stiffness_factor(self, factor: float) -> 'SpatialSegment':
+        """Return it with all stiffnesses times a factor, and without friction."""
+        return replace(self, stiffness_x=self.stiffness_x * factor,
+                       stiffness_y=self.stiffness_y * factor,
+                       torsional_stiffness=self.torsional_stiffness * factor, friction=0.0)
 
 
 @dataclass(frozen=True)
@@ -229,6 +236,21 @@ class SpatialArm:
     def bending_axes(self) -> NDArray[np.bool_]:
         """Whether each segment bends about x and y, (segments, 2)."""
         return np.isfinite([[s.stiffness_x, s.stiffness_y] for s in self.segments])
+
+    @property
+    def pose_axes(self) -> NDArray[np.bool_]:
+        """Which of its discs' shifts along x, y, z and turns about them there are, (6,): all."""
+        return SPATIAL_AXES
+
+    def with_force(self, disc: int, force: Sequence[float]) -> 'SpatialArm':
+        """Return the same arm with one more dead force (3,) N on a disc."""
+        x, y, z = map(float, force)
+        return replace(self, wrenches=(*self.wrenches, Wrench(disc, (x, y, z))))
+
+    def with_compliant_tendons(self, stretch: float) -> 'SpatialArm':
+        """Return the same arm, inextensible tendons now stretching by ``stretch`` m/N."""
+        return replace(self, tendons=tuple(
+            replace(tendon, compliance=tendon.compliance or stretch) for tendon in self.tendons))
 
     def without_gravity(self) -> 'SpatialArm':
         """Return the same arm with gravity left out."""

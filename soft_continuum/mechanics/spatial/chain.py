@@ -130,6 +130,23 @@ class SpatialEquilibrium:
         return self.held.ravel()
 
     @property
+    def jam_deflection(self) -> Array:
+        """By how much each segment is bent from what its jam holds, (segments, 2), rad."""
+        away = (self.chain.joints(self.rotations) - self.held)[:, :2]
+        bent: Array = away.reshape(self.chain.segments, -1, 2).sum(axis=1)
+        return bent
+
+    def with_held(self, chain: 'SpatialChain', change: Array) -> 'SpatialEquilibrium':
+        """
+        Return the state on another chain of the arm, its jams holding another bending.
+
+        change: as ``bending``, by which they hold more, spread evenly over the joints.
+        """
+        per = chain.joints_per_segment
+        more = np.column_stack([change, np.zeros(chain.segments)])
+        return replace(self, held=self.held + np.repeat(more / per, per, axis=0), chain=chain)
+
+    @property
     def joint_positions(self) -> Array:
         """Angles of the joints of the URDF, in the order of its joint_names, rad."""
         return angles_about_axes(_turns(self.rotations)).ravel()

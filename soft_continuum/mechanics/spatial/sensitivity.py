@@ -50,6 +50,11 @@ class SpatialSensitivity:
     bending: Array
 
     @property
+    def poses(self) -> Array:
+        """Of the discs' bottoms, (discs, 6, k): shifts along x, y, z, m; turns about them, rad."""
+        return np.concatenate([self.points[::2], self.orientations], axis=1)
+
+    @property
     def tip(self) -> Array:
         """Of the top of the last disc: x, y, z (m), then its rotation vector (rad), (6, k)."""
         found: Array = np.concatenate([self.points[-1], self.orientations[-1]])

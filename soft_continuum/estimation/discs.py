@@ -1,0 +1,73 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How the discs of an arm move, and how well a model can say that.
+
+How poses differ, and their covariances, are shifts along x, y, z (m) and rotation vectors (rad) in
+base_link; of what a planar arm cannot do they are 0.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.spatial.orientations import matrices
+from soft_continuum.sensing.rigid import displacement
+
+SHIFT_ERROR, TURN_ERROR = 3e-4, 3e-3  # m, rad: of a disc's pose, of what no unknown can explain
+MODEL_ERROR = np.diag(np.repeat([SHIFT_ERROR, TURN_ERROR], 3))**2
+"""Covariance (6, 6) of a disc's pose for that."""
+
+
+def apart(state: Any, other: Any) -> Array:
+    """Return by how much the discs' bottoms are elsewhere than in another state, (discs, 6)."""
+    return np.array([displacement(now, then) for now, then in zip(
+        state.poses[::2], other.poses[::2], strict=True)])
+
+
+def bent_evenly(state: Any) -> Array:
+    """
+    Return how the discs move when segments alone bend evenly, per rad, (discs, 6, 2 * segments).
+
+    About the axes x and y of the body below each joint, as far as segments bend about them.
+    """
+    chain = state.chain
+    axes = np.concatenate([np.eye(3)[None], state.rotations[:-1]])[:, :, :2]
+    discs, joints = state.poses[::2, :3], state.backbone[:-1]
+    found = np.zeros((chain.segments + 1, 6, chain.segments, 2))
+    for k, (axis, joint) in enumerate(zip(axes, joints, strict=True)):
+        segment = k // chain.joints_per_segment
+        above = slice(segment + 1, None)
+        levers = (discs[above] - joint)[:, :, None]
+        found[above, :3, segment] += np.cross(axis[None], levers, axis=1)
+        found[above, 3:, segment] += axis
+    found *= chain.arm.bending_axes / chain.joints_per_segment
+    return found.reshape(len(discs), 6, -1)
+
+
+def camera_moved(state: Any) -> Array:
+    """Return how the discs seem to move when the camera does, about the origin, (discs, 6, 6)."""
+    places = state.poses[::2, :3]
+    found = np.tile(np.eye(6), (len(places), 1, 1))
+    found[:, :3, 3:] = np.cross(np.eye(3)[None], places[:, None]).transpose(0, 2, 1)
+    return found
+
+
+def lever(pose: Array, height: float) -> Array:
+    """Return how a difference of poses is seen ``height`` m above a pose, along its z, (6, 6)."""
+    x, y, z = height * matrices(pose[None, 3:])[0, :, 2]
+    found = np.eye(6)
+    found[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    return found
+
+
+def angle_deviations(state: Any, covariances: Array) -> Array:
+    """
+    Return the standard deviations (segments,), rad, of the turns of the discs but the base.
+
+    Those are about x and y of the disc below, together.  covariances: (discs, 6, 6).
+    """
+    below = matrices(state.poses[:-2:2, 3:])
+    inside = below.transpose(0, 2, 1) @ covariances[1:, 3:, 3:] @ below
+    return np.asarray(np.sqrt(np.trace(inside[:, :2, :2], axis1=1, axis2=2)))

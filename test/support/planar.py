@@ -1,0 +1,20 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is measured of a planar arm, as a person writes it: x, z and angle."""
+
+from typing import Any
+
+import numpy as np
+
+from soft_continuum.mechanics.arm import PLANAR_AXES
+from soft_continuum.ros.conversions import measured_pose_from_ros, planar_poses
+
+IN_PLANE = np.ix_([0, 2, 4], [0, 2, 4])
+"""Of a covariance (6, 6): x, z, and the turn about y."""
+
+
+def planar(message: Any, frame: str = '') -> tuple[Any, Any]:
+    """Return x, z, angle (3,) and their covariance (3, 3) of a measured pose."""
+    pose, covariance = measured_pose_from_ros(message, PLANAR_AXES, frame)
+    return planar_poses(pose[None])[0], covariance[IN_PLANE]
