@@ -54,7 +54,7 @@ def converge(arm: AnyArm, bending_angles: Sequence[float], tolerance: float, mos
     bent in turn, or all at once.  Raises StaticsError when no tendon holds the arm, ArmError when
     there are no two numbers of bodies to compare.
     """
-    every = arm.spacers + 1 if isinstance(arm, SpatialArm) else 1
+    every = arm.spacers + 1
     bodies = np.arange(max(2, every), most + 1, every)
     if len(bodies) < 2:
         raise ArmError(f'with {every - 1} spacers the bodies of a segment are multiples of '

@@ -115,7 +115,7 @@ def read_shapes(points: str | Path, pulls: str | Path, arm: AnyArm, jamming: boo
     jamming: of an arm in space, whether one segment was soft at a time.  decimal: the mark, where
     the numbers allow both.  Raises MeasurementError naming file, line and remedy.
     """
-    axes = 'xz' if isinstance(arm, Arm) else 'xyz'
+    axes = arm.axes
     measured = _read_points(read_table(points, (
         SHAPE, Quantity('point', ('point', 'punkt')),
         *(Quantity(axis, (axis,), 'm') for axis in axes)), decimal=decimal), axes, arm)

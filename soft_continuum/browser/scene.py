@@ -39,9 +39,8 @@ from soft_continuum.colours import (
     tension_colour,
     UNKNOWN,
 )
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, orientation
-from soft_continuum.mechanics.either import chain_of, mounting_angle_of, State
+from soft_continuum.mechanics.either import chain_of, State
 from soft_continuum.mechanics.spatial.orientations import matrices
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.ros.obstacles import Key
@@ -73,7 +72,7 @@ def views_of(description: Description) -> dict[str, tuple[float, float, float]]:
 
 def viewpoint(description: Description, view: str) -> tuple[Array, Array]:
     """Return from where, and to where, (3,) m, one of views_of looks."""
-    angle, length = mounting_angle_of(description.arm), description.arm.length
+    angle, length = description.arm.mounting_angle, description.arm.length
     target: Array = 0.5 * length * np.array([np.sin(angle), 0.0, np.cos(angle)])
     return target + length * np.array(views_of(description)[view]), target
 
@@ -97,7 +96,7 @@ class Scene:
         self._label_side = np.array([1.0, 0.0, 0.0])  # of the body's frame
         if description.in_space:  # left of the arm in the first view: the axes are on its right
             x, y, _ = VIEWS[FIRST_VIEW]
-            left = np.array([y * np.cos(mounting_angle_of(description.arm)), -x, 0.0])
+            left = np.array([y * np.cos(description.arm.mounting_angle), -x, 0.0])
             self._label_side = left / np.linalg.norm(left)
         self._add_surroundings(server, description)
         self._add_arm(server.scene, description)
@@ -107,7 +106,7 @@ class Scene:
     def _add_surroundings(self, server: viser.ViserServer, description: Description) -> None:
         """Add the ground, the frame of the base, its axes, and the camera."""
         scene, length = server.scene, description.arm.length
-        angle = mounting_angle_of(description.arm)
+        angle = description.arm.mounting_angle
         turn = orientation(angle)
         self._root = scene.add_frame('/arm', show_axes=False, wxyz=(turn[3], *turn[:3]))
         self._root.visible = False
@@ -149,7 +148,7 @@ class Scene:
             '/arm/discs', self._disc_vertices(straight),
             repeated(faces(len(DISC_RADII)), len(arm.discs)), color=DISC)
         # Those of an arm with jamming are in its skin.
-        spacers = 0 if description.jamming or isinstance(arm, Arm) else arm.spacers
+        spacers = 0 if description.jamming else arm.spacers
         each = arm.bodies_per_segment // (spacers + 1)
         self._spacers = np.array([s * n + k * each for s in range(len(arm.segments))
                                   for k in range(1, spacers + 1)], dtype=int)

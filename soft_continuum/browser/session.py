@@ -34,7 +34,6 @@ from soft_continuum.client.state import ArmState, SequenceResult
 from soft_continuum.client.state_text import reached_text
 from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.either import AnyArm
-from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.nodes.up import nodes_for
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.ros.entry import subscribe
@@ -83,7 +82,7 @@ class Description:
     @property
     def in_space(self) -> bool:
         """Whether the arm bends in every direction."""
-        return isinstance(self.arm, SpatialArm)
+        return len(self.arm.axes) == 3
 
 
 @dataclass(frozen=True)

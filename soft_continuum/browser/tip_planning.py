@@ -12,7 +12,6 @@ from soft_continuum.client.plan import Plan, plan_shapes, PlanStep
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.either import AnyArm, chain_of
-from soft_continuum.mechanics.spatial.arm import SpatialArm
 
 WHILE_DRAGGED, AT_REST = 1000, 0  # states that are judged for a plan; 0: as many as Go would
 LATE = 1.0  # s without an answer
@@ -131,5 +130,5 @@ def _fits(step: PlanStep, arm: AnyArm) -> bool:
     """Whether the shape at the end of a step is one of this arm."""
     count, directions = len(arm.segments), step.bending_directions
     return (len(step.bending_angles) == count and all(abs(a) < 2 * pi for a in step.bending_angles)
-            and len(directions) in ((0, count) if isinstance(arm, SpatialArm) else (0,))
+            and len(directions) in ((0, count) if arm.bending_axes[:, 0].any() else (0,))
             and all(map(isfinite, directions)))

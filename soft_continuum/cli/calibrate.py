@@ -47,7 +47,6 @@ from soft_continuum.hardware.protocols import (
     TendonDriver,
 )
 from soft_continuum.hardware.tendon_controller import TendonLimits
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
 from soft_continuum.parameters.files import load_rig, write_parameters
 from soft_continuum.parameters.nodes import jamming_settings
@@ -158,8 +157,7 @@ def _bench(job: Job, text: str, sets_zero: bool = False
     """
     # Slack is taken up by whoever calibrates.
     values, arm = job.values | {TAKE_UP: 0.0}, any_arm_from_parameters(job.values)
-    ends = {len(arm.segments)} if isinstance(arm, Arm) else {t.end for t in arm.tendons}
-    soft = sorted(end - 1 for end in ends) if job.jamming else []
+    soft = sorted({end - 1 for end in arm.tendon_ends}) if job.jamming else []
     if soft and values['jamming_driver'] == 'simulated':
         text += (' The valves are simulated (jamming_driver): make sure by hand that a segment '
                  'is soft.')

@@ -13,7 +13,6 @@ from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, whole_number_in
 from soft_continuum.cli.common import any_described_arm, run_verb
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.spatial.arm import SpatialArm
 
 NAME = 'converge'
 USUAL_BODIES, USUAL_SPANS = 16, 4
@@ -40,8 +39,7 @@ def _run(options: argparse.Namespace) -> None:
     figure, = reserve_outputs(options.output, [f'{NAME}.png'], options.force)
     if not options.gravity:
         arm = arm.without_gravity()
-    spans = arm.spacers + 1 if isinstance(arm, SpatialArm) else 1
-    most = options.most or max(USUAL_BODIES, USUAL_SPANS * spans)
+    most = options.most or max(USUAL_BODIES, USUAL_SPANS * (arm.spacers + 1))
     jamming = isinstance(arm, Arm) or bool(values['arm.jamming'])
     found = converge(arm, [np.radians(options.angle)] * len(arm.segments), options.tolerance,
                      most, jamming)

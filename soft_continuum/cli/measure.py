@@ -68,7 +68,7 @@ def _measure_all(arm: 'Arm', names: Sequence[str], options: argparse.Namespace,
     title = _title(arm.is_simulated)
     description, jamming = arm.description, arm.has_jamming
     planar = isinstance(description, PlanarArm)
-    axes = 'xz' if planar else 'xyz'
+    axes = description.axes
     tendons = [t.removesuffix('_tendon') if planar else t for t in description.tendon_names]
     points = [title, f'shape,point,{",".join(f"{axis} [mm]" for axis in axes)},deviation [mm]']
     pulls = [title, ','.join(['shape', *(['segment'] if jamming else []),

@@ -111,8 +111,7 @@ def _pull(tendon: int, pull: float) -> str:
 def _write_errors(path: Path, predictions: Sequence[Prediction], arm: AnyArm) -> None:
     with path.open('w', newline='', encoding='utf-8') as file:
         writer = csv.writer(file, lineterminator='\n')
-        axes = 'xz' if isinstance(arm, Arm) else 'xyz'
-        writer.writerow(['shape', 'model', 'segment', 'point', *(f'{axis} [mm]' for axis in axes),
+        writer.writerow(['shape', 'model', 'segment', 'point', *(f'{x} [mm]' for x in arm.axes),
                          'error [mm]', 'error over distance from base [%]',
                          'error over arm length [%]'])
         for p in predictions:
@@ -121,6 +120,6 @@ def _write_errors(path: Path, predictions: Sequence[Prediction], arm: AnyArm) ->
                 number = p.shape.numbers[row]
                 writer.writerow([
                     p.shape.name, p.model, segment + 1, number + 1,
-                    *(f'{1e3 * value:.3f}' for value in p.points[number, :len(axes)]),
+                    *(f'{1e3 * value:.3f}' for value in p.points[number, :len(arm.axes)]),
                     f'{1e3 * error:.3f}', f'{100 * relative:.3f}',
                     f'{100 * error / arm.length:.3f}'])

@@ -65,7 +65,7 @@ def _run(options: argparse.Namespace) -> None:
     for number, (title, model, order) in enumerate(cases, start=1):
         print(f'{number} of {len(cases)}, {title} ...', file=sys.stderr, flush=True)
         reaches.append((title, reach(model, order, angles, directions, jamming)))
-    print(_table(reaches, 'xz' if isinstance(arm, Arm) else 'xyz'))
+    print(_table(reaches, arm.axes))
     print('\nHeld: shapes that a tendon can hold. Apart: furthest from the tip with the same '
           'bending angles without gravity.')
     workspace_figure(figure, reaches, reaches[0][1], arm.length)

@@ -209,6 +209,31 @@ class Arm:
         return np.tile([False, True], (len(self.segments), 1))
 
     @property
+    def tendon_ends(self) -> tuple[int, ...]:
+        """Number of the disc where each tendon ends (base 0): the last one."""
+        return (len(self.segments),) * len(TENDONS)
+
+    @property
+    def opposing_tendons(self) -> list[list[int]]:
+        """Numbers of the tendons that oppose each other, in groups: the two."""
+        return [[0, 1]]
+
+    @property
+    def guide_radii(self) -> NDArray[np.float64]:
+        """Largest distance of a guide from the backbone in each segment, (segments,), m."""
+        return np.array([max(segment.guide_offsets) for segment in self.segments])
+
+    @property
+    def spacers(self) -> int:
+        """Guides of every tendon inside each segment: none."""
+        return 0
+
+    @property
+    def axes(self) -> str:
+        """Names of the axes of base_link along which its points move."""
+        return 'xz'
+
+    @property
     def pose_axes(self) -> NDArray[np.bool_]:
         """Which of its discs' shifts along x, y, z and turns about them there are, (6,)."""
         return PLANAR_AXES

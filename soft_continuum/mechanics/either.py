@@ -8,7 +8,6 @@ A state says where everything is in space; its coordinates are what tells one sh
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2
 from typing import Any, Protocol, TYPE_CHECKING
 
 import numpy as np
@@ -131,13 +130,6 @@ class Solver(Protocol):
         """Return the equilibrium for pulls (tendons,) m, followed from ``start``."""
 
 
-def mounting_angle_of(arm: AnyArm) -> float:
-    """Return the rotation of base_link about +y from upright, rad: in space, as gravity has it."""
-    if isinstance(arm, Arm):
-        return arm.mounting_angle
-    return atan2(arm.gravity[0], -arm.gravity[2])
-
-
 def chain_of(arm: AnyArm) -> AnyChain:
     """Return an arm as a chain of rigid bodies."""
     return RigidChain(arm) if isinstance(arm, Arm) else SpatialChain(arm)
@@ -199,6 +191,23 @@ def arc_pulls(arm: AnyArm, bending: Array) -> Array:
     if isinstance(arm, Arm):
         return np.array(constant_curvature.pulls(arm, bending[:, 1].tolist()))
     return spatial_curvature.pulls(arm, bending)
+
+
+def arc_tips(arm: AnyArm, bending: Array) -> tuple[Array, Array]:
+    """
+    Return where tips are, (m, 3) m, and their orientations (m, 3, 3), by constant curvature.
+
+    bending: (m, segments, 2), rad, each as State.bending.
+    """
+    if not isinstance(arm, Arm):
+        points, turns = spatial_curvature.poses(arm, bending)
+        return points[..., -1, :], turns[..., -1, :, :]
+    x, z, angle = np.moveaxis(constant_curvature.poses(arm, bending[..., 1])[..., -1, :], -1, 0)
+    turned = np.zeros((*x.shape, 3, 3))
+    turned[..., 0, 0] = turned[..., 2, 2] = np.cos(angle)
+    turned[..., 0, 2], turned[..., 2, 0] = np.sin(angle), -np.sin(angle)
+    turned[..., 1, 1] = 1.0
+    return np.stack([x, np.zeros_like(x), z], axis=-1), turned
 
 
 def fully_actuated(arm: AnyArm) -> bool:

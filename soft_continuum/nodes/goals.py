@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.parameters.shapes import (
     angles_problem,
@@ -130,7 +129,7 @@ def _tips_name(tips: Sequence[TipGoal], arm: AnyArm) -> str:
     """Return what people know goals of the tip by."""
     if len(tips) > 1:
         return f'path through {len(tips)} points'
-    place = 1e3 * tips[0].position[::2 if isinstance(arm, Arm) else 1]
+    place = 1e3 * tips[0].position[arm.pose_axes[:3]]
     return f'tip at ({", ".join(f"{value:.0f}" for value in place)}) mm'
 
 

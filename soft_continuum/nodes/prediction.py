@@ -4,20 +4,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from math import pi
 
 import numpy as np
 
 from soft_continuum.hardware.tendon_controller import MotionRefusedError, Reason
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, Solver, State, statics_of
-from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
 
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
-HALF_TURN_TOLERANCE = 1e-3  # rad: tendons opposite each other are written with so many digits
 MAX_STATES = 2000
 """States predicted for one trajectory; one takes some milliseconds."""
 
@@ -42,7 +37,7 @@ class TensionPrediction:
         """Prepare the model of ``arm``, which is compiled when it is first used."""
         self._statics: Solver = statics_of(arm)
         self._tendons = arm.tendon_names
-        self.opposing = [[0, 1]] if isinstance(arm, Arm) else _opposing(arm)
+        self.opposing = arm.opposing_tendons
         """Numbers of the tendons that oppose each other, in groups."""
         self.chain = self._statics.chain
 
@@ -99,15 +94,3 @@ class TensionPrediction:
                 f'the tensions on the way would be too large, at {predicted}; tension_limit: '
                 f'{limits.any_tendon:g} N, co_contraction_limit (opposing tendons at '
                 f'once): {limits.at_once:g} N')
-
-
-def _opposing(arm: SpatialArm) -> list[list[int]]:
-    """Return the numbers of the tendons that oppose each other, twos and threes of a disc."""
-    found = []
-    for end in {tendon.end for tendon in arm.tendons}:
-        of_disc = [t for t, tendon in enumerate(arm.tendons) if tendon.end == end]
-        for which in (*combinations(of_disc, 2), *combinations(of_disc, 3)):
-            angles = np.sort([arm.tendons[t].angle % (2 * pi) for t in which])
-            if np.diff(angles, append=angles[0] + 2 * pi).max() <= pi + HALF_TURN_TOLERANCE:
-                found.append([*which])
-    return found

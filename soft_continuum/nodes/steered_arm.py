@@ -26,7 +26,6 @@ from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import ATTEMPTS, until
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, fully_actuated
-from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.nodes.emergency_stop import TOPIC as EMERGENCY_STOP
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.graph import running_nodes
@@ -212,7 +211,7 @@ class SteeredArm:
     def _velocity(self, stick: tuple[float, float, float]) -> Array:
         """Return the velocity of the target (3,), rad/s of bending or m/s of the tip."""
         x, y, z = stick
-        in_space = isinstance(self._arm, SpatialArm)
+        in_space = self._arm is not None and len(self._arm.axes) == 3
         if self.mode == BENDING:
             return float(self._parameters['teleop.bending_speed']) * np.array(
                 [x, y if in_space else 0.0, 0.0])

@@ -57,9 +57,8 @@ class Body:
         self._last = np.arange(1, chain.segments + 1) * chain.joints_per_segment - 1
         self._first = self._last - chain.joints_per_segment + 1
         half = np.array([segment.outer_diameter / 2 for segment in arm.segments])
-        guides = _guide_offsets(arm)
-        tubes = half if isinstance(arm, Arm) or not arm.spacers else np.maximum(half, guides)
-        widest = np.maximum(half, guides)
+        widest = np.maximum(half, arm.guide_radii)
+        tubes = widest if arm.spacers else half
         discs = np.maximum(widest, np.append(widest[1:], 0.0))
         self._base = float(widest[0]), arm.discs[0].height
         lengths = np.linalg.norm(np.diff(chain.straight().backbone, axis=0), axis=1)
@@ -106,19 +105,9 @@ class Body:
         return below * self._radii, above * self._radii
 
 
-def _guide_offsets(arm: AnyArm) -> Array:
-    """Return the largest distance of a guide from the backbone in each segment, (segments,), m."""
-    if isinstance(arm, Arm):
-        return np.array([max(segment.guide_offsets) for segment in arm.segments])
-    return np.array([max((tendon.offset_at(s, part) for tendon in arm.tendons if tendon.end > s
-                          for part in (0.0, 1.0)), default=0.0)
-                     for s in range(len(arm.segments))])
-
-
 def _spans_that_come_out(arm: AnyArm, radii: Array) -> list[tuple[int, int]]:
     """Return tendon and lower guide of the spans that can leave segments of radii (m)."""
-    offsets = _guide_offsets(arm)
-    each = 1 if isinstance(arm, Arm) else arm.spacers + 1  # spans of a tendon in a segment
+    offsets, each = arm.guide_radii, arm.spacers + 1  # spans of a tendon in a segment
     first = 1 if isinstance(arm, Arm) else 0  # in the plane, a guide at the bottom of the base
     found = []
     segments: Sequence[Segment | SpatialSegment] = arm.segments
@@ -129,6 +118,6 @@ def _spans_that_come_out(arm: AnyArm, radii: Array) -> list[tuple[int, int]]:
         farthest = length / bend - (length / bend - offsets[s]) * np.cos(bend / 2)
         if farthest + TENDON_RADIUS > radii[s]:
             found += [(tendon, first + s * (each + 1) + k)
-                      for tendon in range(len(arm.tendon_names)) for k in range(each)
-                      if isinstance(arm, Arm) or arm.tendons[tendon].end > s]
+                      for tendon, end in enumerate(arm.tendon_ends) if end > s
+                      for k in range(each)]
     return found

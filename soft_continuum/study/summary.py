@@ -73,10 +73,9 @@ def summary(design: Design, table: Any, asked: Any = None) -> Summary:
     seen[cell, _sector(arm, pointing)] = True
     fewest = np.full(count, np.inf)
     np.minimum.at(fewest, cell, table['softenings'].to_numpy()[held])
-    dimensions = 2 if isinstance(arm, Arm) else 3
     return Summary(
         design, len(outcome), float(held.mean()), float((outcome == FALLS).mean()),
-        count * cell_size(arm)**dimensions, float(seen.mean()) if count else 0.0,
+        count * cell_size(arm)**len(arm.axes), float(seen.mean()) if count else 0.0,
         float(np.median(tension)) if len(tension) else float('nan'),
         float(tension.max()) if len(tension) else float('nan'),
         float(fewest.mean()) if count else float('nan'), *_answered(asked))
@@ -110,10 +109,10 @@ HEAD = ('design', 'held %', 'falls %', 'reach', 'dexterity %', 'tension N', 'wor
 
 def text_row(one: Summary) -> list[str]:
     """Return the row of a design for the table on the screen."""
-    unit = (1e4, 'cm2') if isinstance(one.design.arm, Arm) else (1e6, 'cm3')
+    count = len(one.design.arm.axes)
     return [f'{one.design.number + 1}: {described(one.design.varied)}',
             f'{100 * one.held:.1f}', f'{100 * one.falls:.1f}',
-            f'{unit[0] * one.reach:.0f} {unit[1]}', f'{100 * one.dexterity:.1f}',
+            f'{1e2**count * one.reach:.0f} cm{count}', f'{100 * one.dexterity:.1f}',
             f'{one.tension:.1f}', f'{one.worst_tension:.1f}', f'{one.softenings:.2f}',
             *('-' if np.isnan(value) else f'{value:.{digits}f}' for value, digits in (
                 (100.0 * one.success, 0), (one.plan_softenings, 2)))]
@@ -150,7 +149,7 @@ def figure(path: Path, found: Sequence[Summary], tips: Iterable[Array]) -> None:
         axes.set_xlabel('x in mm')
         axes.grid(alpha=0.3)
     numbers = [one.design.number + 1 for one in found]
-    planar = all(isinstance(one.design.arm, Arm) for one in found)
+    planar = all(len(one.design.arm.axes) == 2 for one in found)
     for axes, (values, label) in zip(below.subplots(1, 4), (
             ([(1e4 if planar else 1e6) * one.reach for one in found],
              f'reach in {"cm2" if planar else "cm3 (or cm2)"}'),

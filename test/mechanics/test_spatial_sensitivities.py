@@ -117,21 +117,21 @@ def test_a_planar_arm_has_the_planar_derivatives(jam, pulls):
     one = Linearisation(planar, planar.solve(planar.chain.straight(), pulls, soft))
     other = SpatialLinearisation(solid, solid.solve(solid.chain.straight(), pulls, soft))
     stiffness = np.array([s.bending_stiffness for s in flat.segments])
-    pairs = [(one.pulls(), other.pulls(), 1.0, slice(None)),
-             (one.payload(), other.payload(), 1.0, slice(None)),
-             (one.forces(), other.forces(), 1.0, [0, 2, 3, 5, 6, 8]),
-             (one.bending_stiffness(), other.stiffness_factors(), stiffness, slice(None)),
-             (one.held_shape(), other.held_shape(), 1.0, [1, 3, 5])]
+    every, in_plane = slice(None), [0, 2, 3, 5, 6, 8]  # of forces along x, y, z
+    pairs = [(one.pulls(), every, other.pulls(), every, 1.0),
+             (one.payload(), every, other.payload(), every, 1.0),
+             (one.forces(), in_plane, other.forces(), in_plane, 1.0),
+             (one.bending_stiffness(), every, other.stiffness_factors(), every, stiffness),
+             (one.held_shape(), every, other.held_shape(), [1, 3, 5], 1.0)]
     if jam != Jam():
-        pairs.append((one.stiffness_ratio(), other.stiffness_ratio(), 1.0, slice(None)))
-    for wanted, found, unit, columns in pairs:
-        assert found.tip[[0, 2, 4]][:, columns] == pytest.approx(wanted.tip * unit, abs=1e-8)
-        assert found.tip[[1, 3, 5]][:, columns] == pytest.approx(0.0, abs=1e-8)
-        assert found.tensions[:, columns] == pytest.approx(
-            wanted.tensions * unit, rel=1e-8, abs=1e-8)
-        assert found.paths[:, columns] == pytest.approx(wanted.paths * unit, abs=1e-8)
-        bending = wanted.joint_angles.reshape(3, -1, wanted.tip.shape[1]).sum(axis=1)
-        assert found.bending[:, 1, columns] == pytest.approx(bending * unit, abs=1e-8)
+        pairs.append((one.stiffness_ratio(), every, other.stiffness_ratio(), every, 1.0))
+    for wanted, of_wanted, found, of_found, unit in pairs:
+        for name in ('tensions', 'paths', 'poses', 'bending'):
+            assert getattr(found, name)[..., of_found] == pytest.approx(
+                getattr(wanted, name)[..., of_wanted] * unit, rel=1e-8, abs=1e-8), name
+        assert found.tip[[0, 2, 4]][:, of_found] == pytest.approx(
+            wanted.tip[:, of_wanted] * unit, abs=1e-8)
+        assert found.tip[[1, 3, 5]][:, of_found] == pytest.approx(0.0, abs=1e-8)
 
 
 def test_a_load_cell_and_a_motor_are_reciprocal():

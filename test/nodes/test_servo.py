@@ -103,7 +103,7 @@ class Follower:
     def end(self) -> None:
         """End the node."""
         if self.node is not None:
-            self._timer.cancel()
+            self.rig.on_ros_thread(self._timer.cancel)
             self.rig.end(self.node)
             self.node = None
 

@@ -9,7 +9,8 @@ straight arm, x and y across it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import cos, inf, pi, radians, sin
+from itertools import combinations
+from math import atan2, cos, inf, pi, radians, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ from soft_continuum.mechanics.arm import (
     STANDARD_GRAVITY,
 )
 from soft_continuum.mechanics.laws import Jam, linear, MomentCurvature
+
+HALF_TURN_TOLERANCE = 1e-3  # rad: tendons opposite each other are written with so many digits
 
 
 def _vector(name: str, value: Sequence[float], unit: str, most: float = 1e6) -> None:
@@ -236,6 +239,44 @@ class SpatialArm:
     def bending_axes(self) -> NDArray[np.bool_]:
         """Whether each segment bends about x and y, (segments, 2)."""
         return np.isfinite([[s.stiffness_x, s.stiffness_y] for s in self.segments])
+
+    @property
+    def tendon_ends(self) -> tuple[int, ...]:
+        """Number of the disc where each tendon ends (base 0)."""
+        return tuple(tendon.end for tendon in self.tendons)
+
+    @property
+    def opposing_tendons(self) -> list[list[int]]:
+        """
+        Numbers of the tendons that oppose each other, twos and threes of a disc.
+
+        The backbone is between them: what all of them carry bends nothing.
+        """
+        found = []
+        for end in set(self.tendon_ends):
+            of_disc = [t for t, tendon in enumerate(self.tendons) if tendon.end == end]
+            for which in (*combinations(of_disc, 2), *combinations(of_disc, 3)):
+                angles = np.sort([self.tendons[t].angle % (2 * pi) for t in which])
+                if np.diff(angles, append=angles[0] + 2 * pi).max() <= pi + HALF_TURN_TOLERANCE:
+                    found.append([*which])
+        return found
+
+    @property
+    def guide_radii(self) -> NDArray[np.float64]:
+        """Largest distance of a guide from the backbone in each segment, (segments,), m."""
+        return np.array([max((tendon.offset_at(s, part) for tendon in self.tendons
+                              if tendon.end > s for part in (0.0, 1.0)), default=0.0)
+                         for s in range(len(self.segments))])
+
+    @property
+    def mounting_angle(self) -> float:
+        """Rotation of base_link about +y from upright, rad, as gravity has it."""
+        return atan2(self.gravity[0], -self.gravity[2])
+
+    @property
+    def axes(self) -> str:
+        """Names of the axes of base_link along which its points move."""
+        return 'xyz'
 
     @property
     def pose_axes(self) -> NDArray[np.bool_]:

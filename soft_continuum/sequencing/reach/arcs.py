@@ -12,11 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 import scipy
 
-from soft_continuum.mechanics import constant_curvature
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, arc_pulls, chain_of, State
-from soft_continuum.mechanics.spatial import constant_curvature as spatial_curvature
+from soft_continuum.mechanics.either import AnyArm, arc_pulls, arc_tips, chain_of, State
 from soft_continuum.mechanics.spatial.directions import within_limits
 from soft_continuum.sequencing.planner import WHOLE_ARM
 from soft_continuum.sequencing.reach.goal import TipGoal
@@ -93,16 +90,7 @@ class Arcs:
 
     def tips(self, bending: Array) -> tuple[Array, Array]:
         """Return where tips are, (m, 3) m, and their orientations (m, 3, 3), of (m, ...) rad."""
-        if not isinstance(self.arm, Arm):
-            points, turns = spatial_curvature.poses(self.arm, bending)
-            return points[..., -1, :], turns[..., -1, :, :]
-        x, z, angle = np.moveaxis(constant_curvature.poses(
-            self.arm, bending[..., 1])[..., -1, :], -1, 0)
-        turned = np.zeros((*x.shape, 3, 3))
-        turned[..., 0, 0] = turned[..., 2, 2] = np.cos(angle)
-        turned[..., 0, 2], turned[..., 2, 0] = np.sin(angle), -np.sin(angle)
-        turned[..., 1, 1] = 1.0
-        return np.stack([x, np.zeros_like(x), z], axis=-1), turned
+        return arc_tips(self.arm, bending)
 
     def pulls(self, bending: Array) -> Array:
         """Return the pulls (tendons,) m of one bending."""
