@@ -229,9 +229,10 @@ def _judged(shape: ArmShape, given: Differences, truth: Array) -> Judged:
     estimate = shape.estimate
     if estimate is None:
         return Judged(tip, np.nan, ())
-    away = shape.state.points[-2] - truth[-2]
+    away, axes = shape.state.points[-2] - truth[-2], estimate.arm.pose_axes
     factors = np.exp(estimate.values[estimate.layout.stiffness])
-    return Judged(tip, float(away @ np.linalg.solve(estimate.pose_covariances()[-1], away)),
+    covariance = estimate.pose_covariances()[-1][np.ix_(axes, axes)]
+    return Judged(tip, float(away @ np.linalg.solve(covariance, away)),
                   tuple((factors / given.stiffness_factors - 1.0).tolist()))
 
 
