@@ -106,7 +106,8 @@ def measured_pose_from_ros(message: PoseWithCovarianceStamped, axes: NDArray[np.
     """
     pose = np.array(pose_from_ros(message.pose.pose))
     covariance = np.reshape(message.pose.covariance, (6, 6))[np.ix_(axes, axes)]
-    if not (np.isfinite(pose).all() and np.isfinite(covariance).all()):
+    place, quaternion = pose[:3][axes[:3]], pose[3:]
+    if not all(np.isfinite(numbers).all() for numbers in (place, quaternion, covariance)):
         raise ValueError('a pose that is not of finite numbers')
     if axes.all():
         length = float(np.linalg.norm(pose[3:]))

@@ -108,6 +108,18 @@ def _nan(message: Any) -> None:
     message.pose.pose.position.x = float('nan')
 
 
+def _nan_across(message: Any) -> None:
+    message.pose.pose.position.y = float('nan')
+    message.pose.covariance[7] = float('nan')
+
+
+def test_what_a_planar_arm_cannot_do_need_not_be_measured(client: Arm, tracker: Tracker) -> None:
+    tracker.spoil = _nan_across
+    for disc in client.measure(0.5).values():
+        assert disc.has_position
+        assert (disc.pose[1], disc.deviation[1]) == (0.0, 0.0)
+
+
 def _indefinite(message: Any) -> None:
     message.pose.covariance[0] = -1.0
 
