@@ -37,27 +37,25 @@ class Sensitivity:
 
     joint_angles: (joints, k) rad per unit.  tensions: (2, k) N per unit.  paths: (2, k) m per
     unit, of the lengths of the tendons' paths.  tip: (3, k), of x, z (m) and tangent angle (rad)
-    of the top of the tip disc.  bodies: (joints, k) rad per unit, by which each body turns.
-    state: of which they are.
+    of the top of the tip disc.  state: of which they are.
     """
 
     joint_angles: Array
     tensions: Array
     paths: Array
     tip: Array
-    bodies: Array
     state: Equilibrium
 
     @property
     def poses(self) -> Array:
         """Of the discs' bottoms, (discs, 6, k): shifts along x, y, z, m; turns about them, rad."""
-        chain = self.state.chain
+        chain, turned = self.state.chain, np.cumsum(self.joint_angles, axis=0)
         theta = np.cumsum(self.state.joint_angles)
         below = chain.body_lengths * (np.arange(chain.joints) < chain.last_joint[:, None])
-        found = np.zeros((chain.segments + 1, 6, self.bodies.shape[1]))
-        found[1:, 0] = (below * np.cos(theta)) @ self.bodies
-        found[1:, 2] = (below * -np.sin(theta)) @ self.bodies
-        found[1:, 4] = self.bodies[chain.last_joint]
+        found = np.zeros((chain.segments + 1, 6, turned.shape[1]))
+        found[1:, 0] = (below * np.cos(theta)) @ turned
+        found[1:, 2] = (below * -np.sin(theta)) @ turned
+        found[1:, 4] = turned[chain.last_joint]
         return found
 
     @property
@@ -276,4 +274,4 @@ class Linearisation:
                         (-chain.body_lengths * np.sin(self.theta)) @ moved, moved[-1]])
         angles = moved.copy()
         angles[1:] -= moved[:-1]
-        return Sensitivity(angles, tensions, paths, tip, moved, self._state)
+        return Sensitivity(angles, tensions, paths, tip, self._state)

@@ -9,6 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from soft_continuum.estimation.discs import angle_deviations, lever
 from soft_continuum.estimation.settings import Prior
 from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of, limited
 from soft_continuum.mechanics.chain import Array
@@ -60,8 +61,6 @@ def estimate_to_ros(estimator: 'Estimator', covariances: Array,
     covariances: (discs, 6, 6) of the discs' poses, base first.  parameters: of
     parameters_to_ros.
     """
-    from soft_continuum.estimation.discs import angle_deviations, lever
-
     state = estimator.state
     message.source = KinematicsState.ESTIMATED
     if estimator.measured is not None:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from soft_continuum.mechanics.arm import PLANAR_AXES
 from soft_continuum.mechanics.chain import Array, full_poses
 
 IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -24,7 +25,7 @@ def in_plane(pose: Array, covariance: Array) -> tuple[Array, Array]:
     What is not in the plane of a planar arm is not measured.
     """
     found = UNKNOWN * np.eye(6)
-    found[np.ix_([0, 2, 4], [0, 2, 4])] = covariance
+    found[np.ix_(PLANAR_AXES, PLANAR_AXES)] = covariance
     return full_poses(np.reshape(pose, (1, 3)))[0], found
 
 

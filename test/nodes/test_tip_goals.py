@@ -91,6 +91,8 @@ def test_a_sequence_may_have_angles_and_tips(arm: Rig) -> None:
     goal = arm.goal((0.2, 0.1, 0.1), at(-0.1, 0.28), (0.0, 0.0, 0.0))
     status, result = goal.result()
     assert (status, result.shapes_completed) == ('SUCCEEDED', 3), result.error_string
+    # Feedback comes by a topic, the result by a service: neither waits for the other.
+    arm.wait_for(lambda: goal.feedback[-1][1].progress == 1.0, 'the last feedback')
     fractions = [feedback.progress for _, feedback in goal.feedback]
     assert fractions == sorted(fractions) and fractions[-1] == 1.0
 

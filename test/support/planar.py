@@ -10,7 +10,7 @@ import numpy as np
 from soft_continuum.mechanics.arm import PLANAR_AXES
 from soft_continuum.ros.conversions import measured_pose_from_ros, planar_poses
 
-IN_PLANE = np.ix_([0, 2, 4], [0, 2, 4])
+IN_PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)
 """Of a covariance (6, 6): x, z, and the turn about y."""
 
 
