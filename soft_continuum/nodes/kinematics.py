@@ -66,6 +66,7 @@ from soft_continuum_interfaces.msg import (
 MARKER_PERIOD = 0.05  # s
 TENSION_PERIOD = 1.0  # s for which a tension that was wrong is shown
 MIN_PERIOD = 0.005  # s between two shapes at least
+ORDER_TIMEOUT = 0.5  # s for which a change of stiffness waits for the pulls at which it happened
 CHECK_PERIOD = 0.02  # s after which what came sooner than that is followed
 COVARIANCE_PERIOD = 0.1  # s between two covariances, which cost more than the shape
 REFUSAL_PERIOD = 1.0  # s for which it is shown why a pose is none that can be used
@@ -111,9 +112,10 @@ class Kinematics(Node):
         self._pulls: Array | None = None
         self._next_pulls: Array | None = None  # not followed yet
         self._next_stiff = self._stiff
+        self._stiff_changed = 0.0, 0.0  # when, s, and when that was heard, s (steady)
         self._followed = 0.0  # when, s (steady)
         self._sliding = np.zeros(len(self._tendons), dtype=int)
-        self._time = 0.0  # of the last tendon_states, s
+        self._time = self._told = 0.0  # of the next pulls and of the last tendon_states, s
         frame = self.parameters['frame_id']
         self._segment_message, self._disc_message = PoseArray(), PoseArray()
         self._joint_message = JointState(name=joint_names(self._shape.statics.chain))
@@ -179,8 +181,24 @@ class Kinematics(Node):
     def _on_jamming_valves(self, state: JammingValvesState) -> None:
         # A segment of which nothing is known keeps its stiffness: the shape of the arm does not
         # change because a wire broke.
-        self._next_stiff = stiffness_from_ros(state, self._next_stiff)
+        stiff = stiffness_from_ros(state, self._next_stiff)
+        if stiff != self._next_stiff:
+            self._next_stiff = stiff
+            self._stiff_changed = seconds(state.stamp), STEADY()
         self._follow()
+
+    @property
+    def _stiffness_due(self) -> bool:
+        """
+        Whether the stiffness changes now: the tendons have told where they were when it did.
+
+        What a busy computer reads late it reads in any order, and a jam holds the shape that the
+        arm has when it forms.
+        """
+        changed, heard = self._stiff_changed
+        return self._next_stiff != self._stiff and (
+            self._told >= changed or None in self._stiff.confirmed
+            or STEADY() - heard > ORDER_TIMEOUT)
 
     def _on_pressure(self, segment: int, message: FluidPressure) -> None:
         """Follow the vacuum of a jam, which counts with the next pulls if it is not rigid."""
@@ -217,10 +235,10 @@ class Kinematics(Node):
         except ValueError as error:
             self.status.set(WARN, str(error))
             return
-        if self._next_stiff != self._stiff:  # pulls after a change are followed after it
+        self._told = seconds(message.header.stamp) or seconds(self.get_clock().now().to_msg())
+        if self._stiffness_due:  # pulls after a change are followed after it
             self._follow_now()
-        self._next_pulls = pulls
-        self._time = seconds(message.header.stamp) or seconds(self.get_clock().now().to_msg())
+        self._next_pulls, self._time = pulls, self._told
         self._follow()
         self._check_alarms()
         if self._shape.state is not None and self._follows:
@@ -292,9 +310,11 @@ class Kinematics(Node):
             pulls, self._next_pulls = self._next_pulls, None
             self._take_pulls(pulls)
             self._publish()
-        if self._next_stiff != self._stiff:
+        if self._stiffness_due:
             self._stiff = self._next_stiff
             self._publish()
+        if self._next_stiff != self._stiff:
+            self._wake()
         self._followed = STEADY()
 
     def _take_pulls(self, pulls: Array) -> None:
@@ -426,7 +446,8 @@ class Kinematics(Node):
                 for name, value in zip(self._tendons, values, strict=True)}
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._follow_now()  # the answer is about what has come
+        self._stiff_changed = 0.0, 0.0  # the answer is about what has come
+        self._follow_now()
         if self._unknown:
             response.message = self._unknown
         elif self._pulls is None:

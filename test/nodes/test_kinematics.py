@@ -11,9 +11,11 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.mechanics.statics import Statics
+from soft_continuum.nodes import kinematics
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
-from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationState
+from soft_continuum.ros.ros_time import stamp_of
+from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState, TendonActuationState
 from support.ros_rig import LATCHED, RELIABLE, Rig
 
 ARM = load_arm(description_file())
@@ -30,18 +32,21 @@ class FakeArm:
         self._tendons = rig.publisher(JointState, 'tendon_states')
         self._valves = rig.publisher(JammingValvesState, 'jamming_valves/state', LATCHED)
 
-    def say(self, pulls: tuple[float, float] | None = None, soft: int = 0) -> None:
-        """Say which segment (from 1) is soft, and after that the pulls (m)."""
-        self._valves.publish(JammingValvesState(stiffness=[
+    def say(self, pulls: tuple[float, float] | None = None, soft: int = 0,
+            time: float = 0.0) -> None:
+        """Say which segment (from 1) is soft since ``time`` (s), and after that the pulls (m)."""
+        self._valves.publish(JammingValvesState(stamp=stamp_of(time), stiffness=[
             JammingValvesState.NOT_STIFF if n == soft else JammingValvesState.STIFF
             for n in (1, 2, 3)]))
         if pulls is not None:
             self.pull(pulls)
 
     def pull(self, pulls: tuple[float, ...], names: tuple[str, ...] = (
-            'right_tendon', 'left_tendon')) -> None:
-        """Say the pulls only."""
-        self._tendons.publish(JointState(name=list(names), position=list(pulls)))
+            'right_tendon', 'left_tendon'), time: float = 0.0) -> None:
+        """Say the pulls only, those at ``time`` (s)."""
+        message = JointState(name=list(names), position=list(pulls))
+        message.header.stamp = stamp_of(time)
+        self._tendons.publish(message)
 
     def state(self, **values: bool) -> None:
         """Say how the device of the tendons is."""
@@ -152,6 +157,31 @@ def test_a_stiff_arm_keeps_its_shape_whatever_the_tendons_do(rig: Rig, fake: Fak
     rig.wait_for(lambda: fake.pull(PULLS) or len(rig.joints) > before + 3, 'shapes')
     for found in list(rig.joints)[before:]:
         assert np.array(found.position).reshape(3, -1) == pytest.approx(bent, abs=1e-9)
+
+
+def test_a_jam_holds_the_shape_in_which_it_formed_even_if_it_is_heard_of_before(
+        rig: Rig, fake: FakeArm, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kinematics, 'ORDER_TIMEOUT', 600.0)
+    states = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
+    reached = bend(rig, fake)
+    fake.pull((0.0, 0.0), time=10.0)
+    rig.wait_for(lambda: np.abs(shape(rig, 1)).max() < 1e-3, 'the straight shape')
+    # The jam formed at the full pulls, whose messages are still on their way.
+    fake.say(time=20.0)
+    for part, time in ((0.5, 19.0), (1.0, 19.9), (1.0, 20.0)):
+        fake.pull((part * PULLS[0], part * PULLS[1]), time=time)
+    rig.wait_for(lambda: all(states.last.stiff), 'every segment stiff')
+    assert list(states.last.joint_angles) == pytest.approx(reached.ravel(), abs=1e-6)
+
+
+def test_a_jam_does_not_wait_for_ever_for_tendons_of_another_clock(
+        rig: Rig, fake: FakeArm, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kinematics, 'ORDER_TIMEOUT', 0.05)
+    states = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
+    bend(rig, fake)
+    fake.pull(PULLS, time=10.0)
+    fake.say(time=20.0)
+    rig.wait_for(lambda: all(states.last.stiff), 'every segment stiff')
 
 
 def test_only_the_soft_segment_changes_its_shape(rig: Rig, fake: FakeArm) -> None:
