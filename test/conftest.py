@@ -38,14 +38,17 @@ with suppress(ImportError, AttributeError):  # an older hypothesis knows no such
 
 SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation.py',
         'test_examples.py', 'analysis/test_commands.py', 'analysis/test_identification.py',
-        'mechanics/test_elastica.py', 'mechanics/test_kernel.py', 'mechanics/test_mujoco.py',
-        'mechanics/test_spatial_tip.py', 'sensing/test_printing.py', 'sensing/test_ring_camera.py',
-        'sequencing/test_aiming.py', 'sequencing/test_aiming_in_space.py',
+        'analysis/test_identification_in_space.py', 'estimation/test_anomaly_causes.py',
+        'estimation/test_space.py', 'mechanics/test_elastica.py',
+        'mechanics/test_inverse_problems.py', 'mechanics/test_kernel.py',
+        'mechanics/test_mujoco.py', 'mechanics/test_spatial_tip.py', 'sensing/test_printing.py',
+        'sensing/test_ring_camera.py', 'sensing/test_tag_camera.py', 'sequencing/test_aiming.py',
+        'sequencing/test_aiming_in_space.py', 'sequencing/test_angle_servo.py',
         'sequencing/test_closed_loop.py', 'sequencing/test_held_shapes.py',
-        'sequencing/test_tip_runs.py', 'study', 'twin')
+        'sequencing/test_reach.py', 'sequencing/test_tip_runs.py', 'study', 'twin')
 """
-Tests below these start nodes, devices, programs or other solvers, draw many pictures, or run
-whole analyses and whole sequences with measurements.
+Tests below these start nodes, devices, programs or other solvers, draw many pictures, search for
+tips, plans and causes of faults, or run whole analyses and whole sequences with measurements.
 """
 WAITING = ('browser', 'client', 'commands', 'nodes')
 """Tests in these mostly wait for nodes and programs; the others compute."""

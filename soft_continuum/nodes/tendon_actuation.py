@@ -48,6 +48,7 @@ MAX_HOLD_BYTES = 1000
 """Of a trajectory that is looked into at once, because it may ask to hold."""
 PAUSE = 4.0  # after the conversion of a long trajectory, over the time that it took
 REFUSAL_PAUSE = 0.01  # s after a refusal: a flood of them would keep other threads waiting
+AGREE_PERIOD = 0.01  # s between two looks whether kinematics has the segments stiff that are
 UNREAD_GAP = 0.1  # s between two reports of trajectories that were refused unread
 MAX_AHEAD = 60.0  # s from now to the start of a trajectory
 
@@ -250,6 +251,9 @@ class TendonActuation(ManagedNode):
             shown_id = plain(request_id)
             request = self._request(request_id, message, revocations)
             pulls = self._loop.call(control.prepare, request)
+            while not (self._arm.agreed or self._arm.motion_interlock()
+                       or control.revocations != revocations):
+                STEADY.sleep(AGREE_PERIOD)  # else its jams would not be where they formed
             known = self._arm.shape_and_model
             if known is not None:  # else follow() says why not
                 limits = TensionLimits(

@@ -316,6 +316,19 @@ def test_two_lost_replies_close_together_do_not_make_the_pressures_stale(lost, l
         jamming.close()
 
 
+@pytest.mark.parametrize('timeout', [0.1, 1.0])
+def test_one_lost_reply_costs_one_reading_however_long_it_was_waited_for(timeout):
+    with emulated() as rig:
+        driver = driver_of(rig, timeout=timeout)
+        driver.open()
+        rig.transform = lambda _: b''
+        assert 'does not answer' in fail(driver.read)
+        rig.transform = None
+        driver.set_evacuated(1, True)
+        assert driver.read().evacuated == (False, True, False)
+        driver.close()
+
+
 def test_a_device_that_answers_again_is_read_again_and_nothing_is_switched(emulator, driver):
     driver.set_evacuated(0, True)
     emulator.requests.clear()

@@ -46,7 +46,7 @@ class Bench:
             'jamming_driver': 'modbus', 'modbus.port': str(self.ports / 'modbus'),
             'tendon_speed': 0.01, 'tendon_acceleration': 0.1, 'speed_limit': 0.03,
             'acceleration_limit': 0.3, 'jamming_rate': 20.0, 'silence_timeout': 8.0,
-            'modbus.timeout': 0.5,  # the emulator waits for a busy machine too
+            'modbus.timeout': 1.0,  # the emulator waits for a busy machine too
         }
 
     def start(self, **changes: Any) -> None:

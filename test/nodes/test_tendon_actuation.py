@@ -15,7 +15,9 @@ import pytest
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
-from soft_continuum.nodes import tendon_control
+from soft_continuum.nodes import reported_arm, tendon_control
+from soft_continuum.nodes.kinematics import Kinematics
+from soft_continuum.nodes.prediction import TensionPrediction
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum_interfaces.msg import MotionRequest, TendonTrajectory
 from support.ros_rig import RELIABLE, Rig, trajectory
@@ -208,6 +210,33 @@ def test_a_stop_does_not_wait_for_a_trajectory_that_is_judged_and_wins(
     assert how in rig.wait_for_status('tendon_actuation', 'refused')
     rig.assert_rests()
     assert rig.pulls == (0.0, 0.0)
+
+
+def test_tensions_are_predicted_from_a_shape_with_the_jams_that_there_are(
+        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    judged: list[tuple[bool, ...]] = []
+    check, has_read = TensionPrediction.check, threading.Event()
+
+    def noted(self: TensionPrediction, pulls: Any, shape: Any, *others: Any) -> None:
+        judged.append(tuple(shape.stiff))
+        check(self, pulls, shape, *others)
+
+    monkeypatch.setattr(TensionPrediction, 'check', noted)
+    monkeypatch.setattr(reported_arm, 'MAX_DISAGREEMENT', 600.0)
+    node, *_ = rig.start('tendon_actuation', *OTHERS)
+    make_soft(rig, 3)
+    due = Kinematics._stiffness_due.fget
+    assert due is not None
+    monkeypatch.setattr(Kinematics, '_stiffness_due',
+                        property(lambda self: has_read.is_set() and due(self)))
+    rig.soften(2)
+    rig.wait_for(lambda: node._arm.stiff == (True, False, False), 'two soft segments')
+    send(rig, PULL)
+    rig.wait_for_more(rig.tendons, 3)
+    assert not judged
+    has_read.set()
+    arrives(rig, (0.004, -0.005))
+    assert set(judged) == {(True, False, False)}
 
 
 def test_a_motion_that_was_stopped_takes_no_further_parts(tendons: Rig) -> None:

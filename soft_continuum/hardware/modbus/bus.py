@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 PAUSE = 0.2
 """Timeouts without a byte before the line is used again; doubled by each failure in a row."""
 SHORT_PAUSE = 0.05
-"""s; a pause as short as this is waited out, so that one lost reply costs one reading."""
+"""s; a pause as short as this, or the first, is waited out: one lost reply costs one reading."""
 MAX_PAUSE = 1.0
 """s; some boards need 0.5 s without a byte to find the beginning of a request again."""
 OPEN_ATTEMPTS = 2
@@ -63,7 +63,7 @@ class ModbusBus:
     Requests to the devices on one line, one at a time; for one thread, but ``close`` for any.
 
     Every request returns or raises HardwareError within the timeout, plus the gap between frames
-    (2 to 32 ms, by baud rate) and at most SHORT_PAUSE; during a longer pause it raises at once.
+    (2 to 32 ms, by baud rate) and a first or short pause; during a longer one it raises at once.
     Writing never waits.  A lost port is opened again by the next request.
     """
 
@@ -84,6 +84,7 @@ class ModbusBus:
         self._opened = False  # by open(), whether or not the port is there now
         self._used_at = 0.0
         self._failures = 0  # in a row
+        self._short_pause = max(SHORT_PAUSE, PAUSE * timeout)
         self._pause = 0.0
         self._paused_until = 0.0
         self._error = ''
@@ -225,7 +226,7 @@ class ModbusBus:
         if not self._opened:
             raise HardwareError(f'serial port {self._port} is not open; configure the node')
         line = self._serial = self._serial or open_serial(self._port, self._baud_rate)
-        if self._paused_until - SHORT_PAUSE <= self.clock():
+        if self._paused_until - self._short_pause <= self.clock():
             self.clock.sleep(self._paused_until - self.clock())
         try:
             unrequested = self._drain(line)
@@ -237,7 +238,7 @@ class ModbusBus:
                 f'{self._cause(unrequested)}')
         if unrequested:
             self._paused_until = self.clock() + self._pause
-        if self.clock() + SHORT_PAUSE < self._paused_until:
+        if self.clock() + self._short_pause < self._paused_until:
             raise HardwareError(f'{self._error} (waiting until nothing is received)')
         self._error = ''
         self.clock.sleep(self._used_at + self._gap - self.clock())
