@@ -108,7 +108,7 @@ def segments_html(state: ArmState, description: Description, history: History) -
         rows += [(f'<b>{s + 1}</b>', chip, vacuum, bends),
                  (chart(history.vacuum[s], VACUUM_END, STIFF),)]
     captions = [] if description.jamming else ['without jamming: always soft']
-    if description.in_space:
+    if any(description.directed):
         captions.append('bending angle @ direction: about z, from x to y of the disc below')
     if description.jamming:
         captions.append(f'vacuum of the last minute, 0 to {VACUUM_END:g} kPa')
@@ -153,10 +153,13 @@ def tendons_html(state: ArmState, description: Description, history: History) ->
     return _table(rows) + caption(f'tension of the last minute, 0 to {end:g} N')
 
 
-def positions_html(state: ArmState) -> str:
-    """Return the tip by the model, and a row per disc that is measured: how far it is off."""
+def positions_html(state: ArmState, axes: str) -> str:
+    """
+    Return the tip by the model, and a row per disc that is measured: how far it is off.
+
+    axes: names of those along which the arm moves.
+    """
     measured = state.estimate is not None and state.estimate.measured
-    axes = ('x', 'y', 'z') if state.in_space else ('x', 'z')
     rows = [('<b>tip</b>', *_position(state.tip, axes),
              'measured' if measured else 'by the model')]
     for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
@@ -262,7 +265,7 @@ def jog_hint_html(state: ArmState, description: Description) -> str:
     if False in state.stiff or not description.jamming:
         return _small(
             'In mm. Pay out the tendons on the other side before you pull one in: tension in all '
-            'of them at once is refused.' if description.in_space else
+            'of them at once is refused.' if len(description.arm.tendon_names) > 2 else
             'In mm. Pay out one tendon before you pull in the other: tension in both at once is '
             'refused.')
     return _small('Soften a segment to move the tendons: a stiff arm must not be pulled.')
@@ -273,7 +276,7 @@ def own_shape_html(description: Description) -> str:
     return caption(
         'Degrees. ' + (
             'Direction: towards where, about z, from x (0) to y (90) of the disc below, as they '
-            'are drawn at the base. ' if description.in_space else '')
+            'are drawn at the base. ' if any(description.directed) else '')
         + 'The shape is shown in green for ten seconds after a change.')
 
 

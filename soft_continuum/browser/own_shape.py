@@ -33,11 +33,12 @@ class OwnShape:
         self.chain = chain_of(description.arm)
         self._limits = description.arm.bending_angle_limits.tolist()
         self._angles, self._directions = [], []
-        for number, limit in enumerate(self._limits, start=1):
+        for number, (limit, directed) in enumerate(zip(
+                self._limits, description.directed, strict=True), start=1):
             most = max(1, floor(degrees(limit) + ROUNDING))
-            least = 0 if description.in_space else -most
-            self._angles.append(gui.add_slider(f'Angle {number}', least, most, 1, 0))
-            if description.in_space:
+            self._angles.append(gui.add_slider(
+                f'Angle {number}', 0 if directed else -most, most, 1, 0))
+            if directed:
                 self._directions.append(gui.add_slider(f'Direction {number}', -180, 180, 1, 0))
         for slider in (*self._angles, *self._directions):
             slider.on_update(moved)

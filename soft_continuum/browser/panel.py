@@ -196,7 +196,7 @@ class Panel:
             return
         self._segments.content = html.segments_html(state, self._description, self._history)
         self._picture.content = html.picture_html(self._session.picture.address)
-        self._positions.content = html.positions_html(state)
+        self._positions.content = html.positions_html(state, self._description.arm.axes)
         self._tendons.content = html.tendons_html(state, self._description, self._history)
         self._sequence.content = html.sequence_html(state)
         self._source.content = html.source_html(state, self._history)

@@ -67,7 +67,7 @@ AXIS = 0.25  # of the length of the arm: axes at its base
 
 def views_of(description: Description) -> dict[str, tuple[float, float, float]]:
     """Return from where the arm can be looked at, over its length, the first view first."""
-    return VIEWS if description.in_space else PLANAR_VIEWS
+    return VIEWS if all(description.moves_along) else PLANAR_VIEWS
 
 
 def viewpoint(description: Description, view: str) -> tuple[Array, Array]:
@@ -94,7 +94,8 @@ class Scene:
         self._half = OUTLINE * max(s.outer_diameter for s in description.arm.segments) / 2.0
         self._aside = 0.8 * description.arm.segments[0].outer_diameter
         self._label_side = np.array([1.0, 0.0, 0.0])  # of the body's frame
-        if description.in_space:  # left of the arm in the first view: the axes are on its right
+        self._sideways = all(description.moves_along)
+        if self._sideways:  # left of the arm in the first view: the axes are on its right
             x, y, _ = VIEWS[FIRST_VIEW]
             left = np.array([y * np.cos(description.arm.mounting_angle), -x, 0.0])
             self._label_side = left / np.linalg.norm(left)
@@ -118,7 +119,7 @@ class Scene:
         server.initial_camera.position, server.initial_camera.look_at = (
             tuple(place) for place in viewpoint(description, next(iter(views_of(description)))))
         server.initial_camera.up = (0.0, 0.0, 1.0)
-        if description.in_space:  # directions are about z, from x to y
+        if any(description.directed):  # directions are about z, from x to y
             ends = AXIS * length * np.eye(3)[:2]
             scene.add_line_segments(
                 '/arm/axes', np.stack([np.zeros((2, 3)), ends], axis=1), AXES,
@@ -281,7 +282,7 @@ class Scene:
         """Return where an outline is, from the backbone and to both sides of there, m."""
         x, y = self._half * frame[:, 0], self._half * frame[:, 1]
         # That of a planar arm is on the side of the camera.
-        return [(0.0 * x, x), (0.0 * y, y)] if self._description.in_space else [(-y, x)]
+        return [(0.0 * x, x), (0.0 * y, y)] if self._sideways else [(-y, x)]
 
     def _outline(self, n: int, places: Array, frames: Array) -> Array:
         """Return the edges of a disc whose bottom is the first of the places, (k, 2, 3) m."""

@@ -80,9 +80,15 @@ class Description:
         return nodes_for(self.arm, self.jamming)
 
     @property
-    def in_space(self) -> bool:
-        """Whether the arm bends in every direction."""
-        return len(self.arm.axes) == 3
+    def directed(self) -> list[bool]:
+        """Of each segment whether its bending has a direction; else its angle has a sign."""
+        return [bool(about.all()) for about in self.arm.bending_axes]
+
+    @property
+    def moves_along(self) -> tuple[bool, bool, bool]:
+        """Whether the arm moves along x, y and z."""
+        x, y, z = self.arm.pose_axes[:3].tolist()
+        return x, y, z
 
 
 @dataclass(frozen=True)

@@ -46,13 +46,13 @@ class TipPanel:
         self._on = gui.add_checkbox(
             'Drag the tip', False, hint='Shows a handle where the tip shall be; nothing moves '
             'before Go')
-        axes = 'xyz' if description.in_space else 'xz'
+        self._along = np.array(description.moves_along)
         self._numbers = [gui.add_number(f'Tip {axis} [mm]', 0.0, min=-far, max=far, step=0.1)
-                         for axis in axes]
+                         for axis in description.arm.axes]
         self._directed = gui.add_checkbox(
             'Point it too', False, hint='The tip shall point as its handle does, too')
         self._angles = [gui.add_number(f'{name} [°]', 0.0, min=-180.0, max=180.0, step=0.1)
-                        for name in (('Tilt', 'Towards') if description.in_space else ('Angle',))]
+                        for name in (('Tilt', 'Towards') if self._along.all() else ('Angle',))]
         self._text = gui.add_html('')
         self._go = add_button(gui, 'Go', self._send)
         self._name = gui.add_text('Shape name', '')
@@ -67,7 +67,7 @@ class TipPanel:
     def _add_handle(self, scene: viser.SceneApi) -> None:
         length = self._description.arm.length
         self._handle = scene.add_transform_controls(
-            TIP_HANDLE, HANDLE, fixed=True, active_axes=(True, self._description.in_space, True),
+            TIP_HANDLE, HANDLE, fixed=True, active_axes=self._description.moves_along,
             disable_rotations=True, depth_test=False, visible=False)
         self._handle.on_update(self._dragged)
         self._path = scene.add_line_segments(
@@ -94,7 +94,8 @@ class TipPanel:
             return
         far = REACH * self._description.arm.length
         place = [1e-3 * number_of(number.value, -1e3 * far, 1e3 * far) for number in self._numbers]
-        self._place = np.array([place[0], 0.0, place[1]] if len(place) == 2 else place)
+        self._place = np.zeros(3)
+        self._place[self._along] = place
         self._tilt, *rest = (radians(number_of(angle.value, -180.0, 180.0))
                              for angle in self._angles)
         self._towards = rest[0] if rest else 0.0
@@ -112,11 +113,11 @@ class TipPanel:
 
     def _take(self, place: Array, turn: Array | None) -> None:
         """Keep a place (3,), m, and where a frame (3, 3) there points, if one is given."""
-        self._place = place if self._description.in_space else place * (1.0, 0.0, 1.0)
+        self._place = place * self._along
         if turn is None:
             return
         x, y, z = turn[:, 2]
-        if self._description.in_space:
+        if len(self._angles) > 1:
             across = hypot(x, y)
             self._tilt, self._towards = atan2(across, z), atan2(y, x) if across > 1e-6 else 0.0
         else:
@@ -129,7 +130,7 @@ class TipPanel:
         return across * cos(self._towards), across * sin(self._towards), cos(self._tilt)
 
     def _aim(self, dragged: bool = False) -> None:
-        position = tuple(self._place if self._description.in_space else self._place[::2])
+        position = tuple(self._place[self._along].tolist())
         direction = self._direction if self._directed.value is True else None
         self._session.tip.aim(
             Tip(position, direction=direction), self._description.arm, dragged)
@@ -189,10 +190,9 @@ class TipPanel:
         if not float(_matrix((x, y, z, w))[:, 2] @ direction) > 1.0 - 1e-9:
             self._handle.wxyz = (cos(tilt / 2), -sin(self._towards) * sin(tilt / 2),
                                  cos(self._towards) * sin(tilt / 2), 0.0)
-        place = self._place if self._description.in_space else self._place[::2]
         for number, value in (
                 *((number, round(1e3 * value, 1)) for number, value in zip(
-                    self._numbers, place, strict=True)),
+                    self._numbers, self._place[self._along], strict=True)),
                 *((number, round(degrees(value), 1)) for number, value in zip(
                     self._angles, (self._tilt, self._towards), strict=False))):
             if number.value != value:

@@ -236,11 +236,11 @@ class ObservedArm:
         model = self.message('disc_poses')
         axes = SPATIAL_AXES if _in_space(self.message('joint_states')) else PLANAR_AXES
         try:
-            _, covariance = measured_pose_from_ros(
+            measured, covariance = measured_pose_from_ros(
                 message, axes, model.header.frame_id if model is not None else '')
         except ValueError:
             return  # measure says why
-        pose, known = pose_of(message.pose.pose), (np.diag(covariance) < MAX_VARIANCE) | ~axes
+        known = (np.diag(covariance) < MAX_VARIANCE) | ~axes
         place, turn = np.split(known, [3])
         age, before = self._measured.get(topic, (Age(), None))
         if before is not None and age.seconds < STALE_AFTER and not known.all() and all(
@@ -249,8 +249,8 @@ class ObservedArm:
         age = Age()
         age.refresh()
         self._measured[topic] = age, Pose(
-            pose.position if place.all() else (nan,) * 3,
-            pose.orientation if turn.all() else (nan,) * 4)
+            tuple(measured[:3].tolist()) if place.all() else (nan,) * 3,
+            tuple(measured[3:].tolist()) if turn.all() else (nan,) * 4)
 
     def _measured_discs(self) -> tuple[Pose | None, ...]:
         """Return where each disc is measured to be; empty while none is."""

@@ -5,7 +5,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
-from math import atan2, dist, hypot, pi
+from math import atan2, copysign, dist, hypot
 from typing import Any
 
 from soft_continuum.client.estimate import Estimate
@@ -129,20 +129,16 @@ class ArmState:
     set_vacuums: tuple[float, ...] = ()
 
     @property
-    def in_space(self) -> bool:
-        """Whether it is known to be a spatial arm."""
-        return bool(self.bending_directions)
-
-    @property
     def disc_errors(self) -> tuple[tuple[float, float] | None, ...]:
         """
         How far each disc is seen from where the model has it, m and rad; None if unknown.
 
-        nan where the position, or the orientation, is not measured.
+        The angle has a sign where it is about y, as in the plane.  nan where the position, or the
+        orientation, is not measured.
         """
         return tuple(
             None if seen is None or not self.disc_poses or 2 * n >= len(self.disc_poses)
-            else _apart(seen, self.disc_poses[2 * n], self.in_space)
+            else _apart(seen, self.disc_poses[2 * n])
             for n, seen in enumerate(self.measured_discs))
 
     def __str__(self) -> str:
@@ -162,17 +158,17 @@ class ArmState:
         raise KeyError(f'{name}; the nodes are {", ".join(n.name for n in self.nodes)}')
 
 
-def _apart(one: Pose, other: Pose, in_space: bool) -> tuple[float, float]:
-    """Return distance and angle between two poses, m and rad; in space that is not negative."""
-    if in_space:
-        x, y, z, w = one.orientation
-        a, b, c, d = other.orientation
-        turned = hypot(d * x - a * w - b * z + c * y, d * y - b * w - c * x + a * z,
-                       d * z - c * w - a * y + b * x)
-        return dist(one.position, other.position), 2.0 * atan2(
-            turned, abs(x * a + y * b + z * c + w * d))
-    turned = (one.angle - other.angle + pi) % (2.0 * pi) - pi
-    return hypot(one.x - other.x, one.z - other.z), turned
+def _apart(one: Pose, other: Pose) -> tuple[float, float]:
+    """Return distance and angle between two poses, m and rad; about y alone it has a sign."""
+    x, y, z, w = one.orientation
+    a, b, c, d = other.orientation
+    about = (d * x - a * w - b * z + c * y, d * y - b * w - c * x + a * z,
+             d * z - c * w - a * y + b * x)
+    same = x * a + y * b + z * c + w * d
+    angle = 2.0 * atan2(hypot(*about), abs(same))
+    if about[0] == about[2] == 0.0:
+        angle = copysign(angle, about[1] * same)
+    return dist(one.position, other.position), angle
 
 
 def progress_of(report: Any, fraction: float, feedback: Any = None) -> Progress:

@@ -52,7 +52,7 @@ def _pose_text(pose: Pose | None) -> str:
 
 
 def _model_pose_text(pose: Pose | None) -> str:
-    """Return a pose by the model: of a spatial arm, in space."""
+    """Return a pose: in the plane of planar arms by x, z and angle."""
     if pose is None or pose.is_planar or not all(map(isfinite, pose.position)):
         return _pose_text(pose)
     x, y, z = (f'{1e3 * part:+z7.1f}' for part in pose.position)
@@ -98,8 +98,7 @@ def state_page(state: ArmState) -> str:
     for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
         apart = ('' if error is None else f', {error[0] * 1e3:.1f} mm from the model'
                  if isfinite(error[0]) else f', {degrees(error[1]):+.1f} deg from the model')
-        text = _model_pose_text if state.in_space else _pose_text
-        lines.append(f'disc {n}     seen at {text(seen)}{apart}')
+        lines.append(f'disc {n}     seen at {_model_pose_text(seen)}{apart}')
     lines += estimate_lines(state.estimate)
     for node in (*state.nodes, *state.sensors):
         age = '' if node.age is None else f' ({node.age:.1f} s ago)'

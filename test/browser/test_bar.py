@@ -183,7 +183,7 @@ def test_bendings_in_space_have_a_direction_and_nine_tendons_a_short_table() -> 
     tendons = html.tendons_html(state, described, history)
     assert all(f'<b>{name}</b>' in tendons for name in names)
     assert tendons.count('<tr>') == 9 and tendons.count('slack') == 3
-    assert 'y&nbsp;-45.6' in html.positions_html(state)
+    assert 'y&nbsp;-45.6' in html.positions_html(state, 'xyz')
     assert 'Soften' not in html.jog_hint_html(state, described)
 
 

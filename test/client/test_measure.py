@@ -161,7 +161,7 @@ def test_a_disc_of_which_only_the_angle_is_measured_has_no_position(
     assert all(disc is not None and np.isnan(disc.x) and np.isfinite(disc.angle)
                for disc in state.measured_discs)
     assert str(state).count('position not measured') == 4
-    assert 'nan' not in str(state) + positions_html(state)
+    assert 'nan' not in str(state) + positions_html(state, 'xz')
 
 
 def test_an_angle_beside_a_pose_takes_no_position_away(
