@@ -11,12 +11,11 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.distance import pdist
 
-from soft_continuum.mechanics.arm import SECOND_ORDER, STANDARD_GRAVITY
+from soft_continuum.mechanics.arm import Disc, SECOND_ORDER, STANDARD_GRAVITY
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial import (
     solve_path,
     SpatialArm,
-    SpatialDisc,
     SpatialSegment,
     SpatialStatics,
     SpatialTendon,
@@ -124,7 +123,7 @@ class MeasuredArm:
             self.offset, s + 1, compliance=self.compliance)
             for s in range(len(lengths)) for i in range(TENDONS))
         return SpatialArm(
-            segments, (SpatialDisc(),) * 4, tendons, BODIES, self.design.spacers, SECOND_ORDER,
+            segments, (Disc(),) * 4, tendons, BODIES, self.design.spacers, SECOND_ORDER,
             gravity=(0.0, 0.0, -STANDARD_GRAVITY))
 
     def tips(self, recording: Recording) -> Array:

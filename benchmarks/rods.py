@@ -10,11 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import SECOND_ORDER
+from soft_continuum.mechanics.arm import Disc, SECOND_ORDER
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial import (
     SpatialArm,
-    SpatialDisc,
     SpatialEquilibrium,
     SpatialSegment,
     Wrench,
@@ -61,7 +60,7 @@ class Shape:
     def arm(self, rod: Rod, bodies: int) -> SpatialArm:
         """Return the rod of so many bodies under this load."""
         gravity = tuple(self.gravity.tolist())
-        return SpatialArm((rod.segment(),) * 2, (SpatialDisc(),) * 3, (), bodies // 2, 0,
+        return SpatialArm((rod.segment(),) * 2, (Disc(),) * 3, (), bodies // 2, 0,
                           SECOND_ORDER, wrenches=self.wrenches, gravity=gravity)
 
     def errors(self, state: SpatialEquilibrium) -> Array:

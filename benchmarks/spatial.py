@@ -14,6 +14,7 @@ from benchmarks.rods import Rod, shapes, STEEL, TPU
 from benchmarks.tables import machine, number, Section, table
 from references import solve_rods
 from soft_continuum.mechanics import _kernel, PAPER, SECOND_ORDER, Statics
+from soft_continuum.mechanics.arm import Disc
 from soft_continuum.mechanics.spatial import (
     bending_for_tip,
     pulls_for_bending,
@@ -22,7 +23,6 @@ from soft_continuum.mechanics.spatial import (
     solve_path,
     spatial,
     SpatialArm,
-    SpatialDisc,
     SpatialLinearisation,
     SpatialSegment,
     SpatialStatics,
@@ -95,7 +95,7 @@ def _beside_the_plane(repeats: int) -> str:
 def three_tendons() -> SpatialArm:
     """Return an arm of three segments and tendons that hangs."""
     return SpatialArm(
-        (SpatialSegment(0.07, 0.02, 0.02, 0.015, 0.05),) * 3, (SpatialDisc(0.02, 0.02),) * 4,
+        (SpatialSegment(0.07, 0.02, 0.02, 0.015, 0.05),) * 3, (Disc(0.02, 0.02),) * 4,
         tuple(SpatialTendon(f't{i}', 2.0944 * i, 0.025, 3) for i in range(3)),
         gravity=(0.0, 0.0, 9.8))
 

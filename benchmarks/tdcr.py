@@ -16,11 +16,10 @@ import time
 import numpy as np
 
 from benchmarks.tables import machine, number, Section, table
-from soft_continuum.mechanics.arm import SECOND_ORDER
+from soft_continuum.mechanics.arm import Disc, SECOND_ORDER
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial import (
     SpatialArm,
-    SpatialDisc,
     SpatialEquilibrium,
     SpatialSegment,
     SpatialStatics,
@@ -64,7 +63,7 @@ def state(bodies: int, force: tuple[float, float, float], discs: bool = False
     segments = 2 * parts
     arm = SpatialArm(
         (SpatialSegment(LENGTH / parts, BENDING, BENDING, TWIST),) * segments,
-        (SpatialDisc(),) * (segments + 1), tendons,
+        (Disc(),) * (segments + 1), tendons,
         bodies if discs else bodies * (SPACERS + 1), 0 if discs else SPACERS, SECOND_ORDER,
         wrenches=(Wrench(segments, force),), gravity=(0.0, 0.0, 0.0))
     statics = SpatialStatics(arm)

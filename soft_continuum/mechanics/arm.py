@@ -82,14 +82,19 @@ class Segment:
 
 @dataclass(frozen=True)
 class Disc:
-    """A rigid disc: height l_k in m, mass in kg, centre of mass at mid-height."""
+    """
+    A rigid disc: height l_k in m, mass in kg, centre of mass at mid-height.
 
-    height: float
+    It may have no height: then it is a mark on a rod.
+    """
+
+    height: float = 0.0
     mass: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical disc."""
-        check_range('disc height', self.height, *LENGTH_RANGE, 'm')
+        if self.height != 0.0:
+            check_range('disc height', self.height, *LENGTH_RANGE, 'm')
         check_range('disc mass', self.mass, 0.0, 10.0, 'kg')
 
 

@@ -12,9 +12,9 @@ from math import cos, inf, pi, sin
 import re
 from typing import Any
 
+from soft_continuum.mechanics.arm import Disc
 from soft_continuum.mechanics.spatial.arm import (
     SpatialArm,
-    SpatialDisc,
     SpatialSegment,
     SpatialTendon,
 )
@@ -101,7 +101,7 @@ def spatial_arm(get: Mapping[str, Any]) -> SpatialArm:
     slope, gravity = get['mounting_angle'], get['gravity']
     arm = SpatialArm(
         tuple(_segment(get, i) for i in range(count)),
-        tuple(SpatialDisc(height, mass) for height, mass in zip(
+        tuple(Disc(height, mass) for height, mass in zip(
             get['disc_heights'], get['disc_masses'], strict=True)),
         tendons, get['bodies_per_segment'], get['spacers'], get['discretisation'], get['payload'],
         gravity=(gravity * sin(slope), 0.0, -gravity * cos(slope)))

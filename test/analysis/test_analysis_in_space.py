@@ -14,12 +14,12 @@ from soft_continuum.analysis.convergence import converge
 from soft_continuum.analysis.workspace import furthest_apart, Reach, reach
 from soft_continuum.cli import converge as cli_converge
 from soft_continuum.cli import workspace
+from soft_continuum.mechanics.arm import Disc
 from soft_continuum.mechanics.spatial import (
     pulls_for_bending,
     set_shape,
     spatial,
     SpatialArm,
-    SpatialDisc,
     SpatialSegment,
     SpatialStatics,
     SpatialTendon,
@@ -31,7 +31,7 @@ RODS = (SpatialSegment(0.08, 0.003, 0.003, 0.002, 0.01, bending_angle_limit=1.2)
 TENDONS = tuple(SpatialTendon(f'{end}_{i}', 2.094395 * i + 0.5 * end, 0.01, end, compliance=1e-4)
                 for end in (1, 2) for i in range(3))
 TENDON_ARM = str(Path(__file__).parents[2] / 'config' / 'tendon_arm.yaml')
-ARM = SpatialArm(RODS, (SpatialDisc(0.005, 0.01),) * 3, TENDONS, 4, 3)
+ARM = SpatialArm(RODS, (Disc(0.005, 0.01),) * 3, TENDONS, 4, 3)
 """Two rods with three tendons each, upright."""
 
 

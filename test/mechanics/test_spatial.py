@@ -21,10 +21,10 @@ from soft_continuum.mechanics import (
     Statics,
     StaticsError,
 )
+from soft_continuum.mechanics.arm import Disc
 from soft_continuum.mechanics.spatial import (
     spatial,
     SpatialArm,
-    SpatialDisc,
     SpatialSegment,
     SpatialStatics,
     SpatialTendon,
@@ -44,7 +44,7 @@ def arm(turn=0.0, jam=None, torsion=0.03, **changes):
     segments = tuple(SpatialSegment(0.07, k, k, torsion, 0.05, jam or Jam())
                      for k in (0.03, 0.02, 0.015))
     tendons = tuple(SpatialTendon(f't{i}', turn + 2.0 * pi * i / 3.0, 0.025, 3) for i in range(3))
-    discs = (SpatialDisc(0.02, 0.02),) * 4
+    discs = (Disc(0.02, 0.02),) * 4
     return replace(SpatialArm(segments, discs, tendons, BODIES), **changes)
 
 
@@ -60,9 +60,10 @@ def solved(an_arm, pulls=PULLS, soft=(True, True, True), start=None, **more):
                                   (False, False, True)])
 @pytest.mark.parametrize('pulls', [(0.004, -0.006), (-0.006, 0.004), (0.012, -0.02)])
 @pytest.mark.parametrize('jam', [Jam(), Jam(20.0)])
-def test_a_planar_arm_is_where_the_planar_statics_have_it(soft, pulls, jam):
+@pytest.mark.parametrize('height', [0.03, 0.0])
+def test_a_planar_arm_is_where_the_planar_statics_have_it(soft, pulls, jam, height):
     flat = paper.build(bodies_per_segment=6)
-    flat = replace(flat, mounting_angle=0.4, segments=tuple(
+    flat = replace(flat, discs=(Disc(height, 0.05),) * 4, mounting_angle=0.4, segments=tuple(
         replace(s, jam=jam) for s in flat.segments))
     planar = Statics(flat)
     wanted = planar.solve(planar.chain.straight(), pulls, soft)
@@ -202,7 +203,7 @@ def test_a_column_stands_up_to_the_load_of_euler_and_buckles_beyond():
     critical = pi**2 * stiffness / (4.0 * length**2)
     for part, jumps in ((0.98, False), (1.05, True)):
         column = SpatialArm((SpatialSegment(length, stiffness, stiffness, stiffness),),
-                            (SpatialDisc(),) * 2, (), 40, 0, 'second_order', gravity=(0.0,) * 3,
+                            (Disc(),) * 2, (), 40, 0, 'second_order', gravity=(0.0,) * 3,
                             wrenches=(Wrench(1, (0.0, 0.0, -part * critical)),))
         at = solved(column, [], (True,))
         assert at.jumped == jumps

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics import Jam
+from soft_continuum.mechanics.arm import Disc
 from soft_continuum.mechanics.spatial import (
     SpatialArm,
-    SpatialDisc,
     SpatialSegment,
     SpatialStatics,
     SpatialTendon,
@@ -25,7 +25,7 @@ def three_segments(turn=0.0, jam=None, tendons=3, **changes):
                      for k in (0.03, 0.02, 0.015))
     routed = tuple(SpatialTendon(f't{i}', turn + 2.0 * pi * i / tendons, 0.025, 3)
                    for i in range(tendons))
-    return replace(SpatialArm(segments, (SpatialDisc(0.02, 0.02),) * 4, routed, 4), **changes)
+    return replace(SpatialArm(segments, (Disc(0.02, 0.02),) * 4, routed, 4), **changes)
 
 
 def random_arm(seed, tendons=4, jam=None):
@@ -41,7 +41,7 @@ def random_arm(seed, tendons=4, jam=None):
         count, draw.uniform(-8.0, 8.0), draw.choice([0.0, 1e-4])) for i in range(tendons))
     wrench = Wrench(count, tuple(draw.uniform(-0.2, 0.2, 3)), tuple(draw.uniform(-0.01, 0.01, 3)))
     return SpatialArm(
-        segments, (SpatialDisc(0.02, 0.02),) * (count + 1), routed, 6, int(draw.choice([0, 2])),
+        segments, (Disc(0.02, 0.02),) * (count + 1), routed, 6, int(draw.choice([0, 2])),
         str(draw.choice(['paper', 'second_order'])), 0.01, (wrench,),
         tuple(draw.uniform(-6.0, 6.0, 3)))
 
@@ -67,7 +67,7 @@ def near_its_limit(seed):
     gravity = draw.uniform(-9.0, 9.0, 3) * (
         (1.0, 1.0, 1.0) if draw.uniform() < 0.7 else (0.0, 0.0, 1.0))
     arm = SpatialArm(
-        segments, (SpatialDisc(0.02, 0.02),) * (count + 1), routed, 4, int(draw.choice([0, 1])),
+        segments, (Disc(0.02, 0.02),) * (count + 1), routed, 4, int(draw.choice([0, 1])),
         str(draw.choice(['paper', 'second_order'])), float(draw.choice([0.0, 0.02, 0.2])),
         (wrench,) if draw.uniform() < 0.5 else (), tuple(gravity))
     pulls = draw.uniform(-0.01, 0.03, tendons) * draw.uniform(0.3, 1.5)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from soft_continuum.mechanics.arm import Disc
 from soft_continuum.mechanics.spatial import (
     pulls_for_bending,
     spatial,
     SpatialArm,
-    SpatialDisc,
     SpatialSegment,
     SpatialStatics,
     SpatialTendon,
@@ -45,7 +45,7 @@ def everything():
     tendons = (SpatialTendon('helix', 0.3, 0.02, 3, twist=7.0, compliance=1e-4),
                SpatialTendon('cone', 2.0, (0.025, 0.022, 0.022, 0.02, 0.02, 0.015), 3),
                SpatialTendon('short', 4.0, 0.02, 2), SpatialTendon('left', 3.4, 0.02, 1))
-    return SpatialArm(segments, (SpatialDisc(0.02, 0.02),) * 4, tendons, 6, 2, 'second_order',
+    return SpatialArm(segments, (Disc(0.02, 0.02),) * 4, tendons, 6, 2, 'second_order',
                       0.03, (Wrench(2, (0.2, -0.3, 0.1), (0.01, 0.0, -0.01)),), SIDEWAYS)
 
 

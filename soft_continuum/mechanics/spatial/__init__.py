@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from soft_continuum.mechanics.spatial.arm import (
         spatial,
         SpatialArm,
-        SpatialDisc,
         SpatialSegment,
         SpatialTendon,
         Wrench,
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
     from soft_continuum.mechanics.spatial.tip import bending_for_tip, SpatialTipFit
 
 __all__ = [
-    'BendingFit', 'SpatialArm', 'SpatialBatch', 'SpatialChain', 'SpatialDisc',
+    'BendingFit', 'SpatialArm', 'SpatialBatch', 'SpatialChain',
     'SpatialEquilibrium', 'SpatialLinearisation', 'SpatialSegment', 'SpatialSensitivity',
     'SpatialStatics', 'SpatialTendon', 'SpatialTipFit', 'Wrench', 'bending_directions',
     'bending_for_tip', 'bending_vectors', 'constant_curvature', 'pulls_for_bending',

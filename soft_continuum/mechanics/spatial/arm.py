@@ -21,6 +21,7 @@ from soft_continuum.mechanics.arm import (
     ArmError,
     check_discretisation,
     check_range,
+    Disc,
     LENGTH_RANGE,
     PAPER,
     SPATIAL_AXES,
@@ -99,19 +100,6 @@ class SpatialSegment:
 
 
 @dataclass(frozen=True)
-class SpatialDisc:
-    """A rigid disc as Disc, which may also have no height: a mark on a rod."""
-
-    height: float = 0.0
-    mass: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Refuse what is not a physical disc."""
-        check_range('disc height', self.height, 0.0, LENGTH_RANGE[1], 'm')
-        check_range('disc mass', self.mass, 0.0, 10.0, 'kg')
-
-
-@dataclass(frozen=True)
 class SpatialTendon:
     """
     A tendon, from the bottom of the base disc to the disc where it ends.
@@ -180,7 +168,7 @@ class SpatialArm:
     """
 
     segments: tuple[SpatialSegment, ...]
-    discs: tuple[SpatialDisc, ...]
+    discs: tuple[Disc, ...]
     tendons: tuple[SpatialTendon, ...]
     bodies_per_segment: int = 12
     spacers: int = 0
@@ -191,7 +179,7 @@ class SpatialArm:
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical arm."""
-        for name, kind in (('segments', SpatialSegment), ('discs', SpatialDisc),
+        for name, kind in (('segments', SpatialSegment), ('discs', Disc),
                            ('tendons', SpatialTendon), ('wrenches', Wrench)):
             parts = getattr(self, name)
             if not (isinstance(parts, tuple) and all(isinstance(p, kind) for p in parts)):
@@ -327,7 +315,7 @@ def spatial(arm: Arm) -> SpatialArm:
                              s.outer_diameter, min(s.bending_angle_limit, pi),
                              soft_law=s.soft_law)
               for s in arm.segments),
-        tuple(SpatialDisc(d.height, d.mass) for d in arm.discs),
+        arm.discs,
         tuple(SpatialTendon(name, turn, offsets, last, 0.0, rope / tendon.axial_stiffness,
                             tendon.friction, tendon.free_length)
               for name, turn in zip(arm.tendon_names, (0.0, radians(180.0)), strict=True)),
