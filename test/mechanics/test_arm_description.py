@@ -39,7 +39,8 @@ def test_a_segment_has_a_guide_at_each_of_its_two_ends(offsets):
 
 
 @pytest.mark.parametrize(('height', 'mass'), [
-    (nan, 0.06), (1e-9, 0.06), (-0.03, 0.06), (inf, 0.06), (0.03, nan), (0.03, -0.06), (0.03, inf)])
+    (nan, 0.06), (1e-9, 0.06), (-0.03, 0.06), (inf, 0.06), (0.03, nan), (0.03, -0.06),
+    (0.03, inf)])
 def test_an_impossible_disc_is_refused(height, mass):
     with pytest.raises(ArmError, match='allowed'):
         Disc(height, mass)

@@ -34,7 +34,7 @@ def test_a_node_that_is_killed_in_motion_knows_where_its_servos_are_and_sets_the
     assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
     rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
     assert rig.trigger('tendon_actuation/reference').success
-    rig.wait_for(lambda: len(rig.joints), 'joint_states')
+    rig.wait_for_shape()
     goal = rig.goal_in_motion(BEND)
     node.kill()
     assert goal.result()[0] == 'ABORTED'

@@ -57,7 +57,7 @@ class Bench:
         assert self.rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
         self.rig.wait_for(lambda: self.rig.all_stiff, 'a stiff arm')
         assert self.rig.trigger('tendon_actuation/reference').success
-        self.rig.wait_for(lambda: len(self.rig.joints), 'joint_states')
+        self.rig.wait_for_shape()
 
     def assert_steps_agree(self) -> None:
         """Claim that the motors have made the steps that the node reports as pulls."""
@@ -384,7 +384,7 @@ def test_homing_waits_for_a_stiff_arm_and_ends_with_a_known_straight_one(homing:
     rig.wait_for(lambda: any(s.message == 'homing' for s in statuses), 'a motion')
     rig.wait_for(lambda: statuses.last.message == 'holding', 'its end')
     assert homing.grbl.motors[:2] == (0, 0)
-    rig.wait_for(lambda: len(rig.joints), 'joint_states')
+    rig.wait_for_shape()
     assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
     homing.assert_steps_agree()
 

@@ -115,7 +115,7 @@ def hardy_arm(module_domain: int) -> Iterator[Rig]:
     rig = Rig(module_domain)
     rig.start('jamming_valves', 'kinematics', 'shape_sequencer')
     rig.start('tendon_actuation')
-    rig.wait_for(lambda: len(rig.joints), 'joint_states')
+    rig.wait_for_shape()
     yield rig
     rig.close()
 

@@ -31,7 +31,7 @@ class Bench:
         """Say that the arm is straight."""
         self.rig.wait_for(lambda: self.rig.trigger('tendon_actuation/reference').success,
                           'tendons at rest')
-        self.rig.wait_for(lambda: len(self.rig.joints), 'joint_states')
+        self.rig.wait_for_shape()
 
 
 @pytest.fixture

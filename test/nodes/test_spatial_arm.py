@@ -44,7 +44,7 @@ class Driven:
         self.rig, self._names = rig, names
         self._publisher = rig.publisher(TendonTrajectory, 'tendon_actuation/tendon_trajectory')
         self._count = 0
-        self.rig.wait_for(lambda: len(rig.segment_poses), 'poses')
+        self.rig.wait_for_shape()
 
     def send(self, pulls: Mapping[str, float], others: float = 0.0,
              names: tuple[str, ...] = ()) -> MotionRequest:

@@ -86,7 +86,7 @@ def tendon_arm(module_domain: int) -> Iterator[Rig]:
     """Return the tendon arm and its sequencer; there are no valves."""
     rig = Rig(module_domain)
     rig.start('kinematics', 'tendon_actuation', 'shape_sequencer', **given(TENDON_ARM))
-    rig.wait_for(lambda: len(rig.segment_poses), 'poses')
+    rig.wait_for_shape()
     yield rig
     rig.close()
 

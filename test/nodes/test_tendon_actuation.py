@@ -58,6 +58,7 @@ def make_soft(rig: Rig, segment: int) -> None:
     rig.soften(segment)
     rig.wait_for_status('kinematics', 'soft', str(segment))
     rig.wait_for_more(rig.joints, 3)
+    rig.wait_for_shape()
 
 
 def send(rig: Rig, message: JointTrajectory, motion_id: str = '') -> None:

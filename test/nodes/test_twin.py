@@ -43,8 +43,8 @@ def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
     assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
     rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
     assert rig.trigger('tendon_actuation/reference').success
-    rig.wait_for(lambda: len(rig.joints), 'joint_states')
-    assert rig.goal(BEND).result()[0] == 'SUCCEEDED'
+    rig.wait_for_shape()
+    assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
     rig.wait_for_more(discs, 20)
     is_there = poses_from_ros(discs.last)
     bent = np.reshape(joints.last.position, (3, -1)).sum(axis=1)
@@ -90,7 +90,7 @@ def test_nine_tendons_of_an_arm_in_space_move_the_twin_through_three_boards(
     publisher = rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory')
     rig.wait_for(lambda: len(rig.tendons), 'tendons')
     assert rig.trigger('tendon_actuation/reference').success
-    rig.wait_for(lambda: len(rig.segment_poses), 'poses')
+    rig.wait_for_shape()
     rig.wait_for_more(cells, 20)  # without them it refuses to move
     names = given['arm__tendon_names']
     pulls = dict(zip(names, [0.0] * 6 + [0.004, -0.002, -0.002], strict=True))

@@ -369,6 +369,14 @@ class Rig:
         if set(names) >= set(ALL):
             tendons = self.states['tendon_actuation']
             self.wait_for(lambda: len(self.joints) or not tendons.last.referenced, 'joint_states')
+            if tendons.last.referenced:
+                self.wait_for_shape()
+
+    def wait_for_shape(self) -> None:
+        """Wait until tendon_actuation has heard of a shape too: before, it moves nothing."""
+        self.wait_for(lambda: len(self.joints) and all(
+            node._arm.shape is not None for group in self._groups for node in group.nodes
+            if node.get_name() == 'tendon_actuation'), 'a shape, in tendon_actuation too')
 
     def end(self, node: Any) -> None:
         """End the nodes that were started together with ``node``."""
