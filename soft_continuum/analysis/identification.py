@@ -6,88 +6,64 @@ Unknowns of an arm from measured points and pulls, by least squares.  Not in the
 The pulls are taken as they are, the points as measured with independent errors of one size.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Generic, Protocol
 
 import numpy as np
 import scipy
 
-from soft_continuum.analysis.measured_shapes import loaded, MeasuredShape, simulate_steps
-from soft_continuum.analysis.path_sensitivity import derivatives_of_points
+from soft_continuum.analysis.measured_shapes import MeasuredShape, simulate_steps
 from soft_continuum.analysis.unknowns import (
-    Described,
     IdentificationError,
     Unknown,
+    Values,
     with_values,
 )
-from soft_continuum.mechanics.arm import Arm, SECOND_ORDER
-from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.statics import Statics, StaticsError
+from soft_continuum.mechanics.arm import SECOND_ORDER
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import Solver, statics_of
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.parameters.arm import any_arm_from_parameters
 
+DIFFERENCE = 1e-4  # of the scale of an unknown
+SNAP = 1e-3  # m: a point that such a difference moves further is of an arm that snaps over
 DETERMINED = 0.15  # standard deviation over scale, beyond which data do not determine an unknown
 BEST_MEASUREMENT = 5e-5  # m: points agree no better than this by merit of the model
 MIN_SHARE = 0.3  # of an unknown in what cannot be told, for it to be named
 
 
 @dataclass(frozen=True, eq=False)
-class Identification(Generic[Described]):
+class Identification:
     """
     What a fit found.
 
     values, deviations: (k,) of the unknowns and their standard deviations.  half_widths: (k,) of
     the 95 % confidence intervals.  correlations: (k, k).  noise: standard deviation of one
-    coordinate, m, from the residuals.  arm: with the values put in; in space the parameters that
-    describe it.
+    coordinate, m, from the residuals.  arm: its description with the values put in.
     """
 
-    unknowns: tuple[Unknown[Described], ...]
+    unknowns: tuple[Unknown, ...]
     values: Array
     deviations: Array
     half_widths: Array
     correlations: Array
     noise: float
-    arm: Described
+    arm: Values
 
 
-class ShapeFit(Protocol):
-    """One measured shape, and what the arm with values for its unknowns makes of it."""
-
-    def residuals(self, values: Array) -> Array:
-        """Return predicted less measured coordinates, m; raises StaticsError."""
-
-    def jacobian(self, values: Array, scales: Array) -> Array:
-        """Return derivatives of the residuals by values (k,), (coordinates, k)."""
-
-
-def identify(arm: Arm, unknowns: Sequence[Unknown[Arm]], shapes: Sequence[MeasuredShape]
-             ) -> Identification[Arm]:
+def identify(described: Values, unknowns: Sequence[Unknown], shapes: Sequence[MeasuredShape]
+             ) -> Identification:
     """
     Fit the unknowns to the points of the shapes.
 
-    The arm is computed with second-order springs: E I is then that of the segment, not of a
-    coarse chain.  Raises IdentificationError when there are fewer measured coordinates than
-    unknowns, the model cannot follow the shapes, or the data do not determine every unknown.
+    described: the parameters of the arm, as spread_out returns them.  The arm is computed with
+    second-order springs: E I is then that of the segment, not of a coarse chain.  Raises
+    IdentificationError when there are fewer measured coordinates than unknowns, the model cannot
+    follow the shapes, or the data do not determine every unknown.
     """
-    arm = replace(arm, discretisation=SECOND_ORDER)
-    if np.isfinite(arm.tendon.axial_stiffness) and (
-            arm.tendon.friction or any(u.name == 'friction' for u in unknowns)):
-        raise IdentificationError(
-            'friction together with tendons that stretch cannot be identified; set '
-            'arm.tendon_axial_stiffness or arm.tendon_friction to 0')
-    if any(np.isfinite(segment.jam.yield_moment) for segment in arm.segments):
-        raise IdentificationError('jams that yield cannot be identified from shapes; set '
-                                  'arm.yield_moments to 0 and measure where nothing yields')
-    # Shapes with the same payload are of one arm.
-    models = {shape.payload: _models(loaded(arm, shape), unknowns) for shape in shapes}
-    return fit_shapes(arm, unknowns, [_Fit(models[shape.payload], shape) for shape in shapes],
-                      sum(shape.coordinates for shape in shapes))
-
-
-def fit_shapes(described: Described, unknowns: Sequence[Unknown[Described]],
-               fits: Sequence[ShapeFit], coordinates: int) -> Identification[Described]:
-    """Fit unknowns to shapes with so many measured coordinates in all; raises as identify."""
+    described = {**described, 'arm.discretisation': SECOND_ORDER}
+    coordinates = sum(shape.coordinates for shape in shapes)
     if coordinates <= len(unknowns):
         raise IdentificationError(
             f'{coordinates} measured coordinates are too few for {len(unknowns)} unknowns; '
@@ -95,70 +71,62 @@ def fit_shapes(described: Described, unknowns: Sequence[Unknown[Described]],
     scales = np.array([u.scale for u in unknowns])
     start = np.array([u.start for u in unknowns])
 
-    def residuals(scaled: Array) -> Array:
+    @lru_cache(len({shape.payload for shape in shapes}))  # those with the same are of one arm
+    def statics_at(payload: float, *values: float) -> Solver:
+        return _statics(with_values(described, unknowns, np.array(values)), payload)
+
+    @lru_cache(1)  # derivatives are asked for where it was
+    def misses(*values: float) -> list[Array]:
+        return [_misses(statics_at(shape.payload, *values), shape).ravel() for shape in shapes]
+
+    def tried(scaled: Array) -> list[Array]:
         try:
-            return np.concatenate([fit.residuals(scaled * scales) for fit in fits])
-        except StaticsError:
-            return np.full(coordinates, np.inf)  # least_squares then tries a shorter step
+            return misses(*(scaled * scales).tolist())
+        except StaticsError:  # least_squares then tries a shorter step
+            return [np.full(shape.coordinates, np.inf) for shape in shapes]
 
     def jacobian(scaled: Array) -> Array:
-        rows: Array = scales * np.concatenate(
-            [fit.jacobian(scaled * scales, scales) for fit in fits])
-        return rows
+        here, columns = tried(scaled), []
+        for step in DIFFERENCE * np.eye(len(scaled)):
+            changes = [more - now for more, now in zip(tried(scaled + step), here, strict=True)]
+            if max(map(_size, changes)) > SNAP:
+                changes = [min(more, now - less, key=_size) for more, now, less in zip(
+                    changes, here, tried(scaled - step), strict=True)]
+            columns.append(np.concatenate(changes) / DIFFERENCE)
+        return np.stack(columns, axis=1)
 
     try:
-        for fit in fits:
-            fit.residuals(start)
+        misses(*start.tolist())
     except StaticsError as error:
         raise IdentificationError(
             f'the arm as described cannot be set as measured: {error}; describe it better with '
             '--params-file, such as by characterize.yaml') from None
     bounds = (np.array([u.low for u in unknowns]) / scales,
               np.array([u.high for u in unknowns]) / scales)
-    found = scipy.optimize.least_squares(residuals, start / scales, jac=jacobian, bounds=bounds,
-                          xtol=1e-10, ftol=1e-10, gtol=1e-12)
+    found = scipy.optimize.least_squares(
+        lambda scaled: np.concatenate(tried(scaled)), start / scales, jac=jacobian, bounds=bounds,
+        xtol=1e-10, ftol=1e-10, gtol=1e-12)
     values = found.x * scales
     return _judged(described, tuple(unknowns), values, found.fun, found.jac, scales)
 
 
-def _models(arm: Arm, unknowns: Sequence[Unknown[Arm]]) -> Callable[[Array], Statics]:
-    """Return the statics of the arm by values (k,) of its unknowns; each is made once."""
-    @lru_cache(1 + 2 * len(unknowns))  # that many make the derivatives at one place
-    def made(*values: float) -> Statics:
-        return Statics(with_values(arm, unknowns, np.array(values)))
-
-    return lambda values: made(*values.tolist())
+def _statics(described: Values, payload: float) -> Solver:
+    """Return the statics of the arm that parameters describe, with a payload (kg) more."""
+    arm = any_arm_from_parameters(described)
+    return statics_of(replace(arm, payload=arm.payload + payload))
 
 
-class _Fit:
-    """Residuals of one shape and their derivatives."""
-
-    def __init__(self, statics_at: Callable[[Array], Statics], shape: MeasuredShape) -> None:
-        self._statics_at, self._shape = statics_at, shape
-        self._rows = [shape.numbers[row] for row in shape.moving]
-        self._at: Array | None = None
-
-    def residuals(self, values: Array) -> Array:
-        """Return predicted less measured coordinates, m."""
-        return self._shape.misses(self._states(values)[-1]).ravel()
-
-    def jacobian(self, values: Array, scales: Array) -> Array:
-        """Return derivatives of the residuals, (coordinates, k)."""
-        derivatives = derivatives_of_points(
-            self._statics_at, values, scales, self._shape.steps, self._states(values))
-        return derivatives[self._rows].reshape(-1, len(values))
-
-    def _states(self, values: Array) -> list[Equilibrium]:
-        """Return the equilibrium after each step; derivatives are asked for where it was."""
-        if self._at is None or not np.array_equal(self._at, values):
-            self._found = simulate_steps(
-                self._statics_at(values), self._shape.steps, self._shape.name)
-            self._at = values.copy()
-        return self._found
+def _size(change: Array) -> float:
+    return float(np.abs(change).max())
 
 
-def _judged(described: Described, unknowns: tuple[Unknown[Described], ...], values: Array,
-            residuals: Array, jacobian: Array, scales: Array) -> Identification[Described]:
+def _misses(statics: Solver, shape: MeasuredShape) -> Array:
+    """Return by how much the moving points of a shape are missed, (points, axes), m."""
+    return shape.misses(simulate_steps(statics, shape.steps, shape.name)[-1])
+
+
+def _judged(described: Values, unknowns: tuple[Unknown, ...], values: Array,
+            residuals: Array, jacobian: Array, scales: Array) -> Identification:
     """Return the fit with its uncertainties; raises IdentificationError for what is not known."""
     spare = residuals.size - values.size
     noise = float(np.sqrt(residuals @ residuals / spare))
@@ -182,7 +150,7 @@ def _judged(described: Described, unknowns: tuple[Unknown[Described], ...], valu
         with_values(described, unknowns, values))
 
 
-def _refuse(unknowns: tuple[Unknown[Described], ...], direction: Array, spread: float) -> None:
+def _refuse(unknowns: tuple[Unknown, ...], direction: Array, spread: float) -> None:
     involved = [u for u, share in zip(unknowns, direction, strict=True) if abs(share) > MIN_SHARE]
     names = ', '.join(u.name for u in involved)
     remedies = '; or '.join(dict.fromkeys(u.remedy for u in involved))
@@ -197,11 +165,10 @@ def _refuse(unknowns: tuple[Unknown[Described], ...], direction: Array, spread: 
         f'change together would give the same points. Remedy: {remedies}')
 
 
-def shape_error(arm: Arm, shape: MeasuredShape) -> Array:
+def shape_error(described: Values, shape: MeasuredShape) -> Array:
     """Return the distances (m) of the moving points of a shape from where the model has them."""
-    statics = Statics(replace(loaded(arm, shape), discretisation=SECOND_ORDER))
-    state = simulate_steps(statics, shape.steps, shape.name)[-1]
-    distances: Array = np.linalg.norm(shape.misses(state), axis=1)
+    statics = _statics({**described, 'arm.discretisation': SECOND_ORDER}, shape.payload)
+    distances: Array = np.linalg.norm(_misses(statics, shape), axis=1)
     return distances
 
 

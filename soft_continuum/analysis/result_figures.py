@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -169,7 +169,7 @@ class ShapeResult:
     held_out: float
 
 
-def identification_figure(path: str | Path, found: Identification[Any],
+def identification_figure(path: str | Path, found: Identification,
                           shapes: Sequence[ShapeResult]) -> None:
     """Write errors by shape (mm, logarithmic), and values against those described with 95 %."""
     figure = new_figure(5.0 + 0.6 * len(shapes) + 0.5 * len(found.unknowns), 4.2)

@@ -3,10 +3,9 @@
 """Stiffness, masses and other unknowns of the arm from measured points and pulls."""
 
 import argparse
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from math import nan
-from typing import Generic
 
 import numpy as np
 
@@ -16,31 +15,19 @@ from soft_continuum.analysis.identification import (
     shape_error,
     without,
 )
-from soft_continuum.analysis.identification_in_space import (
-    identify_in_space,
-    shape_error_in_space,
-)
 from soft_continuum.analysis.measured_shapes import MeasuredShape, read_shapes
 from soft_continuum.analysis.result_figures import identification_figure, ShapeResult
 from soft_continuum.analysis.results import progress, reserve_outputs, text_table
 from soft_continuum.analysis.unknowns import (
-    Described,
     find_unknowns,
     IdentificationError,
     parameters_of,
-    Unknown,
-)
-from soft_continuum.analysis.unknowns_in_space import (
-    changed,
-    find_unknowns_in_space,
     spread_out,
+    Values,
 )
 from soft_continuum.cli.common import any_described_arm, run_verb, shapes_parser
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.statics import StaticsError
+from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.parameters.files import write_parameters
-from soft_continuum.parameters.parameter import Value
 
 NAME = 'identify'
 
@@ -51,62 +38,32 @@ def main(argv: Sequence[str] | None = None) -> int:
                            'shapes that the fit did not see are reported.', 'payload')
     parser.add_argument('--fit', nargs='+', metavar='UNKNOWN',
                         help='stiffness_N, ratio_N, segment_mass_N, disc_mass_N, offset_N of '
-                             'segment N; mass (one factor for all), friction, tilt; in space also '
-                             'angle_N of the tendons that end at disc N, stiffness and offset (of '
-                             'all), stretch, no friction (default: stiffness of every segment)')
+                             'segment N; stiffness, mass, offset (one factor for all), friction, '
+                             'stretch, tilt; in space also angle_N of the tendons that end at '
+                             'disc N (default: stiffness of every segment)')
     parser.add_argument('--hold-out', nargs='+', default=[], metavar='SHAPE',
                         help='shapes to leave out of the fit (default: fit all, then leave out '
                              'each in turn)')
     return run_verb(parser, _run, argv, 'matplotlib')
 
 
-@dataclass(frozen=True)
-class Method(Generic[Described]):
-    """
-    How unknowns of a kind of arm are identified.
-
-    described: the arm, or in space the parameters that describe it.  fit, error: of that,
-    unknowns and shapes.  layer: from what was found to the parameters to write.
-    """
-
-    described: Described
-    unknowns: Sequence[Unknown[Described]]
-    fit: Callable[[Described, Sequence[Unknown[Described]], Sequence[MeasuredShape]],
-                  Identification[Described]]
-    error: Callable[[Described, MeasuredShape], Array]
-    layer: Callable[[Described], dict[str, Value]]
-
-
 def _run(options: argparse.Namespace) -> None:
     values, arm = any_described_arm(options)
     names = options.fit or [f'stiffness_{n + 1}' for n in range(len(arm.segments))]
-    if isinstance(arm, Arm):
-        flat = find_unknowns(names, arm)
-        _identify(options, Method(
-            arm, flat, identify, shape_error, lambda found: parameters_of(found, flat)),
-            read_shapes(options.points, options.pulls, arm, decimal=options.decimal))
-    else:
-        begun = spread_out(values, arm)
-        _identify(options, Method(
-            begun, find_unknowns_in_space(names, begun), identify_in_space, shape_error_in_space,
-            lambda found: changed(found, begun)),
-            read_shapes(options.points, options.pulls, arm, bool(values['arm.jamming']),
-                        options.decimal))
-
-
-def _identify(options: argparse.Namespace, method: Method[Described],
-              shapes: Sequence[MeasuredShape]) -> None:
-    unknowns = method.unknowns
+    begun = spread_out(values)
+    unknowns = find_unknowns(names, begun)
+    shapes = read_shapes(options.points, options.pulls, arm, bool(values['arm.jamming']),
+                         options.decimal)
     kept = without(shapes, options.hold_out)
     figure, layer = reserve_outputs(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
-    found = method.fit(method.described, unknowns, kept)
+    found = identify(begun, unknowns, kept)
     print(f'{len(kept)} shapes, {sum(s.coordinates for s in kept)} measured coordinates; '
           f'noise of a coordinate, from the residuals: {1e3 * found.noise:.3g} mm\n')
     print(_values(found))
     if len(unknowns) > 1:
         print('\nCorrelations\n')
         print(_correlations(found))
-    write_parameters(layer, method.layer(found.arm), [
+    write_parameters(layer, parameters_of(found.arm, unknowns), [
         f'Identified by {NAME} from',
         f'  {options.points.name}',
         f'  {options.pulls.name}',
@@ -114,7 +71,7 @@ def _identify(options: argparse.Namespace, method: Method[Described],
             unknowns, found.values, found.half_widths, strict=True)),
         'These values belong to the second-order chain.'])
     print(f'\nParameters: {layer}', flush=True)
-    results = [_held_out(method, found, shape, kept, options.hold_out)
+    results = [_held_out(begun, found, shape, kept, options.hold_out)
                for shape in progress(shapes, 'without each shape')]
     print('\nLargest position error of each shape in mm; without it: of a fit that has not seen '
           'it.\n')
@@ -126,11 +83,10 @@ def _identify(options: argparse.Namespace, method: Method[Described],
     print(f'\nFigure: {figure}')
 
 
-def _held_out(method: Method[Described], found: Identification[Described], shape: MeasuredShape,
+def _held_out(begun: Values, found: Identification, shape: MeasuredShape,
               kept: Sequence[MeasuredShape], named: Sequence[str]) -> ShapeResult:
     """Return the errors of one shape, after another fit without it unless some were named."""
-    described, identified = (
-        _largest(method, one, shape) for one in (method.described, found.arm))
+    described, identified = (_largest(one, shape) for one in (begun, found.arm))
     held_out = nan
     if shape.name in named:
         held_out = identified
@@ -138,16 +94,16 @@ def _held_out(method: Method[Described], found: Identification[Described], shape
         begin = [replace(u, start=float(v))
                  for u, v in zip(found.unknowns, found.values, strict=True)]
         try:
-            rest = method.fit(method.described, begin, without(kept, [shape.name]))
-            held_out = _largest(method, rest.arm, shape)
+            rest = identify(begun, begin, without(kept, [shape.name]))
+            held_out = _largest(rest.arm, shape)
         except IdentificationError:
             pass
     return ShapeResult(shape.name, described, identified, held_out)
 
 
-def _largest(method: Method[Described], described: Described, shape: MeasuredShape) -> float:
+def _largest(described: Values, shape: MeasuredShape) -> float:
     try:
-        return float(method.error(described, shape).max())
+        return float(shape_error(described, shape).max())
     except StaticsError:
         return nan
 
@@ -156,14 +112,14 @@ def _mm(value: float) -> str:
     return f'{1e3 * value:.2f}' if np.isfinite(value) else '-'
 
 
-def _values(found: Identification[Described]) -> str:
+def _values(found: Identification) -> str:
     rows = [[u.name, f'{u.start:.5g}', f'{v:.5g}', f'{h:.2g}',
              f'{100 * h / abs(v):.2g} %' if abs(v) > h else '-', u.unit]
             for u, v, h in zip(found.unknowns, found.values, found.half_widths, strict=True)]
     return text_table(['unknown', 'described', 'identified', '95 %, +-', 'of value', 'unit'], rows)
 
 
-def _correlations(found: Identification[Described]) -> str:
+def _correlations(found: Identification) -> str:
     names = [u.name for u in found.unknowns]
     return text_table(['', *names], [
         [name, *(f'{c:+.2f}' for c in row)]

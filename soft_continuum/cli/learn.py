@@ -16,7 +16,6 @@ from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FAILED, NO_NODES, Parser
 from soft_continuum.cli.common import run_verb
 from soft_continuum.client.estimate import LearnedParameter, parameter_text, ParameterText
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.parameter import ParameterError, Value
@@ -122,8 +121,9 @@ def _say(learned: Learned) -> None:
 
 def learn(parameters: Sequence[LearnedParameter], arm: 'AnyArm') -> Learned:
     """Return what a description takes of what is estimated of an arm that was described."""
+    from soft_continuum.analysis.unknowns import stiffnesses_of
     learned = Learned()
-    stiffnesses = _stiffnesses(arm)
+    stiffnesses = stiffnesses_of(arm)
     ratios = [0.0 if s.jam.ratio == inf else s.jam.ratio for s in arm.segments]
     stiffness = _Lists(stiffnesses)
     ratio = _Lists({'arm.stiffness_ratios': ratios})
@@ -154,15 +154,6 @@ def learn(parameters: Sequence[LearnedParameter], arm: 'AnyArm') -> Learned:
         else:
             learned.left_out.append(f'{text.label}: no parameter of a description')
     return learned
-
-
-def _stiffnesses(arm: 'AnyArm') -> dict[str, Sequence[float]]:
-    """Return what a stiffness factor counts for, of each segment, E I first, by parameter."""
-    if isinstance(arm, Arm):
-        return {BENDING: [s.bending_stiffness for s in arm.segments]}
-    from soft_continuum.analysis.unknowns_in_space import spread_out, STIFFNESSES
-    described = spread_out({}, arm)
-    return {name: described[name] for name in STIFFNESSES}  # type: ignore[misc]
 
 
 class _Lists:

@@ -75,6 +75,11 @@ class Segment:
             raise ArmError(f'soft law is {self.soft_law!r}; give a MomentCurvature or none')
         check_range('bending angle limit', self.bending_angle_limit, 1e-3, 2 * pi, 'rad')
 
+    @property
+    def stiffnesses(self) -> tuple[float, ...]:
+        """What resists to bending and twisting where it does: E I about y, N m^2."""
+        return (self.bending_stiffness,)
+
     def with_stiffness_factor(self, factor: float) -> 'Segment':
         """Return the same segment with E I times a factor."""
         return replace(self, bending_stiffness=self.bending_stiffness * factor)

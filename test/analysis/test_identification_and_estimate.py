@@ -10,26 +10,27 @@ import pytest
 
 from soft_continuum.analysis.identification import identify
 from soft_continuum.analysis.measured_shapes import MeasuredShape, Step
-from soft_continuum.analysis.unknowns import find_unknowns
+from soft_continuum.analysis.unknowns import find_unknowns, spread_out
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import SECOND_ORDER
-from soft_continuum.mechanics.laws import Jam
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.twin.differences import read_differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
 
 RATIO, FACTORS = 30.0, (1.2, 0.85, 1.15)
 NOISE = 3e-4  # m of each coordinate of a point
-DESCRIBED = load_arm(description_file())
 # Hanging, so that a soft segment without tendons shows its stiffness against the weight.
-ARM = replace(DESCRIBED, discretisation=SECOND_ORDER, mounting_angle=pi, bodies_per_segment=4,
-              segments=tuple(replace(s, jam=Jam(RATIO)) for s in DESCRIBED.segments))
+DESCRIBED = spread_out({
+    **load_description(description_file()), 'arm.discretisation': SECOND_ORDER,
+    'arm.mounting_angle': pi, 'arm.bodies_per_segment': 4, 'arm.stiffness_ratios': (RATIO,)})
+ARM = any_arm_from_parameters(DESCRIBED)
 SLACK = (-0.03, -0.03)
 STEPS = (Step(0, (0.010, -0.020)), Step(1, (-0.025, 0.012)), Step(0, SLACK),
          Step(2, (0.012, -0.035)), Step(1, SLACK), Step(2, SLACK))
@@ -64,7 +65,8 @@ def fitted(recording):
     """Return factors (3,) of the stiffness and their standard deviations, by the fit."""
     shapes = [MeasuredShape(f'{k}', STEPS[:k + 1], tuple(range(len(points))), points)
               for k, points in enumerate(recording)]
-    found = identify(ARM, find_unknowns([f'stiffness_{n}' for n in (1, 2, 3)], ARM), shapes)
+    found = identify(
+        DESCRIBED, find_unknowns([f'stiffness_{n}' for n in (1, 2, 3)], DESCRIBED), shapes)
     described = np.array([s.bending_stiffness for s in ARM.segments])
     return found.values / described, found.deviations / described
 

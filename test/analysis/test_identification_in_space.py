@@ -10,18 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.measured import IDENTIFIED, read
 from soft_continuum.analysis.delimited import MeasurementError
-from soft_continuum.analysis.identification_in_space import (
-    identify_in_space,
-    shape_error_in_space,
-)
+from soft_continuum.analysis.identification import identify, shape_error
 from soft_continuum.analysis.measured_shapes import MeasuredShape, read_shapes, Step
-from soft_continuum.analysis.unknowns import IdentificationError
-from soft_continuum.analysis.unknowns_in_space import (
-    arm_of,
-    find_unknowns_in_space,
-    spread_out,
-)
-from soft_continuum.cli import identify, validate
+from soft_continuum.analysis.unknowns import find_unknowns, IdentificationError, spread_out
+from soft_continuum.cli import validate
+from soft_continuum.cli.identify import main as identify_main
 from soft_continuum.mechanics import SLACK
 from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.new_arm.description import complete, describe
@@ -88,7 +81,7 @@ def test_what_is_not_measured_of_this_arm_is_named(tmp_path, changes, words):
 
 def measured(values, noise):
     """Return shapes of an arm, each released at the end, measured with noise (m)."""
-    rng, statics = np.random.default_rng(4), SpatialStatics(arm_of(values))
+    rng, statics = np.random.default_rng(4), SpatialStatics(any_arm_from_parameters(values))
     shapes = []
     for k, pulls in enumerate([(0.012, SLACK, SLACK), (SLACK, 0.012, SLACK),
                                (SLACK, 0.008, 0.008)]):
@@ -105,19 +98,18 @@ def measured(values, noise):
 def truth():
     values = described({**JAMMING, 'bending_stiffnesses': (0.025, 0.008)})
     values = {**values, 'arm.discretisation': 'second_order'}
-    return spread_out(values, arm_of(values))
+    return spread_out(values)
 
 
 def test_stiffness_is_found_within_what_is_said_of_it(truth):
-    begun = described(JAMMING)
-    begun = spread_out(begun, arm_of(begun))
-    found = identify_in_space(
-        begun, find_unknowns_in_space(['stiffness_1', 'stiffness_2'], begun),
+    begun = spread_out(described(JAMMING))
+    found = identify(
+        begun, find_unknowns(['stiffness_1', 'stiffness_2'], begun),
         measured(truth, 3e-4))
     assert np.abs(found.values - [0.025, 0.008]).max() < 4.0 * found.deviations.max()
     assert np.all(found.deviations < 0.03 * found.values)
     assert found.noise == pytest.approx(3e-4, rel=0.4)
-    arm = arm_of(found.arm)
+    arm = any_arm_from_parameters(found.arm)
     assert [s.stiffness_x for s in arm.segments] == pytest.approx(found.values)
 
 
@@ -127,12 +119,12 @@ def test_stiffness_is_found_within_what_is_said_of_it(truth):
     (['angle_1'], "no unknown 'angle_1'")])
 def test_unknowns_that_this_arm_does_not_have_are_refused(truth, names, words):
     with pytest.raises(IdentificationError, match=words):
-        find_unknowns_in_space(names, truth)
+        find_unknowns(names, truth)
 
 
 def test_what_cannot_be_told_apart_is_refused(truth):
     with pytest.raises(IdentificationError, match='stiffness, mass, only a combination'):
-        identify_in_space(truth, find_unknowns_in_space(['stiffness', 'mass'], truth),
+        identify(truth, find_unknowns(['stiffness', 'mass'], truth),
                           measured(truth, 1e-4))
 
 
@@ -152,7 +144,7 @@ def test_identify_writes_a_layer_with_which_validate_is_right(tmp_path, capsys, 
                 cells = ['slack' if p == SLACK else str(p) for p in step.pulls]
                 pulls.write(f'{shape.name},{step.segment + 1},{",".join(cells)}\n')
     words = [*files[:2], '--params-file', files[2], '--output', str(tmp_path)]
-    assert identify.main([*words, '--hold-out', 'shape_2']) == 0
+    assert identify_main([*words, '--hold-out', 'shape_2']) == 0
     assert '2 shapes, 24 measured coordinates' in capsys.readouterr().out
     layer = tmp_path / 'identify.yaml'
     assert load_description(files[2], layer)['arm.discretisation'] == 'second_order'
@@ -184,20 +176,19 @@ def real_shapes(name, numbers):
 
 def test_guides_and_tendons_of_a_real_arm_are_found():
     # Drawn wrongly: guides at 5.5 mm, all tendons 20 degrees and more from where they are.
-    begun = {**described({
+    begun = spread_out({**described({
         'kind': 'tendons', 'segment_lengths': (59.0, 61.5, 63.0), 'disc_heights': (1.0,),
         'guide_offsets': (5.5,), 'spacers': (2.0,), 'youngs_modulus': (50.0,),
         'segment_masses': (6.0,), 'disc_masses': (1.0,), 'mounting_angle': (0.0,),
-        'first_tendon_angles': (-153.0, -170.0, -90.0)}), 'arm.bodies_per_segment': 3}
-    begun = spread_out(begun, arm_of(begun))
-    unknowns = find_unknowns_in_space(['offset', 'angle_1', 'angle_2', 'angle_3'], begun)
-    found = identify_in_space(begun, unknowns, real_shapes('train', range(60, 1600, 77)))
+        'first_tendon_angles': (-153.0, -170.0, -90.0)}), 'arm.bodies_per_segment': 3})
+    unknowns = find_unknowns(['offset', 'angle_1', 'angle_2', 'angle_3'], begun)
+    found = identify(begun, unknowns, real_shapes('train', range(60, 1600, 77)))
     # As the benchmark has them, which knows friction, and each pose from the one before.
     offset = 5.5e-3 * found.values[0]
     assert offset == pytest.approx(IDENTIFIED.offset, abs=2.5e-4)
     turns = IDENTIFIED.angle + IDENTIFIED.turn * np.arange(3)
     assert np.angle(np.exp(1j * (found.values[1:] - turns))) == pytest.approx(0.0, abs=0.05)
     others = real_shapes('val', range(10, 440, 50))
-    before, after = (np.sqrt(np.mean([float(shape_error_in_space(values, shape)[0])**2
+    before, after = (np.sqrt(np.mean([float(shape_error(values, shape)[0])**2
                                       for shape in others])) for values in (begun, found.arm))
     assert after < 0.009 < 0.014 < before

@@ -92,6 +92,11 @@ class SpatialSegment:
             self.jam.law.minus(
                 self.soft_law or linear(min(self.stiffness_x, self.stiffness_y)))
 
+    @property
+    def stiffnesses(self) -> tuple[float, ...]:
+        """What resists to bending and twisting: E I about y and about x, and G J, N m^2."""
+        return self.stiffness_y, self.stiffness_x, self.torsional_stiffness
+
     def with_stiffness_factor(self, factor: float) -> 'SpatialSegment':
         """Return it with all stiffnesses times a factor, and without friction."""
         return replace(self, stiffness_x=self.stiffness_x * factor,
