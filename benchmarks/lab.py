@@ -19,19 +19,16 @@ from benchmarks.ring_sight import RingSight
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 from soft_continuum.mechanics import Arm
+from soft_continuum.mechanics.arm import PLANAR_AXES
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import jamming_settings
-from soft_continuum.sensing.any_camera import AnyLayout, layout_of
-from soft_continuum.sensing.rigid import mean_pose
-from soft_continuum.sensing.ring_layout import RingLayout
-from soft_continuum.sensing.sight import DiscPose
-from soft_continuum.sensing.tag_camera import TagCamera
-from soft_continuum.sensing.tag_mounts import mounted, tag_mount
-from soft_continuum.sensing.tare import straight_heights
+from soft_continuum.sensing.rigid import mean_pose, planar_pose
+from soft_continuum.sensing.ring_layout import layout_of, RingLayout
+from soft_continuum.sensing.sight import Sight
 from soft_continuum.sequencing.planner import PlanSettings
 from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.differences import Differences
@@ -40,6 +37,7 @@ from soft_continuum.twin.sensors import Sensors
 
 CAMERA, TWO_CAMERAS, TRUTH, NOTHING = 'camera', 'two cameras', 'truth', 'none'
 """What measures the discs."""
+IN_PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)  # of a covariance (6, 6)
 PICTURE_PERIOD = 0.2  # s
 TRIES = 10  # pictures until all discs that move were seen in one
 TARE_PICTURES = 6  # within a second, as the camera node averages them
@@ -66,7 +64,7 @@ class Description:
     """
 
     arm: Any
-    layout: AnyLayout
+    layout: Any
     jams: bool
     settings: PlanSettings
     jamming: JammingSettings
@@ -140,7 +138,6 @@ class Lab:
         self._sensor = sensor
         self._drawn: TwinCamera | None = None
         self.sensors = Sensors(self.plant)
-        self._mounts: Mapping[int, Array] = {}
         self._straight: list[tuple[Array, float]] = []  # discs, and when, to be tared on
         self._read()
         self.wait(START)
@@ -322,27 +319,20 @@ class Lab:
             return {n: Pose(*seen) for n, seen in self._rings.discs(discs).items()}
         if self._drawn is None:
             self._drawn = TwinCamera(layout, self.differences)
-            self._camera = TagCamera(layout, self._drawn.lens)
-            self._tare()
+            stuck = layout.stuck_as({'tags.mounts': (0.0,)})
+            self._camera = layout.camera(self._drawn.lens, stuck)
+            # Drawn only now: not every contender looks.
+            _, stuck, _ = layout.tared(stuck, [self._sight(*then) for then in self._straight])
+            self._camera = layout.camera(self._drawn.lens, stuck)
         self.pictures += 1
-        return {n: Pose(mounted(disc.pose, self._mounts.get(n, np.zeros(3))), disc.covariance)
-                for n, disc in self._sight(discs, self.time).items()}
+        return {n: Pose(planar_pose(disc.pose), disc.covariance[IN_PLANE])
+                for n, disc in self._sight(discs, self.time).discs.items()}
 
-    def _sight(self, discs: Array, time: float) -> Mapping[int, DiscPose]:
-        """Draw a picture and return the discs that are measured in it."""
+    def _sight(self, discs: Array, time: float) -> Sight:
+        """Draw a picture and return what is measured in it."""
         assert self._drawn is not None
-        return self._camera.measure(self._drawn.picture(discs, time)).discs
-
-    def _tare(self) -> None:
-        """Take the discs, as they were in the beginning, as those of the straight arm."""
-        seen: dict[int, list[Array]] = {}
-        for discs, time in self._straight:  # drawn only now: not every contender looks
-            for n, disc in self._sight(discs, time).items():
-                seen.setdefault(n, []).append(disc.pose)
-        arm = self.description.arm
-        assert isinstance(arm, Arm)
-        heights = straight_heights(arm)
-        self._mounts = {n: tag_mount(poses, heights[n]) for n, poses in seen.items()}
+        sight: Sight = self._camera.measure(self._drawn.picture(discs, time))
+        return sight
 
 
 def _mean(poses: list[Array]) -> Array:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from math import radians
 import re
+from typing import Any
 
 from soft_continuum.arguments import number_in, Parser
 from soft_continuum.cli.twin import add_preset_options, chosen_differences, serve
@@ -38,14 +39,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     from soft_continuum.nodes.up import description_file
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
-    from soft_continuum.sensing.any_camera import layout_of
-    from soft_continuum.sensing.ring_layout import RingLayout
+    from soft_continuum.sensing.ring_layout import layout_of, RingLayout
     from soft_continuum.twin.camera import TwinCamera
     from soft_continuum.twin.pictures import AnyTwinCamera, Pictures
     from soft_continuum.twin.spatial_camera import SpatialTwinCamera
 
     def begin(running: ExitStack) -> None:
-        layout = layout_of(load_description(
+        layout: Any = layout_of(load_description(
             *options.params_file or [description_file()], node=CAMERA,
             namespace=options.namespace))
         differences = chosen_differences(options)

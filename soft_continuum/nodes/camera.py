@@ -3,7 +3,6 @@
 """The node that looks at the arm: poses of the discs from printed tags."""
 
 from array import array
-from collections.abc import Mapping
 import os
 from pathlib import Path
 import threading
@@ -25,32 +24,22 @@ from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
-from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.conversions import (
-    measured_pose_to_ros,
-    poses_from_ros,
-    seconds,
-    tracked_pose_to_ros,
-)
+from soft_continuum.ros.conversions import poses_from_ros, seconds, tracked_pose_to_ros
 from soft_continuum.ros.names import CAMERA, MEASURED_POSE
 from soft_continuum.ros.pictures import grey_picture, MAX_PICTURE_BYTES
 from soft_continuum.ros.qos import SENSOR, STREAM
-from soft_continuum.sensing.any_camera import AnyCamera, camera_of, layout_of
 from soft_continuum.sensing.lens import Lens, LensError
 from soft_continuum.sensing.pictures import is_black
-from soft_continuum.sensing.ring_layout import RingLayout
+from soft_continuum.sensing.ring_layout import layout_of
 from soft_continuum.sensing.sources import is_device, pictures, SourceError
-from soft_continuum.sensing.straight_corners import as_numbers, at_rest, from_numbers
-from soft_continuum.sensing.tag_mounts import mounted, tag_mount, tag_mounts
-from soft_continuum.sensing.tare import straight_heights, Window
+from soft_continuum.sensing.tare import Window
 from soft_continuum.sensing.tilt import SensorError
 
 if TYPE_CHECKING:  # OpenCV may not be there
-    from soft_continuum.sensing.sight import Sight
+    from soft_continuum.sensing.sight import DiscCamera, Sight
 
 MAX_AGE = 1.0  # s between a picture's stamp and now
 FROZEN_AFTER = 2.0  # s of one and the same picture, of a camera
@@ -87,12 +76,8 @@ class Camera(Node):
         self._about = About(self, self.parameters)
         self._layout = layout_of(self.parameters)
         self._draw = overlay
-        self._in_space = isinstance(self._layout, RingLayout)
-        if self._in_space and any(self.parameters['tags.mounts']):
-            raise ParameterError('parameter tags.mounts is of planar arms; of a spatial one keep '
-                                 'tags.straight, which a tare answers: tare again')
-        self._rings = from_numbers(self.parameters['tags.straight']) if self._in_space else {}
-        self._camera: AnyCamera | None = None
+        self._stuck = self._layout.stuck_as(self.parameters)
+        self._camera: DiscCamera | None = None
         if path := self.parameters['camera.calibration']:
             try:
                 self._camera = self._camera_of(Lens.read(Path(path).expanduser()))
@@ -110,10 +95,7 @@ class Camera(Node):
         self._model: Any = None  # disc_poses of the model, (2 * discs, 7)
         self._model_age = Age()
         self._shown = 0.0  # when an overlay was published, s
-        self._straight = straight_heights(any_arm_from_parameters(self.parameters))
-        self._mounts = () if self._in_space else tag_mounts(self.parameters, len(self._poses))
-        self._seen = [Window[Any]() for _ in self._poses]  # poses of a planar arm
-        self._corners = Window[Mapping[int, Any]]()
+        self._seen = Window['Sight']()
         self._tared = ''
         self._worker = Worker('pictures', self._on_failure)
         self._newest = Newest(self._worker.submit, self._look)
@@ -181,10 +163,10 @@ class Camera(Node):
         except LensError as error:
             self._camera, self._info_problem = None, str(error)
 
-    def _camera_of(self, lens: Lens) -> AnyCamera:
+    def _camera_of(self, lens: Lens) -> 'DiscCamera':
         """Return what measures; with what was seen of the straight arm, if that fits."""
         try:
-            return camera_of(self._layout, lens, self._rings)
+            return self._layout.camera(lens, self._stuck)
         except SensorError as error:
             raise LensError(f'tags.straight: {error}') from None
 
@@ -249,14 +231,9 @@ class Camera(Node):
 
     def _publish(self, stamp: Time, sight: 'Sight') -> None:
         """Publish where the discs are, and what was seen."""
-        self._corners.add(monotonic(), sight.corners)
+        self._seen.add(monotonic(), sight)
         for n, disc in sight.discs.items():
-            if self._in_space:
-                message = tracked_pose_to_ros(disc.pose, disc.covariance)
-            else:
-                self._seen[n].add(monotonic(), disc.pose)
-                message = measured_pose_to_ros(mounted(disc.pose, self._mounts[n]),
-                                               disc.covariance)
+            message = tracked_pose_to_ros(disc.pose, disc.covariance)
             message.header.stamp = stamp
             message.header.frame_id = self.parameters['frame_id']
             self._poses[n].publish(message)
@@ -271,8 +248,8 @@ class Camera(Node):
         else:
             self._reports.put((OK, 'all discs are seen', values))
 
-    def _show(self, stamp: Time, picture: Any, camera: AnyCamera | None, sight: 'Sight | None'
-              ) -> None:
+    def _show(self, stamp: Time, picture: Any, camera: 'DiscCamera | None',
+              sight: 'Sight | None') -> None:
         """Draw for those who look; most of all when nothing could be measured."""
         now = monotonic()
         if now - self._shown < OVERLAY_PERIOD or not self._overlays.get_subscription_count():
@@ -287,42 +264,22 @@ class Camera(Node):
     def _on_tare(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Take the discs as they are seen as those of the straight arm."""
         try:
-            discs, kept = self._tare_rings() if self._in_space else self._tare_tags()
+            numbers, stuck, kept = self._layout.tared(
+                self._stuck, self._seen.recent(monotonic()))
+            camera = self._camera
+            if camera is None or not numbers:
+                raise SensorError(NOT_SEEN)
+            self._camera, self._stuck = self._layout.camera(camera.lens, stuck), stuck
         except SensorError as error:
             response.message = f'{error}; nothing was tared'
             return response
+        discs = [*map(str, numbers)]
         self._tared = ' '.join(discs)
         response.success = True
         response.message = (
             f'taken as straight: disc {", ".join(discs)}. To keep it over a restart, write into '
             f'the parameter file: {self.get_name()}: {{ros__parameters: {{tags: {{{kept}}}}}}}')
         return response
-
-    def _tare_tags(self) -> tuple[list[str], str]:
-        """Return the discs of a planar arm that are tared, and the parameter; all or nothing."""
-        now, mounts, discs = monotonic(), list(self._mounts), []
-        for n, height in enumerate(self._straight):
-            try:
-                if poses := self._seen[n].recent(now):
-                    mounts[n] = tag_mount(poses, height)
-                    discs.append(str(n))
-            except SensorError as error:
-                raise SensorError(f'disc {n}: {error}') from None
-        if not discs:
-            raise SensorError(NOT_SEEN)
-        self._mounts = tuple(mounts)
-        numbers = tuple(float(v) for mount in mounts for v in mount)
-        return discs, f'mounts: {as_yaml(numbers, 6)}'
-
-    def _tare_rings(self) -> tuple[list[str], str]:
-        """Return the same of a spatial arm."""
-        camera, seen = self._camera, at_rest(self._corners.recent(monotonic()))
-        discs = [str(n) for n in range(len(self._poses)) if camera is not None
-                 and camera.layout.ring(n).keys() & seen]
-        if camera is None or not discs:
-            raise SensorError(NOT_SEEN)
-        self._camera, self._rings = camera_of(self._layout, camera.lens, seen), seen
-        return discs, f'straight: {as_yaml(as_numbers(seen), 7)}'
 
     def _is_repeated(self, picture: Any) -> bool:
         """Whether it is the picture before, bit by bit."""

@@ -14,7 +14,6 @@ from rclpy.node import Node
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.about import About
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
@@ -23,12 +22,7 @@ from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.age import Age
-from soft_continuum.ros.conversions import (
-    measured_pose_to_ros,
-    pose_from_ros,
-    seconds,
-    tracked_pose_to_ros,
-)
+from soft_continuum.ros.conversions import pose_from_ros, seconds, tracked_pose_to_ros
 from soft_continuum.ros.names import DISC_SENSORS, MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.sensing.imu_axes import imu_rotations
@@ -65,12 +59,11 @@ class DiscSensors(Node):
         arm = any_arm_from_parameters(values)
         self._heights = straight_heights(arm)
         count = len(self._heights)
-        self._tracker = Tracker.of(values, count, self._heights[-1], isinstance(arm, Arm))
+        self._tracker = Tracker.of(values, arm)
         position, angle = (values[f'tracker.{name}_deviation'] for name in ('position', 'angle'))
         self._covariance = np.diag([position**2] * 3 + [angle**2] * 3)
         self._rotations = imu_rotations(values['imu.axes'], count)
         self._imus = imus_of(arm, values, count)
-        self._to_ros = measured_pose_to_ros if isinstance(arm, Arm) else tracked_pose_to_ros
         self._sources: list[str] = [''] * count  # topic of the pose of each disc
         self._followed = [Window[Any]() for _ in range(count)]
         self._tared: list[str] = []
@@ -150,7 +143,7 @@ class DiscSensors(Node):
             n, ImuSample(seconds(message.header.stamp), tuple(acceleration.tolist()), rates),
             np.diag(of_acceleration), np.diag(of_rate), monotonic())
         if found is not None:
-            self._publish(n, feed, message.header.stamp, self._to_ros(*found))
+            self._publish(n, feed, message.header.stamp, tracked_pose_to_ros(*found))
 
     # What both have.
 

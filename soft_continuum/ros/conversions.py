@@ -85,15 +85,6 @@ def tracked_pose_to_ros(pose: Array, covariance: Array) -> PoseWithCovarianceSta
     return message
 
 
-def measured_pose_to_ros(pose: Array, covariance: Array) -> PoseWithCovarianceStamped:
-    """
-    Return a measured pose (x, z, angle) and its covariance (3, 3), in m and rad, without header.
-
-    The coordinates that a planar arm does not have get a large variance.
-    """
-    return tracked_pose_to_ros(*in_plane(pose, covariance))
-
-
 def measured_pose_from_ros(message: PoseWithCovarianceStamped, axes: NDArray[np.bool_],
                            frame: str = '') -> tuple[Array, Array]:
     """

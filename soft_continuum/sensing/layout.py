@@ -2,16 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which tag is where: one on every disc, and fixed ones that carry the base frame."""
 
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, Self
+from typing import Any, Self, TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.mechanics.chain import full_poses
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.scalars import as_yaml
+from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, MODULES
+from soft_continuum.sensing.rigid import planar_pose
+from soft_continuum.sensing.tare import straight_heights, tag_mount
+from soft_continuum.sensing.tilt import SensorError
+
+if TYPE_CHECKING:  # OpenCV and matplotlib may not be there
+    from soft_continuum.sensing.pages import Page
+    from soft_continuum.sensing.sight import DiscCamera, Sight
 
 FIRST_FIXED = 100
 """Number of the first fixed tag; the tag of disc N has the number N, the base disc being 0."""
@@ -25,31 +36,96 @@ CORNERS = np.array([(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]) / 2.0
 
 
 @dataclass(frozen=True)
-class TagLayout:
+class Layout(ABC):
     """
-    Tags of the family 36h11 in the plane of the arm, seen from -y: x to the right, z up.
+    Tags of the family 36h11: on the discs, and fixed ones that are numbered from FIRST_FIXED.
 
-    disc_size, fixed_size: edge of the black square, m.  fixed: (fixed, 2) m, centres (x, z) in
-    base_link, numbered from FIRST_FIXED.  depth: m by which the tags of the discs are nearer to
-    the camera than the fixed ones.  deviation, fixed_deviation, depth_deviation: m, standard, of
-    where they are stuck on the discs, where the fixed ones are, and of the depth.
-    disc_heights: (discs,) m.  segment_lengths: (segments,) m, between the discs.
+    disc_size, fixed_size: edge of the black square, m.  fixed: where the fixed ones are, one a
+    row.  deviation, fixed_deviation: m, standard, of where tags are stuck on the discs, and where
+    the fixed ones are.  disc_heights: (discs,) m.  straight_heights: (discs,) m, of the bottom of
+    each disc of the straight arm above base_link.  segment_lengths: (segments,) m, between the
+    discs.
     """
 
     disc_size: float
     fixed_size: float
     fixed: Array
-    depth: float
     deviation: float
     fixed_deviation: float
-    depth_deviation: float
     disc_heights: tuple[float, ...]
+    straight_heights: tuple[float, ...]
     segment_lengths: tuple[float, ...]
 
+    @property
+    def heights(self) -> tuple[float, ...]:
+        """From the bottom of each disc to the middle of its tags, (discs,) m."""
+        return tuple(height / 2.0 for height in self.disc_heights)
+
+    @property
+    def fixed_numbers(self) -> tuple[int, ...]:
+        """Numbers of the fixed tags."""
+        return tuple(range(FIRST_FIXED, FIRST_FIXED + len(self.fixed)))
+
+    @property
+    @abstractmethod
+    def rim(self) -> Array:
+        """Outline of a disc in its frame as views draw it at bottom and top, (k, 3) m."""
+
+    @abstractmethod
+    def numbers(self, disc: int) -> Collection[int]:
+        """Return the numbers of the tags of a disc."""
+
+    @abstractmethod
+    def stuck_as(self, values: Mapping[str, Any]) -> Any:
+        """Return how parameters tags.* say that tags are stuck; raises ParameterError."""
+
+    @abstractmethod
+    def tared(self, stuck: Any, seen: 'Sequence[Sight]') -> tuple[list[int], Any, str]:
+        """
+        Return the discs of which something was seen, how tags are stuck, and that as a parameter.
+
+        stuck: as known before.  seen: of the straight arm, the oldest first.  Raises SensorError
+        for an arm that is not straight, or moves.
+        """
+
+    @abstractmethod
+    def camera(self, lens: Lens, stuck: Any) -> 'DiscCamera':
+        """
+        Return what measures the discs in the pictures of a camera; it needs OpenCV.
+
+        Raises SensorError for tags that cannot be stuck so.
+        """
+
+    @abstractmethod
+    def pages(self) -> 'list[Page]':
+        """Return the pages to print, without the board; raises ParameterError."""
+
+
+def of_arm(arm: AnyArm, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what all layouts have of an arm and of parameters tags.*, by the names of Layout."""
+    return {name: values[f'tags.{name}'] for name in (
+        'disc_size', 'fixed_size', 'deviation', 'fixed_deviation')} | {
+        'disc_heights': tuple(d.height for d in arm.discs),
+        'straight_heights': straight_heights(arm),
+        'segment_lengths': tuple(s.length for s in arm.segments)}
+
+
+@dataclass(frozen=True)
+class TagLayout(Layout):
+    """
+    Tags in the plane of the arm, seen from -y: x to the right, z up; one on every disc.
+
+    fixed: (fixed, 2) m, centres (x, z) in base_link.  depth: m by which the tags of the discs are
+    nearer to the camera than the fixed ones, with the standard deviation depth_deviation.  How
+    tags are stuck are poses (7,), by disc, of the disc in the one that its tag tells.
+    """
+
+    depth: float
+    depth_deviation: float
+
     @classmethod
-    def of(cls, values: Mapping[str, Any]) -> Self:
-        """Return the layout that parameters arm.* and tags.* describe; raises ParameterError."""
-        arm = arm_from_parameters(values)
+    def of(cls, values: Mapping[str, Any], arm: AnyArm) -> Self:
+        """Return the layout of parameters tags.* for this arm; raises ParameterError."""
         positions: Sequence[float] = values['tags.fixed_positions']
         if len(positions) % 2 or len(positions) < 2 * MIN_FIXED:
             raise ParameterError(
@@ -60,25 +136,52 @@ class TagLayout:
             raise ParameterError(
                 'parameter tags.fixed_positions: the tags stand almost in a line, but for one at '
                 'most; put them around the arm, such as at the corners of a rectangle')
-        return cls(values['tags.disc_size'], values['tags.fixed_size'], fixed,
-                   values['tags.depth'], values['tags.deviation'],
-                   values['tags.fixed_deviation'], values['tags.depth_deviation'],
-                   tuple(d.height for d in arm.discs), tuple(s.length for s in arm.segments))
-
-    @property
-    def heights(self) -> tuple[float, ...]:
-        """From the bottom of each disc to the centre of its tag, (discs,) m."""
-        return tuple(height / 2.0 for height in self.disc_heights)
+        return cls(fixed=fixed, depth=values['tags.depth'],
+                   depth_deviation=values['tags.depth_deviation'], **of_arm(arm, values))
 
     @property
     def rim(self) -> Array:
         """Outline of a disc in its frame as views draw it at bottom and top, (2, 3) m."""
         return np.array([[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]]) * self.disc_size
 
-    @property
-    def fixed_numbers(self) -> tuple[int, ...]:
-        """Numbers of the fixed tags."""
-        return tuple(range(FIRST_FIXED, FIRST_FIXED + len(self.fixed)))
+    def numbers(self, disc: int) -> Collection[int]:
+        """Return the number of the tag of a disc."""
+        return (disc,)
+
+    def stuck_as(self, values: Mapping[str, Any]) -> tuple[Array, ...]:
+        """Return the poses of parameter tags.mounts; raises ParameterError."""
+        given, discs = tuple(values['tags.mounts']), len(self.heights)
+        if given == (0.0,):
+            given = (0.0,) * 3 * discs
+        if len(given) != 3 * discs:
+            raise ParameterError(f'parameter tags.mounts has {len(given)} numbers; needed: x, z '
+                                 f'and angle for each of {discs} discs, or 0.0 for none')
+        return tuple(full_poses(np.reshape(given, (discs, 3))))
+
+    def tared(self, stuck: tuple[Array, ...], seen: 'Sequence[Sight]'
+              ) -> tuple[list[int], tuple[Array, ...], str]:
+        """Return it of the discs that are seen in more than half of the pictures."""
+        mounts, discs = list(stuck), []
+        for n, height in enumerate(self.straight_heights):
+            try:
+                poses = [sight.discs[n].by_tags for sight in seen if n in sight.discs]
+                if 2 * len(poses) > len(seen):
+                    mounts[n] = tag_mount(poses, height)
+                    discs.append(n)
+            except SensorError as error:
+                raise SensorError(f'disc {n}: {error}') from None
+        numbers = tuple(float(v) for mount in mounts for v in planar_pose(mount))
+        return discs, tuple(mounts), f'mounts: {as_yaml(numbers, 6)}'
+
+    def camera(self, lens: Lens, stuck: tuple[Array, ...]) -> 'DiscCamera':
+        """Return a TagCamera."""
+        from soft_continuum.sensing.tag_camera import TagCamera
+        return TagCamera(self, lens, stuck)
+
+    def pages(self) -> 'list[Page]':
+        """Return the tags, and a drawing of where they go."""
+        from soft_continuum.sensing.printing import plane_pages
+        return plane_pages(self)
 
     def fixed_corners(self, number: int) -> Array:
         """Return the corners of a fixed tag, (4, 2) m, x and z in base_link."""

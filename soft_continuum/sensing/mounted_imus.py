@@ -18,11 +18,11 @@ from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.orientations import matrices
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.sensing.rigid import in_plane, UNKNOWN
 from soft_continuum.sensing.tare import MAX_TILT, refuse_motion, tilt_of, Window
 from soft_continuum.sensing.tilt import ImuSample, ImuSettings, SensorError, TiltFilter
 from soft_continuum.sensing.up_direction import pose_of_up, turned_upright, UpFilter
 
-UNKNOWN = 1e6  # m^2 or rad^2, variance of what is not measured
 SETTINGS = ('acceleration_deviation', 'rate_deviation', 'bias_deviation', 'motion_acceleration',
             'deviation')
 
@@ -69,7 +69,7 @@ class PlanarImus:
 
     def measure(self, n: int, sample: ImuSample, accelerations: Array, rates: Array, now: float
                 ) -> tuple[Array, Array] | None:
-        """Return x, z and angle."""
+        """Return a pose of which only the angle is known."""
         if n not in self._filters:  # raises where there is no gravity
             self._filters[n] = TiltFilter(self._settings)
         found = self._filters[n]
@@ -78,8 +78,8 @@ class PlanarImus:
                 acceleration_variance=float(max(accelerations[0], accelerations[2])))):
             return None
         self._windows[n].add(now, found.angle)
-        return (np.array([0.0, 0.0, found.angle - self.mounts[n]]),
-                np.diag([UNKNOWN, UNKNOWN, found.variance]))
+        return in_plane(np.array([0.0, 0.0, found.angle - self.mounts[n]]),
+                        np.diag([UNKNOWN, UNKNOWN, found.variance]))
 
     def straight(self, n: int, now: float) -> float | None:
         """Return the angle."""

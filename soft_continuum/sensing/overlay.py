@@ -6,10 +6,9 @@ import cv2
 import numpy as np
 
 from soft_continuum.colours import Colour, MEASURED, MODEL
-from soft_continuum.sensing.any_camera import AnyCamera
 from soft_continuum.sensing.pictures import Array, Picture
 from soft_continuum.sensing.rigid import rotate
-from soft_continuum.sensing.sight import Sight
+from soft_continuum.sensing.sight import DiscCamera, Sight
 
 SIZE = 640  # px, longer edge of what is drawn
 QUALITY = 75  # of the JPEG
@@ -19,7 +18,7 @@ ON_CURVE = 12  # points of a segment's middle line
 SHIFT = 4  # bits after the point of a pixel, as OpenCV draws
 
 
-def overlay(picture: Picture, camera: AnyCamera | None = None, sight: Sight | None = None,
+def overlay(picture: Picture, camera: DiscCamera | None = None, sight: Sight | None = None,
             model: Array | None = None) -> bytes:
     """
     Return a JPEG of a grey picture (height, width), 640 px large, with what is known over it.

@@ -7,22 +7,19 @@ from pathlib import Path
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.patches import Circle, Rectangle
 
-from soft_continuum.sensing.any_camera import AnyLayout
-from soft_continuum.sensing.layout import TagLayout
+from soft_continuum.sensing.layout import Layout, TagLayout
 from soft_continuum.sensing.pages import board_page, BORDER, Page, tag_pages
-from soft_continuum.sensing.ring_layout import RingLayout
-from soft_continuum.sensing.ring_printing import ring_pages
 
 
-def write_tags(path: Path, layout: AnyLayout) -> None:
+def write_tags(path: Path, layout: Layout) -> None:
     """Write a PDF of A4 with all tags of a layout; raises OSError, ParameterError."""
-    pages = ring_pages(layout) if isinstance(layout, RingLayout) else _plane_pages(layout)
+    pages = layout.pages()
     with PdfPages(path) as pdf:
         for page in (*pages, board_page()):  # as large as the page: nothing scales it
             pdf.savefig(page)
 
 
-def _plane_pages(layout: TagLayout) -> list[Page]:
+def plane_pages(layout: TagLayout) -> list[Page]:
     """Return the pages of a planar arm."""
     of_discs = [f'disc {n}{" (base)" if n == 0 else ""}, {height * 1e3:g} mm up'
                 for n, height in enumerate(layout.heights)]
@@ -44,13 +41,12 @@ def _drawing(layout: TagLayout) -> Page:
         axes.add_patch(Rectangle((x - half, z - half), 2 * half, 2 * half, color='0.3'))
         axes.text(x, z - half - 0.005, f'{number}\n({x * 1e3:.0f}, {z * 1e3:.0f})', va='top',
                   ha='center', fontsize=8)
-    below = 0.0
-    for n, (height, middle) in enumerate(zip(layout.disc_heights, layout.heights, strict=True)):
+    for n, (below, height, middle) in enumerate(zip(
+            layout.straight_heights, layout.disc_heights, layout.heights, strict=True)):
         axes.add_patch(Rectangle((-0.02, below), 0.04, height, color='0.8'))
         half = layout.disc_size / 2.0
         axes.add_patch(Rectangle((-half, below + middle - half), 2 * half, 2 * half, color='0.3'))
         axes.text(0.03, below + middle, f'{n}', fontsize=8, va='center')
-        below += height + (layout.segment_lengths[n] if n < len(layout.segment_lengths) else 0.0)
     axes.add_patch(Circle((0.0, 0.0), 0.004, color='C3'))
     axes.annotate('origin of base_link: bottom\ncentre of the base disc', (0.0, 0.0),
                   (0.06, -0.03), color='C3', fontsize=8, arrowprops={'arrowstyle': '-'})

@@ -9,6 +9,7 @@ The pose of B in A takes coordinates in B to coordinates in A.
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from soft_continuum.mechanics.arm import PLANAR_AXES
 from soft_continuum.mechanics.chain import Array, full_poses
@@ -27,6 +28,18 @@ def in_plane(pose: Array, covariance: Array) -> tuple[Array, Array]:
     found = UNKNOWN * np.eye(6)
     found[np.ix_(PLANAR_AXES, PLANAR_AXES)] = covariance
     return full_poses(np.reshape(pose, (1, 3)))[0], found
+
+
+def planar_pose(pose: Array) -> Array:
+    """Return x, z (m) and angle (rad), (3,), of a pose in the plane of a planar arm."""
+    x, _, z, _, sine, _, cosine = pose  # of half the angle, with either sign
+    return np.array([x, z, np.arctan2(2.0 * sine * cosine, cosine**2 - sine**2)])
+
+
+def moved_by(turns: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which directions x, y, z (3,) change when something turns about these axes (3,)."""
+    moved: NDArray[np.bool_] = turns.sum() > turns
+    return moved
 
 
 def compose(outer: Array, inner: Array) -> Array:
@@ -50,11 +63,12 @@ def rotate(quaternion: Array, vector: Array) -> Array:
 
 
 def mean_pose(poses: Sequence[Array]) -> Array:
-    """Return the mean of poses that lie close together; a quaternion counts as its negative."""
+    """Return the mean of poses that lie close together, w not negative, whatever theirs are."""
     rows = np.array(poses)
     quaternions = rows[:, 3:]
     _, vectors = np.linalg.eigh(quaternions.T @ quaternions)
-    return np.concatenate([rows[:, :3].mean(axis=0), vectors[:, -1]])
+    turn = vectors[:, -1]
+    return np.concatenate([rows[:, :3].mean(axis=0), turn if turn[3] >= 0.0 else -turn])
 
 
 def angle_between(one: Array, other: Array) -> float:

@@ -19,10 +19,7 @@ from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, cross, PoseFit, Ta
 from soft_continuum.sensing.ring_layout import MIN_FIXED, off_a_line, RingLayout, Tag
 from soft_continuum.sensing.ring_tare import PlacedTags
 from soft_continuum.sensing.sight import DiscPose, exchanged, Sight, TagFinder
-from soft_continuum.sensing.tag_camera import (
-    MAX_RESIDUAL,
-    MAX_SCALE_ERROR,
-)
+from soft_continuum.sensing.tag_camera import MAX_RESIDUAL, MAX_SCALE_ERROR
 
 FAR_OFF = 0.5  # of a size, relative: no printer does that
 MAX_MISFIT = 16.0  # of corners over what is expected of them, both squared
@@ -70,12 +67,12 @@ class RingCamera:
         if 0 in fits and (wrong_scale := self._wrong_scale(fits[0], view)):
             return Sight({}, numbers, np.nan, (*problems, wrong_scale), corners, view)
         poses = {n: view.pose(fit) for n, fit in fits.items()}
-        wrong, on_wrong_discs = self._implausible(poses)
+        wrong, on_wrong_discs = exchanged(poses, self.layout)
         fits = {n: fit for n, fit in fits.items() if n not in wrong}
         used = [view.base, *fits.values()]
         factor = sum(fit.misfit for fit in used) / sum(fit.freedom for fit in used)
         discs = {n: DiscPose(poses[n], view.covariance(fit, max(1.0, factor))
-                             + self._of_ring(n, poses[n]), fit.residual)
+                             + self._of_ring(n, poses[n]), fit.residual, poses[n])
                  for n, fit in fits.items()}
         deviation = CORNER_DEVIATION * float(np.sqrt(factor))
         return Sight(discs, numbers, deviation, (*problems, *on_wrong_discs), corners, view)
@@ -130,16 +127,6 @@ class RingCamera:
         return (f'the tags of disc 0 are {factor * self.layout.disc_size * 1e3:.1f} mm large, '
                 f'measured by the fixed tags, not {self.layout.disc_size * 1e3:.1f} mm: print at '
                 '100 %, or correct tags.disc_size; is the ring of the base where it should be?')
-
-    def _implausible(self, poses: Mapping[int, Array]) -> tuple[set[int], list[str]]:
-        """Return neighbours that are nearer or farther than the segment between them lets."""
-        chords = {}
-        for n in range(len(self.layout.segment_lengths)):
-            if n in poses and n + 1 in poses:
-                along = Rotation.from_quat(poses[n][3:]).as_matrix()[:, 2]
-                top = poses[n][:3] + self.layout.disc_heights[n] * along
-                chords[n] = float(np.linalg.norm(poses[n + 1][:3] - top))
-        return exchanged(chords, self.layout.segment_lengths)
 
     def _of_ring(self, n: int, pose: Array) -> Array:
         """Return the covariance of a disc by how its ring sits on it."""

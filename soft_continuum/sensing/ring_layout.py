@@ -2,19 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which tag is where on a spatial arm: rings of them around the discs, and fixed ones."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, pi, sin, tan
-from typing import Any, Self
+from typing import Any, Self, TYPE_CHECKING
 
 import numpy as np
 import scipy
 
-from soft_continuum.mechanics.spatial.arm import SpatialArm
-from soft_continuum.mechanics.spatial.chain import SpatialChain
+from soft_continuum.mechanics.either import AnyArm, chain_of
+from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.sensing.layout import CORNERS, FIRST_FIXED, QUIET
+from soft_continuum.parameters.scalars import as_yaml
+from soft_continuum.sensing.layout import CORNERS, FIRST_FIXED, Layout, of_arm, QUIET, TagLayout
+from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, FAMILY_SIZE
+from soft_continuum.sensing.straight_corners import as_numbers, at_rest, Corners, from_numbers
+
+if TYPE_CHECKING:  # OpenCV and matplotlib may not be there
+    from soft_continuum.sensing.pages import Page
+    from soft_continuum.sensing.sight import DiscCamera, Sight
 
 MIN_FIXED = 3
 MIN_WIDTH = 0.1
@@ -49,32 +56,24 @@ class Tag:
 
 
 @dataclass(frozen=True)
-class RingLayout:
+class RingLayout(Layout):
     """
-    Tags of the family 36h11 around a spatial arm.
+    Rings of tags around a spatial arm.
 
     Around every disc lies a prism of ``faces`` tags, edge to edge, upright: z of the disc is up.
     Face k of disc N looks from the axis along k / faces of a turn about z from x, and has the
-    number faces * N + k.  disc_size, fixed_size: edge of the black square, m.  fixed: (fixed, 4),
-    centre x, y, z (m) in base_link and the direction that it looks (rad about z from x), numbered
-    from FIRST_FIXED; z of base_link is up.  deviation, ring_deviation, fixed_deviation: m,
-    standard, of where tags are on their ring, rings on their disc, and fixed tags.  disc_heights,
-    disc_radii: (discs,) m.  segment_lengths: (segments,) m, between the discs.
+    number faces * N + k.  fixed: (fixed, 4), centre x, y, z (m) in base_link and the direction
+    that it looks (rad about z from x); z of base_link is up.  deviation, ring_deviation: m,
+    standard, of where tags are on their ring, and rings on their disc.  disc_radii: (discs,) m.
+    How tags are stuck is where their corners are seen of the straight arm.
     """
 
     faces: int
-    disc_size: float
-    fixed_size: float
-    fixed: Array
-    deviation: float
     ring_deviation: float
-    fixed_deviation: float
-    disc_heights: tuple[float, ...]
     disc_radii: tuple[float, ...]
-    segment_lengths: tuple[float, ...]
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], arm: SpatialArm) -> Self:
+    def of(cls, values: Mapping[str, Any], arm: AnyArm) -> Self:
         """Return the layout of parameters tags.* for this arm; raises ParameterError."""
         numbers = values['tags.fixed_poses']
         if len(numbers) % 4 or len(numbers) < 4 * MIN_FIXED:
@@ -93,11 +92,8 @@ class RingLayout:
         if FIRST_FIXED + len(fixed) > FAMILY_SIZE:
             raise ParameterError(f'parameter tags.fixed_poses has {len(fixed)} tags; allowed: '
                                  f'{FAMILY_SIZE - FIRST_FIXED} at most')
-        found = cls(
-            faces, values['tags.disc_size'], values['tags.fixed_size'], fixed,
-            values['tags.deviation'], values['tags.ring_deviation'],
-            values['tags.fixed_deviation'], tuple(d.height for d in arm.discs),
-            tuple(SpatialChain(arm).disc_radii.tolist()), tuple(s.length for s in arm.segments))
+        found = cls(fixed=fixed, faces=faces, ring_deviation=values['tags.ring_deviation'],
+                    disc_radii=tuple(chain_of(arm).disc_radii.tolist()), **of_arm(arm, values))
         widest = max(found.disc_radii)
         if found.radius < widest:
             raise ParameterError(
@@ -118,26 +114,11 @@ class RingLayout:
         return self.face / 2.0 / tan(pi / self.faces)
 
     @property
-    def heights(self) -> tuple[float, ...]:
-        """From the bottom of each disc to the middle of its ring, (discs,) m."""
-        return tuple(height / 2.0 for height in self.disc_heights)
-
-    @property
-    def straight_heights(self) -> tuple[float, ...]:
-        """Bottom of each disc of the straight arm above base_link, (discs,) m."""
-        return (0.0, *np.cumsum(np.add(self.disc_heights[:-1], self.segment_lengths)).tolist())
-
-    @property
     def rim(self) -> Array:
         """Outline of a disc in its frame as views draw it at bottom and top, (faces, 3) m."""
         turns = 2.0 * pi / self.faces * (np.arange(self.faces) + 0.5)
         outer = self.radius / cos(pi / self.faces)
         return np.column_stack([outer * np.cos(turns), outer * np.sin(turns), 0.0 * turns])
-
-    @property
-    def fixed_numbers(self) -> tuple[int, ...]:
-        """Numbers of the fixed tags."""
-        return tuple(range(FIRST_FIXED, FIRST_FIXED + len(self.fixed)))
 
     @property
     def fixed_tags(self) -> dict[int, Tag]:
@@ -149,11 +130,49 @@ class RingLayout:
     def ring(self, disc: int) -> dict[int, Tag]:
         """Return the tags of a disc in its frame, from the centre of its bottom, by number."""
         found, spread = {}, _spread(self.deviation, self.disc_size)
-        for k in range(self.faces):
+        for k, number in enumerate(self.numbers(disc)):
             axes = _upright(2.0 * pi * k / self.faces)
             centre = self.radius * axes[2] + [0.0, 0.0, self.heights[disc]]
-            found[self.faces * disc + k] = Tag(centre, axes, self.disc_size, spread)
+            found[number] = Tag(centre, axes, self.disc_size, spread)
         return found
+
+    def numbers(self, disc: int) -> Collection[int]:
+        """Return those of the ring of a disc."""
+        return range(self.faces * disc, self.faces * (disc + 1))
+
+    def stuck_as(self, values: Mapping[str, Any]) -> Corners:
+        """Return the corners of parameter tags.straight; raises ParameterError."""
+        if any(values['tags.mounts']):
+            raise ParameterError('parameter tags.mounts is of planar arms; of a spatial one keep '
+                                 'tags.straight, which a tare answers: tare again')
+        return from_numbers(values['tags.straight'])
+
+    def tared(self, stuck: Corners, seen: 'Sequence[Sight]') -> tuple[list[int], Corners, str]:
+        """Return it of the tags that are seen in more than half of the pictures."""
+        corners = at_rest([sight.corners for sight in seen])
+        discs = [n for n in range(len(self.heights)) if not corners.keys().isdisjoint(
+            self.numbers(n))]
+        return discs, corners, f'straight: {as_yaml(as_numbers(corners), 7)}'
+
+    def camera(self, lens: Lens, stuck: Corners) -> 'DiscCamera':
+        """Return a RingCamera."""
+        from soft_continuum.sensing.ring_camera import RingCamera
+        return RingCamera(self, lens, stuck)
+
+    def pages(self) -> 'list[Page]':
+        """Return strips of tags to fold, and a drawing of where everything goes."""
+        from soft_continuum.sensing.ring_printing import ring_pages
+        return ring_pages(self)
+
+
+def layout_of(values: Mapping[str, Any]) -> Layout:
+    """
+    Return the tags that parameters arm.* and tags.* describe; raises ParameterError.
+
+    Discs that stay in a plane show a tag to a camera before it; others need one on every side.
+    """
+    arm = any_arm_from_parameters(values)
+    return (RingLayout if arm.pose_axes.all() else TagLayout).of(values, arm)
 
 
 def off_a_line(points: Array) -> bool:

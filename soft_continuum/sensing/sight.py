@@ -3,15 +3,18 @@
 """What one picture shows: tags, and from them the discs."""
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 import cv2
+import numpy as np
 
 from soft_continuum.sensing.corners import TagDetector
+from soft_continuum.sensing.layout import Layout
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, is_black, Picture
+from soft_continuum.sensing.rigid import rotate
 
 MIN_CHORD, MAX_CHORD = 0.5, 1.05  # of a segment's length, between the discs at its ends
 
@@ -21,14 +24,16 @@ class DiscPose:
     """
     Where a disc was seen: pose of its bottom in base_link, m and rad.
 
-    pose, covariance: (x, z, angle) and (3, 3) of a planar arm.  Of a spatial one position and
-    quaternion x, y, z, w, (7,), and (6, 6) of the position and of a rotation vector along the
-    axes of base_link.  residual: px, RMS of the corners of its tags.
+    pose, covariance: position and quaternion x, y, z, w, (7,), and (6, 6) of the position and of
+    a rotation vector along the axes of base_link.  residual: px, RMS of the corners of its tags.
+    by_tags: (7,), its pose if its tags were stuck as they are meant to be, as far as that is
+    kept apart.
     """
 
     pose: Array
     covariance: Array
     residual: float
+    by_tags: Array
 
 
 class View(Protocol):
@@ -93,15 +98,34 @@ class TagFinder:
         return '; is something before them, are they in the picture, sharp and lit?'
 
 
-def exchanged(chords: Mapping[int, float], lengths: Sequence[float]) -> tuple[set[int], list[str]]:
+class DiscCamera(Protocol):
+    """Measures the discs in the pictures of one camera."""
+
+    @property
+    def layout(self) -> Layout:
+        """Where the tags are."""
+
+    @property
+    def lens(self) -> Lens:
+        """Calibration of the camera."""
+
+    def measure(self, picture: Picture) -> Sight:
+        """Return what a grey picture (height, width) shows."""
+
+
+def exchanged(poses: Mapping[int, Array], layout: Layout) -> tuple[set[int], list[str]]:
     """
     Return the discs that are nearer or farther than the segment between them lets, and why.
 
-    chords: by segment, from the top of the disc below to the bottom of that above, m.
+    poses: (7,), of the discs that are seen.
     """
     wrong: set[int] = set()
     problems = []
-    for n, chord in chords.items():
+    lengths = layout.segment_lengths
+    for n in sorted(poses.keys() & {above - 1 for above in poses}):
+        along = rotate(poses[n][3:], np.array([0.0, 0.0, 1.0]))
+        top = poses[n][:3] + layout.disc_heights[n] * along
+        chord = float(np.linalg.norm(poses[n + 1][:3] - top))  # to the bottom of that above
         if not MIN_CHORD * lengths[n] <= chord <= MAX_CHORD * lengths[n]:
             wrong |= {n, n + 1}
             problems.append(

@@ -8,15 +8,17 @@ the picture.  The pose of a disc is the one at which its tag's corners are where
 the least-squares sense.  One tag's depth and tilt, which a single tag tells badly, are not used.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from soft_continuum.mechanics.chain import full_poses
 from soft_continuum.sensing.layout import carry_a_plane, directions, MIN_FIXED, TagLayout
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, Picture
+from soft_continuum.sensing.rigid import compose, IDENTITY, in_plane
 from soft_continuum.sensing.sight import DiscPose, exchanged, Sight, TagFinder
 
 SHARED_DEVIATION = 0.05  # px that all corners of a tag are off alike: residuals do not show it
@@ -29,10 +31,16 @@ ITERATIONS = 5
 class TagCamera:
     """Measures the discs in the pictures of one camera."""
 
-    def __init__(self, layout: TagLayout, lens: Lens) -> None:
-        """Take where the tags are, and the calibration of the camera."""
-        self.layout, self.lens = layout, lens
-        known = {*layout.fixed_numbers, *range(len(layout.heights))}
+    def __init__(self, layout: TagLayout, lens: Lens, mounts: Sequence[Array] = ()) -> None:
+        """
+        Take where the tags are, and the calibration of the camera.
+
+        mounts: by disc, its pose (7,) in the one that its tag tells; none for tags that are where
+        they are meant to be.
+        """
+        self.layout, self.lens, discs = layout, lens, len(layout.heights)
+        self._mounts = mounts or [np.array(IDENTITY)] * discs
+        known = {*layout.fixed_numbers, *range(discs)}
         self._finder = TagFinder(lens, known, known)
 
     def measure(self, picture: Picture) -> Sight:
@@ -50,13 +58,17 @@ class TagCamera:
                 del fits[n]
                 problems.append(f'the tag of disc {n} does not fit by {fit.residual:.1f} px; is '
                                 'it flat, and of the size tags.disc_size?')
-        wrong, on_wrong_discs = self._implausible(fits)
+        wrong, on_wrong_discs = exchanged(
+            {n: full_poses(fit.pose[None])[0] for n, fit in fits.items()}, self.layout)
         fits = {n: fit for n, fit in fits.items() if n not in wrong}
         squares = plane.squares + sum(8.0 * fit.residual**2 for fit in fits.values())
         deviation = np.sqrt(squares / (plane.freedom + 5 * len(fits)))
         variance = deviation**2 + SHARED_DEVIATION**2
-        discs = {n: DiscPose(fit.pose, variance * fit.covariance + self._fixed_covariance(n, fit),
-                             fit.residual) for n, fit in fits.items()}
+        discs = {}
+        for n, fit in fits.items():
+            by_tag, covariance = in_plane(
+                fit.pose, variance * fit.covariance + self._fixed_covariance(n, fit))
+            discs[n] = DiscPose(compose(by_tag, self._mounts[n]), covariance, fit.residual, by_tag)
         return Sight(discs, numbers, float(deviation), (*problems, *on_wrong_discs), corners,
                      plane)
 
@@ -83,16 +95,6 @@ class TagCamera:
         covariance[:2, :2] += across * (
             (FOCAL_DEVIATION * self.layout.depth)**2 + self.layout.depth_deviation**2)
         return covariance
-
-    def _implausible(self, fits: Mapping[int, '_Fit']) -> tuple[set[int], list[str]]:
-        """Return neighbours that are nearer or farther than the segment between them lets."""
-        chords = {}
-        for n in range(len(self.layout.segment_lengths)):
-            if n in fits and n + 1 in fits:
-                below = fits[n].pose
-                top = below[:2] + self.layout.disc_heights[n] * directions(below[2])[1]
-                chords[n] = float(np.linalg.norm(fits[n + 1].pose[:2] - top))
-        return exchanged(chords, self.layout.segment_lengths)
 
 
 @dataclass(frozen=True)

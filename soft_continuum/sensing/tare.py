@@ -4,6 +4,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+from math import degrees
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -27,6 +28,8 @@ MAX_SHIFT, MAX_TURN = 0.001, 0.01
 """m and rad by which the first and the second half of them may differ."""
 MAX_DISTANCE = 0.3
 """m between a disc and what is followed of it."""
+MAX_TAG_SHIFT, MAX_TAG_TURN = 0.01, 0.2
+"""m and rad by which a tag may be off; more is an arm that is not straight."""
 MAX_TILT = 0.5
 """rad by which an IMU may be turned on its disc."""
 
@@ -88,19 +91,37 @@ def mount_of(followed: Sequence[Array], height: float) -> Array:
     height: z of the bottom of the disc in the straight arm, m.  Raises SensorError when it
     moves, or is too far away to be mounted on the disc.
     """
-    half = len(followed) // 2
-    before, after = mean_pose(followed[:half]), mean_pose(followed[half:])
-    shift, turn = float(np.linalg.norm(after[:3] - before[:3])), angle_between(before, after)
-    refuse_motion(shift, turn)
-    straight = np.array(IDENTITY)
-    straight[2] = height
-    mean = mean_pose(followed)
-    distance = float(np.linalg.norm(mean[:3] - straight[:3]))
-    if distance > MAX_DISTANCE:
+    mount = _mount(followed, height)
+    if (distance := float(np.linalg.norm(mount[:3]))) > MAX_DISTANCE:
         raise SensorError(
             f'it is {distance:.2f} m from where its disc is in the straight arm; give where '
             'base_link is (tracker.base_pose)')
-    return compose(inverse(mean), straight)
+    return mount
+
+
+def tag_mount(poses: Sequence[Array], height: float) -> Array:
+    """
+    Return the pose (7,) of a disc in the one that its tag tells, from such poses (k, 7).
+
+    height: as of mount_of.  Raises SensorError when it moves, or is too far off.
+    """
+    mount = _mount(poses, height)
+    shift, turn = float(np.linalg.norm(mount[:3])), angle_between(mount, np.array(IDENTITY))
+    if shift > MAX_TAG_SHIFT or turn > MAX_TAG_TURN:
+        raise SensorError(
+            f'it is seen {shift * 1e3:.1f} mm and {degrees(turn):.1f} degrees from where it is in '
+            'the straight arm; is the arm straight, does tags.fixed_positions fit?')
+    return mount
+
+
+def _mount(poses: Sequence[Array], height: float) -> Array:
+    """Return the pose of a disc of the straight arm in what has these poses; it must rest."""
+    half = len(poses) // 2
+    before, after = mean_pose(poses[:half]), mean_pose(poses[half:])
+    refuse_motion(float(np.linalg.norm(after[:3] - before[:3])), angle_between(before, after))
+    straight = np.array(IDENTITY)
+    straight[2] = height
+    return compose(inverse(mean_pose(poses)), straight)
 
 
 def tilt_of(angles: Sequence[float]) -> float:

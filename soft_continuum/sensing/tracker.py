@@ -8,10 +8,13 @@ from math import acos, degrees
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.sensing.rigid import compose, IDENTITY, inverse, rotate
+from soft_continuum.sensing.rigid import compose, IDENTITY, inverse, moved_by, rotate
+from soft_continuum.sensing.tare import straight_heights
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.text import MAX_NAME, printable
 
@@ -32,7 +35,7 @@ class Tracker:
 
     frame: base_link.  own_frame: of the tracker, empty if that is base_link.  to_base: pose (7,)
     of its frame in base_link.  mounts: by disc, pose (7,) of the disc in what is followed.  reach:
-    m, how far from the base a disc can be.  planar: whether discs stay in the plane of the arm.
+    m, how far from the base a disc can be.  axes: (6,), as pose_axes of the arm.
     """
 
     frame: str
@@ -40,12 +43,12 @@ class Tracker:
     to_base: Array
     mounts: tuple[Array, ...]
     reach: float
-    planar: bool = True
+    axes: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], discs: int, reach: float, planar: bool = True) -> Self:
+    def of(cls, values: Mapping[str, Any], arm: AnyArm) -> Self:
         """Return the tracker of parameters frame_id and tracker.*; raises ParameterError."""
-        given = values['tracker.mounts']
+        given, discs = values['tracker.mounts'], len(arm.discs)
         if tuple(given) == (0.0,):
             given = IDENTITY * discs
         if len(given) != 7 * discs:
@@ -54,8 +57,8 @@ class Tracker:
                 f'quaternion x, y, z, w for each of {discs} discs, or 0.0 for none')
         mounts = tuple(given_pose('tracker.mounts', given[7 * n:7 * n + 7]) for n in range(discs))
         base = given_pose('tracker.base_pose', values['tracker.base_pose'])
-        return cls(values['frame_id'], values['tracker.frame_id'], inverse(base), mounts, reach,
-                   planar)
+        return cls(values['frame_id'], values['tracker.frame_id'], inverse(base), mounts,
+                   straight_heights(arm)[-1], arm.pose_axes)
 
     def in_base(self, frame: str, pose: Sequence[float]) -> Array:
         """
@@ -83,20 +86,22 @@ class Tracker:
         """
         Return the pose (7,) of the bottom of a disc, from that of what is followed.
 
-        Raises SensorError when it is far from the arm, or out of the plane of a planar one.
+        Raises SensorError when it is far from the arm, or where its discs cannot go.
         """
         pose = compose(followed, self.mounts[n])
         if pose[6] < 0.0:
             pose[3:] *= -1.0
-        lean = acos(min(1.0, float(rotate(pose[3:], np.array([0.0, 1.0, 0.0]))[1])))
         distance = float(np.linalg.norm(pose[:3]))
         if distance > self.reach + MAX_BEYOND:
             raise SensorError(
                 f'{distance:.3g} m from the base, the straight arm has {self.reach:.3g} m; are '
                 'positions in m, is tracker.base_pose right, was ~/tare called?')
-        if self.planar and (lean > MAX_LEAN or abs(pose[1]) > MAX_OFF_PLANE):
+        off = float(np.linalg.norm(pose[:3][~self.axes[:3]]))
+        lean = max((acos(min(1.0, float(rotate(pose[3:], axis) @ axis)))
+                    for axis in np.eye(3)[~moved_by(self.axes[3:])]), default=0.0)
+        if lean > MAX_LEAN or off > MAX_OFF_PLANE:
             raise SensorError(
-                f'{degrees(lean):.0f} degrees and {abs(pose[1]) * 1e3:.0f} mm out of the plane of '
+                f'{degrees(lean):.0f} degrees and {off * 1e3:.0f} mm out of the plane of '
                 'the arm; call ~/tare with the arm straight, and check tracker.base_pose')
         return pose
 

@@ -18,7 +18,8 @@ from sensor_msgs.msg import Imu, JointState
 from soft_continuum.cli import doctor
 from soft_continuum.cli.doctor_sensors import judged
 from soft_continuum.hardware.checks import Check
-from soft_continuum.ros.conversions import measured_pose_to_ros, tracked_pose_to_ros
+from soft_continuum.ros.conversions import tracked_pose_to_ros
+from support.planar import measured_pose_to_ros
 from support.ros_rig import Rig, STREAM
 
 NOW = 1000.0

@@ -21,15 +21,11 @@ from soft_continuum.client.measured import mean_of
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_any_arm, load_arm
-from soft_continuum.ros.conversions import (
-    measured_pose_to_ros,
-    planar_poses,
-    poses_from_ros,
-    tracked_pose_to_ros,
-)
+from soft_continuum.ros.conversions import planar_poses, poses_from_ros, tracked_pose_to_ros
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.progress import Phase, Progress
 from support.descriptions import given
+from support.planar import measured_pose_to_ros
 from support.ros_rig import Rig, STREAM
 
 OFFSET = np.array([0.001, -0.002, 0.0])  # m, m, rad: by which the tracker is off

@@ -15,9 +15,9 @@ from soft_continuum.estimation.unknowns import STRETCH
 from soft_continuum.mechanics import Statics
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.ros.conversions import measured_pose_to_ros
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum_interfaces.msg import Anomaly, JammingValvesState, KinematicsState
+from support.planar import measured_pose_to_ros
 from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig
 
 COVARIANCE = np.diag([8e-4, 8e-4, 1e-2])**2

@@ -17,10 +17,11 @@ from soft_continuum.mechanics import Equilibrium, Statics, StaticsError
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.ros.conversions import measured_pose_to_ros, planar_poses, poses_from_ros
+from soft_continuum.ros.conversions import planar_poses, poses_from_ros
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, JammingValvesState, KinematicsState
+from support.planar import measured_pose_to_ros
 from support.ros_rig import LATCHED, Recording, RELIABLE, Rig, STREAM
 
 ARM = load_arm(description_file())

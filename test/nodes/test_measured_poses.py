@@ -15,9 +15,9 @@ from rclpy.serialization import serialize_message
 from soft_continuum.nodes.measured_poses import MeasuredPoses
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.ros.conversions import measured_pose_to_ros
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.ros_time import stamp_of
+from support.planar import measured_pose_to_ros
 from support.ros_rig import Rig
 
 ARM, FRAME = load_arm(description_file()), 'base_link'

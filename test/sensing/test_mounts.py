@@ -8,16 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+import yaml
 
 from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import full_poses
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.imu_axes import imu_rotations
-from soft_continuum.sensing.tag_mounts import mounted, tag_mount, tag_mounts
-from soft_continuum.sensing.tare import mount_of, straight_heights, tilt_of, Window
+from soft_continuum.sensing.rigid import compose, planar_pose
+from soft_continuum.sensing.sight import DiscPose, Sight
+from soft_continuum.sensing.tare import mount_of, straight_heights, tag_mount, tilt_of, Window
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.sensing.tracker import Tracker
+from support import space_views, views
 
 VALUES = {'frame_id': 'base_link', 'tracker.frame_id': 'world', 'tracker.mounts': (0.0,)}
 
@@ -32,17 +36,18 @@ def row(pose):
     return np.array([*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_quat()])
 
 
-def tracker(base, discs=4):
-    return Tracker.of({**VALUES, 'tracker.base_pose': tuple(row(base))}, discs, 0.3)
+def tracker(base, arm=views.ARM):
+    return Tracker.of({**VALUES, 'tracker.base_pose': tuple(row(base))}, arm)
 
 
+@pytest.mark.parametrize('arm', [views.ARM, space_views.ARM], ids=['in the plane', 'in space'])
 @pytest.mark.parametrize('seed', range(20))
-def test_after_a_tare_discs_are_measured_wherever_base_and_markers_are(seed):
+def test_after_a_tare_discs_are_measured_wherever_base_and_markers_are(seed, arm):
     rng = np.random.default_rng(seed)
     base = matrix(rng.uniform(-2.0, 2.0, 3), Rotation.random(random_state=seed))
     mounted = matrix(rng.uniform(-0.1, 0.1, 3), Rotation.random(random_state=seed + 100))
     straight = matrix((0.0, 0.0, 0.2), Rotation.identity())
-    found = tracker(base)
+    found = tracker(base, arm)
     noise = [replace_noise(row(base @ straight @ mounted), rng) for _ in range(50)]
     mount = mount_of([found.in_base('world', pose) for pose in noise], 0.2)
     found = replace(found, mounts=(mount,) * 4)
@@ -76,6 +81,14 @@ def test_what_is_no_pose_of_a_disc_in_the_plane_is_refused(change, named):
     with pytest.raises(SensorError, match=named):
         found.disc(0, found.in_base(change.get('frame', 'world'),
                                     change.get('pose', (0, 0, 0, 0, 0, 0, 1))))
+
+
+def test_discs_of_an_arm_in_space_may_be_out_of_any_plane():
+    found = tracker(np.eye(4), space_views.ARM)
+    pose = np.array([0.0, 0.2, 0.1, 0.5, 0.5, 0.5, 0.5])
+    assert found.disc(0, found.in_base('world', pose)) == pytest.approx(pose)
+    with pytest.raises(SensorError, match='300 m from the base'):
+        found.disc(0, found.in_base('world', (0, 0, 300.0, 0, 0, 0, 1)))
 
 
 def test_without_a_frame_of_the_tracker_the_remedy_is_named():
@@ -131,7 +144,7 @@ def test_the_straight_arm_is_as_high_as_its_parts():
 def test_parameters_that_are_no_poses_are_refused(change):
     values = {**VALUES, 'tracker.base_pose': (0, 0, 0, 0, 0, 0, 1), **change}
     with pytest.raises(ParameterError, match=next(iter(change))):
-        Tracker.of(values, 4, 0.3)
+        Tracker.of(values, views.ARM)
 
 
 def test_tags_that_are_stuck_off_tell_where_the_disc_is_after_a_tare():
@@ -139,14 +152,40 @@ def test_tags_that_are_stuck_off_tell_where_the_disc_is_after_a_tare():
         return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
 
     def seen(pose):  # 2 mm to the right of it, 1 mm low, and turned by 0.05 rad
-        return np.array([*(pose[:2] + turn(pose[2]) @ [0.002, -0.001]), pose[2] + 0.05])
+        return in_space(*(pose[:2] + turn(pose[2]) @ [0.002, -0.001]), pose[2] + 0.05)
 
     mount = tag_mount([seen(np.array([0.0, 0.2, 0.0]))] * 10, 0.2)
     for pose in ([0.0, 0.2, 0.0], [0.05, 0.15, 1.0], [-0.1, 0.1, -2.0]):
-        assert mounted(seen(np.array(pose)), mount) == pytest.approx(pose)
-    assert tag_mounts({'tags.mounts': tuple(range(12))}, 4)[2] == pytest.approx([6.0, 7.0, 8.0])
+        assert planar_pose(compose(seen(np.array(pose)), mount)) == pytest.approx(pose)
+
+
+def in_space(*planar):
+    """Return the pose (7,) that x, z (m) and angle (rad) are."""
+    return full_poses(np.array([planar]))[0]
+
+
+def sights(poses):
+    """Return what a camera saw of disc 1, with these poses (k, 3); of disc 2 once."""
+    return [Sight({n: DiscPose(in_space(*pose), np.eye(6), 0.1, in_space(*pose))
+                   for n in range(1, 2 + (k == 0))}, (), 0.1, (), {})
+            for k, pose in enumerate(poses)]
+
+
+def test_what_a_tare_answers_is_what_the_parameter_takes():
+    """Twelve numbers: x, z and angle of each disc; those of discs that are not seen stay."""
+    layout, given = views.layout(), np.round(0.001 * np.arange(12.0), 6)
+    before = layout.stuck_as({'tags.mounts': tuple(given)})
+    assert before[2] == pytest.approx(in_space(0.006, 0.007, 0.008))
+    discs, after, kept = layout.tared(before, sights([[0.001, 0.1, 0.02]] * 5))
+    assert discs == [1]
+    assert compose(in_space(0.001, 0.1, 0.02), after[1]) == pytest.approx(in_space(0, 0.1, 0))
+    again = layout.stuck_as({f'tags.{k}': tuple(v) for k, v in yaml.safe_load(kept).items()})
+    for n, (one, other) in enumerate(zip(again, before, strict=True)):
+        assert one == pytest.approx(after[1] if n == 1 else other, abs=1e-6)
     with pytest.raises(ParameterError, match=r'tags\.mounts has 11 numbers'):
-        tag_mounts({'tags.mounts': tuple(range(11))}, 4)
+        layout.stuck_as({'tags.mounts': tuple(range(11))})
+    with pytest.raises(SensorError, match='disc 1: it is seen 30.0 mm'):
+        layout.tared(before, sights([[0.03, 0.1, 0.0]] * 5))
 
 
 @pytest.mark.parametrize(('poses', 'named'), [
@@ -156,7 +195,7 @@ def test_tags_that_are_stuck_off_tell_where_the_disc_is_after_a_tare():
     ([[0.0, 0.2, 0.01 * n] for n in range(10)], 'it moves, by 0.0 mm and 0.050')])
 def test_tags_of_an_arm_that_bends_or_moves_are_not_tared(poses, named):
     with pytest.raises(SensorError, match=named):
-        tag_mount(poses, 0.2)
+        tag_mount([in_space(*pose) for pose in poses], 0.2)
 
 
 @pytest.mark.parametrize('axes', [

@@ -11,6 +11,7 @@ from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.layout import TagLayout
+from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.differences import read_differences
 
@@ -21,7 +22,7 @@ CHAIN = RigidChain(ARM)
 
 def layout(**changes):
     """Return the tags of the paper's arm with other parameters tags.*."""
-    return TagLayout.of(VALUES | {f'tags.{k}': v for k, v in changes.items()})
+    return TagLayout.of(VALUES | {f'tags.{k}': v for k, v in changes.items()}, ARM)
 
 
 def differences(preset, **changes):
@@ -47,4 +48,5 @@ def random_discs(random):
 
 def errors(sight, truth):
     """Return the errors of all discs that are seen, (discs, 3), m and rad."""
-    return np.array([found.pose - truth[n] for n, found in sight.discs.items()]).reshape(-1, 3)
+    return np.array([planar_pose(found.pose) - truth[n] for n, found in sight.discs.items()]
+                    ).reshape(-1, 3)
