@@ -28,8 +28,9 @@ from soft_continuum.nodes.measured_tensions import MeasuredTensions
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.estimation import estimation_from_parameters
 from soft_continuum.parameters.files import load_description
+from soft_continuum.sensing.mounted_imus import MountedImus
 from soft_continuum.sensing.rigid import in_plane
-from soft_continuum.sensing.tilt import ImuSample, ImuSettings, SensorError, TiltFilter
+from soft_continuum.sensing.tilt import ImuSample, SensorError
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
 from soft_continuum.twin.differences import Differences, read_differences
 
@@ -39,7 +40,6 @@ SHAPES = 2  # one after the other
 SETTLING, HOLDING = 1.0, 2.0  # s after each motion, and until a shape is judged
 TICK_STEPS = 10  # time steps of the plant between two tendon_states: 20 ms
 PICTURE_TICKS, IMU_TICKS = 10, 5  # between two pictures, and two angles that are used
-UNSEEN = 1e6  # m^2, of a coordinate that is not measured
 CAMERA, IMUS, TENSIONS = 'camera', 'IMUs', 'load cells'
 CONTENDERS: dict[str, tuple[str, ...]] = {
     'prediction, nothing measured': (), CAMERA: (CAMERA,), IMUS: (IMUS,), TENSIONS: (TENSIONS,),
@@ -68,17 +68,16 @@ class RecordedLab(Lab):
         super().__init__(description, given)
         values: dict[str, Any] = dict(load_description(description_file(), node='disc_sensors'))
         arm = description.arm
-        self._imus = [TiltFilter(ImuSettings(arm.gravity, arm.mounting_angle, *(
-            values[f'imu.{name}'] for name in (
-                'acceleration_deviation', 'rate_deviation', 'bias_deviation',
-                'motion_acceleration', 'deviation')))) for _ in arm.discs]
-        self._mounting = np.zeros(len(arm.discs))
+        self._imus = MountedImus.of(values, arm)
         self._cells = MeasuredTensions(
             arm.tendon_names, load_description(description_file(), node='kinematics'))
         self._sliding = np.zeros(2, dtype=int)
         self._recording = True
         self.wait(1.0)
-        self._mounting = np.array([one.angle for one in self._imus])  # as ~/tare does
+        for n in range(len(arm.discs)):
+            with suppress(SensorError):  # of a bias beyond 10 % of g most samples are refused
+                if (mount := self._imus.straight(n, self.time)) is not None:
+                    self._imus.mounts[n] = mount
         self.ticks.clear()
         self.wait(1.0)
 
@@ -95,17 +94,13 @@ class RecordedLab(Lab):
             self._record()
 
     def _record(self) -> None:
-        names, tilts = self.description.arm.tendon_names, []
-        for n, (tilt, motion) in enumerate(zip(self._imus, self.sensors.motions(), strict=True)):
-            x, y, z = motion[3:].tolist()
-            try:
-                known = tilt.update(ImuSample(self.time, (x, y, z), float(motion[1])))
-            except SensorError:  # as in disc_sensors, which reports it and goes on
-                continue
-            if known and n > 0:
-                tilts.append(DiscMeasurement(n, *in_plane(
-                    np.array([0.0, 0.0, tilt.angle - self._mounting[n]]),
-                    np.diag([UNSEEN, UNSEEN, tilt.variance]))))
+        names, tilts, none = self.description.arm.tendon_names, [], np.zeros(3)
+        for n, motion in enumerate(self.sensors.motions()):
+            with suppress(SensorError):  # as in disc_sensors, which reports it and goes on
+                found = self._imus.measure(n, ImuSample(
+                    self.time, tuple(motion[3:].tolist()), motion[:3]), none, none, self.time)
+                if found is not None and n > 0:
+                    tilts.append(DiscMeasurement(n, *found))
         self._cells.put(self.time, dict(zip(names, self.load_cells().tolist(), strict=True)))
         measured: dict[str, Sequence[Measurement]] = {
             TENSIONS: [one for _, each in self._cells.take() for one in each]}

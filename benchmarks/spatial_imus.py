@@ -20,7 +20,7 @@ from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.mounted_imus import imus_of
+from soft_continuum.sensing.mounted_imus import MountedImus
 from soft_continuum.sensing.tilt import ImuSample, SensorError
 from soft_continuum.twin.differences import Differences, read_differences
 from soft_continuum.twin.plant import TIME_STEP
@@ -43,7 +43,7 @@ class TiltedLab(Lab):
         super().__init__(description, given, NOTHING)
         arm = description.arm
         values = load_description(description_file().with_name(ARM), node='disc_sensors')
-        self._imus, self._ticks = imus_of(arm, values, len(arm.discs)), 0
+        self._imus, self._ticks = MountedImus.of(values, arm), 0
         self.shape = ArmShape(arm, 5e-4)
         self._following = True
         self.wait(1.2)

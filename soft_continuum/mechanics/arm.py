@@ -239,6 +239,12 @@ class Arm:
         return 0
 
     @property
+    def free_fall(self) -> NDArray[np.float64]:
+        """Acceleration of free fall in base_link, (3,), m/s^2."""
+        turn = self.mounting_angle
+        return self.gravity * np.array([np.sin(turn), 0.0, -np.cos(turn)])
+
+    @property
     def axes(self) -> str:
         """Names of the axes of base_link along which its points move."""
         return 'xz'

@@ -26,7 +26,7 @@ from soft_continuum.ros.conversions import pose_from_ros, seconds, tracked_pose_
 from soft_continuum.ros.names import DISC_SENSORS, MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.sensing.imu_axes import imu_rotations
-from soft_continuum.sensing.mounted_imus import imus_of
+from soft_continuum.sensing.mounted_imus import MountedImus
 from soft_continuum.sensing.tare import mount_of, straight_heights, Window
 from soft_continuum.sensing.tilt import ImuSample, SensorError
 from soft_continuum.sensing.tracker import Tracker
@@ -63,7 +63,7 @@ class DiscSensors(Node):
         position, angle = (values[f'tracker.{name}_deviation'] for name in ('position', 'angle'))
         self._covariance = np.diag([position**2] * 3 + [angle**2] * 3)
         self._rotations = imu_rotations(values['imu.axes'], count)
-        self._imus = imus_of(arm, values, count)
+        self._imus = MountedImus.of(values, arm)
         self._sources: list[str] = [''] * count  # topic of the pose of each disc
         self._followed = [Window[Any]() for _ in range(count)]
         self._tared: list[str] = []
@@ -196,8 +196,8 @@ class DiscSensors(Node):
         self._report()
         flat = tuple(float(v) for mount in mounts for v in mount)
         kept = [f'tracker: {{mounts: {as_yaml(flat, 6)}}}'] if followed else []
-        kept += [f'imu: {{{self._imus.parameter}: {as_yaml(tuple(imus.ravel().tolist()), 6)}}}'
-                 ] if tilted else []
+        name, turns = self._imus.kept()
+        kept += [f'imu: {{{name}: {as_yaml(turns, 6)}}}'] if tilted else []
         return (f'taken as straight: {"; ".join(self._tared)}. To keep it over a restart, write '
                 f'into the parameter file: {DISC_SENSORS}: {{ros__parameters: '
                 f'{{{", ".join(kept)}}}}}')

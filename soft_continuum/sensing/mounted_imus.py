@@ -1,177 +1,119 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""
-The IMUs on the discs of an arm: what they say of its poses, and how they are mounted.
+"""The IMUs on the discs of an arm: what they say of its poses, and how they are mounted."""
 
-In the plane that is an angle; in space where up is, which says nothing of a turn about it.
-"""
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from math import cos, hypot, sin
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm
-from soft_continuum.mechanics.spatial.arm import SpatialArm
-from soft_continuum.mechanics.spatial.orientations import matrices
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.sensing.rigid import in_plane, UNKNOWN
-from soft_continuum.sensing.tare import MAX_TILT, refuse_motion, tilt_of, Window
-from soft_continuum.sensing.tilt import ImuSample, ImuSettings, SensorError, TiltFilter
-from soft_continuum.sensing.up_direction import pose_of_up, turned_upright, UpFilter
+from soft_continuum.sensing.rigid import moved_by, UNKNOWN
+from soft_continuum.sensing.tare import turn_of, Window
+from soft_continuum.sensing.tilt import (
+    ImuSample,
+    ImuSettings,
+    rotation,
+    skew,
+    TINY,
+    turn_between,
+    UpFilter,
+)
 
 SETTINGS = ('acceleration_deviation', 'rate_deviation', 'bias_deviation', 'motion_acceleration',
             'deviation')
+MOUNTED = {1: ('mounting_angles', 'one for all or for each of {} discs'),
+           3: ('mounting_turns', 'a rotation vector for each of {} discs, or 0.0 for none')}
+"""By the number of axes about which a disc turns: parameter imu. of how IMUs are mounted."""
 
 
-class AnyImus(Protocol):
-    """PlanarImus or SpatialImus."""
+class MountedImus:
+    """
+    They say where up is, which says nothing of a turn about it.
 
-    parameter: str
-    """Of how they are mounted, without imu."""
-    mounts: Array
-    """How they are, a row for each disc."""
+    mounts: (discs, 3), rotation vectors, rad, of each IMU on its disc.
+    """
+
+    def __init__(self, settings: ImuSettings, axes: NDArray[np.bool_], mounts: Array, up: Array
+                 ) -> None:
+        """Begin without a sample; axes: (6,), as pose_axes.  up: in base_link, (3,)."""
+        self.mounts, self._settings, self._up = mounts, settings, up
+        self._turns, self._moved = axes[3:], moved_by(axes[3:])
+        self._known = np.logical_and.outer(axes, axes)
+        self._filters: dict[int, UpFilter] = {}
+        self._windows = [Window[Array]() for _ in mounts]
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any], arm: AnyArm) -> Self:
+        """Return those of parameters imu.*; raises ParameterError."""
+        axes, discs, mounts = arm.pose_axes[3:], len(arm.discs), np.zeros((len(arm.discs), 3))
+        name, needed = MOUNTED[axes.sum()]
+        given = values[f'imu.{name}']
+        if len(given) not in (1, axes.sum() * discs) or (
+                len(given) == 1 and given[0] != 0.0 and axes.all()):
+            raise ParameterError(f'parameter imu.{name} has {len(given)} values; needed: '
+                                 f'{needed.format(discs)}')
+        mounts[:, axes] = np.reshape(given, (discs, -1)) if len(given) > 1 else given[0]
+        gravity = float(np.linalg.norm(arm.free_fall))
+        return cls(ImuSettings(gravity, *(values[f'imu.{name}'] for name in SETTINGS)),
+                   arm.pose_axes, mounts,
+                   -arm.free_fall / gravity if gravity else np.array([0.0, 0.0, 1.0]))
 
     def measure(self, n: int, sample: ImuSample, accelerations: Array, rates: Array, now: float
                 ) -> tuple[Array, Array] | None:
         """
         Return pose and covariance of disc n, as a DiscMeasurement has them; None if not now.
 
-        sample: in the frame of the disc, with rates (3,).  accelerations, rates: (3,), their
-        variances, 0 where they are not known.  now: s of a clock that nobody sets.  Raises
-        SensorError.
+        sample: in the frame of the disc.  accelerations, rates: (3,), their variances, 0 where
+        they are not known.  now: s of a clock that nobody sets.  Raises SensorError.
         """
+        if n not in self._filters:  # raises where there is no gravity
+            self._filters[n] = UpFilter(self._settings, self._turns)
+        found = self._filters[n]
+        if not found.update(replace(
+                sample, rate_variance=float((self._turns * rates).max()),
+                acceleration_variance=float((self._moved * accelerations).max()))):
+            return None
+        self._windows[n].add(now, found.up)
+        mount = rotation(self.mounts[n])
+        pose, covariance = pose_of_up(mount @ found.up, mount @ found.up_covariance @ mount.T,
+                                      self._up, UNKNOWN)
+        return pose, np.where(self._known, covariance, UNKNOWN * np.eye(6))
 
-    def straight(self, n: int, now: float) -> Any:
+    def straight(self, n: int, now: float) -> Array | None:
         """
         Return how an IMU is mounted, from the last second on the straight arm; None without one.
 
         Raises SensorError.
         """
-
-    def biases(self) -> dict[int, str]:
-        """Return those of the gyroscopes that are there, rad/s."""
-
-
-class PlanarImus:
-    """Those of a planar arm; mounts: (discs,) rad."""
-
-    parameter = 'mounting_angles'
-
-    def __init__(self, settings: ImuSettings, mounts: Array) -> None:
-        """Begin without a sample."""
-        self.mounts, self._settings = mounts, settings
-        self._filters: dict[int, TiltFilter] = {}
-        self._windows = [Window[float]() for _ in mounts]
-
-    def measure(self, n: int, sample: ImuSample, accelerations: Array, rates: Array, now: float
-                ) -> tuple[Array, Array] | None:
-        """Return a pose of which only the angle is known."""
-        if n not in self._filters:  # raises where there is no gravity
-            self._filters[n] = TiltFilter(self._settings)
-        found = self._filters[n]
-        if not found.update(replace(
-                sample, rate=float(sample.rate[1]), rate_variance=float(rates[1]),
-                acceleration_variance=float(max(accelerations[0], accelerations[2])))):
-            return None
-        self._windows[n].add(now, found.angle)
-        return in_plane(np.array([0.0, 0.0, found.angle - self.mounts[n]]),
-                        np.diag([UNKNOWN, UNKNOWN, found.variance]))
-
-    def straight(self, n: int, now: float) -> float | None:
-        """Return the angle."""
-        angles = self._windows[n].recent(now)
-        return tilt_of(angles) if angles else None
-
-    def biases(self) -> dict[int, str]:
-        """Return that about y."""
-        return {n: f'{one.bias:.4f}' for n, one in sorted(self._filters.items())}
-
-
-class SpatialImus:
-    """Those of an arm in space; mounts: (discs, 3), rotation vectors, rad."""
-
-    parameter = 'mounting_turns'
-
-    def __init__(self, settings: ImuSettings, mounts: Array, up: Array) -> None:
-        """Begin without a sample; up: in base_link, (3,)."""
-        self.mounts, self._settings, self._up = mounts, settings, up
-        self._filters: dict[int, UpFilter] = {}
-        self._windows = [Window[Array]() for _ in mounts]
-
-    def measure(self, n: int, sample: ImuSample, accelerations: Array, rates: Array, now: float
-                ) -> tuple[Array, Array] | None:
-        """Return a pose that is known but for its place and its turn about the vertical."""
-        if n not in self._filters:
-            self._filters[n] = UpFilter(self._settings)
-        found = self._filters[n]
-        if not found.update(replace(
-                sample, rate_variance=float(rates.max()),
-                acceleration_variance=float(accelerations.max()))):
-            return None
-        self._windows[n].add(now, found.up)
-        mount = _turn(self.mounts[n])
-        return pose_of_up(mount @ found.up, mount @ found.up_covariance @ mount.T, self._up,
-                          UNKNOWN)
-
-    def straight(self, n: int, now: float) -> Array | None:
-        """Return the smallest turn that makes up what it is there."""
         seen = self._windows[n].recent(now)
-        if not seen:
-            return None
-        half = len(seen) // 2
-        before, after = np.mean(seen[:half], axis=0), np.mean(seen[half:], axis=0)
-        refuse_motion(0.0, float(np.linalg.norm(after - before)))
-        mean = np.mean(seen, axis=0)
-        turn = turned_upright(mean / np.linalg.norm(mean), self._up)
-        angle = 2.0 * float(np.arctan2(np.linalg.norm(turn[:3]), turn[3]))
-        if angle > MAX_TILT:
-            raise SensorError(f'it is turned by {angle:.2f} rad in the straight arm; set '
-                              'imu.axes, and arm.mounting_angle if the base is turned')
-        return np.asarray(angle * turn[:3] / max(float(np.linalg.norm(turn[:3])), 1e-12))
+        return turn_of(seen, self._up) if seen else None
+
+    def kept(self) -> tuple[str, tuple[float, ...]]:
+        """Return the parameter of how they are mounted, without imu., and its value."""
+        return MOUNTED[self._turns.sum()][0], tuple(self.mounts[:, self._turns].ravel().tolist())
 
     def biases(self) -> dict[int, str]:
-        """Return those about x, y and z."""
-        return {n: ' '.join(f'{value:.4f}' for value in one.bias)
+        """Return those of the gyroscopes that are there, about each axis, rad/s."""
+        return {n: ' '.join(f'{value:.4f}' for value in one.bias[self._turns])
                 for n, one in sorted(self._filters.items())}
 
 
-def imus_of(arm: AnyArm, values: Mapping[str, Any], discs: int) -> AnyImus:
-    """Return those of parameters imu.*; raises ParameterError."""
-    return (_in_plane(arm, values, discs) if isinstance(arm, Arm)
-            else _in_space(arm, values, discs))
+def pose_of_up(up: Array, covariance: Array, to: Array, unseen: float) -> tuple[Array, Array]:
+    """
+    Return the pose (7,) and covariance (6, 6) of a disc of which only up is known, (3,).
 
-
-def _in_plane(arm: Arm, values: Mapping[str, Any], discs: int) -> PlanarImus:
-    angles = values['imu.mounting_angles']
-    if len(angles) not in (1, discs):
-        raise ParameterError(f'parameter imu.mounting_angles has {len(angles)} values; '
-                             f'needed: one for all or for each of {discs} discs')
-    return PlanarImus(_settings(arm.gravity, arm.mounting_angle, values),
-                      np.array(list(angles) * (discs // len(angles))))
-
-
-def _in_space(arm: SpatialArm, values: Mapping[str, Any], discs: int) -> SpatialImus:
-    turns: Sequence[float] = values['imu.mounting_turns']
-    if len(turns) not in (1, 3 * discs) or (len(turns) == 1 and turns[0] != 0.0):
-        raise ParameterError(f'parameter imu.mounting_turns has {len(turns)} values; needed: a '
-                             f'rotation vector for each of {discs} discs, or 0.0 for none')
-    gravity = float(np.linalg.norm(arm.gravity))
-    up = -np.array(arm.gravity) / gravity if gravity else np.array([0.0, 0.0, 1.0])
-    return SpatialImus(_settings(gravity, 0.0, values),
-                       np.broadcast_to(np.reshape(turns, (-1, 3)) if len(turns) > 1
-                                       else np.zeros(3), (discs, 3)).copy(), up)
-
-
-def _settings(gravity: float, mounting_angle: float, values: Mapping[str, Any]) -> ImuSettings:
-    return ImuSettings(gravity, mounting_angle, *(values[f'imu.{name}'] for name in SETTINGS))
-
-
-def _turn(vector: Array) -> Array:
-    """Return the matrix of a rotation vector (3,)."""
-    angle = float(np.linalg.norm(vector))
-    half = np.sinc(angle / 2.0 / np.pi) / 2.0
-    return np.asarray(matrices(np.array([[*(half * vector), np.cos(angle / 2.0)]]))[0])
+    covariance: (3, 3), of up.  to: where up is in base_link, (3,).  unseen: variance of what is
+    not measured: where it is, and how it is turned about the vertical.
+    """
+    vector = turn_between(up, to)
+    matrix, half = rotation(vector), max(hypot(*vector) / 2.0, TINY)
+    lever = -skew(to) @ matrix  # what moves up turns it across
+    full = unseen * np.eye(6)
+    full[3:, 3:] = lever @ covariance @ lever.T + unseen * np.outer(to, to)
+    return np.array([0.0, 0.0, 0.0, *sin(half) / half / 2.0 * vector, cos(half)]), full

@@ -12,7 +12,7 @@ import numpy as np
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.sensing.rigid import angle_between, compose, IDENTITY, inverse, mean_pose
-from soft_continuum.sensing.tilt import SensorError
+from soft_continuum.sensing.tilt import SensorError, turn_between
 
 WINDOW = 1.0
 """s that are averaged, unless these are too few samples."""
@@ -124,21 +124,18 @@ def _mount(poses: Sequence[Array], height: float) -> Array:
     return compose(inverse(mean_pose(poses)), straight)
 
 
-def tilt_of(angles: Sequence[float]) -> float:
+def turn_of(seen: Sequence[Array], up: Array) -> Array:
     """
-    Return by what angle (rad) an IMU is turned on its disc, from angles (k,) in the straight arm.
+    Return by what rotation vector (3,), rad, an IMU is turned on its disc, the smallest there is.
 
+    seen: (k, 3), where up was in its frame in the straight arm.  up: where it is in base_link.
     Raises SensorError when it moves, or is turned by too much.
     """
-    half = len(angles) // 2
-    turn = _mean_angle(angles[half:]) - _mean_angle(angles[:half])
-    refuse_motion(0.0, abs(turn))
-    mean = _mean_angle(angles)
-    if abs(mean) > MAX_TILT:
-        raise SensorError(f'it is turned by {mean:.2f} rad in the straight arm; set imu.axes, and '
-                          'arm.mounting_angle if the base is turned')
-    return mean
-
-
-def _mean_angle(angles: Sequence[float]) -> float:
-    return float(np.arctan2(np.mean(np.sin(angles)), np.mean(np.cos(angles))))
+    half = len(seen) // 2
+    before, after, mean = (np.mean(part, axis=0) for part in (seen[:half], seen[half:], seen))
+    refuse_motion(0.0, float(np.linalg.norm(after - before)))
+    turn = turn_between(mean, up)
+    if (angle := float(np.linalg.norm(turn))) > MAX_TILT:
+        raise SensorError(f'it is turned by {angle:.2f} rad in the straight arm; set imu.axes, '
+                          'and arm.mounting_angle if the base is turned')
+    return turn

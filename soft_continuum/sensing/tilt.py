@@ -1,16 +1,21 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The angle of a disc in the plane of the arm, from an IMU on it.
+Where up is in the frame of a disc, from an IMU on it: of a hinge, the angle about it.
 
-A Kalman filter with two states, the angle and the bias of the gyroscope.  The gyroscope says how
-the angle changes; the accelerometer says where down is, as long as the disc does not accelerate.
+A Kalman filter of a direction and the biases of the gyroscope.  The direction turns against the
+disc, as the gyroscope says; the accelerometer says where it is, as long as the disc does not
+accelerate.  How the disc is turned about the vertical nobody sees.
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from math import atan2, cos, exp, hypot, isnan, nan, pi, sin, sqrt
-from typing import Any, Generic, TypeVar
+from math import atan2, exp, hypot, isnan, nan, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.sensing.rigid import moved_by
 
 MIN_STEP = 0.0009
 """s between two samples that are used: one that comes faster is left out."""
@@ -42,10 +47,9 @@ MAX_OUTLIERS = 0.5
 """s of outliers alone, after which the angle starts anew."""
 DISAGREE = ('gyroscope and accelerometer disagree; are rates in rad/s, and does imu.axes fit how '
             'it is mounted?')
-
-
-Up = TypeVar('Up')
-"""What a filter estimates: an angle, or a direction."""
+UP, BIAS = slice(3), slice(3, 6)
+TINY = 1e-12  # rad, or m/s^2
+EYE = np.eye(3)
 
 
 class SensorError(ValueError):
@@ -57,15 +61,14 @@ class ImuSettings:
     """
     What is known of IMUs and of the arm.
 
-    gravity: m/s^2.  mounting_angle: rad, of base_link from upright about +y.
-    acceleration_deviation (m/s^2) and rate_deviation (rad/s): standard, of one sample, where the
-    IMU does not tell.  bias_deviation: rad/s, of the gyroscope when it is switched on.
-    motion_acceleration: m/s^2, standard, of a disc that moves.  deviation: rad, standard, of what
-    an IMU is off in every sample at an angle alike: its mounting, and its accelerometer's offset.
+    gravity: m/s^2.  acceleration_deviation (m/s^2) and rate_deviation (rad/s): standard, of one
+    sample, where the IMU does not tell.  bias_deviation: rad/s, of the gyroscope when it is
+    switched on.  motion_acceleration: m/s^2, standard, of a disc that moves.  deviation: rad,
+    standard, of what an IMU is off in every sample at an angle alike: its mounting, and its
+    accelerometer's offset.
     """
 
     gravity: float
-    mounting_angle: float
     acceleration_deviation: float = 0.05
     rate_deviation: float = 0.003
     bias_deviation: float = 0.05
@@ -76,36 +79,44 @@ class ImuSettings:
 @dataclass(frozen=True)
 class ImuSample:
     """
-    One measurement, in the frame of the disc: z along its axis, y the axis of bending.
+    One measurement, in the frame of the disc: z along its axis.
 
     time: s, of its stamp.  acceleration: (x, y, z) m/s^2, of what is at rest g upwards.
-    rate: about y, rad/s; of an arm in space about x, y and z, (3,).  The variances are of one
-    component; 0 where they are not known.
+    rate: about x, y and z, (3,) rad/s.  The variances are of one component; 0 where they are not
+    known.
     """
 
     time: float
     acceleration: tuple[float, float, float]
-    rate: Any
+    rate: Array
     acceleration_variance: float = 0.0
     rate_variance: float = 0.0
 
 
-class ImuFilter(ABC, Generic[Up]):
+class UpFilter:
     """
-    What the filters in the plane and in space have in common: when to believe an accelerometer.
+    Estimates where up is in the frame of a disc, (3,), of length 1.
 
-    ``time`` is that of the last sample, s; nan before the first.
+    up is that at ``time``, s, of the last sample; nan before the first.  bias: (3,) rad/s, of the
+    gyroscope.  covariance: (6, 6), of both.
     """
 
-    def __init__(self, settings: ImuSettings) -> None:
-        """Start without a sample; raises SensorError where gravity tells nothing."""
+    def __init__(self, settings: ImuSettings, axes: NDArray[np.bool_]) -> None:
+        """
+        Start without a sample; raises SensorError where gravity tells nothing.
+
+        axes: (3,), about which of x, y and z the disc turns.
+        """
         if settings.gravity == 0.0:
             raise SensorError('arm.gravity is 0, so no tilt can be measured; if the arm lies '
                               'flat, use a camera or a tracker')
-        self._settings = settings
+        self._settings, self._axes, self._moved = settings, axes, moved_by(axes)
         self.time = nan
+        self.up, self.bias = np.full(3, nan), np.zeros(3)
+        self.covariance = np.zeros((6, 6))
+        self.covariance[BIAS, BIAS] = settings.bias_deviation**2 * EYE
         self._magnitude = nan  # mean of the acceleration, m/s^2
-        self._rate: Any = nan  # mean, rad/s
+        self._rate = np.zeros(3)  # mean, rad/s
         self._quiet = 0.0  # s
         self._last_good = nan  # s, when the accelerometer was believed
 
@@ -113,6 +124,13 @@ class ImuFilter(ABC, Generic[Up]):
     def is_quiet(self) -> bool:
         """Whether nothing shows that the disc accelerates."""
         return self._quiet >= QUIET_TIME
+
+    @property
+    def up_covariance(self) -> Array:
+        """Of up, across it, (3, 3), what is off in every sample included."""
+        found = self.covariance[UP, UP] + self._settings.deviation**2 * EYE
+        across = EYE - np.outer(self.up, self.up)
+        return np.asarray(across @ found @ across)
 
     def update(self, sample: ImuSample) -> bool:
         """
@@ -125,11 +143,15 @@ class ImuFilter(ABC, Generic[Up]):
         if 0.0 <= step < MIN_STEP or -MAX_GAP < step < 0.0:
             return False
         restart = not 0.0 <= step <= MAX_GAP or isnan(self._last_good)  # also the first
-        magnitude = hypot(*sample.acceleration)
+        magnitude, rate = hypot(*sample.acceleration), self._axes * sample.rate
         noise = sqrt(sample.acceleration_variance) or settings.acceleration_deviation
         rate_noise = sqrt(sample.rate_variance) or settings.rate_deviation
-        self._average(sample, magnitude, noise, rate_noise, step, restart)
-        self._predict(sample.rate, rate_noise, step, restart)
+        self._average(rate, magnitude, noise, rate_noise, step, restart)
+        if restart:
+            gap = step if step > 0.0 else 0.0  # false for nan, before the first
+            self.covariance[BIAS, BIAS] += BIAS_WALK**2 * gap * EYE
+        else:
+            self._predict(rate, rate_noise, step)
         self.time = sample.time
         self._check()
         up, size = self._seen(sample.acceleration)
@@ -140,29 +162,29 @@ class ImuFilter(ABC, Generic[Up]):
         variance /= size**2
         if restart:
             self._restart(up, variance)
-            self._last_good = self.time
             return True
-        if self._distance(up, variance) > GATE**2:
+        away = skew(turn_between(self.up, up)) @ self.up  # along the circle to it
+        weight = np.linalg.inv(self.covariance[UP, UP] + variance * EYE)
+        if away @ weight @ away > GATE**2:
             if sample.time - self._last_good > MAX_OUTLIERS:
                 self._restart(up, variance)
-                self._last_good = self.time
                 raise SensorError(DISAGREE)
             return False
         self._last_good = sample.time
-        self._correct(up, variance)
+        self._correct(away, self.covariance[:, UP] @ weight, variance)
         return True
 
-    def _average(self, sample: ImuSample, magnitude: float, noise: float, rate_noise: float,
+    def _average(self, rate: Array, magnitude: float, noise: float, rate_noise: float,
                  step: float, restart: bool) -> None:
         """Note for how long neither the rate nor the magnitude has changed."""
         if restart:
-            self._magnitude, self._rate, self._quiet = magnitude, sample.rate, 0.0
+            self._magnitude, self._rate, self._quiet = magnitude, rate, 0.0
             return
         limited = min(magnitude, MAX_AVERAGED * self._settings.gravity)
         self._magnitude += (1.0 - exp(-step / AVERAGING_TIME)) * (limited - self._magnitude)
-        steady = (self._size(sample.rate - self._rate) < QUIET_RATE + 4.0 * rate_noise
+        steady = (hypot(*(rate - self._rate)) < QUIET_RATE + 4.0 * rate_noise
                   and abs(magnitude - self._magnitude) < QUIET_ACCELERATION + 4.0 * noise)
-        self._rate += (1.0 - exp(-step / QUIET_TIME)) * (sample.rate - self._rate)
+        self._rate = self._rate + (1.0 - exp(-step / QUIET_TIME)) * (rate - self._rate)
         self._quiet = self._quiet + step if steady else 0.0
 
     def _check(self) -> None:
@@ -172,103 +194,75 @@ class ImuFilter(ABC, Generic[Up]):
                 f'an acceleration of {self._magnitude:.2f} m/s^2 in the mean, at rest it is '
                 f'{gravity:.2f} (arm.gravity); is it in m/s^2, gravity included?')
 
-    @abstractmethod
-    def _size(self, rate: Any) -> float:
-        """Return the size of a rate, rad/s."""
-
-    @abstractmethod
-    def _predict(self, rate: Any, noise: float, step: float, restart: bool) -> None:
-        """Let a step, s, pass, with a rate (rad/s) and the deviation of that."""
-
-    @abstractmethod
-    def _seen(self, acceleration: tuple[float, float, float]) -> tuple[Up, float]:
+    def _seen(self, acceleration: tuple[float, float, float]) -> tuple[Array, float]:
         """Return what an acceleration says, and by how much of it, m/s^2."""
-
-    @abstractmethod
-    def _restart(self, up: Up, variance: float) -> None:
-        """Take what the accelerometer says, with its variance, rad^2."""
-
-    @abstractmethod
-    def _distance(self, up: Up, variance: float) -> float:
-        """Return the squared distance of that from what is expected, over its variance."""
-
-    @abstractmethod
-    def _correct(self, up: Up, variance: float) -> None:
-        """Take account of it; of the bias only while the disc is quiet."""
-
-
-class TiltFilter(ImuFilter[float]):
-    """
-    Estimates the angle of a disc in the plane of the arm, rad, 0 in the straight arm.
-
-    angle is that at ``time``; bias (rad/s) and bias_variance are those of the gyroscope.
-    """
-
-    def __init__(self, settings: ImuSettings) -> None:
-        """Start without a sample; raises SensorError where gravity tells nothing."""
-        super().__init__(settings)
-        self.angle, self._variance = nan, nan
-        self.bias, self.bias_variance = 0.0, settings.bias_deviation**2
-        self._covariance = 0.0  # of angle and bias
-
-    @property
-    def variance(self) -> float:
-        """Of the angle, rad^2, what is off in every sample included."""
-        return self._variance + self._settings.deviation**2
-
-    def _size(self, rate: float) -> float:
-        return abs(rate)
-
-    def _seen(self, acceleration: tuple[float, float, float]) -> tuple[float, float]:
-        x, y, z = acceleration
-        gravity, in_plane = self._settings.gravity, hypot(x, z)
-        if in_plane < MIN_IN_PLANE * gravity:
-            where = ('lies along y of the disc' if abs(y) > in_plane else 'is balanced by motion')
+        gravity, seen = self._settings.gravity, self._moved * acceleration
+        size = hypot(*seen)
+        if size < MIN_IN_PLANE * gravity and not self._moved.all():
+            across = 'xyz'[int(np.argmin(self._moved))]
+            where = (f'lies along {across} of the disc' if hypot(*(acceleration - seen)) > size
+                     else 'is balanced by motion')
             raise SensorError(
-                f'{in_plane:.1f} of {gravity:.1f} m/s^2 in the plane of the arm: gravity {where}; '
+                f'{size:.1f} of {gravity:.1f} m/s^2 in the plane of the arm: gravity {where}; '
                 'does imu.axes fit how it is mounted? In an arm that lies flat IMUs tell nothing')
-        return atan2(-x, z) - self._settings.mounting_angle, in_plane
+        return np.asarray(seen / max(size, TINY)), max(size, TINY)
 
-    def _predict(self, rate: float, noise: float, step: float, restart: bool) -> None:
-        if restart:
-            gap = step if step > 0.0 else 0.0  # false for nan, before the first
-            self.bias_variance += BIAS_WALK**2 * gap
-            return
+    def _predict(self, rate: Array, noise: float, step: float) -> None:
+        """Let a step, s, pass, with a rate (rad/s) and the deviation of that."""
         turn = (rate - self.bias) * step
-        self.angle = _wrapped(self.angle + turn)
+        self._turn(-turn)
+        moves = np.eye(6)
+        moves[UP, BIAS] = by_rate = -step * skew(self.up)  # it turns by up x rate
+        self.covariance = moves @ self.covariance @ moves.T
         # At another angle the offset of the accelerometer is another angle.
-        self._variance += self._settings.deviation**2 * abs(turn)
-        self._variance += ((noise * step)**2 - 2.0 * step * self._covariance
-                          + step**2 * self.bias_variance)
-        self._covariance -= step * self.bias_variance
-        self.bias_variance += BIAS_WALK**2 * step
+        self.covariance[UP, UP] += (noise**2 * by_rate @ by_rate.T
+                                    + self._settings.deviation**2 * hypot(*turn) * EYE)
+        self.covariance[BIAS, BIAS] += BIAS_WALK**2 * step * EYE
 
-    def _restart(self, up: float, variance: float) -> None:
-        self.angle, self._variance, self._covariance = _wrapped(up), variance, 0.0
+    def _turn(self, vector: Array) -> None:
+        """Turn up, with what is known of it, by a rotation vector, rad."""
+        matrix = rotation(vector)
+        self.up = matrix @ self.up
+        self.covariance[UP] = matrix @ self.covariance[UP]
+        self.covariance[:, UP] = self.covariance[:, UP] @ matrix.T
 
-    def _distance(self, up: float, variance: float) -> float:
-        return _wrapped(up - self.angle)**2 / (self._variance + variance)
+    def _restart(self, up: Array, variance: float) -> None:
+        """Take what the accelerometer says, with its variance, rad^2."""
+        self.up, self._last_good = up, self.time
+        self.covariance[UP], self.covariance[:, UP] = 0.0, 0.0
+        self.covariance[UP, UP] = variance * EYE
 
-    def _correct(self, up: float, variance: float) -> None:
-        error = _wrapped(up - self.angle)
-        total = self._variance + variance
-        gain = self._variance / total
-        of_bias = self._covariance / total if self.is_quiet else 0.0
+    def _correct(self, away: Array, gain: Array, variance: float) -> None:
+        """Take account of what it says; of the bias only while the disc is quiet."""
+        if not self.is_quiet:
+            gain[BIAS] = 0.0
         # Joseph's form, which holds for any gain.
-        kept = 1.0 - gain
-        crossed = kept * (self._covariance - of_bias * self._variance) + gain * of_bias * variance
-        self.bias_variance += of_bias**2 * total - 2.0 * of_bias * self._covariance
-        self._variance = kept**2 * self._variance + gain**2 * variance
-        self._covariance = crossed
-        self.angle = _wrapped(self.angle + gain * error)
-        self.bias += of_bias * error
+        kept = np.eye(6)
+        kept[:, UP] -= gain
+        self.covariance = kept @ self.covariance @ kept.T + variance * gain @ gain.T
+        step = gain @ away
+        self.bias = self.bias + step[BIAS]
+        self._turn(skew(self.up) @ step[UP])
 
 
-def at_rest(settings: ImuSettings, angle: float) -> tuple[float, float, float]:
-    """Return the acceleration (x, y, z) m/s^2 that a disc at rest measures at an angle, rad."""
-    tilt = angle + settings.mounting_angle
-    return -settings.gravity * sin(tilt), 0.0, settings.gravity * cos(tilt)
+def turn_between(one: Array, other: Array) -> Array:
+    """Return the rotation vector (3,), rad, of the smallest turn from a direction to another."""
+    across, along = skew(one) @ other, one @ other
+    sine = hypot(*across)
+    if sine < TINY and along < 0.0:  # half a turn, about anything across it: y where that is
+        across = skew(one)[:, 2 if abs(one[2]) < abs(one[0]) else 0]
+        return np.asarray(np.pi / hypot(*across) * across)
+    return np.asarray(atan2(sine, along) / max(sine, TINY) * across)
 
 
-def _wrapped(angle: float) -> float:
-    return (angle + pi) % (2.0 * pi) - pi
+def rotation(vector: Array) -> Array:
+    """Return the matrix (3, 3) of a rotation vector (3,), rad."""
+    angle, across = max(hypot(*vector), TINY), skew(vector)
+    return np.asarray(EYE + sin(angle) / angle * across
+                      + 2.0 * (sin(angle / 2.0) / angle)**2 * across @ across)
+
+
+def skew(vector: Array) -> Array:
+    """Return the matrix (3, 3) of the cross product with a vector (3,)."""
+    x, y, z = vector.tolist()  # np.cross takes ten times as long
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

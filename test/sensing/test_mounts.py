@@ -18,7 +18,7 @@ from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.imu_axes import imu_rotations
 from soft_continuum.sensing.rigid import compose, planar_pose
 from soft_continuum.sensing.sight import DiscPose, Sight
-from soft_continuum.sensing.tare import mount_of, straight_heights, tag_mount, tilt_of, Window
+from soft_continuum.sensing.tare import mount_of, straight_heights, tag_mount, turn_of, Window
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.sensing.tracker import Tracker
 from support import space_views, views
@@ -107,11 +107,17 @@ def test_what_moves_or_is_far_away_is_no_tare():
     poses[:, 0] = np.linspace(0.0, 0.004, 20)
     with pytest.raises(SensorError, match='it moves, by 2.1 mm'):
         mount_of(list(poses), 0.2)
-    assert tilt_of([0.1] * 10) == pytest.approx(0.1)
+    assert turned_by([0.1] * 10) == pytest.approx([0.0, 0.1, 0.0])
     with pytest.raises(SensorError, match='it moves, by 0.0 mm and 0.1'):
-        tilt_of(list(np.linspace(0.0, 0.2, 10)))
+        turned_by(np.linspace(0.0, 0.2, 10))
     with pytest.raises(SensorError, match=r'imu\.axes'):
-        tilt_of([3.14, -3.14] * 10)
+        turned_by([3.14, -3.14] * 10)
+
+
+def turned_by(angles):
+    """Return by what an IMU is turned that is turned by these angles about y, rad."""
+    ups = np.column_stack([-np.sin(angles), np.zeros(len(angles)), np.cos(angles)])
+    return turn_of(list(ups), np.array([0.0, 0.0, 1.0]))
 
 
 def test_a_window_has_the_last_second_or_says_that_it_is_not_enough():

@@ -6,15 +6,22 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from soft_continuum.mechanics.arm import SPATIAL_AXES
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.sensing.mounted_imus import imus_of
-from soft_continuum.sensing.tilt import ImuSample, ImuSettings, SensorError
-from soft_continuum.sensing.up_direction import pose_of_up, turned_upright, UpFilter
+from soft_continuum.sensing.mounted_imus import MountedImus, pose_of_up
+from soft_continuum.sensing.tilt import (
+    ImuSample,
+    ImuSettings,
+    rotation,
+    SensorError,
+    turn_between,
+    UpFilter,
+)
+from support import space_views, views
 from support.imus import Errors, GRAVITY
-from support.space_views import ARM, VALUES
 
 DEVIATION, STEP, LENGTH = 0.01, 0.02, 0.25
-SETTINGS = ImuSettings(GRAVITY, 0.0, deviation=DEVIATION)
+SETTINGS, ALL = ImuSettings(GRAVITY, deviation=DEVIATION), SPATIAL_AXES[3:]
 STRAIGHT = Rotation.identity()
 ERRORS = Errors(offset=DEVIATION * GRAVITY)
 
@@ -47,7 +54,7 @@ def test_up_is_within_its_95_percent_ellipse_90_to_99_percent_of_the_time():
     for seed in range(12):  # as many devices, every other one on a base that is turned
         base = Rotation.from_euler('xy', [0.7, 2.0]) if seed % 2 else STRAIGHT
         samples, ups, _ = record(np.random.default_rng(seed), base)
-        found = UpFilter(SETTINGS)
+        found = UpFilter(SETTINGS, ALL)
         for number, (sample, up) in enumerate(zip(samples, ups, strict=True)):
             used = found.update(sample)
             # Samples soon after each other are off alike: every fifth tells as much as all.
@@ -62,7 +69,7 @@ def test_up_is_within_its_95_percent_ellipse_90_to_99_percent_of_the_time():
 
 def test_biases_across_the_vertical_are_found_at_rest_and_that_about_it_is_not():
     samples, _, bias = record(np.random.default_rng(2), seconds=6.0)
-    found = UpFilter(SETTINGS)
+    found = UpFilter(SETTINGS, ALL)
     for sample in samples[:140]:  # before it moves
         found.update(sample)
     assert found.bias[:2] == pytest.approx(bias[:2], abs=0.006)
@@ -74,7 +81,7 @@ def test_biases_across_the_vertical_are_found_at_rest_and_that_about_it_is_not()
 def test_a_gyroscope_that_turns_the_other_way_or_in_degrees_is_noticed(scale):
     samples, _, _ = record(np.random.default_rng(3), seconds=20.0, duration=2.5,
                            errors=Errors(1e-4, 1e-5, bias=0.0))
-    found = UpFilter(SETTINGS)
+    found = UpFilter(SETTINGS, ALL)
     with pytest.raises(SensorError, match='disagree'):
         for sample in samples:
             found.update(ImuSample(sample.time, sample.acceleration, scale * sample.rate))
@@ -83,9 +90,10 @@ def test_a_gyroscope_that_turns_the_other_way_or_in_degrees_is_noticed(scale):
 def test_a_pose_of_up_has_up_where_it_is_and_no_turn_about_it():
     random = np.random.default_rng(4)
     for up, to in (*(random.standard_normal((2, 3)) for _ in range(5)),
-                   (np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0]))):
+                   (np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])),
+                   (np.array([0.6, 0.0, 0.8]), np.array([0.6, 0.0, 0.8]))):
         up, to = up / np.linalg.norm(up), to / np.linalg.norm(to)
-        assert Rotation.from_quat(turned_upright(up, to)).apply(up) == pytest.approx(to)
+        assert Rotation.from_rotvec(turn_between(up, to)).apply(up) == pytest.approx(to)
         across = np.eye(3) - np.outer(up, up)
         pose, covariance = pose_of_up(up, 1e-4 * across, to, 1e6)
         assert Rotation.from_quat(pose[3:]).apply(up) == pytest.approx(to)
@@ -93,9 +101,21 @@ def test_a_pose_of_up_has_up_where_it_is_and_no_turn_about_it():
         assert covariance[3:, 3:] @ to == pytest.approx(1e6 * to)
 
 
-def test_an_imu_that_sits_askew_is_right_after_a_tare():
-    imus, none = imus_of(ARM, VALUES | SETTINGS_OF_IMUS, 4), np.zeros(3)
-    askew = Rotation.from_rotvec([0.1, -0.2, 0.0])
+def test_half_a_turn_in_the_plane_of_an_arm_stays_in_it():
+    up = np.array([0.6, 0.0, 0.8])
+    assert np.abs(turn_between(up, -up)) == pytest.approx([0.0, np.pi, 0.0])
+    vector = np.random.default_rng(5).standard_normal(3)
+    assert rotation(vector) == pytest.approx(Rotation.from_rotvec(vector).as_matrix())
+
+
+@pytest.mark.parametrize(('views', 'free', 'wrong'), [
+    (views, [0.0, 1.0, 0.0], {'imu.mounting_angles': (0.0, 1.0)}),
+    (space_views, [0.5, 1.0, 0.0], {'imu.mounting_turns': (0.0, 1.0)})],
+    ids=['in the plane', 'in space'])
+def test_an_imu_that_sits_askew_is_right_after_a_tare(views, free, wrong):
+    values = views.VALUES | SETTINGS_OF_IMUS
+    imus, none, free = MountedImus.of(values, views.ARM), np.zeros(3), np.array(free)
+    askew = Rotation.from_rotvec(-0.2 * free)
 
     def felt(turn, start):
         for k in range(60):
@@ -107,17 +127,22 @@ def test_an_imu_that_sits_askew_is_right_after_a_tare():
     felt(STRAIGHT, 10.0)
     assert imus.straight(1, 11.2) is None
     imus.mounts[2] = imus.straight(2, 11.2)
-    turn = Rotation.from_rotvec([0.3, 0.2, 0.0])
+    turn = Rotation.from_rotvec(0.3 * free)
     pose, _ = felt(turn, 30.0)
     seen = Rotation.from_quat(pose[3:]).inv().apply([0.0, 0.0, 1.0])
     assert seen == pytest.approx(turn.inv().apply([0.0, 0.0, 1.0]), abs=2e-3)
-    felt(Rotation.from_rotvec([0.6, 0.0, 0.0]), 50.0)
+    name, kept = imus.kept()
+    again = MountedImus.of(values | {f'imu.{name}': kept}, views.ARM)
+    assert np.array_equal(again.mounts, imus.mounts)
+    assert imus.mounts[2] == pytest.approx(askew.as_rotvec(), abs=0.01)
+    felt(Rotation.from_rotvec(0.8 * free), 50.0)
     with pytest.raises(SensorError, match='turned by'):
         imus.straight(2, 51.2)
-    with pytest.raises(ParameterError, match='mounting_turns has 2'):
-        imus_of(ARM, VALUES | SETTINGS_OF_IMUS | {'imu.mounting_turns': (0.0, 1.0)}, 4)
+    with pytest.raises(ParameterError, match=f'{next(iter(wrong))} has 2'):
+        MountedImus.of(values | wrong, views.ARM)
 
 
 SETTINGS_OF_IMUS = {
-    'imu.mounting_turns': (0.0,), 'imu.acceleration_deviation': 0.05, 'imu.rate_deviation': 0.003,
+    'imu.mounting_turns': (0.0,), 'imu.mounting_angles': (0.0,),
+    'imu.acceleration_deviation': 0.05, 'imu.rate_deviation': 0.003,
     'imu.bias_deviation': 0.05, 'imu.motion_acceleration': 1.0, 'imu.deviation': 0.01}

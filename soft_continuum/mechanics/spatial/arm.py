@@ -267,6 +267,11 @@ class SpatialArm:
         return atan2(self.gravity[0], -self.gravity[2])
 
     @property
+    def free_fall(self) -> NDArray[np.float64]:
+        """Acceleration of free fall in base_link, (3,), m/s^2."""
+        return np.array(self.gravity)
+
+    @property
     def axes(self) -> str:
         """Names of the axes of base_link along which its points move."""
         return 'xyz'
