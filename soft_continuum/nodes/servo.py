@@ -3,6 +3,7 @@
 """The node that follows a moving target with one segment: that which is soft, or is chosen."""
 
 from collections.abc import Callable
+from concurrent.futures import Future
 from functools import partial
 from typing import Any
 
@@ -14,7 +15,6 @@ from std_msgs.msg import Bool, Empty, Float64
 from std_srvs.srv import SetBool
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.nodes.arm_commander import MotionCommander
@@ -31,7 +31,7 @@ from soft_continuum.ros.conversions import Stiffness
 from soft_continuum.ros.names import SERVO, SHAPE_SEQUENCER
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
 from soft_continuum.ros.text import plain
-from soft_continuum.sequencing.bending_curve import CurveLimits
+from soft_continuum.sequencing.bending_map import BendingLimits
 from soft_continuum.sequencing.servo import (
     AngleServo,
     HeldSegmentMovedError,
@@ -45,6 +45,7 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 MAX_TARGET_BYTES = 1000
 SEQUENCE_TIMEOUT = 3.0  # s after its last state for a sequence to count as ended
 CLOSE_TIMEOUT = 5.0  # s
+SOON = 0.5  # s: what takes longer to prepare is told when it is done
 REFUSAL_PERIOD = 5.0  # s for which a refused target is reported
 
 
@@ -59,8 +60,8 @@ class Servo(Node):
     (std_msgs/Bool, latched), ~/status and /diagnostics.  Serves ~/enable (std_srvs/SetBool).
 
     It moves nothing unless it is enabled, and whatever interferes disables it.  All happens on the
-    thread that spins the node; but what a segment of a spatial arm can be bent to is found on a
-    thread of its own, when the servo is enabled.
+    thread that spins the node; but what a segment can be bent to is found on a thread of its own,
+    when the servo is enabled.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -69,7 +70,6 @@ class Servo(Node):
         self.parameters = NodeParameters(self, NODE_PARAMETERS[SERVO])
         self.status = Status(self, 'servo')
         arm = any_arm_from_parameters(self.parameters)
-        self._planar = isinstance(arm, Arm)
         check_actuation(arm, self.parameters)
         self._jamming: bool = self.parameters['arm.jamming']
         self._segments = len(arm.segments)
@@ -217,8 +217,8 @@ class Servo(Node):
             return 'the shape of the arm is not known'
         (shape, model), (low, high) = known, parameters['pull_limits']
         settings = ServoSettings(
-            CurveLimits((low, high), parameters['tension_limit'], parameters['antagonist_slack'],
-                        tuple(model.offsets.tolist())),
+            BendingLimits((low, high), parameters['tension_limit'],
+                          parameters['antagonist_slack'], tuple(model.offsets.tolist())),
             speed=parameters['tendon_speed'], acceleration=parameters['tendon_acceleration'],
             period=1.0 / parameters['servo.rate'],
             **{name: parameters[f'servo.{name}'] for name in (
@@ -228,18 +228,21 @@ class Servo(Node):
                        self._jamming)
         self._stiffness, self._stops = observed.stiffness, observed.tendons.stops
         self._preparing = this = object()
-        if self._planar:
-            return self._begin(this, *_made(make))
         self._level, self._ended = OK, 'what the segment can be bent to is being found'
+        made: Future[tuple[AngleServo | None, str]] = Future()
 
         def prepare() -> None:
             if this is self._preparing:  # else it was given up before its turn
-                on_ros_thread(self, self._on_made, this, *_made(make))
+                made.set_result(_made(make))
+                on_ros_thread(self, self._on_made, this, *made.result())
 
         if not self._worker.submit(prepare):
             self._preparing = None
             return 'too many attempts to enable it wait to be given up; try again'
-        return ''
+        try:
+            return self._begin(this, *made.result(SOON))
+        except TimeoutError:
+            return ''
 
     def _on_made(self, this: object, servo: AngleServo | None, problem: str) -> None:
         self._begin(this, servo, problem)
@@ -250,7 +253,7 @@ class Servo(Node):
         if this is not self._preparing:
             return ''
         self._preparing = None
-        if servo is not None and not self._planar:  # that took a while
+        if servo is not None:  # that took a while
             problem = self._problem()
         if servo is None or problem:
             self._level, self._ended = WARN, problem
@@ -342,17 +345,14 @@ class Servo(Node):
             servo.set_angle(message.data, time)
             return
         if kind is Vector3:
-            if self._planar and message.y != 0.0:
-                raise TargetError(f'a bending of {message.y:.4g} rad towards y; allowed: 0, since '
-                                  'this arm bends in one plane')
-            servo.set_angle(message.x if self._planar else complex(message.x, message.y), time)
+            servo.set_angle(complex(message.x, message.y), time)
             return
         frame = self.parameters['frame_id']
         if message.header.frame_id != frame:
             raise TargetError(f'a tip in frame {plain(message.header.frame_id)!r}; needed: '
                               f'{frame!r}')
         point = message.point
-        servo.set_tip(point.x, point.z, time, 0.0 if self._planar else point.y)
+        servo.set_tip(point.x, point.z, time, point.y)
 
     # What is published.
 

@@ -13,7 +13,6 @@ from geometry_msgs.msg import PoseArray, PoseWithCovariance
 from rclpy.node import Node
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.entries import guarded, repeat
@@ -58,8 +57,8 @@ from soft_continuum_interfaces.msg import (
 )
 
 TICK_PERIOD = 0.05  # s
-SPATIAL_PIECE_PERIOD = 0.15
-"""s between pieces of a motion in space: to judge one of nine tendons takes 10 ms of a core."""
+PIECE_PERIOD = 0.15
+"""s between pieces of a motion: to judge one of nine tendons takes 10 ms of a core."""
 FIRST_MESSAGE_TIMEOUT = 5.0  # s that a goal waits for nodes that may have just been started
 STARTING_TIMEOUT = 20.0  # s that it waits for nodes that run: on a slow computer they load longer
 
@@ -311,7 +310,7 @@ class ShapeSequencer(Node):
         shapes = self._shapes = self._shapes_of(handle.request.shapes)
         settings = RunnerSettings(
             jamming=self.parameters['arm.jamming'],
-            piece_period=0.0 if isinstance(self._arm, Arm) else SPATIAL_PIECE_PERIOD,
+            piece_period=PIECE_PERIOD,
             on_obstacle=self.parameters['obstacles.on_change'],
             max_replans=self.parameters['reach.max_replans'], **{
                 name: self.parameters[name] for name in (

@@ -3,8 +3,8 @@
 """
 Following a moving target with one segment: that which is soft, or, without jamming, any one.
 
-A bending is its angle or, of a spatial arm, the complex number angle times e^(i direction), rad,
-as of a BendingDisc; what follows is the same for both.
+A bending is the complex number angle times e^(i direction), rad, as of a BendingMap; towards x and
+-x it is a real one, as always of a planar arm.
 
 The pulls come from the model, at a reference angle: the target plus a correction.  The correction
 is what the reference was when the arm was measured, less the angle that was measured, through a
@@ -24,25 +24,21 @@ import numpy as np
 
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import State
-from soft_continuum.mechanics.statics import Statics
 from soft_continuum.sequencing import minimum_jerk
-from soft_continuum.sequencing.bending_curve import bending_curve, CurveLimits
-from soft_continuum.sequencing.bending_disc import bending_disc, bending_of
+from soft_continuum.sequencing.bending_map import bending_map, bending_of, BendingLimits
 
 LEAD = 0.035
 """s from now from which a piece may change what was sent before: tendon_actuation reads ahead."""
 AHEAD_STEPS = 2
 """Periods that a piece then goes on before it brakes: the next one may come that late."""
 OFFSET_SHARE = 0.25
-"""Part of speed and acceleration for going from the first pulls to those of the curve."""
+"""Part of speed and acceleration for going from the first pulls to those of the map."""
 MAX_GAP = 0.5  # s between two targets from which its speed is found
 MAX_MEASURING_GAP = 0.2
 """s that one measurement counts for: the first after a gap is no more certain than others."""
 MEMORY = 5.0  # s for which it is remembered where the reference was
 MAX_HELD_CHANGE = 0.17
-"""rad by which another segment may turn; the curve is that of the shape it had."""
-
-Bending = float | complex
+"""rad by which another segment may turn; the map is that of the shape it had."""
 
 
 class TargetError(ValueError):
@@ -50,7 +46,7 @@ class TargetError(ValueError):
 
 
 class HeldSegmentMovedError(RuntimeError):
-    """Another segment does not have the shape any more with which the curve was made."""
+    """Another segment does not have the shape any more with which the map was made."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +63,7 @@ class ServoSettings:
     measurement is old.
     """
 
-    limits: CurveLimits = CurveLimits()
+    limits: BendingLimits = BendingLimits()
     speed: float = 0.015
     acceleration: float = 0.1
     period: float = 0.04
@@ -109,11 +105,11 @@ class Piece:
 class _Target:
     """Bending (rad) at a time (s), and how fast it moves (rad/s)."""
 
-    angle: Bending
+    angle: complex
     time: float
-    speed: Bending = 0.0
+    speed: complex = 0.0
 
-    def at(self, time: float, extrapolation: float) -> Bending:
+    def at(self, time: float, extrapolation: float) -> complex:
         return self.angle + self.speed * min(max(0.0, time - self.time), extrapolation)
 
 
@@ -121,12 +117,12 @@ class _Target:
 class _Correction:
     """Low-pass filter of what the reference was too large by; wanted, and sent: rad."""
 
-    wanted: Bending = 0.0
-    sent: Bending = 0.0
+    wanted: complex = 0.0
+    sent: complex = 0.0
     time: float = -inf  # of the last measurement, s
     seen: float = -inf  # when it came, s
 
-    def update(self, error: Bending, time: float, seconds: float, seen: float) -> None:
+    def update(self, error: complex, time: float, seconds: float, seen: float) -> None:
         gap = min(max(0.0, time - self.time), MAX_MEASURING_GAP)
         self.wanted += (error - self.wanted) * -expm1(-gap / seconds)
         self.time, self.seen = time, seen
@@ -141,7 +137,7 @@ class _Point:
     """
 
     time: float
-    angle: Bending
+    angle: complex
     followed: float = 0.0
 
 
@@ -150,7 +146,7 @@ class _Motion:
     """What was planned last, its speed (rad/s), and what was before."""
 
     last: _Point
-    speed: Bending = 0.0
+    speed: complex = 0.0
     past: deque[_Point] = field(default_factory=deque)
 
     def go_to(self, point: _Point) -> None:
@@ -160,8 +156,8 @@ class _Motion:
         while self.past[0].time < point.time - MEMORY:
             self.past.popleft()
 
-    def was(self, time: float) -> Bending:
-        found: Bending = np.interp(time, [point.time for point in self.past],
+    def was(self, time: float) -> complex:
+        found: complex = np.interp(time, [point.time for point in self.past],
                                    [point.angle for point in self.past]).item()
         return found
 
@@ -179,14 +175,10 @@ class AngleServo:
         """
         Find what a segment (0-based) can be bent to; raises StaticsError when that is nothing.
 
-        statics, state: of a planar arm or of a spatial one.  jamming: whether the other segments
-        are stiff.
+        jamming: whether the other segments are stiff.
         """
         self.settings, self.segment = settings, segment
-        self._planar = isinstance(statics, Statics)
-        self.curve: Any = (  # a BendingCurve; of a spatial arm a BendingDisc, by complex numbers
-            bending_curve(statics, state, segment, settings.limits) if self._planar else
-            bending_disc(statics, state, segment, settings.limits, jamming))
+        self.map = bending_map(statics, state, segment, settings.limits, jamming)
         self.limited = ''  # by what, as the target was followed last
         self._limit = statics.chain.arm.segments[segment].bending_angle_limit
         self._state = self._made_for = state
@@ -196,14 +188,14 @@ class AngleServo:
         self._offset, self._offset_time = np.zeros(len(state.pulls)), 1.0
         self._sent: Array | None = None  # the pulls at the end of the last piece
         share = 1.0 - OFFSET_SHARE
-        self._acceleration = share * settings.acceleration / self.curve.slope
-        self._speed = min(share * settings.speed / self.curve.slope,
+        self._acceleration = share * settings.acceleration / self.map.slope
+        self._speed = min(share * settings.speed / self.map.slope,
                           self._acceleration * settings.braking_time)
         self._ahead: list[_Point] = []  # planned, but not passed yet
 
     # Targets.
 
-    def set_angle(self, angle: Bending, now: float) -> None:
+    def set_angle(self, angle: complex, now: float) -> None:
         """Follow a bending, rad; raises TargetError and goes on as before."""
         if not isfinite(angle):
             raise TargetError(f'a bending angle of {angle} rad; needed: a finite number')
@@ -211,6 +203,10 @@ class AngleServo:
             raise TargetError(
                 f'a bending angle of {_shown(angle)} rad; allowed by bending_angle_limits: '
                 f'{-self._limit:.4g} to {self._limit:.4g} rad')
+        if off := angle - self.map.along(angle):
+            much, axis = (off.imag, 'y') if off.imag else (off.real, 'x')
+            raise TargetError(f'a bending of {much:.4g} rad towards {axis}; allowed: 0, since '
+                              'this arm bends in one plane')
         before, self._target = self._target, _Target(angle, now)
         if before is None or not 0.0 < now - before.time < MAX_GAP:
             return
@@ -222,7 +218,7 @@ class AngleServo:
         """Follow a point (m) with the tip, as near as this segment can bring it."""
         if not (isfinite(x) and isfinite(y) and isfinite(z)):
             raise TargetError(f'a tip at {x}, {y}, {z} m; needed: finite numbers')
-        self.set_angle(self.curve.angle_for_tip(x, z, y), now)
+        self.set_angle(self.map.angle_for_tip(x, z, y), now)
 
     def forget_target(self) -> None:
         """Follow no target from now on: brake and hold, until there is another one."""
@@ -266,13 +262,12 @@ class AngleServo:
         """Whether the arm was measured, and not too long ago."""
         return now - self._correction.seen <= self.settings.measurement_timeout
 
-    def _bending(self, state: State) -> Bending:
+    def _bending(self, state: State) -> complex:
         """Return how the segment bends."""
-        bending = bending_of(state.bending, self.segment)
-        return bending.real if self._planar else bending
+        return self.map.along(bending_of(state.bending, self.segment))
 
     @property
-    def correction(self) -> Bending:
+    def correction(self) -> complex:
         """What is added to the target, rad."""
         return self._correction.sent
 
@@ -312,7 +307,7 @@ class AngleServo:
     def _piece(self, now: float, points: list[_Point]) -> Piece | None:
         low, high = self.settings.limits.pull_limits
         rows = np.array([
-            np.clip(self.curve.pulls_at(point.angle) + self._offset_at(point.followed), low, high)
+            np.clip(self.map.pulls_at(point.angle) + self._offset_at(point.followed), low, high)
             for point in points])
         if self._sent is not None and not np.abs(rows - self._sent).any():
             return None
@@ -321,13 +316,13 @@ class AngleServo:
 
     def _begin(self, now: float, pulls: Array) -> _Motion:
         """Begin at the angle that the arm has, or, measured, at that which the pulls stand for."""
-        curve, correction = self.curve, self._correction
+        bendings, correction = self.map, self._correction
         present = self._bending(self._state)
-        angle = curve.clipped(present)
+        angle = bendings.clipped(present)
         if self.is_measured(now):
-            angle = curve.angle_for_pulls(pulls, angle)
+            angle = bendings.angle_for_pulls(pulls, angle)
             correction.wanted = correction.sent = angle - present
-        self._offset = pulls - curve.pulls_at(angle)
+        self._offset = pulls - bendings.pulls_at(angle)
         largest = float(np.abs(self._offset).max())
         speed, acceleration = (OFFSET_SHARE * self.settings.speed,
                                OFFSET_SHARE * self.settings.acceleration)
@@ -337,7 +332,7 @@ class AngleServo:
         return _Motion(begin, past=deque([begin]))
 
     def _offset_at(self, followed: float) -> Array:
-        """Return by how much the pulls are not yet those of the curve, (tendons,), m."""
+        """Return by how much the pulls are not yet those of the map, (tendons,), m."""
         t = min(followed / self._offset_time, 1.0)
         offset: Array = self._offset * (1.0 - minimum_jerk.progress(t))
         return offset
@@ -345,7 +340,7 @@ class AngleServo:
     def _correct(self) -> None:
         """Send the correction if it is more than friction lets through."""
         correction = self._correction
-        if abs(correction.wanted - correction.sent) * self.curve.slope > (
+        if abs(correction.wanted - correction.sent) * self.map.slope > (
                 self.settings.friction_band):
             correction.sent = correction.wanted
 
@@ -360,32 +355,32 @@ class AngleServo:
             speed = motion.speed + _limited(speed - motion.speed, most)
             speed = _limited(speed, self._speed)
             followed += period
-        return _Point(last.time + period, self.curve.clipped(last.angle + speed * period),
+        return _Point(last.time + period, self.map.clipped(last.angle + speed * period),
                       followed)
 
-    def _speed_towards(self, target: _Target, motion: _Motion) -> Bending:
+    def _speed_towards(self, target: _Target, motion: _Motion) -> complex:
         """Return the speed (rad/s) that the target asks for."""
         period = self.settings.period
         time = motion.last.time + period + self.settings.response_time
         wanted = target.at(time, self.settings.extrapolation) + self._correction.sent
-        reference = self.curve.clipped(wanted)
-        self.limited = '' if reference == wanted else self.curve.end(wanted)
+        reference = self.map.clipped(wanted)
+        self.limited = '' if reference == wanted else self.map.end(wanted)
         moves = target.speed if reference == wanted else 0.0
-        away: Bending = reference - motion.last.angle
+        away: complex = reference - motion.last.angle
         # As fast as it can still come to rest relative to the target, in whole periods.
         step = self._acceleration * period / 2.0
         fastest = sqrt(2.0 * self._acceleration * abs(away) + step**2) - step
-        speed: Bending = away / period
+        speed: complex = away / period
         if abs(speed - moves) > fastest:
             speed = moves + _limited(speed - moves, fastest)
         return speed
 
 
-def _limited(value: Bending, most: float) -> Bending:
+def _limited(value: complex, most: float) -> complex:
     """Return a number of at most that size."""
     size = abs(value)
     return value if size <= most else value * (most / size)
 
 
-def _shown(bending: Bending) -> str:
-    return f'{abs(bending) if isinstance(bending, complex) else bending:.4g}'
+def _shown(bending: complex) -> str:
+    return f'{abs(bending) if bending.imag else bending.real:.4g}'

@@ -10,9 +10,10 @@ import pytest
 
 from benchmarks.servo_loop import follow, Measuring, StaticPlant, TwinPlant
 from soft_continuum.mechanics import Jam, Statics, StaticsError, Tendon
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.bending_curve import bending_curve, CurveLimits
+from soft_continuum.sequencing.bending_map import bending_map, BendingLimits, LINE_STEP
 from soft_continuum.sequencing.servo import (
     AngleServo,
     HeldSegmentMovedError,
@@ -50,7 +51,7 @@ def pieces(servo, seconds, target=None, begin=10.0):
 
 
 def end_angle(servo, piece):
-    return servo.curve.angle_for_pulls(piece.pulls[-1], 0.1 * np.sign(piece.pulls[-1][0]))
+    return servo.map.angle_for_pulls(piece.pulls[-1], 0.1 * np.sign(piece.pulls[-1][0])).real
 
 
 # The plant is not the model.
@@ -90,7 +91,7 @@ def test_it_settles_where_the_arm_turns_half_or_twice_as_far_as_the_model(gain, 
             pending = list(zip(now + piece.times, piece.pulls, strict=True))
         sent = next((p for t, p in pending if t >= now + SETTINGS.period - 1e-9),
                     pending[-1][1])
-        wanted = gain * servo.curve.angle_for_pulls(sent, 0.1)
+        wanted = gain * servo.map.angle_for_pulls(sent, 0.1).real
         angle += (wanted - angle) * (1.0 - np.exp(-SETTINGS.period / 0.06))
         past.append((now + SETTINGS.period, angle))
         seen = [(t, a) for t, a in past if t <= now + SETTINGS.period - delay + 1e-9]
@@ -220,7 +221,7 @@ def test_a_lost_sensor_leaves_the_correction_as_it_is():
         servo.observe(bent(0.0, degrees(0.07), 0.0), now - 0.1, now - 0.1, now)
         servo.advance(now, np.zeros(2))
     correction = servo.correction
-    assert correction > 0.02
+    assert correction.real > 0.02
     for now in np.arange(15.0, 18.0, SETTINGS.period):
         servo.set_angle(0.1, now)
         servo.observe(bent(0.0, degrees(0.05), 0.0), now, None, now)
@@ -246,7 +247,7 @@ def test_a_measurement_counts_once_and_an_old_one_not_at_all():
     servo.set_angle(0.1, 12.0)
     servo.advance(12.0, np.zeros(2))
     once = servo.correction
-    assert 0.0 < once < 0.04
+    assert 0.0 < once.real < 0.04
     servo.observe(bent(0.0, 0.0, 0.0), 12.0, 11.95, 14.0)
     servo.advance(12.04, np.zeros(2))
     assert servo.correction == once
@@ -291,10 +292,9 @@ def test_a_tip_is_approached_as_near_as_the_segment_can(segment):
     servo = new_servo(segment)
     for angle in (-0.7, -0.01, 0.3, 0.9):
         tip = STATICS.bend(STRAIGHT, segment, angle).tip
-        assert servo.curve.angle_for_tip(tip[0], tip[1]) == pytest.approx(angle, abs=2e-3)
-    curve = servo.curve
+        assert servo.map.angle_for_tip(tip[0], tip[1]) == pytest.approx(angle, abs=2e-3)
     x, z = 0.05, 0.4
-    nearest = curve.angle_for_tip(x, z)
+    nearest = servo.map.angle_for_tip(x, z).real
     tips = np.array([STATICS.bend(STRAIGHT, segment, a).tip[:2]
                      for a in np.linspace(nearest - 0.05, nearest + 0.05, 11)])
     assert np.hypot(*(tips - [x, z]).T).argmin() in (4, 5, 6)
@@ -309,29 +309,49 @@ def test_a_target_that_jumps_is_not_extrapolated():
     assert servo._target.speed == pytest.approx(0.1)
 
 
-# The curve.
+# The map.
 
 
-def test_the_curve_ends_at_a_limit_and_says_which():
-    for limits, why in ((CurveLimits(tension_limit=1.0), 'tension_limit of 1 N'),
-                        (CurveLimits(pull_limits=(-0.01, 0.01)), 'pull_limits'),
-                        (CurveLimits(), 'bending angle limit of 60.0 degrees')):
-        curve = bending_curve(STATICS, STRAIGHT, 0, limits)
-        assert all(why in end for end in curve.ends)
-        assert curve.pulls.max() <= limits.pull_limits[1]
-        assert curve.pulls.min() >= limits.pull_limits[0]
+def bendings_and_pulls(found):
+    """Return bendings from one end to the other, and the pulls there."""
+    bendings = np.linspace(found.clipped(-9.0).real, found.clipped(9.0).real, 101)
+    return bendings, np.array([found.pulls_at(bending) for bending in bendings])
+
+
+def test_the_map_ends_at_a_limit_and_says_which():
+    for limits, why in ((BendingLimits(tension_limit=1.0), 'tension_limit of 1 N'),
+                        (BendingLimits(pull_limits=(-0.01, 0.01)), 'pull_limits'),
+                        (BendingLimits(), 'bending angle limit of 60.0 degrees')):
+        found = bending_map(STATICS, STRAIGHT, 0, limits)
+        assert all(why in found.end(side) for side in (-1.0, 1.0))
+        pulls = bendings_and_pulls(found)[1]
+        assert pulls.max() <= limits.pull_limits[1]
+        assert pulls.min() >= limits.pull_limits[0]
+
+
+def test_what_cannot_be_straight_is_bent_from_where_it_is_straightest():
+    statics, sags = Statics(replace(ARM, mounting_angle=pi / 2)), bent(0.0, 0.0, 20.0)
+    found = bending_map(statics, sags, 2, BendingLimits(tension_limit=0.5))
+    assert 0.0 < found.clipped(-1.0).real <= found.middle.real < radians(20.0)
+    assert radians(25.0) < found.clipped(1.0).real < radians(40.0)
+    assert {found.end(side) for side in (-1.0, 1.0)} == {'the tension_limit of 0.5 N'}
 
 
 def test_a_segment_that_cannot_be_bent_is_refused():
     with pytest.raises(StaticsError, match='segment 1 cannot be bent from here'):
-        bending_curve(STATICS, STRAIGHT, 0, CurveLimits(tension_limit=1e-4))
+        bending_map(STATICS, STRAIGHT, 0, BendingLimits(tension_limit=1e-4))
 
 
-def test_the_curve_always_leaves_the_slack_between_both_tendons():
-    tight = bending_curve(STATICS, STRAIGHT, 1, CurveLimits(antagonist_slack=0.0))
-    curve = bending_curve(STATICS, STRAIGHT, 1, CurveLimits(antagonist_slack=0.0005))
-    assert (tight.pulls - curve.pulls).sum(axis=1) == pytest.approx(0.0005)
-    assert (tight.pulls - curve.pulls).min() >= -1e-12
+def test_the_map_always_leaves_the_slack_between_both_tendons():
+    """All of it where one carries; where none does, what rope absorbs in each."""
+    bendings, tight = bendings_and_pulls(
+        bending_map(STATICS, STRAIGHT, 1, BendingLimits(antagonist_slack=0.0)))
+    loose = bendings_and_pulls(
+        bending_map(STATICS, STRAIGHT, 1, BendingLimits(antagonist_slack=0.0005)))[1]
+    left = (tight - loose).sum(axis=1)
+    assert left[np.abs(bendings) > LINE_STEP] == pytest.approx(0.0005)
+    assert left.min() == pytest.approx(2.0 * SLACK_ALLOWANCE)
+    assert (tight - loose).min() >= -1e-12
 
 
 def test_a_horizon_too_short_to_brake_is_refused():

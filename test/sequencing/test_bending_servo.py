@@ -9,13 +9,12 @@ from math import inf, nan, pi, radians
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.spatial import spatial, SpatialStatics
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_any_arm, load_arm
-from soft_continuum.sequencing.bending_curve import CurveLimits
-from soft_continuum.sequencing.bending_disc import bending_disc, bending_of
+from soft_continuum.sequencing.bending_map import bending_map, bending_of, BendingLimits
 from soft_continuum.sequencing.servo import (
     AngleServo,
     HeldSegmentMovedError,
@@ -29,7 +28,7 @@ STATICS = SpatialStatics(ARM)
 STRAIGHT = STATICS.chain.straight()
 SEGMENT = 1
 SOFT = [False, True, False]
-LIMITS = CurveLimits(offsets=(0.0,) * 3)
+LIMITS = BendingLimits()
 SETTINGS = ServoSettings(LIMITS)
 DEGREE = radians(1.0)
 
@@ -49,12 +48,12 @@ def bent(bending):
 
 @pytest.fixture(scope='module')
 def disc():
-    return bending_disc(STATICS, STRAIGHT, SEGMENT, LIMITS)
+    return bending_map(STATICS, STRAIGHT, SEGMENT, LIMITS)
 
 
 @pytest.fixture
 def servo(disc, monkeypatch):
-    monkeypatch.setattr('soft_continuum.sequencing.servo.bending_disc', lambda *_: disc)
+    monkeypatch.setattr('soft_continuum.sequencing.servo.bending_map', lambda *_: disc)
     return AngleServo(STATICS, SETTINGS, STRAIGHT, SEGMENT)
 
 
@@ -109,7 +108,7 @@ def test_an_arm_that_is_not_its_model_goes_where_it_is_to_go(servo):
     for goal, since in zip(goals, (3.0, 7.0), strict=True):
         then = (times > since) & (times < since + 0.9)
         assert np.abs(found[then] - goal).max() < 1.0 * DEGREE
-    open_loop = arm(servo.curve.pulls_at(goals[1]))
+    open_loop = arm(servo.map.pulls_at(goals[1]))
     assert abs(open_loop - goals[1]) > 2.0 * DEGREE  # else it would not have been corrected
 
 
@@ -128,7 +127,7 @@ def test_what_is_interpolated_is_where_the_statics_have_the_arm(disc):
 def test_beyond_the_edge_it_stays_on_it_and_says_why(servo):
     with pytest.raises(TargetError, match='allowed by bending_angle_limits'):
         servo.set_angle(towards(70.0, 33.0), 10.0)
-    strong = bending_disc(STATICS, STRAIGHT, SEGMENT, replace(LIMITS, pull_limits=(-0.1, 0.008)))
+    strong = bending_map(STATICS, STRAIGHT, SEGMENT, replace(LIMITS, pull_limits=(-0.1, 0.008)))
     assert 'pull_limits' in strong.end(towards(59.0, 33.0))
     edge = strong.clipped(towards(59.0, 33.0))
     assert np.angle(edge) == pytest.approx(radians(33.0))
@@ -167,9 +166,9 @@ def test_without_jamming_tendons_hold_the_other_segments():
     arm = replace(arm, spacers=1, bodies_per_segment=2, segments=tuple(
         replace(segment, bending_angle_limit=0.65) for segment in arm.segments))
     statics = SpatialStatics(arm)
-    limits = CurveLimits(tension_limit=10.0, offsets=(0.0,) * 9)
+    limits = BendingLimits(tension_limit=10.0)
     start = statics.chain.straight()
-    disc = bending_disc(statics, start, 0, limits, jamming=False)
+    disc = bending_map(statics, start, 0, limits, jamming=False)
     state = start
     for part in (0.5, 1.0):
         state = statics.solve(state, disc.pulls_at(part * 0.6j), [True] * 3)
@@ -177,8 +176,16 @@ def test_without_jamming_tendons_hold_the_other_segments():
     assert np.abs(state.bending[1:]).max() < 2.0 * DEGREE
 
 
-def test_a_hinge_is_refused():
-    arm = spatial(load_arm(description_file()))
-    statics = SpatialStatics(arm)
-    with pytest.raises(StaticsError, match='segment 1 is a hinge'):
-        bending_disc(statics, statics.chain.straight(), 0, CurveLimits())
+def test_a_hinge_bends_as_in_the_plane_and_to_no_other_side():
+    plane = load_arm(description_file())
+    arm = spatial(plane)
+    statics, planar = SpatialStatics(arm), Statics(plane)
+    limits = BendingLimits(tension_limit=20.0)
+    found, wanted = (bending_map(each, each.chain.straight(), 0, limits)
+                     for each in (statics, planar))
+    for bending in np.linspace(wanted.clipped(-9.0).real, wanted.clipped(9.0).real, 15):
+        assert found.pulls_at(bending) == pytest.approx(wanted.pulls_at(bending), abs=1e-6)
+    assert found.end(1.0) == wanted.end(1.0)
+    servo = AngleServo(statics, ServoSettings(limits), statics.chain.straight(), 0)
+    with pytest.raises(TargetError, match='of 0.2 rad towards y; allowed: 0, since this arm'):
+        servo.set_angle(0.1 + 0.2j, 10.0)
