@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm, Segment
+from soft_continuum.mechanics.arm import Segment
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, chain_of, State
 from soft_continuum.mechanics.spatial.arm import SpatialSegment
@@ -61,11 +61,12 @@ class Body:
         tubes = widest if arm.spacers else half
         discs = np.maximum(widest, np.append(widest[1:], 0.0))
         self._base = float(widest[0]), arm.discs[0].height
-        lengths = np.linalg.norm(np.diff(chain.straight().backbone, axis=0), axis=1)
+        straight = chain.straight()
+        lengths = np.linalg.norm(np.diff(straight.backbone, axis=0), axis=1)
         self._half = np.maximum(0.5 * lengths, MIN_HALF_LENGTH)
         self._radii = np.repeat(tubes, chain.joints_per_segment)
         self._radii[self._last] = discs
-        self._spans = _spans_that_come_out(arm, tubes)
+        self._spans = _spans_that_come_out(arm, tubes, straight.tendon_points)
 
     def base(self) -> Cylinders:
         """Return the base disc, which ``parts`` leaves out."""
@@ -105,10 +106,14 @@ class Body:
         return below * self._radii, above * self._radii
 
 
-def _spans_that_come_out(arm: AnyArm, radii: Array) -> list[tuple[int, int]]:
-    """Return tendon and lower guide of the spans that can leave segments of radii (m)."""
+def _spans_that_come_out(arm: AnyArm, radii: Array, guides: Sequence[Array]
+                         ) -> list[tuple[int, int]]:
+    """
+    Return tendon and lower guide of the spans that can leave segments of radii (m).
+
+    guides: as State.tendon_points; those beyond the ones of segments are at both ends.
+    """
     offsets, each = arm.guide_radii, arm.spacers + 1  # spans of a tendon in a segment
-    first = 1 if isinstance(arm, Arm) else 0  # in the plane, a guide at the bottom of the base
     found = []
     segments: Sequence[Segment | SpatialSegment] = arm.segments
     for s, segment in enumerate(segments):
@@ -117,7 +122,7 @@ def _spans_that_come_out(arm: AnyArm, radii: Array) -> list[tuple[int, int]]:
         # At the middle of an arc of this length and angle, from it to the chord inside of it.
         farthest = length / bend - (length / bend - offsets[s]) * np.cos(bend / 2)
         if farthest + TENDON_RADIUS > radii[s]:
-            found += [(tendon, first + s * (each + 1) + k)
+            found += [(tendon, (len(guides[tendon]) - end * (each + 1)) // 2 + s * (each + 1) + k)
                       for tendon, end in enumerate(arm.tendon_ends) if end > s
                       for k in range(each)]
     return found

@@ -84,9 +84,9 @@ class Arcs:
         self.free = arm.bending_axes
 
     @property
-    def planar(self) -> bool:
-        """Whether the tip stays in the x-z plane, since every segment bends about y only."""
-        return not self.free[:, 0].any()
+    def dimensions(self) -> int:
+        """About how many axes it bends: 1 for a tip that stays in a plane, 2 else."""
+        return int(self.free.any(axis=0).sum())
 
     def tips(self, bending: Array) -> tuple[Array, Array]:
         """Return where tips are, (m, 3) m, and their orientations (m, 3, 3), of (m, ...) rad."""

@@ -29,7 +29,8 @@ NEAR, NEAR_TURN = 0.01, 0.1  # m, rad: what arcs reach so nearly may be reached 
 ALIKE = 0.02  # rad: shapes that differ by less are one
 CHUNK, CHUNKS = 100, 400  # sequences drawn at a time, and how often
 PEAK = 15 / 8  # of the speed of a minimum-jerk motion over the mean
-NUMBERS = {'position': 3, 'direction': 5, 'pose': 6}  # that a goal in space determines
+NUMBERS = {'position': (2, 3), 'direction': (3, 5), 'pose': (3, 6)}
+"""How many a goal determines, of a tip that stays in a plane, and of another one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +61,7 @@ class Candidates:
         self.movers = tuple(range(segments)) if settings.jamming else (WHOLE_ARM,)
         self._pace = PEAK * np.array(
             [max(arcs.chain.disc_radii)] * segments) / settings.speed  # s per rad
-        numbers = NUMBERS[miss.goal.kind]
-        if arcs.planar:
-            numbers = 2 if numbers == 3 else 3
+        numbers = NUMBERS[miss.goal.kind][arcs.dimensions - 1]
         each = min(len(arcs.columns([mover])) for mover in self.movers) or 1
         self._grid = {mover: self._values(mover) for mover in self.movers}
         self._ends: list[Array] = []  # shapes whose tip is at the goal

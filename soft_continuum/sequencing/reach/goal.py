@@ -113,22 +113,20 @@ class TipGoal:
 
     def check(self, arm: AnyArm) -> None:
         """Raise PlanError if the tip of ``arm`` cannot be there for lack of a dimension."""
-        if len(arm.axes) == 3:
-            return
-        if abs(self.position[1]) > self.position_tolerance:
-            raise PlanError(f'the tip goal has y = {self.position[1]:g} m; a planar arm moves at '
-                            f'y = 0, and the tolerance is {self.position_tolerance:g} m')
-        if self.kind == 'position':
-            return
-        assert self.rotation is not None
-        axis = 1 if self.kind == 'pose' else 2  # of the disc: across the plane, or in it
-        off = abs(self.rotation[1, axis])
-        turned = float(np.arccos(np.clip(
-            self.rotation[1, 1], -1.0, 1.0)) if axis == 1 else np.arcsin(min(off, 1.0)))
-        if turned > self.angle_tolerance:
-            raise PlanError(
-                f'the tip goal is turned out of the plane of the arm by {degrees(turned):.1f} '
-                f'degrees; the tolerance is {degrees(self.angle_tolerance):.1f} degrees')
+        for k in np.flatnonzero(~arm.pose_axes[:3]):  # the axis across the plane of the arm
+            if abs(self.position[k]) > self.position_tolerance:
+                raise PlanError(
+                    f'the tip goal has {"xyz"[k]} = {self.position[k]:g} m; a planar arm moves at '
+                    f'{"xyz"[k]} = 0, and the tolerance is {self.position_tolerance:g} m')
+            if self.kind == 'position' or self.rotation is None:
+                continue
+            turned = float(np.arccos(np.clip(self.rotation[k, k], -1.0, 1.0))
+                           if self.kind == 'pose' else
+                           np.arcsin(min(abs(self.rotation[k, 2]), 1.0)))
+            if turned > self.angle_tolerance:
+                raise PlanError(
+                    f'the tip goal is turned out of the plane of the arm by {degrees(turned):.1f} '
+                    f'degrees; the tolerance is {degrees(self.angle_tolerance):.1f} degrees')
 
 
 @dataclass(frozen=True)
