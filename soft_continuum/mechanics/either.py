@@ -7,7 +7,6 @@ A state says where everything is in space; its coordinates are what tells one sh
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol, TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, RigidChain, SLACK
+from soft_continuum.mechanics.chain import Array, RigidChain
 from soft_continuum.mechanics.spatial import constant_curvature as spatial_curvature
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialChain
@@ -133,44 +132,6 @@ class Solver(Protocol):
 def chain_of(arm: AnyArm) -> AnyChain:
     """Return an arm as a chain of rigid bodies."""
     return RigidChain(arm) if isinstance(arm, Arm) else SpatialChain(arm)
-
-
-@dataclass(frozen=True, eq=False)
-class HeldBending:
-    """
-    A state in which soft segments bend as a goal says, and what the motors do for it.
-
-    pulls: (tendons,) m at the motors, stretch included, SLACK for a tendon that does not carry.
-    """
-
-    state: Any
-    pulls: Array
-
-
-def hold(statics: Any, state: Any, soft: Sequence[bool], goal: Array, *,
-         sliding: Sequence[int] = (), taut: bool = False) -> HeldBending:
-    """
-    Return the state in which soft segments bend as a goal says, all others stiff.
-
-    goal: as State.bending, of which that of soft segments counts, about the axes about which they
-    bend; in the plane one is soft.  Its vacuum is that of ``state``.  sliding: as of a solve; in
-    space tendons do not rub here.  taut: in space, try tendons that are all taut first: it hardly
-    changes the shape, and what falls over without costs a second to find out.  Raises StaticsError
-    where no tendon holds them there.
-    """
-    arm = statics.chain.arm
-    if isinstance(arm, Arm):
-        segment = list(soft).index(True)
-        slides = {'sliding': sliding} if sliding else {}
-        bent = statics.bend(state, segment, float(goal[segment, 1]), **slides)
-        carries = np.arange(len(bent.tensions)) == np.argmax(bent.tensions)
-        return HeldBending(bent, np.where(carries & (bent.tensions > 0.0),
-                                          statics.commanded_pulls(bent, **slides), SLACK))
-    from soft_continuum.mechanics.spatial.inverse import PRETENSION, pulls_that_hold
-    wanted = np.where(arm.bending_axes & np.array(soft)[:, None], goal, np.nan)
-    pretensions = (PRETENSION, 0.0) if taut else (0.0, PRETENSION)
-    fit = pulls_that_hold(statics, state, wanted, soft, pretensions)
-    return HeldBending(fit.state, fit.pulls)
 
 
 def sliding_towards(arm: AnyArm, change: Array) -> tuple[int, ...]:

@@ -28,16 +28,16 @@ from soft_continuum.mechanics._checks import (
 )
 from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
 from soft_continuum.mechanics.sensitivity import Linearisation
+from soft_continuum.mechanics.spatial.inverse import set_shape as set_bending
 from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
 
 METRES_PER_RADIAN = 0.1  # what a tangent that is wanted as well counts
-SAME_ANGLE = 1e-9  # rad: a segment this close has its angle
+SAME_ANGLE = Statics.precision[0]  # rad: a segment this close has its angle
 GUESSES = 8  # to either side, of all segments: the best of them that are fitted
 MAX_EVALUATIONS = 40  # of a fit by constant curvature
 NEAR = 0.05  # m: tips by constant curvature this close may be reached by the statics
 EXACT, OUT_OF_REACH = 1e-14, 1e-8  # relative tolerances of fits by the statics
 MAX_FITS = 60  # evaluations of such a fit
-MAX_PASSES = 100  # over all segments, before elastic ones are taken not to fit together
 Fit = TypeVar('Fit')
 
 SAME_COST = 1e-12  # rad^2 or m^2: fits this close are equally good
@@ -153,34 +153,17 @@ def set_shape(statics: Statics, bending_angles: Sequence[float],
     """
     Return the arm with its segments set one after the other, base first unless ``order`` says so.
 
-    bending_angles: (segments,) rad, of which only those of the segments in ``order`` count.  A
-    segment that already has its angle is left alone.  Where stiff segments give way, each is bent
-    so far that it has its angle in the end.  Raises StaticsError where no tendon holds a segment
-    at its angle or where they cannot all have theirs, ValueError for angles or an order that are
-    not those of the arm.
+    bending_angles: (segments,) rad, of which only those of the segments in ``order`` count.  For
+    the rest see spatial.set_shape, which takes bending about x and y, of any arm.
     """
     refuse_friction(statics.chain.arm.tendon.friction, 'set_shape')
     segments = statics.chain.segments
     wanted = real_array(bending_angles, 'bending_angles must be finite numbers (rad)')
-    turns = segment_order(order, segments)
-    if wanted.shape != (segments,) or not np.isfinite(wanted[turns]).all():
+    if wanted.shape != (segments,) or not np.isfinite(
+            wanted[segment_order(order, segments)]).all():
         raise ValueError(f'bending_angles must be one finite number in rad for each of the '
                          f'{segments} segments; given: {bending_angles!r}')
-    goal, begin = wanted.copy(), _begin(statics, start)
-    for _ in range(MAX_PASSES):
-        state = begin
-        for segment in turns:
-            present = state.bending_angles[segment]
-            if abs(present - goal[segment]) > SAME_ANGLE:
-                state = statics.bend(state, segment, float(goal[segment]))
-        missed = (wanted - state.bending_angles)[turns]
-        if np.all(np.abs(missed) <= SAME_ANGLE):
-            return state
-        goal[turns] += missed
-    raise StaticsError(
-        f'segments {[s + 1 for s in turns]} give way to each other and are still '
-        f'{np.degrees(missed).round(3).tolist()} degrees from their angles after {MAX_PASSES} '
-        'passes; take smaller angles or stiffer jams', state)
+    return set_bending(statics, np.column_stack([np.zeros(segments), wanted]), start, order)
 
 
 def _begin(statics: Statics, start: Equilibrium | None) -> Equilibrium:

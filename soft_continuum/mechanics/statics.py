@@ -11,7 +11,9 @@ Equilibria depend on the path, so every solve starts from the state before it.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,6 +47,22 @@ SLACK_ALLOWANCE = 1e-4
 """m of pull that rope and guides absorb; the model's inextensible tendons would buckle the arm."""
 
 
+PRETENSIONS = (0.0, 0.3)
+"""N that tendons carry at least, tried in turn to hold a bending in space."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldBending:
+    """
+    A state in which soft segments bend as is wanted, and what the motors do for it.
+
+    pulls: (tendons,) m at the motors, stretch included, SLACK for a tendon that does not carry.
+    """
+
+    state: Any
+    pulls: Array
+
+
 class Statics:
     """
     Equilibria of one arm.
@@ -52,7 +70,11 @@ class Statics:
     ``soft`` masks have one flag per segment.  Softening returns the springs of a segment to their
     natural shape.  Stiffening locks it (paper, III-A) or, with a Jam of finite stiffness, adds
     the jam's springs about the shape at which it was stiffened; either way it moves nothing.
+    precision: rad by which a segment that has its bending may miss it, and by which one may that
+    comes no nearer.
     """
+
+    precision = (1e-9, 1e-9)
 
     def __init__(self, arm: Arm) -> None:
         """Discretise ``arm`` and prepare the arrays of the solver."""
@@ -151,6 +173,22 @@ class Statics:
                         for t, name in enumerate(self.chain.arm.tendon_names))
         raise StaticsError(f'no tendon holds segment {segment + 1} at {np.degrees(angle):.1f} '
                            f'degrees ({why})', start)
+
+    def hold(self, start: Equilibrium, bending: Array, soft: Sequence[bool], *,
+             sliding: Sequence[int] = UNMOVED, pretensions: Sequence[float] = PRETENSIONS
+             ) -> HeldBending:
+        """
+        Return the state in which the soft segment has its bending, and the pulls that hold it.
+
+        bending: (segments, 2) rad about x and y, of which that of the first soft segment about y
+        counts; all others are stiff.  sliding: as in ``solve``.  pretensions: of no use where one
+        tendon carries.  Raises what ``bend`` raises.
+        """
+        segment = list(soft).index(True)
+        found = self.bend(start, segment, float(bending[segment, 1]), sliding=sliding)
+        carries = np.arange(len(found.tensions)) == np.argmax(found.tensions)
+        return HeldBending(found, np.where(carries & (found.tensions > 0.0),
+                                           self.commanded_pulls(found, sliding), SLACK))
 
     def commanded_pulls(self, state: Equilibrium, sliding: Sequence[int] = UNMOVED) -> Array:
         """Return the pulls (2,) m at the steppers that give a state: its paths and stretch."""

@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import hold, State
+from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial.directions import within_limits
+from soft_continuum.mechanics.statics import PRETENSIONS
 from soft_continuum.sequencing.planner import (
     Move,
     PlanError,
@@ -90,7 +91,7 @@ def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Array)
     goal[_rows(segments, len(goal))] = bending
     for segment in segments:
         soft = soft_flags(segment, len(goal))
-        state = hold(statics, state, soft, goal, taut=True).state
+        state = statics.hold(state, goal, soft, pretensions=PRETENSIONS[::-1]).state
         # It is locked by the full vacuum, not by what is left in it while it is soft.
         state = replace(state, vacuum=tuple(
             1.0 if was_soft else part for was_soft, part in zip(soft, state.vacuum, strict=False)))

@@ -18,9 +18,9 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import AnyArm, HeldBending, hold, sliding_towards, statics_of
+from soft_continuum.mechanics.either import AnyArm, sliding_towards, statics_of
 from soft_continuum.mechanics.spatial.directions import bending_vectors, within_limits
-from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
+from soft_continuum.mechanics.statics import HeldBending, SLACK_ALLOWANCE, StaticsError
 from soft_continuum.parameters.shapes import angles_problem
 from soft_continuum.sequencing.timing import timed
 
@@ -293,8 +293,8 @@ class Planner:
         points, tension = [start], float(bent.tensions.max())
         for part in np.arange(1, steps + 1) / steps:
             self.check_wanted()
-            held = hold(self.statics, bent, self._soft(segment), present + part * change,
-                        sliding=sliding)
+            held = self.statics.hold(bent, present + part * change, self._soft(segment),
+                                     sliding=sliding)
             bent = held.state
             tension = max(tension, float(bent.tensions.max()))
             points.append(self._with_slack(held))
@@ -311,7 +311,7 @@ class Planner:
         segment, goal: as of ``move``.  Raises StaticsError.
         """
         sliding = sliding_towards(self.statics.chain.arm, self._change(state, segment, goal))
-        return hold(self.statics, state, self._soft(segment), goal, sliding=sliding).state
+        return self.statics.hold(state, goal, self._soft(segment), sliding=sliding).state
 
     def _change(self, state: Any, segment: int, goal: Array) -> Array:
         """Return by how much what is soft bends on the way to a goal, as State.bending."""

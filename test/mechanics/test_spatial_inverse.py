@@ -164,6 +164,21 @@ def test_a_shape_is_set_in_any_order(order, jam):
     assert state.stiff == tuple(s != order[-1] for s in range(3))
 
 
+@pytest.mark.parametrize('jam', [Jam(), Jam(8.0)])
+def test_a_planar_arm_is_set_as_that_of_hinges_is(jam):
+    flat = paper.build(bodies_per_segment=4)
+    flat = replace(flat, segments=tuple(replace(s, jam=jam) for s in flat.segments))
+    wanted = np.column_stack([np.zeros(3), (0.6, -0.3, 0.5)])
+    planar, hinges = (set_shape(statics, wanted, order=(0, 2, 1)) for statics in (
+        Statics(flat), SpatialStatics(spatial(flat))))
+    for state in (planar, hinges):
+        assert state.bending == pytest.approx(wanted, abs=1e-8)
+    assert planar.backbone == pytest.approx(hinges.backbone, abs=1e-8)
+    for arm in (Statics(flat), SpatialStatics(spatial(flat))):
+        with pytest.raises(ValueError, match='segment 1 does not bend about x'):
+            set_shape(arm, wanted[:, ::-1])
+
+
 def test_a_segment_that_has_its_bending_is_left_alone():
     statics = SpatialStatics(three_segments())
     start = set_shape(statics, SHAPE)

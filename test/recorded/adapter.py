@@ -18,12 +18,13 @@ from soft_continuum.mechanics import constant_curvature as planar_arcs
 from soft_continuum.mechanics import inverse as planar_inverse
 from soft_continuum.mechanics.arm import Arm, PointForce
 from soft_continuum.mechanics.chain import SLACK
-from soft_continuum.mechanics.either import hold, statics_of
+from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.spatial import constant_curvature as spatial_arcs
 from soft_continuum.mechanics.spatial import inverse as spatial_inverse
 from soft_continuum.mechanics.spatial import SpatialLinearisation, Wrench
 from soft_continuum.mechanics.spatial import tip as spatial_tip
+from soft_continuum.mechanics.statics import PRETENSIONS
 from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
@@ -78,7 +79,7 @@ class Model:
 
     def bend(self, state: Any, soft: Sequence[bool], bending: np.ndarray) -> Any:
         """Return the state in which soft segments have a bending, as a plan holds them."""
-        return hold(self.statics, state, soft, bending, taut=True).state
+        return self.statics.hold(state, bending, soft, pretensions=PRETENSIONS[::-1]).state
 
     # Numbers of a state.
 
@@ -136,8 +137,7 @@ class Model:
 
     def set_shape(self, bending: np.ndarray, order: Sequence[int] | None) -> Any:
         """Return the arm with its segments set one after the other."""
-        solve = planar_inverse.set_shape if self.planar else spatial_inverse.set_shape
-        return solve(self.statics, self._own(bending), None, order)
+        return spatial_inverse.set_shape(self.statics, bending, None, order)
 
     def pulls_for(self, state: Any, bending: np.ndarray, soft: Sequence[bool], pretension: float
                   ) -> tuple[Any, np.ndarray]:

@@ -11,7 +11,7 @@ import pytest
 from soft_continuum.mechanics import Jam, StaticsError
 from soft_continuum.mechanics.spatial import pulls_for_bending, SpatialStatics
 from soft_continuum.mechanics.spatial.directions import bending_vectors
-from soft_continuum.mechanics.spatial.inverse import PRETENSION, pulls_that_hold
+from soft_continuum.mechanics.statics import PRETENSIONS
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_any_arm
 from soft_continuum.sequencing.aiming import (
@@ -50,9 +50,9 @@ def test_a_segment_that_would_fall_over_is_held_by_all_tendons():
     wanted[1] = FALLS
     with pytest.raises(StaticsError, match='on the way'):
         pulls_for_bending(statics, statics.chain.straight(), wanted, soft)
-    fit = pulls_that_hold(statics, statics.chain.straight(), wanted, soft)
+    fit = statics.hold(statics.chain.straight(), wanted, soft)
     assert fit.state.bending[1] == pytest.approx(FALLS, abs=1e-8)
-    assert fit.state.tensions.min() >= PRETENSION - 1e-6
+    assert fit.state.tensions.min() >= PRETENSIONS[1] - 1e-6
 
 
 @pytest.mark.parametrize('on_tip', [False, True])

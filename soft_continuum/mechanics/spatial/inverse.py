@@ -11,6 +11,7 @@ program, as for cable-driven parallel robots: Pott, Cable-Driven Parallel Robots
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,17 +24,16 @@ from soft_continuum.mechanics._checks import (
     segment_order,
     soft_flags,
 )
-from soft_continuum.mechanics.chain import Array, SLACK
+from soft_continuum.mechanics.chain import Array, Equilibrium, SLACK
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial.arm import place_of
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
 from soft_continuum.mechanics.spatial.directions import ONE_PLANE
 from soft_continuum.mechanics.spatial.sensitivity import SpatialLinearisation
 from soft_continuum.mechanics.spatial.statics import Booleans, SpatialStatics
-from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, Statics
 
-SAME_BENDING = 1e-8  # rad: a segment this close has its bending
-HELD = 1e-5  # rad: a bending this close is held; tendons without tension may leave 1e-6 and more
+SAME_BENDING, HELD = SpatialStatics.precision
 STEP = 0.3  # rad of bending at first
 ENOUGH = 0.01  # of a change: tensions that miss it by less bring it about
 LEAST_STEP = 1e-3  # of the way of Newton's method
@@ -42,7 +42,6 @@ MAX_STEPS = 100
 MAX_PASSES = 100  # over all segments, before elastic ones are taken not to fit together
 WEIGHT = 1e6  # N/rad of an error of bending against the tensions, in the choice of tensions
 NO_TENSION = 1e-6  # N above the pretension: a tendon this close does not carry
-PRETENSION = 0.3  # N
 SETTLED = 1e-7  # of the tensions: they change no more
 
 
@@ -86,60 +85,55 @@ def pulls_for_bending(statics: SpatialStatics, start: SpatialEquilibrium, bendin
     return BendingFit(state, search.pulls(state), error)
 
 
-def pulls_that_hold(statics: SpatialStatics, start: SpatialEquilibrium, bending: ArrayLike,
-                    soft: Sequence[bool], pretensions: Sequence[float] = (0.0, PRETENSION)
-                    ) -> BendingFit:
-    """
-    Return pulls_for_bending with the first of some pretensions (N) that holds the arm.
-
-    A segment that would fall over by its load needs tendons to all sides.  Raises what
-    pulls_for_bending raised first.
-    """
-    errors = []
-    for pretension in pretensions:
-        try:
-            return pulls_for_bending(statics, start, bending, soft, pretension=pretension)
-        except StaticsError as error:
-            errors.append(error)
-    raise errors[0]
+@overload
+def set_shape(statics: Statics, bending: ArrayLike, start: Equilibrium | None = None,
+              order: Sequence[int] | None = None, *, pretension: float = 0.0) -> Equilibrium: ...
 
 
-def set_shape(statics: SpatialStatics, bending: ArrayLike,
-              start: SpatialEquilibrium | None = None, order: Sequence[int] | None = None, *,
-              pretension: float = 0.0) -> SpatialEquilibrium:
+@overload
+def set_shape(statics: SpatialStatics, bending: ArrayLike, start: SpatialEquilibrium | None = None,
+              order: Sequence[int] | None = None, *, pretension: float = 0.0
+              ) -> SpatialEquilibrium: ...
+
+
+def set_shape(statics: Any, bending: ArrayLike, start: Any = None,
+              order: Sequence[int] | None = None, *, pretension: float = 0.0) -> Any:
     """
     Return the arm with its segments set one after the other, base first unless ``order`` says so.
 
-    bending: (segments, 2) rad, of which only those of the segments in ``order`` count.  A segment
-    that already has its bending is left alone.  Where stiff segments give way, each is bent so far
-    that it has its bending in the end.  pretension: as of pulls_for_bending.  Raises StaticsError
-    where a segment is not held at its bending or where they cannot all have theirs, ValueError for
-    bending or an order that are not those of the arm.
+    statics: of a planar or a spatial arm.  bending: (segments, 2) rad, of which only those of the
+    segments in ``order`` count.  A segment that already has its bending is left alone.  Where
+    stiff segments give way, each is bent so far that it has its bending in the end.  pretension:
+    as of pulls_for_bending.  Raises StaticsError where a segment is not held at its bending or
+    where they cannot all have theirs, ValueError for bending or an order that are not those of the
+    arm.
     """
-    segments = statics.chain.segments
+    segments, free = statics.chain.segments, statics.chain.arm.bending_axes
     wanted = real_array(bending, 'bending must be numbers (rad)')
     turns = segment_order(order, segments)
     if wanted.shape != (segments, 2) or not np.isfinite(wanted[turns]).all():
         raise ValueError('bending must be two finite numbers in rad, about x and y, for each of '
                          f'the {segments} segments; given: {bending!r}')
-    goal, begin = wanted.copy(), statics.chain.straight() if start is None else start
-    check_start(begin, SpatialEquilibrium)
-    left = np.inf
+    _refuse_across(free[turns], wanted[turns])
+    straight = statics.chain.straight()
+    begin = straight if start is None else start
+    check_start(begin, type(straight))
+    goal, left, (same, held) = wanted.copy(), np.inf, statics.precision
     for _ in range(MAX_PASSES):
         state = begin
         for s in turns:
-            if np.abs(state.bending[s] - goal[s]).max() > SAME_BENDING:
-                soft = [i == s for i in range(segments)]
-                state = pulls_for_bending(statics, state, goal, soft, pretension=pretension).state
-        missed = (wanted - state.bending)[turns]
+            if np.abs(state.bending[s] - goal[s])[free[s]].max() > same:
+                state = statics.hold(state, goal, [i == s for i in range(segments)],
+                                     pretensions=(pretension,)).state
+        missed = np.where(free, wanted - state.bending, 0.0)[turns]
         before, left = left, np.abs(missed).max(initial=0.0)
-        if left <= SAME_BENDING or (left <= HELD and left > 0.5 * before):
+        if left <= same or (left <= held and left > 0.5 * before):
             return state
         goal[turns] += missed
     raise StaticsError(
         f'segments {[s + 1 for s in turns]} give way to each other and are still '
-        f'{np.degrees(missed).round(3).tolist()} degrees from their bending after {MAX_PASSES} '
-        'passes; take smaller angles or stiffer jams', state)
+        f'{np.degrees(missed[free[turns]]).round(3).tolist()} degrees from their bending after '
+        f'{MAX_PASSES} passes; take smaller angles or stiffer jams', state)
 
 
 def _wanted(statics: SpatialStatics, bending: ArrayLike, soft: Sequence[bool]
@@ -152,15 +146,19 @@ def _wanted(statics: SpatialStatics, bending: ArrayLike, soft: Sequence[bool]
         raise ValueError('bending must be two numbers (rad) or nan, about x and y, for each of '
                          f'the {segments} segments; given: {bending!r}')
     chosen = np.isfinite(wanted) & flags[:, None]
-    hinged = chosen & ~arm.bending_axes
-    for s, axis in np.argwhere(hinged & (np.nan_to_num(wanted) != 0.0)):
-        raise ValueError(f'segment {s + 1} does not bend about {"xy"[axis]}: its stiffness is '
-                         'infinite')
-    chosen &= ~hinged
+    _refuse_across(arm.bending_axes, np.where(chosen, wanted, 0.0))
+    chosen &= arm.bending_axes
     if not chosen.any():
         raise ValueError('bending must have a number for a soft segment at least; given: '
                          f'{bending!r}')
     return wanted, chosen
+
+
+def _refuse_across(free: Booleans, wanted: Array) -> None:
+    """Refuse bending about an axis about which a segment does not bend."""
+    for s, axis in np.argwhere(~free & (wanted != 0.0)):
+        raise ValueError(f'segment {s + 1} does not bend about {"xy"[axis]}: its stiffness is '
+                         'infinite')
 
 
 def _refuse_unreachable(statics: SpatialStatics, start: SpatialEquilibrium, chosen: Booleans

@@ -36,6 +36,7 @@ from soft_continuum.mechanics.spatial.chain import (
     sums,
 )
 from soft_continuum.mechanics.spatial.friction import carried
+from soft_continuum.mechanics.statics import HeldBending, PRETENSIONS
 
 Booleans = NDArray[np.bool_]
 MAX_FRICTION_ITERATIONS = 100
@@ -154,7 +155,11 @@ class SpatialStatics:
 
     Softening returns the springs of a segment to their natural shape; stiffening locks it, or adds
     the springs of its jam about the shape that it has.
+    precision: rad by which a segment that has its bending may miss it, and by which one may that
+    comes no nearer: tendons without tension may leave 1e-6 and more.
     """
+
+    precision = (1e-8, 1e-5)
 
     def __init__(self, arm: SpatialArm) -> None:
         """Discretise ``arm``."""
@@ -183,6 +188,29 @@ class SpatialStatics:
                                   tensions_of(tensions, tendons, optional=True))
         ways = sliding_signs(sliding, tendons) if any(sliding) else ()
         return self._follow(begin, locks, by_force, target, ways)
+
+    def hold(self, start: SpatialEquilibrium, bending: Array, soft: Sequence[bool], *,
+             sliding: Sequence[int] = (), pretensions: Sequence[float] = PRETENSIONS
+             ) -> HeldBending:
+        """
+        Return the state in which soft segments have their bending, and the pulls that hold it.
+
+        bending: (segments, 2) rad about x and y, of which that of soft segments counts, about the
+        axes about which they bend; the vacuum is that of ``start``.  pretensions: of which the
+        first counts that holds the arm: what would fall over by its load needs tendons to all
+        sides.  sliding: of no use, since tendons do not rub here.  Raises what pulls_for_bending
+        raised first.
+        """
+        from soft_continuum.mechanics.spatial.inverse import pulls_for_bending  # needs this
+        wanted = np.where(self.chain.arm.bending_axes & np.array(soft)[:, None], bending, np.nan)
+        errors = []
+        for pretension in pretensions:
+            try:
+                fit = pulls_for_bending(self, start, wanted, soft, pretension=pretension)
+                return HeldBending(fit.state, fit.pulls)
+            except StaticsError as error:
+                errors.append(error)
+        raise errors[0]
 
     def begin(self, start: SpatialEquilibrium, soft: Sequence[bool],
               vacuum: Sequence[float] | None = None) -> tuple[SpatialEquilibrium, Locks]:
