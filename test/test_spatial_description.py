@@ -196,10 +196,13 @@ def test_directions_that_do_not_fit_the_arm_are_refused(given, words):
     assert words in str(refused.value)
 
 
-def test_a_planar_arm_has_no_directions():
-    with pytest.raises(ParameterError, match=r'shape_directions.c_form: .* is 1 rad; allowed: 0'):
+def test_a_planar_arm_bends_to_two_sides_only():
+    with pytest.raises(ParameterError, match=r'shape_directions.c_form: segment 2 cannot bend in '
+                       r'the direction 57.3 degrees: .*; allowed: 0 and 180 degrees'):
         shapes_from_parameters({'shape_directions.c_form': [0.0, 1.0, 0.0]}, load_arm(PLANAR))
-    assert angles_problem((0.1,) * 3, load_arm(PLANAR), (0.0,) * 3) == ''
+    assert angles_problem((0.1,) * 3, load_arm(PLANAR), (0.0, pi, 0.0)) == ''
+    assert bending_vectors(load_arm(PLANAR), (0.1,) * 3, (0.0, pi, 0.0)) == pytest.approx(
+        np.array([(0.0, 0.1), (0.0, -0.1), (0.0, 0.1)]))
 
 
 @pytest.mark.parametrize('changes, direction, words', [

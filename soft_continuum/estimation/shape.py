@@ -20,7 +20,6 @@ from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSet
 from soft_continuum.estimation.unknowns import MAX_OFFSET
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, statics_of
-from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
 from soft_continuum.sensing.rigid import IDENTITY
@@ -66,7 +65,7 @@ class ArmShape:
         self._watch = Watch()
         self._tolerance = straight_tolerance
         self._arm = arm
-        self._stretches = isinstance(arm, SpatialArm) and bool(self.statics.compliance.any())
+        self._stretches = bool(self.statics.compliance.any())
         self._commands: Commands | None = None
         self._solved: tuple[object, ...] = ()
         self._stood: Array | None = None

@@ -233,6 +233,11 @@ class Arm:
         """Largest distance of a guide from the backbone in each segment, (segments,), m."""
         return np.array([max(segment.guide_offsets) for segment in self.segments])
 
+    def tendon_places(self, segment: int) -> NDArray[np.float64]:
+        """Return x and y of the tendons at both ends of a segment (0-based), (k, 2) m."""
+        offsets = self.segments[segment].guide_offsets
+        return np.array([(side * offset, 0.0) for side in (1.0, -1.0) for offset in offsets])
+
     @property
     def spacers(self) -> int:
         """Guides of every tendon inside each segment: none."""

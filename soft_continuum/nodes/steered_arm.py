@@ -24,6 +24,7 @@ from soft_continuum.client.errors import (
 )
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import ATTEMPTS, until
+from soft_continuum.mechanics.arm import PLANAR_AXES
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, fully_actuated
 from soft_continuum.nodes.emergency_stop import TOPIC as EMERGENCY_STOP
@@ -211,12 +212,12 @@ class SteeredArm:
     def _velocity(self, stick: tuple[float, float, float]) -> Array:
         """Return the velocity of the target (3,), rad/s of bending or m/s of the tip."""
         x, y, z = stick
-        in_space = self._arm is not None and len(self._arm.axes) == 3
+        along = PLANAR_AXES[:3] if self._arm is None else self._arm.pose_axes[:3]
         if self.mode == BENDING:
-            return float(self._parameters['teleop.bending_speed']) * np.array(
-                [x, y if in_space else 0.0, 0.0])
-        return float(self._parameters['teleop.tip_speed']) * np.array(
-            [x, y, z] if in_space else [x, 0.0, y])
+            return float(self._parameters['teleop.bending_speed']) * along * [x, y, 0.0]
+        if not along[1]:  # then the axis that it would move along y moves it up and down
+            y, z = 0.0, y
+        return float(self._parameters['teleop.tip_speed']) * np.array([x, y, z])
 
     def _present(self) -> Array | None:
         """Return the bending of the segment (x, y, 0), rad, or the tip, m; None if not known."""

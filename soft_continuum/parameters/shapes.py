@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from math import degrees, pi, radians
 from typing import Any
 
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.spatial.directions import direction_problem
 from soft_continuum.parameters.parameter import (
@@ -60,7 +59,7 @@ def shapes_from_parameters(values: Mapping[str, Any], arm: AnyArm
     Return the shape library: bending angles (rad) per segment by name.
 
     The paper's shapes need not be given; they are left out where the number of segments is not
-    three, and where a spatial arm does not bend so.
+    three, and where the arm does not bend so.
 
     Raises ParameterError for a shape without angles, of the wrong length or beyond the limits,
     for directions that the arm does not have, and for vacuums that do not fit.
@@ -83,7 +82,7 @@ def shapes_from_parameters(values: Mapping[str, Any], arm: AnyArm
         angles: tuple[float, ...] = parameter.check(  # type: ignore[assignment]
             given.get(name, parameter.default))
         towards = directions.get(name, ())
-        if not (isinstance(arm, Arm) or name in given or towards) and angles_problem(angles, arm):
+        if not (name in given or towards) and angles_problem(angles, arm):
             continue
         if problem := _angles_problem(angles, arm):
             raise ParameterError(f'parameter {parameter.name}: {problem}')
@@ -177,14 +176,9 @@ def _directions_problem(angles: Sequence[float], directions: Sequence[float], ar
         return (f'{len(directions)} bending directions given, the arm has {len(angles)} segments; '
                 'give one for each, or none for 0 of all')
     for segment, direction in enumerate(directions, start=1):
-        if isinstance(arm, Arm) and direction != 0.0:
-            return (f'the bending direction of segment {segment} is {direction:g} rad; allowed: '
-                    '0, since this arm bends in one plane; a negative angle bends the other way')
         if not abs(direction) <= 2.0 * pi:
             return (f'the bending direction of segment {segment} is {_shown(direction)}; allowed: '
                     f'-2 pi to 2 pi rad{degrees_hint(direction, -2.0 * pi, 2.0 * pi)}')
-    if isinstance(arm, Arm):
-        return ''
     problems = (direction_problem(arm, segment, directions[segment] if directions else 0.0)
                 for segment, angle in enumerate(angles) if angle)
     return next(filter(None, problems), '')

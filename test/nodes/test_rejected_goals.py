@@ -76,10 +76,10 @@ BAD_GOALS = {
     'angles without an end': ([shape_message((0.1,) * 10_000)], ['10000 bending angles']),
     'a direction out of the bending plane':
         ([Shape(bending_angles=[0.1] * 3, bending_directions=[0.0, 1.57, 0.0])],
-         ['direction of segment 2 is 1.57 rad', 'allowed: 0', 'negative angle']),
+         ['segment 2', 'direction 89.95 degrees', 'allowed: 0 and 180 degrees']),
     'a direction that is not a number':
         ([Shape(bending_angles=[0.1] * 3, bending_directions=[0.0, float('nan'), 0.0])],
-         ['direction of segment 2', 'nan', 'allowed: 0']),
+         ['direction of segment 2', 'nan', 'allowed: -2 pi to 2 pi']),
     'too few directions':
         ([Shape(bending_angles=[0.1] * 3, bending_directions=[0.0])],
          ['1 bending directions', '3 segments', 'none for 0 of all']),

@@ -261,6 +261,11 @@ class SpatialArm:
                               if tendon.end > s for part in (0.0, 1.0)), default=0.0)
                          for s in range(len(self.segments))])
 
+    def tendon_places(self, segment: int) -> NDArray[np.float64]:
+        """Return x and y along the tendons that pass a segment (0-based), (k, 2) m."""
+        return np.array([place_of(self, tendon, segment, part) for tendon in self.tendons
+                         if tendon.end > segment for part in (0.0, 0.5, 1.0)])
+
     @property
     def mounting_angle(self) -> float:
         """Rotation of base_link about +y from upright, rad, as gravity has it."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial.arm import place_of, SpatialArm
+from soft_continuum.mechanics.spatial.arm import SpatialArm
 
 STRAIGHT = 1e-6  # rad: what bends by less, as rounding bends, has the direction 0
 ONE_PLANE = 1e-3  # least over largest singular value of what tendons do to a segment
@@ -46,19 +46,17 @@ def bending_directions(bending: Array) -> Array:
     return np.where(np.linalg.norm(bending, axis=1) > STRAIGHT, directions, 0.0)
 
 
-def direction_problem(arm: SpatialArm, segment: int, direction: float) -> str:
+def direction_problem(arm: Arm | SpatialArm, segment: int, direction: float) -> str:
     """
     Say why a segment (0-based) cannot bend in a direction (rad); empty if nothing is known.
 
     What tension, gravity and stability allow beyond that is for the statics to say.
     """
-    passing = [tendon for tendon in arm.tendons if tendon.end > segment]
-    if not passing:
+    places = arm.tendon_places(segment)
+    if not len(places):
         return f'no tendon passes segment {segment + 1}, so its bending cannot be chosen'
     about_x, about_y = arm.bending_axes[segment]
     if about_x and about_y:
-        places = np.array([place_of(arm, tendon, segment, part)
-                           for tendon in passing for part in (0.0, 0.5, 1.0)])
         values, axes = np.linalg.svd(places)[1:]
         if values[0] > 0.0 and values[1] >= ONE_PLANE * values[0]:
             return ''
